@@ -1,0 +1,1 @@
+"""Exploration strategies: heuristics here, learned policies in `layoutexplore.agents.rl`."""

@@ -1,0 +1,64 @@
+"""layoutexplore: explore unknown buildings with a simulated lidar and a predicted layout.
+
+`import layoutexplore` registers the Gymnasium environments `LayoutExplore/Frontier-v0` and `LayoutExplore/Motion-v0`.
+The names below are loaded when they are first used, so that the import stays fast.
+"""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+# In a checkout, envs/, agents/ and maps/ lie beside this folder; an installed wheel has them inside it.
+_checkout = Path(__file__).resolve().parent.parent
+if (_checkout / "pyproject.toml").is_file() and str(_checkout) not in __path__:
+    __path__.append(str(_checkout))
+
+if TYPE_CHECKING:
+    from layoutexplore.decision import STOP as STOP
+    from layoutexplore.decision import Decision as Decision
+    from layoutexplore.decision import Frontier as Frontier
+    from layoutexplore.errors import LayoutExploreError as LayoutExploreError
+    from layoutexplore.floorplan import FloorPlan as FloorPlan
+    from layoutexplore.grid import OccupancyGrid as OccupancyGrid
+    from layoutexplore.grid import Pose as Pose
+    from layoutexplore.simulation import Simulation as Simulation
+    from layoutexplore.simulation import SimulationConfig as SimulationConfig
+
+_HOMES = {
+    "STOP": "decision",
+    "Decision": "decision",
+    "Frontier": "decision",
+    "LayoutExploreError": "errors",
+    "FloorPlan": "floorplan",
+    "OccupancyGrid": "grid",
+    "Pose": "grid",
+    "Simulation": "simulation",
+    "SimulationConfig": "simulation",
+}
+__all__ = ["__version__", *sorted(_HOMES)]  # noqa: PLE0604
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(importlib.import_module(f"layoutexplore.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'layoutexplore' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})
+
+
+def _register() -> None:
+    import gymnasium
+
+    for name in ("Frontier", "Motion"):
+        identifier = f"LayoutExplore/{name}-v0"
+        if identifier not in gymnasium.registry:
+            gymnasium.register(identifier, entry_point=f"layoutexplore.envs.{name.lower()}:{name}Env")
+
+
+_register()

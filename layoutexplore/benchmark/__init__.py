@@ -1,0 +1,1 @@
+"""The exploration benchmark: floor plans x starts x agents -> results."""

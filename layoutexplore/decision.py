@@ -1,0 +1,147 @@
+"""What an agent is given at a decision, and what it answers.
+
+A `Decision` is everything a strategy may know: the grid, the pose and the frontiers with their path lengths, gains and,
+where a predictor runs, classes. The ground truth is a separate `Truth` that only evaluation, oracle predictors and
+the clairvoyant agent are handed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.floorplan import FloorPlan, PlanRaster
+from layoutexplore.grid import Cell, OccupancyGrid, Pose
+from layoutexplore.lidar import LidarConfig
+from layoutexplore.planning import distance_matrix
+
+STOP = -1
+"""The choice that ends an exploration."""
+
+Path = NDArray[np.int32]
+"""Cells int32 (k, 2) as (row, col), each next to the one before."""
+
+Choice = int | Path
+"""An index into `Decision.frontiers`, `STOP`, or (from an agent that knows the floor plan) a path to follow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frontier:
+    """A cluster of free cells that border the unknown, with a place to look at it from.
+
+    Attributes:
+        cells: int32 (n, 2), the cluster's cells as (row, col).
+        size: Length in metres: number of cells times the resolution.
+        centroid: World point (x, y) of the cells' mean.
+        viewpoint: The reachable cell from which the robot looks at the frontier.
+        path_length: Geodesic distance from the robot to the viewpoint, in metres.
+        straight_distance: Straight distance from the robot to the centroid, in metres.
+        visible_area: Unknown area in square metres that rays from the viewpoint would cross within the gain range.
+        is_closed: The rest of an almost finished room (True), leads on (False), or not predicted (None).
+        expected_area: Predicted unknown area behind the frontier in square metres; None without a predictor.
+        confidence: The predictor's probability that `is_closed` is right; None without a predictor.
+        room: Id of the predicted room that holds the frontier; None without one.
+    """
+
+    cells: NDArray[np.int32]
+    size: float
+    centroid: tuple[float, float]
+    viewpoint: Cell
+    path_length: float
+    straight_distance: float
+    visible_area: float
+    is_closed: bool | None = None
+    expected_area: float | None = None
+    confidence: float | None = None
+    room: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """One decision of an exploration. Arrays are views that change with the next step: copy what you keep.
+
+    Attributes:
+        step: Number of decisions taken before this one.
+        grid: What the robot knows.
+        pose: Where the robot believes it is.
+        frontiers: Reachable frontiers, nearest first by path length.
+        traversable: bool (rows, cols), cells the robot may plan through.
+        distances: float32 (rows, cols), geodesic distance from the robot in metres, inf where it cannot go.
+        distance: Metres travelled so far.
+        sensor: The lidar's configuration.
+        robot_radius: In metres.
+        layout: The predicted layout; None without a predictor.
+    """
+
+    step: int
+    grid: OccupancyGrid
+    pose: Pose
+    frontiers: tuple[Frontier, ...]
+    traversable: NDArray[np.bool_]
+    distances: NDArray[np.float32]
+    distance: float
+    sensor: LidarConfig
+    robot_radius: float
+    layout: Any = None
+
+    @cached_property
+    def tour_distances(self) -> NDArray[np.float32]:
+        """float32 (n + 1, n + 1): path lengths in metres between the robot (index 0) and the n viewpoints."""
+        here = self.grid.world_to_cell(self.pose.x, self.pose.y)
+        cells = np.array([here, *(f.viewpoint for f in self.frontiers)], np.int32)
+        return distance_matrix(self.traversable, cells, self.grid.resolution)
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The ground truth of a run, for evaluation and for agents that are allowed to know it.
+
+    Attributes:
+        plan: The floor plan.
+        raster: The plan at the simulation's resolution, in the frame of the robot's grid.
+        target: bool (rows, cols), the free cells that have to be seen.
+        reachable: bool (rows, cols), the cells the robot's centre can reach.
+        sensor: The lidar's configuration.
+        robot_radius: In metres.
+    """
+
+    plan: FloorPlan
+    raster: PlanRaster
+    target: NDArray[np.bool_]
+    reachable: NDArray[np.bool_]
+    sensor: LidarConfig
+    robot_radius: float
+
+
+@runtime_checkable
+class Agent(Protocol):
+    """A strategy: it is reset once a run and then asked at every decision."""
+
+    name: str
+
+    def reset(self, seed: int) -> None:
+        """Forget everything and start a new run with this seed."""
+
+    def act(self, decision: Decision) -> Choice:
+        """Choose a frontier by its index, or `STOP`."""
+
+
+@runtime_checkable
+class Privileged(Protocol):
+    """An agent or predictor that is allowed to know the floor plan: it is shown the truth after `reset`."""
+
+    def reveal(self, truth: Truth) -> None:
+        """Receive the truth of the run that begins."""
+
+
+class Predictor(Protocol):
+    """Turns the grid of a decision into a layout and writes classes and areas into the frontiers."""
+
+    name: str
+
+    def predict(self, decision: Decision) -> Decision:
+        """The same decision with `layout` and the frontiers' class, area, confidence and room filled in."""

@@ -1,0 +1,74 @@
+"""Errors that say what is wrong, where, and what to do about it.
+
+Everything the package raises on purpose derives from `LayoutExploreError`, so that a caller can catch one class;
+the children also derive from the built-in exception that fits, so that ordinary `except ValueError` keeps working.
+"""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Iterable
+from types import ModuleType
+
+
+class LayoutExploreError(Exception):
+    """Base of every error that layoutexplore raises on purpose."""
+
+
+class MapError(LayoutExploreError, ValueError):
+    """A grid or floor plan cannot be read, written or used: broken file, no free space, bad resolution."""
+
+
+class ConfigError(LayoutExploreError, ValueError):
+    """An option is unknown or has a value that makes no sense."""
+
+
+class UnknownNameError(ConfigError):
+    """No agent, sensor, plan, method, ... of that name; the message suggests the closest ones."""
+
+
+class StartError(LayoutExploreError, ValueError):
+    """The robot cannot start there: inside a wall, outside the plan, or too close to an obstacle."""
+
+
+class ResultsError(LayoutExploreError, ValueError):
+    """An output folder or result file belongs to something else, or is damaged."""
+
+
+class MissingExtraError(LayoutExploreError, ImportError):
+    """An optional dependency is not installed; the message names the pip line that brings it."""
+
+
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownNameError:
+    """The error for a name that does not exist, with the closest known names.
+
+    Args:
+        kind: What was looked up, in the singular: "agent", "sensor".
+        name: The name that was given.
+        known: All names that exist.
+
+    Example:
+        >>> str(unknown_name("sensor", "stagee", ["stage", "indoor"]))
+        "unknown sensor 'stagee': did you mean 'stage'? Known: indoor, stage"
+    """
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    hint = f" did you mean {' or '.join(repr(c) for c in close)}?" if close else ""
+    return UnknownNameError(f"unknown {kind} {name!r}:{hint} Known: {', '.join(names)}")
+
+
+def require(module: str, extra: str) -> ModuleType:
+    """Import an optional dependency, or say which extra brings it.
+
+    Args:
+        module: The module's import name.
+        extra: The extra of this package that installs it.
+
+    Raises:
+        MissingExtraError: The module is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(f"{error.name} is not installed: pip install 'layoutexplore[{extra}]'") from error

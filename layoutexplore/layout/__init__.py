@@ -1,0 +1,1 @@
+"""From an occupancy grid to a layout: walls, rooms, floor plan."""

@@ -1,0 +1,1 @@
+"""Floor plans: loaders, a procedural generator, and the plans that ship."""

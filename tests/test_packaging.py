@@ -1,0 +1,55 @@
+"""Guards: nothing is left out of the wheel, nobody imports a second copy of a package."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+SOURCES = ("layoutexplore", "envs", "agents", "maps")
+
+
+def python_files() -> list[Path]:
+    return [p for folder in SOURCES for p in (ROOT / folder).rglob("*.py") if not p.parent.is_symlink()]
+
+
+def test_every_package_is_listed() -> None:
+    setup = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    homes = {str(ROOT / setup["package-dir"].get(name, name.replace(".", "/"))): name for name in setup["packages"]}
+    found = {str(p.parent) for p in python_files() if p.name == "__init__.py"}
+    assert found == set(homes), "packages in pyproject.toml and folders with an __init__.py differ"
+
+
+@pytest.mark.parametrize("name", ["envs", "agents", "maps"])
+def test_nobody_imports_a_second_copy(name: str) -> None:
+    pattern = re.compile(rf"^\s*(import|from) {name}\b", re.MULTILINE)
+    guilty = [str(p) for p in [*python_files(), *(ROOT / "tests").rglob("*.py")] if pattern.search(p.read_text())]
+    assert not guilty
+
+
+def test_modules_have_docstrings_and_stay_short() -> None:
+    for path in python_files():
+        text = path.read_text()
+        assert text.lstrip().startswith('"""'), f"{path} has no module docstring"
+        assert text.count("\n") <= 400, f"{path} has more than 400 lines"
+
+
+@pytest.mark.parametrize("module", ["torch", "sklearn", "matplotlib", "pandas", "stable_baselines3"])
+def test_import_is_light(module: str) -> None:
+    code = f"import sys, layoutexplore, layoutexplore.simulation; sys.exit({module!r} in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
+
+
+def test_upward_imports() -> None:
+    """The kernels and the simulation know nothing of environments, agents or reports."""
+    upward = re.compile(r"^from layoutexplore\.(envs|agents|benchmark|report|cli)\b", re.MULTILINE)
+    top = {"benchmark", "report", "cli"}
+    for path in (ROOT / "layoutexplore").rglob("*.py"):
+        inside = path.relative_to(ROOT / "layoutexplore").parts
+        if inside[0] not in top | set(SOURCES) and not inside[0].startswith(("speed", "__")):
+            assert not upward.search(path.read_text()), f"{path} imports upward"
