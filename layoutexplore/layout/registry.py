@@ -1,0 +1,97 @@
+"""The layout methods by name, each with one frozen configuration dataclass.
+
+A method's module calls `register_method` as a decorator; the module is imported when the method is first asked for, so
+that `import layoutexplore` stays cheap.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.grid import OccupancyGrid
+from layoutexplore.layout.types import Layout
+
+ConfigT = TypeVar("ConfigT")
+Run = Callable[[OccupancyGrid, Any], Layout]
+
+METHOD_MODULES: dict[str, str] = {
+    "default": "layoutexplore.layout.default",
+    "rose2": "layoutexplore.layout.rose2",
+    "ias15": "layoutexplore.layout.ias15",
+    "rose": "layoutexplore.layout.rose",
+    "morphological": "layoutexplore.layout.baselines",
+    "distance": "layoutexplore.layout.baselines",
+    "voronoi": "layoutexplore.layout.baselines",
+}
+"""Where each method lives."""
+
+
+@dataclass(frozen=True)
+class LayoutMethod:
+    """A named way to turn a grid into a layout."""
+
+    name: str
+    config_class: type[Any]
+    run: Run
+
+    def config(self, config: Any = None) -> Any:
+        """The configuration to run with: the default, the given one, or the default changed by a mapping.
+
+        Raises:
+            ConfigError: An unknown key, or a configuration of another method.
+        """
+        if config is None:
+            return self.config_class()
+        if isinstance(config, self.config_class):
+            return config
+        if isinstance(config, dict):
+            known = {f.name for f in fields(self.config_class)}
+            for key in config:
+                if key not in known:
+                    raise unknown_name(f"option of the {self.name} method", str(key), known)
+            return replace(self.config_class(), **config)
+        raise ConfigError(f"the {self.name} method takes a {self.config_class.__name__}, got {type(config).__name__}")
+
+
+_METHODS: dict[str, LayoutMethod] = {}
+
+
+def register_method(
+    name: str, config_class: type[ConfigT]
+) -> Callable[[Callable[[OccupancyGrid, ConfigT], Layout]], Callable[[OccupancyGrid, ConfigT], Layout]]:
+    """Decorate `run(grid, config) -> Layout` to make it a method of `reconstruct`.
+
+    Args:
+        name: The method's name.
+        config_class: A frozen dataclass whose every field has a default.
+    """
+    if not is_dataclass(config_class):
+        raise TypeError(f"{config_class.__name__} is not a dataclass")
+
+    def decorate(run: Callable[[OccupancyGrid, ConfigT], Layout]) -> Callable[[OccupancyGrid, ConfigT], Layout]:
+        _METHODS[name] = LayoutMethod(name, config_class, run)
+        return run
+
+    return decorate
+
+
+def layout_method(name: str) -> LayoutMethod:
+    """The method of that name.
+
+    Raises:
+        UnknownNameError: There is none.
+    """
+    if name not in _METHODS and name in METHOD_MODULES:
+        importlib.import_module(METHOD_MODULES[name])
+    if name not in _METHODS:
+        raise unknown_name("layout method", name, method_names())
+    return _METHODS[name]
+
+
+def method_names() -> list[str]:
+    """Every method, the default first."""
+    return [*METHOD_MODULES, *(name for name in _METHODS if name not in METHOD_MODULES)]

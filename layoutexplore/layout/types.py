@@ -1,0 +1,235 @@
+"""What a layout is: directions, walls, representative lines, faces and rooms, all in metres of the world frame.
+
+The vocabulary is that of the IAS-15, ROSE and ROSE2 papers: a *wall* is a chain of collinear segments, a *representative
+line* runs through one or more walls, a *face* is a cell of the arrangement of the lines, a *room* is a union of faces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from layoutexplore.errors import MapError
+from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
+
+Point = tuple[float, float]
+"""A world point (x, y) in metres."""
+
+OUTSIDE = -1
+"""The neighbour of a face across an edge behind which there is no face."""
+
+BORDER = -1
+"""Direction and line index of what belongs to the border of the map's box instead of a wall."""
+
+
+class FaceKind(StrEnum):
+    """How a face lies to the seen map (IAS-15, section III)."""
+
+    EXTERNAL = "external"
+    PARTIAL = "partial"
+    INTERNAL = "internal"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Wall:
+    """Collinear segments that belong together.
+
+    Attributes:
+        direction: Index into `Layout.directions`.
+        angle: In radians, counter-clockwise from x, in [0, pi).
+        start: First end of the wall.
+        end: Other end of the wall.
+        segments: int32 (k,), the rows of `Layout.segments` the wall is made of.
+        line: Index into `Layout.lines` of the representative line through it, or -1.
+    """
+
+    direction: int
+    angle: float
+    start: Point
+    end: Point
+    segments: NDArray[np.int32]
+    line: int = -1
+
+    @property
+    def length(self) -> float:
+        """Distance between the ends, in metres."""
+        return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Line:
+    """A representative line, clipped to the box of the map.
+
+    Attributes:
+        direction: Index into `Layout.directions`, or `BORDER` for the four sides of the box.
+        angle: In radians, counter-clockwise from x, in [0, pi).
+        start: First end.
+        end: Other end.
+        weight: Share of its length that is covered by seen wall.
+        is_local: Only some of its edges separate faces: the rest of the line was dropped.
+        is_border: A side of the padded box of the map.
+    """
+
+    direction: int
+    angle: float
+    start: Point
+    end: Point
+    weight: float
+    is_local: bool = False
+    is_border: bool = False
+
+
+class FaceEdge(NamedTuple):
+    """A side of a face: its ends, the line it lies on, the covered share, and the face behind it (or `OUTSIDE`)."""
+
+    start: Point
+    end: Point
+    line: int
+    weight: float
+    neighbour: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Face:
+    """A cell of the arrangement of representative lines.
+
+    Attributes:
+        id: Index into `Layout.faces`.
+        polygon: In world metres.
+        kind: External, partial or internal.
+        inside_share: Share of the face inside the contour of the seen map.
+        edges: Its sides, counter-clockwise.
+        room: Id of the room it belongs to; 0 for none.
+    """
+
+    id: int
+    polygon: shapely.Polygon
+    kind: FaceKind
+    inside_share: float
+    edges: tuple[FaceEdge, ...]
+    room: int = 0
+
+    @property
+    def neighbours(self) -> tuple[int, ...]:
+        """Indices of the faces on the other side of its edges, each once, in rising order."""
+        return tuple(sorted({e.neighbour for e in self.edges} - {OUTSIDE}))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LayoutRoom:
+    """A predicted room.
+
+    Attributes:
+        id: 1-based; the value of its cells in `Layout.room_labels`.
+        polygon: Valid polygon in world metres; rooms do not overlap.
+        faces: Indices into `Layout.faces`; empty for methods without faces.
+        seen_share: Share of the polygon's area that is known free or occupied.
+        is_partial: Part of the room has not been seen.
+        is_closed: No side of the room lies on the border of the map's box: walls or lines bound it.
+    """
+
+    id: int
+    polygon: shapely.Polygon
+    faces: tuple[int, ...] = ()
+    seen_share: float = 1.0
+    is_partial: bool = False
+    is_closed: bool = True
+
+    @property
+    def area(self) -> float:
+        """In square metres."""
+        return float(self.polygon.area)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Layout:
+    """The reconstructed layout of a grid, with every intermediate result that the method computes.
+
+    Attributes:
+        method: Name of the method.
+        clean_grid: The grid with clutter turned free; its frame is the frame of `labels`.
+        labels: int32 (rows, cols), room id of each cell that a room claims, 0 for none.
+        rooms: The rooms, by id.
+        directions: float64 (k,), dominant directions of the walls in radians in [0, pi), in the world frame.
+        structure_score: ROSE's W: near 0 for a structured map, near 1 for an unstructured one; NaN if not computed.
+        cell_scores: float32 (rows, cols) in 0..1, ROSE's score of the occupied cells; None if not computed.
+        segments: float64 (n, 4), wall segments as (x0, y0, x1, y1).
+        walls: Chains of collinear segments.
+        lines: Representative lines, the box's border last.
+        timings: Seconds a stage, in the order in which they ran.
+        warnings: What went wrong or is missing, in words.
+    """
+
+    method: str
+    clean_grid: OccupancyGrid
+    labels: NDArray[np.int32]
+    rooms: tuple[LayoutRoom, ...] = ()
+    directions: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    structure_score: float = float("nan")
+    cell_scores: NDArray[np.float32] | None = None
+    segments: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
+    walls: tuple[Wall, ...] = ()
+    lines: tuple[Line, ...] = ()
+    timings: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    face_source: Any = None
+
+    @cached_property
+    def faces(self) -> tuple[Face, ...]:
+        """The faces, built on first use from the arrays of the method (empty for methods without faces)."""
+        return () if self.face_source is None else tuple(self.face_source.build())
+
+    @property
+    def seconds(self) -> float:
+        """Time of all stages together."""
+        return float(sum(self.timings.values()))
+
+    def room_labels(self, grid: OccupancyGrid | None = None) -> NDArray[np.int32]:
+        """Room ids int32 (rows, cols) on the cells of a grid that are not occupied, 0 for none.
+
+        Args:
+            grid: The grid to label, in the frame of the one that was reconstructed; it may have learnt more since.
+                Without it, the reconstructed grid as the method saw it.
+
+        Raises:
+            MapError: The grid has another shape or resolution than the one that was reconstructed.
+        """
+        if grid is None:
+            return self.labels
+        if grid.shape != self.labels.shape or grid.resolution != self.clean_grid.resolution:
+            raise MapError(
+                f"the layout is of a grid of {self.labels.shape} cells of {self.clean_grid.resolution} m, "
+                f"not {grid.shape} cells of {grid.resolution} m"
+            )
+        return np.where(grid.cells == OCCUPIED, np.int32(0), self.labels)
+
+    def to_geojson(self) -> dict[str, Any]:
+        """A GeoJSON FeatureCollection of rooms, faces, lines and walls; see `layoutexplore.layout.export`."""
+        from layoutexplore.layout.export import layout_to_geojson
+
+        return layout_to_geojson(self)
+
+    def draw(self, grid: OccupancyGrid | None = None, *, panel: int = 600) -> NDArray[np.uint8]:
+        """RGB overview (map, clean map, lines, faces, rooms side by side); see `layoutexplore.layout.drawing`."""
+        from layoutexplore.layout.drawing import draw_layout
+
+        return draw_layout(self, grid, panel=panel)
+
+
+def empty_layout(method: str, grid: OccupancyGrid, warning: str, **fields: Any) -> Layout:
+    """A layout without rooms that says why."""
+    clean = fields.pop("clean_grid", grid)
+    labels = np.zeros(grid.shape, np.int32)
+    return Layout(method=method, clean_grid=clean, labels=labels, warnings=(warning,), **fields)
+
+
+def has_free_space(grid: OccupancyGrid) -> bool:
+    """Whether any cell is known to be free."""
+    return bool((grid.cells == FREE).any())
