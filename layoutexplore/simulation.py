@@ -1,0 +1,398 @@
+"""The simulation: floor plan + robot + lidar + grid. The single place where time passes.
+
+A run alternates decisions and walks. At a decision the robot knows its grid, the reachable frontiers and the way to each;
+it walks to the one that is chosen, scanning on the way, and decides again on arrival, when the frontier has dissolved
+or when the way turns out to be blocked. The environments, the benchmark and the recorder all drive this class.
+
+The robot's disc is tested against the same cells that the lidar sees. It plans on what it knows; a wall that it has
+not seen stops it, and touching the wall puts it on the map.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path as FilePath
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.decision import STOP, Choice, Decision, Frontier, Path, Predictor, Privileged, Truth
+from layoutexplore.errors import ConfigError
+from layoutexplore.floorplan import FloorPlan, PlanRaster
+from layoutexplore.frontiers import FrontierDetector
+from layoutexplore.grid import OCCUPIED, Cell, Pose
+from layoutexplore.lidar import Lidar, LidarConfig
+from layoutexplore.mapping import Mapper, ScanUpdate
+from layoutexplore.planning import descend, geodesic_distances, inflate
+from layoutexplore.robot import PERFECT_ODOMETRY, Robot, check_start, disc_offsets, draw_start, path_is_blocked
+from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.viewpoints import facing, list_frontiers, looked_at, remaining_share
+
+
+class Motion(NamedTuple):
+    """What a motion primitive did: metres moved, whether a wall stopped it, and cells newly known."""
+
+    moved: float
+    collided: bool
+    new_cells: int
+
+
+class Simulation:
+    """One robot exploring one floor plan.
+
+    Args:
+        plan: A floor plan, the name of one that ships, or a path to one.
+        config: How to simulate.
+        predictor: Completes each decision with a layout, frontier classes and expected areas.
+
+    Attributes:
+        truth: The ground truth of the current run.
+        mapper: Holds the robot's grid.
+        lidar: The sensor on this floor plan.
+        robot: Where the robot is and what it has walked.
+        scans: Number of scans taken.
+        decisions: Number of decisions acted on.
+        stop_reason: Why the run ended: "coverage", "no_frontier", "budget" or "agent"; "" while it goes on.
+
+    Example:
+        >>> from layoutexplore.floorplan import floorplan_from_ascii
+        >>> plan = floorplan_from_ascii('''
+        ... ###########
+        ... #....#....#
+        ... #.........#
+        ... #....#....#
+        ... ###########''', resolution=1.0)
+        >>> simulation = Simulation(plan, SimulationConfig(sensor="indoor"))
+        >>> decision = simulation.reset(seed=0)
+        >>> while not simulation.done:
+        ...     decision = simulation.step(0)
+        >>> simulation.stop_reason
+        'coverage'
+    """
+
+    def __init__(
+        self, plan: FloorPlan | str | FilePath, config: SimulationConfig | None = None, predictor: Predictor | None = None
+    ) -> None:
+        self.config = config or SimulationConfig()
+        self.plan = plan if isinstance(plan, FloorPlan) else FloorPlan.load(plan)
+        self.raster = self.plan.rasterize(self.config.resolution)
+        self.lidar = _shared_lidar(self.raster, self.config.lidar)
+        self.predictor = predictor
+        self._disc = disc_offsets(self.config.robot_radius / self.config.resolution)
+        self._drifts = self.config.odometry_noise != PERFECT_ODOMETRY
+        self._noisy = self._drifts or self.config.lidar.range_noise_std > 0 or self.config.lidar.dropout > 0
+
+    def reset(self, seed: int = 0, start: Pose | None = None) -> Decision:
+        """Begin a run.
+
+        Args:
+            seed: Decides the start (when none is given), the sensor noise and the drift.
+            start: Where the robot begins.
+
+        Raises:
+            StartError: The start lies outside, in a wall, or closer to an obstacle than the robot's radius.
+        """
+        streams = np.random.SeedSequence(seed).spawn(3)
+        start_rng, self._sensor_rng, motion_rng = (np.random.default_rng(s) for s in streams)
+        radius = self.config.robot_radius
+        pose = draw_start(self.raster, radius, start_rng) if start is None else check_start(self.raster, radius, start)
+        self.robot = Robot(self.raster, radius, pose, self.config.odometry_noise, motion_rng)
+        cell = self.raster.world_to_cell(pose.x, pose.y)
+        self.truth = Truth(
+            plan=self.plan,
+            raster=self.raster,
+            target=self.raster.coverage_target(radius, cell),
+            reachable=self.raster.reachable(radius, cell),
+            sensor=self.config.lidar,
+            robot_radius=radius,
+        )
+        shape, resolution, origin = self.raster.shape, self.raster.resolution, self.raster.origin
+        self.mapper = Mapper(shape, resolution, origin)
+        # With drift the robot's map is not in the frame of the floor plan: a second one, from the true pose, says what was seen.
+        self._witness = Mapper(shape, resolution, origin) if self._drifts else self.mapper
+        self._detector = FrontierDetector(shape)
+        self._changed = (0, 0, 0, 0)
+        self._unseen = self.truth.target.copy()
+        self._target_count = self._unseen_count = int(np.count_nonzero(self._unseen))
+        self._bumped = np.zeros(shape, np.bool_)
+        self._exhausted = np.zeros(shape, np.bool_)
+        self._curve: list[tuple[float, float, float]] = []
+        self.stop_reason = ""
+        self.scans = self.decisions = 0
+        self._decision: Decision | None = None
+        if isinstance(self.predictor, Privileged):
+            self.predictor.reveal(self.truth)
+        self._scan(full_turn=True)
+        return self.decision
+
+    @property
+    def decision(self) -> Decision:
+        """The decision that is due (computed when it is first asked for)."""
+        if self._decision is None:
+            self._decision = self._decide()
+            if not self._decision.frontiers:
+                self._finish("no_frontier")
+        return self._decision
+
+    def step(self, choice: Choice) -> Decision:
+        """Act on a choice until the next decision.
+
+        Args:
+            choice: An index into `decision.frontiers`, `STOP`, or a path int32 (k, 2) of neighbouring cells that
+                starts at the robot's cell (for agents that know the floor plan).
+
+        Returns:
+            The next decision; the last one when the run is `done`.
+
+        Raises:
+            ConfigError: The run is over, there is no such frontier, or the path jumps.
+        """
+        self._check_running()
+        decision = self.decision
+        if isinstance(choice, np.ndarray):
+            path = self._checked_path(choice)
+            self._begin_step()
+            if self._walk(path, None):
+                self._scan(full_turn=True)
+        elif choice == STOP:
+            self._finish("agent")
+            return decision
+        elif not 0 <= choice < len(decision.frontiers):
+            raise ConfigError(f"there is no frontier {choice}: this decision has {len(decision.frontiers)}, or STOP ({STOP})")
+        else:
+            self._begin_step()
+            frontier = decision.frontiers[choice]
+            if self._walk(descend(decision.distances, decision.traversable, frontier.viewpoint), frontier):
+                self._look(frontier)
+        return self.decision
+
+    def drive(self, forward: float, turn: float = 0.0) -> Motion:
+        """A motion primitive: turn, then go straight until `forward` metres or a wall, then scan once.
+
+        Args:
+            forward: Metres; negative drives backwards.
+            turn: Radians, counter-clockwise.
+
+        Raises:
+            ConfigError: The run is over, or a value is not finite.
+        """
+        self._check_running()
+        if not (math.isfinite(forward) and math.isfinite(turn)):
+            raise ConfigError(f"drive needs finite numbers, got forward={forward}, turn={turn}")
+        self._begin_step()
+        if turn:
+            self.robot.turn_to(self.robot.believed.theta + turn)
+        theta = self.robot.believed.theta
+        moved, collided = self._translate(forward * math.cos(theta), forward * math.sin(theta))
+        return Motion(moved, collided, self._scan().new_cells)
+
+    @property
+    def done(self) -> bool:
+        """Whether the run is over."""
+        return bool(self.stop_reason)
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot really is."""
+        return self.robot.pose
+
+    @property
+    def coverage(self) -> float:
+        """The share of the target area that has been seen, 0..1."""
+        return 1.0 - self._unseen_count / self._target_count
+
+    @property
+    def target_area(self) -> float:
+        """Square metres that an exploration from this start can be asked to see."""
+        return self._target_count * self.raster.resolution**2
+
+    @property
+    def distance(self) -> float:
+        """Metres travelled, with what turning costs."""
+        return self.robot.walked + self.config.turn_cost * self.robot.turned
+
+    @property
+    def max_distance(self) -> float:
+        """The budget in metres."""
+        return self.config.max_distance or 100.0 + self.target_area
+
+    @property
+    def track(self) -> NDArray[np.float64]:
+        """float64 (n, 3): the true poses walked, as (x, y, theta)."""
+        return np.array(self.robot.track, np.float64)
+
+    @property
+    def curve(self) -> NDArray[np.float64]:
+        """float64 (n, 3): (distance in m, coverage 0..1, number of the scan), a row a scan."""
+        return np.array(self._curve, np.float64)
+
+    def _check_running(self) -> None:
+        if self.done:
+            raise ConfigError(f"the run is over ({self.stop_reason}): call reset() to begin another")
+
+    def _begin_step(self) -> None:
+        self.decisions += 1
+        self._decision = None
+
+    def _finish(self, reason: str) -> None:
+        self.stop_reason = self.stop_reason or reason
+
+    def _traversable(self) -> NDArray[np.bool_]:
+        grid = self.mapper.grid
+        return grid.free & ~inflate(grid.cells == OCCUPIED, self.config.robot_radius, grid.resolution) & ~self._bumped
+
+    def _here(self) -> Cell:
+        return self.mapper.grid.world_to_cell(self.robot.believed.x, self.robot.believed.y)
+
+    def _decide(self) -> Decision:
+        grid = self.mapper.grid
+        traversable = self._traversable()
+        distances = geodesic_distances(traversable, self._here(), grid.resolution)
+        clusters = self._detector.update(grid.cells, self._changed)
+        self._changed = (0, 0, 0, 0)
+        decision = Decision(
+            step=self.decisions,
+            grid=grid,
+            pose=self.robot.believed,
+            frontiers=list_frontiers(grid, self.robot.believed, distances, clusters, self._exhausted, self.config),
+            traversable=traversable,
+            distances=distances,
+            distance=self.distance,
+            sensor=self.config.lidar,
+            robot_radius=self.config.robot_radius,
+        )
+        return self.predictor.predict(decision) if self.predictor and decision.frontiers else decision
+
+    def _walk(self, path: Path, frontier: Frontier | None) -> bool:
+        """Walk a path, scanning on the way; whether its end was reached with the frontier still to be looked at."""
+        cells = self.mapper.grid.cells
+        k, scanned_at, scanned_from = 1, self.robot.walked, self.robot.believed
+        while k < len(path):
+            if not self._advance(Cell(int(path[k, 0]), int(path[k, 1]))):
+                return False
+            k += 1
+            if k == len(path) or self.robot.walked - scanned_at < self.config.scan_spacing - 1e-9:
+                continue
+            here = self.robot.believed
+            self.robot.turn_to(math.atan2(here.y - scanned_from.y, here.x - scanned_from.x))
+            update = self._scan()
+            scanned_at, scanned_from = self.robot.walked, here
+            if self.done:
+                return False
+            if frontier is None:
+                continue
+            if remaining_share(cells, frontier.cells) < self.config.gone_share:
+                return False
+            if update.new_occupied and path_is_blocked(cells, path[k:], self._disc):
+                path, k = self._replanned(frontier.viewpoint), 1
+                if len(path) == 0:
+                    return False
+        return not self.done
+
+    def _replanned(self, goal: Cell) -> Path:
+        """A new path to the goal on what is known now; empty when there is none."""
+        traversable = self._traversable()
+        stop = np.array([goal], np.int32)
+        distances = geodesic_distances(traversable, self._here(), self.raster.resolution, stop_at=stop)
+        if not np.isfinite(distances[goal]):
+            return np.empty((0, 2), np.int32)
+        return descend(distances, traversable, goal)
+
+    def _look(self, frontier: Frontier) -> None:
+        """Face the frontier and scan, turn fully if it is still there, and do not offer again what even that leaves."""
+        cells = self.mapper.grid.cells
+        self.robot.turn_to(facing(cells, frontier.cells, frontier.viewpoint))
+        self._scan()
+        if not self.done and remaining_share(cells, frontier.cells) >= self.config.gone_share:
+            self._scan(full_turn=True)
+        rest = looked_at(cells, frontier.cells, frontier.viewpoint, self.raster.resolution)
+        self._exhausted[rest[:, 0], rest[:, 1]] = True
+
+    def _checked_path(self, path: Path) -> Path:
+        if path.ndim != 2 or path.shape[1] != 2 or len(path) == 0 or not np.issubdtype(path.dtype, np.integer):
+            raise ConfigError(f"a path is an integer array (k, 2) of cells, got {path.dtype} {path.shape}")
+        if tuple(path[0]) != self._here():
+            raise ConfigError(f"the path starts at {tuple(path[0])}, but the robot is in cell {tuple(self._here())}")
+        jumps = np.flatnonzero(np.abs(np.diff(path, axis=0)).max(axis=1, initial=0) > 1)
+        if len(jumps):
+            k = int(jumps[0])
+            raise ConfigError(f"the path jumps from {tuple(path[k])} to {tuple(path[k + 1])}: cells must be neighbours")
+        return path.astype(np.int32)
+
+    def _advance(self, cell: Cell) -> bool:
+        """One step to the centre of a neighbouring cell; whether the walk can go on."""
+        x, y = self.mapper.grid.cell_to_world(cell.row, cell.col)
+        here = self.robot.believed
+        _, collided = self._translate(x - here.x, y - here.y)
+        if collided:
+            self._bumped[cell] = True
+            self._scan()
+        return not collided and not self.done
+
+    def _translate(self, dx: float, dy: float) -> tuple[float, bool]:
+        """Move by (dx, dy) metres; a wall that stops the robot goes onto the map, the budget ends the run."""
+        moved, collided = self.robot.translate(dx, dy)
+        if collided:
+            self._note(self.mapper.mark_occupied(self.robot.touched(dx, dy)))
+        if self.distance >= self.max_distance:
+            self._scan()
+            self._finish("budget")
+        return moved, collided
+
+    def _scan(self, full_turn: bool = False) -> ScanUpdate:
+        """Scan from here; the grid, the coverage and the curve follow."""
+        full_turn = full_turn and not self.lidar.config.full_turn
+        believed, pose = self.robot.believed, self.robot.pose
+        if not self._noisy:
+            update = seen = self.mapper.observe(self.lidar, pose, full_turn=full_turn)
+        else:
+            scan = self.lidar.scan_full_turn if full_turn else self.lidar.scan
+            ranges = scan(pose, self._sensor_rng)
+            update = seen = self.mapper.integrate(believed, ranges, self.lidar.config, full_turn=full_turn)
+            if self._drifts:
+                seen = self._witness.integrate(pose, ranges, self.lidar.config, full_turn=full_turn)
+        self._note(update)
+        self._unseen_count -= _count_seen(self._witness.grid.cells, self._unseen, *seen.box)
+        self.scans += 1
+        self._curve.append((self.distance, self.coverage, float(self.scans)))
+        if self.coverage >= self.config.coverage_goal:
+            self._finish("coverage")
+        return update
+
+    def _note(self, update: ScanUpdate) -> None:
+        self._changed = _union(self._changed, update.box)
+
+
+_LIDARS: WeakKeyDictionary[PlanRaster, dict[LidarConfig, Lidar]] = WeakKeyDictionary()
+
+
+def _shared_lidar(raster: PlanRaster, config: LidarConfig) -> Lidar:
+    """One lidar per raster and sensor: its tables are read-only, and many environments share a floor plan."""
+    lidars = _LIDARS.setdefault(raster, {})
+    if config not in lidars:
+        lidars[config] = Lidar(config, raster.occupied, raster.resolution, raster.origin)
+    return lidars[config]
+
+
+def _union(a: tuple[int, int, int, int], b: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
+    """The smallest half-open box around two; an empty one does not count."""
+    if a[0] >= a[1]:
+        return b
+    if b[0] >= b[1]:
+        return a
+    return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])
+
+
+@njit(cache=True, nogil=True)
+def _count_seen(cells: NDArray[np.int8], unseen: NDArray[np.bool_], row0: int, row1: int, col0: int, col1: int) -> int:
+    """How many unseen cells of the target are known now; they are struck from `unseen`."""
+    count = 0
+    for row in range(row0, row1):
+        for col in range(col0, col1):
+            if unseen[row, col] and cells[row, col] != -1:
+                unseen[row, col] = False
+                count += 1
+    return count

@@ -1,0 +1,220 @@
+"""Where to stand to look at a frontier, and whether a frontier is still there.
+
+A viewpoint is the reachable cell nearest to the cluster's middle that sees it: standing on the frontier itself is
+rarely possible (it may lie closer to a wall than the robot's radius), and the nearest reachable cell as the crow flies
+may lie on the other side of a wall, so the line of sight through known free cells decides.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.decision import Frontier
+from layoutexplore.frontiers import FrontierClusters, visible_unknown_area
+from layoutexplore.grid import Cell, OccupancyGrid, Pose
+from layoutexplore.simulation_config import SimulationConfig
+
+MAX_REACH = 1.5
+"""How far from the frontier a viewpoint may lie, in metres: beyond it a gap is taken to be too narrow for the robot."""
+
+
+def list_frontiers(
+    grid: OccupancyGrid,
+    here: Pose,
+    distances: NDArray[np.float32],
+    clusters: FrontierClusters,
+    exhausted: NDArray[np.bool_],
+    config: SimulationConfig,
+) -> tuple[Frontier, ...]:
+    """The frontiers that the robot can look at, nearest first by path length (ties in raster order).
+
+    Args:
+        grid: What the robot knows.
+        here: Where it believes it is.
+        distances: float32 (rows, cols), geodesic distance from the robot in metres, inf where it cannot go.
+        clusters: All frontier clusters of the grid.
+        exhausted: bool (rows, cols), frontier cells that were looked at in vain.
+        config: For the smallest size, and the range and rays of the visible area.
+    """
+    clusters = _without(clusters, exhausted)
+    view, found = choose_viewpoints(grid.cells, distances, clusters, grid.resolution)
+    sizes = np.diff(clusters.offsets) * grid.resolution
+    usable = found & (sizes >= config.frontier_min_size - 1e-9)
+    kept = np.flatnonzero(usable if usable.any() else found)
+    kept = kept[np.argsort(distances[view[kept, 0], view[kept, 1]], kind="stable")]
+    gain_range = min(config.gain_range, config.lidar.range_max)
+    areas = visible_unknown_area(grid.cells, view[kept], grid.resolution, gain_range, config.gain_rays)
+    frontiers = []
+    for area, k in zip(areas, kept.tolist(), strict=True):
+        cells, viewpoint = clusters.cluster(k), Cell(int(view[k, 0]), int(view[k, 1]))
+        x, y = grid.cells_to_world(cells.mean(axis=0))[0].tolist()
+        frontiers.append(
+            Frontier(
+                cells=cells,
+                size=float(sizes[k]),
+                centroid=(x, y),
+                viewpoint=viewpoint,
+                path_length=float(distances[viewpoint]),
+                straight_distance=math.hypot(x - here.x, y - here.y),
+                visible_area=float(area),
+            )
+        )
+    return tuple(frontiers)
+
+
+def choose_viewpoints(
+    cells: NDArray[np.int8], distances: NDArray[np.float32], clusters: FrontierClusters, resolution: float
+) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """A viewpoint for every cluster.
+
+    The cluster's cells are tried from the one nearest the centroid outwards; the first that a reachable cell within
+    `MAX_REACH` sees decides, and the nearest such reachable cell is the viewpoint.
+
+    Args:
+        cells: int8 (rows, cols), the grid.
+        distances: float32 (rows, cols), geodesic distance from the robot, inf where it cannot go.
+        clusters: The frontier clusters.
+        resolution: Metres per cell.
+
+    Returns:
+        int32 (k, 2) viewpoints, and bool (k,) whether there is one.
+    """
+    offsets = _disc_offsets(math.ceil(MAX_REACH / resolution))
+    return _choose(cells, distances, clusters.cells, clusters.offsets, offsets)
+
+
+def remaining_share(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> float:
+    """The share of a frontier's cells int32 (n, 2) that still border the unknown, 0..1."""
+    return float(_remaining(cells, frontier)) / len(frontier)
+
+
+def looked_at(
+    cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tuple[int, int], resolution: float
+) -> NDArray[np.int32]:
+    """The cells int32 (m, 2) of a frontier that a viewpoint sees from within `MAX_REACH` metres."""
+    return frontier[_looked_at(cells, frontier, viewpoint[0], viewpoint[1], MAX_REACH / resolution)]
+
+
+def facing(cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tuple[int, int]) -> float:
+    """Heading in radians from a viewpoint (row, col) to the middle of the unknown cells along a frontier int32 (n, 2)."""
+    row, col = _unknown_middle(cells, frontier)
+    return math.atan2(row - viewpoint[0], col - viewpoint[1])
+
+
+def _without(clusters: FrontierClusters, exhausted: NDArray[np.bool_]) -> FrontierClusters:
+    """The clusters without the cells that were looked at in vain."""
+    kept = ~exhausted[clusters.cells[:, 0], clusters.cells[:, 1]]
+    if kept.all():
+        return clusters
+    sums = np.concatenate([[0], np.cumsum(kept)])[clusters.offsets]
+    return FrontierClusters(clusters.cells[kept], np.unique(sums))
+
+
+@functools.lru_cache(maxsize=8)
+def _disc_offsets(radius: int) -> NDArray[np.int32]:
+    """int32 (n, 2): the offsets within a radius in cells, nearest first, ties by row and column."""
+    span = np.arange(-radius, radius + 1)
+    rows, cols = (a.ravel() for a in np.meshgrid(span, span, indexing="ij"))
+    squared = rows**2 + cols**2
+    order = np.lexsort((cols, rows, squared))
+    order = order[squared[order] <= radius**2]
+    return np.stack([rows[order], cols[order]], axis=1).astype(np.int32)
+
+
+@njit(cache=True, nogil=True)
+def _sees(cells: NDArray[np.int8], row: int, col: int, to_row: int, to_col: int) -> bool:
+    """Whether the line between two cell centres runs through known free cells only (a 4-connected traversal)."""
+    d_row, d_col = to_row - row, to_col - col
+    step_row, step_col = (1 if d_row > 0 else -1), (1 if d_col > 0 else -1)
+    n_row, n_col = abs(d_row), abs(d_col)
+    i, j = 0, 0
+    while i < n_row or j < n_col:
+        # The next border crossed: compare (i + 1/2) / n_row with (j + 1/2) / n_col without a division.
+        if j >= n_col or (i < n_row and (1 + 2 * i) * n_col < (1 + 2 * j) * n_row):
+            row += step_row
+            i += 1
+        else:
+            col += step_col
+            j += 1
+        if cells[row, col] != 0:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _choose(
+    cells: NDArray[np.int8],
+    distances: NDArray[np.float32],
+    members: NDArray[np.int32],
+    starts: NDArray[np.int64],
+    offsets: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    count = len(starts) - 1
+    view = np.zeros((count, 2), np.int32)
+    found = np.zeros(count, np.bool_)
+    rows, cols = cells.shape
+    for k in range(count):
+        cluster = members[starts[k] : starts[k + 1]]
+        middle_row, middle_col = cluster[:, 0].mean(), cluster[:, 1].mean()
+        squared = (cluster[:, 0] - middle_row) ** 2 + (cluster[:, 1] - middle_col) ** 2
+        order = np.argsort(squared, kind="mergesort")
+        stride = max(1, len(order) // 16)
+        for rank in range(0, len(order), stride):
+            row, col = cluster[order[rank]]
+            for n in range(len(offsets)):
+                r, c = row + offsets[n, 0], col + offsets[n, 1]
+                if 0 <= r < rows and 0 <= c < cols and distances[r, c] < np.inf and _sees(cells, row, col, r, c):
+                    view[k, 0], view[k, 1] = r, c
+                    found[k] = True
+                    break
+            if found[k]:
+                break
+    return view, found
+
+
+@njit(cache=True, nogil=True)
+def _looked_at(cells: NDArray[np.int8], frontier: NDArray[np.int32], row: int, col: int, reach: float) -> NDArray[np.bool_]:
+    seen = np.zeros(len(frontier), np.bool_)
+    for n in range(len(frontier)):
+        r, c = frontier[n]
+        # From the frontier to the viewpoint, as `_choose` looked: a traversal is not symmetric at corners.
+        seen[n] = (r - row) ** 2 + (c - col) ** 2 <= reach**2 and _sees(cells, r, c, row, col)
+    return seen
+
+
+@njit(cache=True, nogil=True)
+def _remaining(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> int:
+    rows, cols = cells.shape
+    count = 0
+    for n in range(len(frontier)):
+        r, c = frontier[n]
+        if cells[r, c] == 0 and (
+            (r > 0 and cells[r - 1, c] == -1)
+            or (r + 1 < rows and cells[r + 1, c] == -1)
+            or (c > 0 and cells[r, c - 1] == -1)
+            or (c + 1 < cols and cells[r, c + 1] == -1)
+        ):
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _unknown_middle(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> tuple[float, float]:
+    """Mean (row, col) of the unknown 4-neighbours of the frontier's cells; of the cells themselves when there is none."""
+    rows, cols = cells.shape
+    sum_row, sum_col, count = 0.0, 0.0, 0
+    for n in range(len(frontier)):
+        for d_row, d_col in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+            r, c = frontier[n, 0] + d_row, frontier[n, 1] + d_col
+            if 0 <= r < rows and 0 <= c < cols and cells[r, c] == -1:
+                sum_row += r
+                sum_col += c
+                count += 1
+    if count == 0:
+        return frontier[:, 0].mean(), frontier[:, 1].mean()
+    return sum_row / count, sum_col / count
