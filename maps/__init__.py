@@ -1,1 +1,1 @@
-"""Floor plans: loaders, a procedural generator, and the plans that ship."""
+"""Floor plans: loaders (one format a file), the plans that ship, and the procedural generator."""
