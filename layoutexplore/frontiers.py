@@ -1,0 +1,287 @@
+"""Frontiers: where what is known to be free borders the unknown (Yamauchi, 1997), and how much could be seen from there.
+
+A frontier cell is a free cell (value 0) with an unknown cell (-1) to its left, right, above or below. Frontier cells that
+touch, corners included, are one cluster. Clusters come in raster order of their first cells, their cells in raster order.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grid import check_resolution
+
+
+@dataclass(frozen=True, eq=False)
+class FrontierClusters:
+    """Clusters of frontier cells.
+
+    Attributes:
+        cells: int32 (m, 2) as (row, col), cluster after cluster.
+        offsets: int64 (k + 1,): cluster i is `cells[offsets[i]:offsets[i + 1]]`.
+    """
+
+    cells: NDArray[np.int32]
+    offsets: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    def cluster(self, i: int) -> NDArray[np.int32]:
+        """Cells int32 (n, 2) as (row, col) of one cluster."""
+        return self.cells[self.offsets[i] : self.offsets[i + 1]]
+
+
+def find_frontiers(cells: NDArray[np.int8]) -> FrontierClusters:
+    """All frontier clusters of a grid.
+
+    Args:
+        cells: int8 (rows, cols); -1 unknown, 0 free, 100 occupied.
+
+    Example:
+        >>> clusters = find_frontiers(np.array([[0, 0, -1], [0, 100, 100], [0, 0, -1]], np.int8))
+        >>> len(clusters), clusters.cluster(1).tolist()
+        (2, [[2, 1]])
+    """
+    cells = _checked(cells)
+    flat = _scan(cells, 0, cells.shape[0], 0, cells.shape[1])
+    return FrontierClusters(*_cluster(flat, cells.shape[1]))
+
+
+class FrontierDetector:
+    """Frontier clusters of a grid that changes, at the cost of what changed.
+
+    Args:
+        shape: (rows, cols) of the grid, which is taken to be all unknown at first.
+
+    Example:
+        >>> cells = np.full((4, 4), -1, np.int8)
+        >>> detector = FrontierDetector(cells.shape)
+        >>> cells[1, 2] = 0
+        >>> detector.update(cells, (1, 2, 2, 3)).cells.tolist()
+        [[1, 2]]
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape = (int(shape[0]), int(shape[1]))
+        self._flat = np.empty(0, np.int64)
+
+    def update(self, cells: NDArray[np.int8], box: tuple[int, int, int, int]) -> FrontierClusters:
+        """The clusters after cells inside the box have changed; the same as `find_frontiers(cells)`.
+
+        Args:
+            cells: int8 (rows, cols), the grid.
+            box: (row0, row1, col0, col1), half open, around all cells that changed since the last call; may be empty.
+
+        Raises:
+            MapError: The grid has another shape than the detector.
+        """
+        cells = _checked(cells)
+        if cells.shape != self.shape:
+            raise MapError(f"this detector follows a grid of shape {self.shape}, got {cells.shape}")
+        row0, row1, col0, col1 = box
+        if row1 > row0 and col1 > col0:
+            rows, cols = self.shape
+            # A cell next to a changed one may have become, or ceased to be, a frontier.
+            row0, row1 = max(row0 - 1, 0), min(row1 + 1, rows)
+            col0, col1 = max(col0 - 1, 0), min(col1 + 1, cols)
+            fresh = _scan(cells, row0, row1, col0, col1)
+            self._flat = _merge(self._flat, fresh, cols, row0, row1, col0, col1)
+        return FrontierClusters(*_cluster(self._flat, self.shape[1]))
+
+
+def visible_unknown_area(
+    cells: NDArray[np.int8], viewpoints: NDArray[np.int32], resolution: float, range_max: float, rays: int = 120
+) -> NDArray[np.float64]:
+    """Unknown area that rays from viewpoints would cross, through unknown and free cells alike.
+
+    Equally spaced rays leave the viewpoint's centre and end at an occupied cell, at the range or at the edge of the
+    grid. A stretch of unknown cells from distance a to b on a ray stands for the piece of ring that the ray's share of
+    the full turn cuts out there: (b^2 - a^2) * pi / rays.
+
+    Args:
+        cells: int8 (rows, cols).
+        viewpoints: int32 (n, 2) as (row, col), inside the grid.
+        resolution: Side of a cell in metres.
+        range_max: How far to look, in metres.
+        rays: Number of rays.
+
+    Returns:
+        float64 (n,) in square metres.
+
+    Raises:
+        ConfigError: A viewpoint lies outside of the grid, or range or rays are not above 0.
+
+    Example:
+        >>> cells = np.full((101, 101), -1, np.int8)
+        >>> area = visible_unknown_area(cells, np.array([[50, 50]], np.int32), 0.1, 3.0)
+        >>> area.round(1).tolist()  # pi * 3.0 ** 2
+        [28.3]
+    """
+    cells = _checked(cells)
+    check_resolution(resolution)
+    if not (math.isfinite(range_max) and range_max > 0 and rays >= 1):
+        raise ConfigError(f"range_max and rays must be above 0, got {range_max} and {rays}")
+    points = np.ascontiguousarray(np.asarray(viewpoints).reshape(-1, 2), np.int32)
+    if points.size and ((points < 0).any() or (points >= cells.shape).any()):
+        raise ConfigError(f"a viewpoint lies outside of the grid of shape {cells.shape}")
+    area = np.empty(len(points), np.float64)
+    unit_x, unit_y = _circle(int(rays))
+    _unknown_area(cells, points, unit_x, unit_y, range_max / resolution, area)
+    return area * resolution**2
+
+
+def _checked(cells: NDArray[np.int8]) -> NDArray[np.int8]:
+    if cells.ndim != 2 or cells.dtype != np.int8:
+        raise MapError(f"frontiers need int8 cells in two dimensions, got {cells.dtype} {cells.shape}")
+    return np.ascontiguousarray(cells)
+
+
+@lru_cache(maxsize=8)
+def _circle(rays: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    # Half a step off the axes: a ray along the row of a cell's centre would stand for its whole share of the turn.
+    angles = (np.arange(rays) + 0.5) * (2 * math.pi / rays)
+    return np.cos(angles), np.sin(angles)
+
+
+@njit(cache=True, nogil=True)
+def _scan(cells: NDArray[np.int8], row0: int, row1: int, col0: int, col1: int) -> NDArray[np.int64]:
+    """Flat indices of the frontier cells in a box, in raster order."""
+    rows, cols = cells.shape
+    found = np.empty(256, np.int64)
+    count = 0
+    for r in range(row0, row1):
+        for c in range(col0, col1):
+            if cells[r, c] == 0 and (
+                (r > 0 and cells[r - 1, c] == -1)
+                or (r + 1 < rows and cells[r + 1, c] == -1)
+                or (c > 0 and cells[r, c - 1] == -1)
+                or (c + 1 < cols and cells[r, c + 1] == -1)
+            ):
+                if count == found.size:
+                    larger = np.empty(2 * count, np.int64)
+                    larger[:count] = found
+                    found = larger
+                found[count] = r * cols + c
+                count += 1
+    return found[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _merge(
+    old: NDArray[np.int64], fresh: NDArray[np.int64], cols: int, row0: int, row1: int, col0: int, col1: int
+) -> NDArray[np.int64]:
+    """The old sorted indices outside of the box and the fresh ones inside, sorted."""
+    merged = np.empty(old.size + fresh.size, np.int64)
+    count, j = 0, 0
+    for index in old:
+        row, col = index // cols, index % cols
+        if row0 <= row < row1 and col0 <= col < col1:
+            continue
+        while j < fresh.size and fresh[j] < index:
+            merged[count] = fresh[j]
+            count += 1
+            j += 1
+        merged[count] = index
+        count += 1
+    for k in range(j, fresh.size):
+        merged[count] = fresh[k]
+        count += 1
+    return merged[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _root(parent: NDArray[np.int64], i: int) -> int:
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@njit(cache=True, nogil=True)
+def _cluster(flat: NDArray[np.int64], cols: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Group sorted flat indices into 8-connected clusters: cells (m, 2) and offsets (k + 1,)."""
+    m = flat.size
+    parent = np.arange(m)
+    row = np.empty(m, np.int32)
+    col = np.empty(m, np.int32)
+    above = 0  # The first entry of the row above that is not left of the current cell's upper left neighbour.
+    for i in range(m):
+        row[i], col[i] = flat[i] // cols, flat[i] % cols
+        if i > 0 and row[i - 1] == row[i] and col[i - 1] == col[i] - 1:
+            parent[i] = _root(parent, i - 1)
+        while above < i and (row[above] < row[i] - 1 or (row[above] == row[i] - 1 and col[above] < col[i] - 1)):
+            above += 1
+        k = above
+        while k < i and row[k] == row[i] - 1 and col[k] <= col[i] + 1:
+            a, b = _root(parent, k), _root(parent, i)
+            parent[max(a, b)] = min(a, b)
+            k += 1
+    # Roots are the first cells of their clusters, so numbering them in order puts the clusters in order.
+    label = np.empty(m, np.int64)
+    count = 0
+    for i in range(m):
+        r = _root(parent, i)
+        if r == i:
+            label[i] = count
+            count += 1
+        else:
+            label[i] = label[r]
+    offsets = np.zeros(count + 1, np.int64)
+    for i in range(m):
+        offsets[label[i] + 1] += 1
+    for k in range(count):
+        offsets[k + 1] += offsets[k]
+    place = offsets[:-1].copy()
+    cells = np.empty((m, 2), np.int32)
+    for i in range(m):
+        k = place[label[i]]
+        cells[k, 0], cells[k, 1] = row[i], col[i]
+        place[label[i]] += 1
+    return cells, offsets
+
+
+@njit(cache=True, nogil=True)
+def _unknown_area(
+    cells: NDArray[np.int8],
+    viewpoints: NDArray[np.int32],
+    unit_x: NDArray[np.float64],
+    unit_y: NDArray[np.float64],
+    range_max: float,
+    area: NDArray[np.float64],
+) -> None:
+    """Unknown area in square cells seen from each viewpoint's centre."""
+    rows, cols = cells.shape
+    share = math.pi / unit_x.size
+    for k in range(viewpoints.shape[0]):
+        total = 0.0
+        for i in range(unit_x.size):
+            row, col = int(viewpoints[k, 0]), int(viewpoints[k, 1])
+            step_x = 1 if unit_x[i] > 0.0 else -1
+            step_y = 1 if unit_y[i] > 0.0 else -1
+            per_col = 1.0 / abs(unit_x[i]) if unit_x[i] != 0.0 else np.inf
+            per_row = 1.0 / abs(unit_y[i]) if unit_y[i] != 0.0 else np.inf
+            next_x = 0.5 * per_col
+            next_y = 0.5 * per_row
+            here = 0.0
+            while here < range_max and 0 <= row < rows and 0 <= col < cols:
+                value = cells[row, col]
+                if value == 100:
+                    break
+                end = min(next_x, next_y, range_max)
+                if value == -1:
+                    total += end * end - here * here
+                here = end
+                if next_x <= next_y:
+                    col += step_x
+                    next_x += per_col
+                else:
+                    row += step_y
+                    next_y += per_row
+        area[k] = total * share
