@@ -1,0 +1,99 @@
+"""From faces to rooms (IAS-15, section III; ROSE2, section III-C).
+
+Adjacent faces have an affinity that falls with the covered share of their common edge; DBSCAN with one point a cluster on
+one minus the normalised affinity is the same as the connected components of the pairs above a threshold, which is what
+is computed here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.layout.faces import Arrangement
+from layoutexplore.layout.walls import components
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FaceGraph:
+    """Which faces touch, and how much wall lies between them; p pairs.
+
+    Attributes:
+        first: int64 (p,), the smaller face index of each pair.
+        second: int64 (p,), the larger one.
+        length: float64 (p,), metres of common boundary.
+        covered: float64 (p,), metres of it that seen wall covers.
+    """
+
+    first: NDArray[np.int64]
+    second: NDArray[np.int64]
+    length: NDArray[np.float64]
+    covered: NDArray[np.float64]
+
+    @property
+    def weight(self) -> NDArray[np.float64]:
+        """float64 (p,): covered share of the common boundary."""
+        return self.covered / np.maximum(self.length, 1e-9)
+
+
+def dissolve(arrangement: Arrangement, open_edge: NDArray[np.bool_]) -> tuple[NDArray[np.int64], int]:
+    """Unite the faces on both sides of the open edges, bool (e,).
+
+    Returns:
+        Group of each face, int64 (f,), numbered by the first member, and the number of groups.
+    """
+    left, right = arrangement.sides.T
+    joined = open_edge & (left >= 0) & (right >= 0)
+    group = components(left[joined], right[joined], len(arrangement))
+    return group, int(group.max()) + 1 if len(group) else 0
+
+
+def face_graph(arrangement: Arrangement, covered: NDArray[np.float64], group: NDArray[np.int64], count: int) -> FaceGraph:
+    """Pairs of different groups with a common edge; `covered` float64 (e,) in metres, `group` int64 (f,)."""
+    left, right = arrangement.sides.T
+    between = (left >= 0) & (right >= 0)
+    a, b = group[left[between]], group[right[between]]
+    differ = a != b
+    low, high = np.minimum(a, b)[differ], np.maximum(a, b)[differ]
+    pair, inverse = np.unique(low * count + high, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    length = np.bincount(inverse, arrangement.edge_length[between][differ], len(pair))
+    return FaceGraph(
+        first=pair // max(count, 1),
+        second=pair % max(count, 1),
+        length=length,
+        covered=np.bincount(inverse, covered[between][differ], len(pair)),
+    )
+
+
+def cluster_faces(
+    graph: FaceGraph, inside: NDArray[np.bool_], sigma: float, affinity_min: float
+) -> NDArray[np.int64]:
+    """Room of each face, int64 (count,), -1 for faces that are not inside.
+
+    Args:
+        graph: The faces' neighbourhood.
+        inside: bool (count,), the faces that can belong to a room.
+        sigma: Scale of the covered share in the affinity exp(-w / sigma).
+        affinity_min: Least normalised affinity of faces of one room (1 - eps of DBSCAN).
+    """
+    count = len(inside)
+    both = inside[graph.first] & inside[graph.second]
+    first, second = graph.first[both], graph.second[both]
+    affinity = np.exp(-graph.weight[both] / sigma)
+    degree = 1.0 + np.bincount(first, affinity, count) + np.bincount(second, affinity, count)
+    normalised = affinity * (1 / degree[first] + 1 / degree[second]) / 2
+    near = normalised >= affinity_min
+    room = components(first[near], second[near], count)
+    return renumber(np.where(inside, room, -1))
+
+
+def renumber(group: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The same grouping numbered 0, 1, ... by first appearance; negative members stay -1."""
+    names, first, inverse = np.unique(group, return_index=True, return_inverse=True)
+    order = np.argsort(np.where(names < 0, -1, first), kind="stable")
+    rank = np.empty(len(names), np.int64)
+    rank[order] = np.arange(len(names)) - np.count_nonzero(names < 0)
+    return np.where(group < 0, -1, rank[inverse.reshape(-1)])
