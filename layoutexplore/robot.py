@@ -175,19 +175,21 @@ def _path_is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: 
 
 @njit(cache=True, nogil=True)
 def _free_share(blocked: NDArray[np.bool_], row: float, col: float, d_row: float, d_col: float) -> float:
-    """The share 0..1 of a straight move (in cells) up to the last sample that is not blocked; samples lie 1/20 cell apart.
+    """The share 0..1 of a straight move (in cells) that is not blocked; samples lie 1/20 cell apart.
 
     A move that changes row and column between two samples needs both cells beside the diagonal to be free as well.
+    Samples look a hair ahead and a stop keeps one sample's distance, so that rounding never puts the robot over a border.
     """
     rows, cols = blocked.shape
     samples = max(1, math.ceil(20.0 * math.hypot(d_row, d_col)))
     r, c = math.floor(row), math.floor(col)
     for k in range(1, samples + 1):
-        next_r, next_c = math.floor(row + d_row * k / samples), math.floor(col + d_col * k / samples)
+        t = k / samples + 1e-6
+        next_r, next_c = math.floor(row + d_row * t), math.floor(col + d_col * t)
         if next_r != r or next_c != c:
             if next_r < 0 or next_c < 0 or next_r >= rows or next_c >= cols or blocked[next_r, next_c]:
-                return (k - 1) / samples
+                return max(0, k - 2) / samples
             if next_r != r and next_c != c and (blocked[r, next_c] or blocked[next_r, c]):
-                return (k - 1) / samples
+                return max(0, k - 2) / samples
             r, c = next_r, next_c
     return 1.0

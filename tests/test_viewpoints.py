@@ -1,0 +1,73 @@
+"""Viewpoints see their frontier; kernels against slow obvious versions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers import find_frontiers
+from layoutexplore.grid import Cell
+from layoutexplore.planning import geodesic_distances
+from layoutexplore.viewpoints import MAX_REACH, choose_viewpoints, facing, looked_at, remaining_share
+
+TRINARY = hnp.arrays(np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 0, 100]))
+
+
+def border_cells(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
+    """Free cells with an unknown 4-neighbour, by shifting the whole array."""
+    padded = np.pad(cells, 1, constant_values=100)
+    neighbours = [padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]]
+    return (cells == 0) & np.any([n == -1 for n in neighbours], axis=0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(cells=TRINARY, data=st.data())
+def test_remaining_share(cells: NDArray[np.int8], data: st.DataObject) -> None:
+    every = np.argwhere(np.ones_like(cells)).astype(np.int32)
+    chosen = every[data.draw(st.lists(st.integers(0, len(every) - 1), min_size=1, max_size=20))]
+    expected = border_cells(cells)[chosen[:, 0], chosen[:, 1]].mean()
+    assert remaining_share(cells, chosen) == expected
+
+
+@settings(max_examples=60, deadline=None)
+@given(cells=TRINARY, seed=st.integers(0, 1000))
+def test_viewpoints_are_reachable_near_and_in_sight(cells: NDArray[np.int8], seed: int) -> None:
+    free = np.argwhere(cells == 0)
+    if len(free) == 0:
+        return
+    start = Cell(*map(int, free[seed % len(free)]))
+    distances = geodesic_distances(cells == 0, start, 0.1)
+    clusters = find_frontiers(cells)
+    view, found = choose_viewpoints(cells, distances, clusters, 0.1)
+    for k in range(len(clusters)):
+        members = clusters.cluster(k)
+        if found[k]:
+            assert np.isfinite(distances[tuple(view[k])])
+            assert np.hypot(*(members - view[k]).T).min() * 0.1 <= MAX_REACH + 1e-9
+            assert len(looked_at(cells, members, tuple(view[k]), 0.1)) > 0, "the viewpoint sees a part of the frontier"
+        else:
+            assert not np.isfinite(distances[tuple(members.T)]).all(), "a frontier on reachable cells has a viewpoint"
+
+
+def test_wall_hides_the_nearest_cell() -> None:
+    """The reachable cell behind the wall is nearer as the crow flies, but does not see the frontier."""
+    cells = np.zeros((9, 9), np.int8)
+    cells[4, :8] = 100
+    cells[:4, 0] = -1
+    distances = np.where(cells == 0, 1.0, np.inf).astype(np.float32)
+    distances[:4, :4] = np.inf
+    clusters = find_frontiers(cells)
+    view, found = choose_viewpoints(cells, distances, clusters, 0.1)
+    assert found.all() and (view[:, 0] < 4).all()
+
+
+def test_facing_looks_into_the_unknown() -> None:
+    cells = np.zeros((5, 5), np.int8)
+    cells[4] = -1
+    frontier = np.array([[3, c] for c in range(5)], np.int32)
+    assert facing(cells, frontier, (1, 2)) == math.pi / 2
