@@ -1,1 +1,11 @@
-"""Exploration strategies: heuristics here, learned policies in `layoutexplore.agents.rl`."""
+"""Exploration strategies: heuristics here, learned policies in `layoutexplore.agents.rl`.
+
+Importing a module registers its agents; `make_agent` builds one from its name and parameters.
+"""
+
+from __future__ import annotations
+
+from layoutexplore.agents import greedy, tour, waiting
+from layoutexplore.agents.base import agent_names, describe_agents, make_agent
+
+__all__ = ["agent_names", "describe_agents", "greedy", "make_agent", "tour", "waiting"]

@@ -1,0 +1,49 @@
+"""A tour over all frontiers, planned anew at every decision; the robot goes to the first one of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.agents.base import Heuristic, option, register
+from layoutexplore.agents.greedy import GreedyOptions, sizeable
+from layoutexplore.agents.local_search import open_tour
+from layoutexplore.decision import Choice, Decision
+
+
+@dataclass(frozen=True, kw_only=True)
+class TourOptions(GreedyOptions):
+    """Parameters of `Tour`. Clusters of 1 m and more: 9 % shorter than with 0.4 m at 95 % coverage."""
+
+    min_size: float = option(1.0, "metres; smaller frontiers wait until no other is left", low=0.0)
+
+
+class Tour(Heuristic[TourOptions]):
+    """The first frontier of a short open tour from the robot over all sizeable frontiers."""
+
+    def choose(self, decision: Decision) -> Choice:
+        """The index of the tour's first frontier."""
+        return int(plan_tour(decision, sizeable(decision, self.options.min_size))[0])
+
+
+def plan_tour(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+    """A short open tour from the robot over the viewpoints of some frontiers.
+
+    Args:
+        decision: The decision.
+        chosen: int64 (k,), indices of the frontiers to visit.
+
+    Returns:
+        int64 (k,): the same indices in the order of the visit.
+    """
+    if len(chosen) < 2:
+        return chosen
+    places = np.concatenate([[0], chosen + 1])
+    order = open_tour(decision.tour_distances[np.ix_(places, places)])
+    return chosen[order - 1]
+
+
+register("tour", "the first frontier of a short tour over all of 1.0 m and more", Tour, TourOptions())
+register("tour-0.4", "the first frontier of a short tour over all of 0.4 m and more", Tour, TourOptions(min_size=0.4))
