@@ -68,9 +68,7 @@ def face_graph(arrangement: Arrangement, covered: NDArray[np.float64], group: ND
     )
 
 
-def cluster_faces(
-    graph: FaceGraph, inside: NDArray[np.bool_], sigma: float, affinity_min: float
-) -> NDArray[np.int64]:
+def cluster_faces(graph: FaceGraph, inside: NDArray[np.bool_], sigma: float, affinity_min: float) -> NDArray[np.int64]:
     """Room of each face, int64 (count,), -1 for faces that are not inside.
 
     Args:
@@ -97,3 +95,36 @@ def renumber(group: NDArray[np.int64]) -> NDArray[np.int64]:
     rank = np.empty(len(names), np.int64)
     rank[order] = np.arange(len(names)) - np.count_nonzero(names < 0)
     return np.where(group < 0, -1, rank[inverse.reshape(-1)])
+
+
+def merge_small(room: NDArray[np.int64], graph: FaceGraph, area: NDArray[np.float64], least: float) -> NDArray[np.int64]:
+    """Give rooms of less than `least` square metres to the neighbour with the longest open boundary, smallest first.
+
+    Args:
+        room: int64 (count,), room of each face, -1 for none.
+        graph: The faces' neighbourhood.
+        area: float64 (count,), free square metres of each face.
+        least: Smallest room.
+
+    Returns:
+        The new rooms; a small room without an open boundary to another one becomes none.
+    """
+    room = room.copy()
+    while True:
+        count = int(room.max(initial=-1)) + 1
+        inside = room >= 0
+        size = np.bincount(room[inside], area[inside], count)
+        small = np.flatnonzero(size < least)
+        if not len(small):
+            return renumber(room)
+        victim = small[np.argmin(size[small])]
+        room[room == victim] = _most_open_neighbour(room, graph, int(victim))
+        room = renumber(room)
+
+
+def _most_open_neighbour(room: NDArray[np.int64], graph: FaceGraph, victim: int) -> int:
+    a, b = room[graph.first], room[graph.second]
+    other = np.where(a == victim, b, np.where(b == victim, a, -1))
+    usable = (other >= 0) & (other != victim)
+    opening = np.bincount(other[usable], (graph.length - graph.covered)[usable])
+    return int(opening.argmax()) if opening.max(initial=0.0) > 1e-6 else -1

@@ -1,0 +1,407 @@
+"""From representative lines to a layout: faces, their kinds, rooms, labels and polygons.
+
+Shared by the methods that are built on lines (IAS-15, ROSE2); they differ in how they find the lines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.layout.faces import Arrangement, Box, LineSet, arrange, clip_lines, cover_lines
+from layoutexplore.layout.frame import angles_to_world, extent, to_world
+from layoutexplore.layout.regions import outline, paint_faces
+from layoutexplore.layout.rooms import FaceGraph, cluster_faces, dissolve, face_graph, merge_small
+from layoutexplore.layout.segments import AlignedSegments
+from layoutexplore.layout.timing import StageTimer
+from layoutexplore.layout.types import (
+    BORDER,
+    OUTSIDE,
+    Face,
+    FaceEdge,
+    FaceKind,
+    Layout,
+    LayoutRoom,
+    Line,
+    Wall,
+)
+from layoutexplore.layout.walls import WallGroups
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaceConfig:
+    """How faces become rooms.
+
+    Attributes:
+        margin: The box of the lines reaches so far beyond the walls, in metres.
+        line_weight: A line covered for a smaller share of its length is dropped but for its well covered edges.
+        edge_weight: An edge of a dropped line stays when at least this share of it is covered.
+        inside_share: A face with a smaller share inside the contour is external.
+        partial_weight: A face next to an external one over an edge of smaller weight is partial.
+        sigma: Scale of an edge's weight in the affinity of the faces on its sides.
+        affinity: Least normalised affinity of two faces of one room (1 - eps of DBSCAN).
+        room_area: Rooms with less free space, in square metres, join a neighbour.
+        region_area: Seen regions smaller than this, in square metres, do not count as inside.
+    """
+
+    margin: float = 1.0
+    line_weight: float = 0.1
+    edge_weight: float = 0.9
+    inside_share: float = 0.2
+    partial_weight: float = 0.05
+    sigma: float = 0.125
+    affinity: float = 0.15
+    room_area: float = 1.9
+    region_area: float = 2.0
+
+    def __post_init__(self) -> None:
+        for name in ("line_weight", "edge_weight", "inside_share", "partial_weight", "affinity"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ConfigError(f"{name} must lie between 0 and 1, got {getattr(self, name)}")
+        for name in ("margin", "room_area", "region_area"):
+            if getattr(self, name) < 0:
+                raise ConfigError(f"{name} must not be negative, got {getattr(self, name)}")
+        if self.sigma <= 0:
+            raise ConfigError(f"sigma must be above 0, got {self.sigma}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WallModel:
+    """What a method found before the faces: segments, walls and the groups of segments that share a line.
+
+    Attributes:
+        clean_grid: The grid the segments come from.
+        segments: float64 (n, 4), in metres of the local frame.
+        aligned: The same segments on their directions.
+        walls: The walls.
+        lines: The representative lines.
+        structure_score: ROSE's W, or NaN.
+        cell_scores: ROSE's scores, or None.
+    """
+
+    clean_grid: OccupancyGrid
+    segments: NDArray[np.float64]
+    aligned: AlignedSegments
+    walls: WallGroups
+    lines: WallGroups
+    structure_score: float = float("nan")
+    cell_scores: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FaceModel:
+    """The faces of a wall model; m lines, f cells of the arrangement, n faces (unions of cells over dropped edges).
+
+    Attributes:
+        arrangement: The cells of all lines.
+        covered: float64 (e,), covered metres of each edge.
+        weight: float64 (m + 4,), covered share of each line; 1 for the box's sides.
+        dropped: bool (m + 4,), lines of which only well covered edges remain.
+        group: int64 (f,), face of each cell of the arrangement.
+        graph: The faces' neighbourhood.
+        inside_share: float64 (n,), share of each face inside the contour of what has been seen.
+        known_share: float64 (n,), share of each face's grid cells that are known.
+        free_area: float64 (n,), square metres.
+        painted: int32 (rows, cols), the cell of the arrangement at each grid cell, -1 outside the box.
+        kind: int64 (n,), 0 external, 1 partial, 2 internal.
+        at_border: bool (n,), the face has a side on the border of the box.
+    """
+
+    arrangement: Arrangement
+    covered: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    dropped: NDArray[np.bool_]
+    group: NDArray[np.int64]
+    graph: FaceGraph
+    inside_share: NDArray[np.float64]
+    known_share: NDArray[np.float64]
+    free_area: NDArray[np.float64]
+    painted: NDArray[np.int32]
+    kind: NDArray[np.int64]
+    at_border: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.inside_share)
+
+
+KINDS = (FaceKind.EXTERNAL, FaceKind.PARTIAL, FaceKind.INTERNAL)
+
+
+def seen_region(grid: OccupancyGrid, least: float) -> NDArray[np.uint8]:
+    """uint8 (rows, cols), 1 inside the outer contours of the free space (holes count as inside).
+
+    Args:
+        grid: The grid.
+        least: Contours around less than this, in square metres, do not count.
+    """
+    free = (grid.cells == FREE).view(np.uint8)
+    contours, _ = cv2.findContours(free, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    large = [c for c in contours if cv2.contourArea(c) * grid.resolution**2 >= least]
+    region = np.zeros(grid.shape, np.uint8)
+    cv2.drawContours(region, large, -1, 1, cv2.FILLED)
+    return region
+
+
+def build_faces(grid: OccupancyGrid, model: WallModel, config: FaceConfig, timer: StageTimer) -> FaceModel:
+    """Arrange the lines, weigh their edges and classify the faces."""
+    with timer("faces"):
+        lines = clip_lines(
+            model.aligned.directions[model.lines.direction], model.lines.offset, _box(grid, model.segments, config.margin)
+        )
+        arrangement = arrange(lines)
+        covered, weight = _weights(arrangement, model)
+        dropped = weight < config.line_weight
+        share = covered / np.maximum(arrangement.edge_length, 1e-9)
+        group, count = dissolve(arrangement, dropped[arrangement.line] & (share < config.edge_weight))
+        graph = face_graph(arrangement, covered, group, count)
+    with timer("contour"):
+        region = seen_region(grid, config.region_area)
+    with timer("paint"):
+        painted = paint_faces(arrangement, grid.shape, grid.resolution)
+        totals = np.zeros((len(arrangement), 4), np.int64)
+        _count_cells(painted, region, grid.cells, totals)
+        sums = np.zeros((count, 4))
+        np.add.at(sums, group, totals)
+    cells = np.maximum(sums[:, 0], 1)
+    external = sums[:, 1] / cells < config.inside_share
+    return FaceModel(
+        arrangement=arrangement,
+        covered=covered,
+        weight=weight,
+        dropped=dropped,
+        group=group,
+        graph=graph,
+        inside_share=sums[:, 1] / cells,
+        known_share=sums[:, 2] / cells,
+        free_area=sums[:, 3] * grid.resolution**2,
+        painted=painted,
+        kind=_kinds(graph, external, config.partial_weight),
+        at_border=_at_border(arrangement, group, count),
+    )
+
+
+def find_rooms(faces: FaceModel, config: FaceConfig) -> NDArray[np.int64]:
+    """Room of each face int64 (n,), numbered from 0, -1 for none."""
+    room = cluster_faces(faces.graph, faces.kind > 0, config.sigma, config.affinity)
+    return merge_small(room, faces.graph, faces.free_area, config.room_area)
+
+
+def assemble(
+    method: str,
+    grid: OccupancyGrid,
+    model: WallModel,
+    faces: FaceModel,
+    room: NDArray[np.int64],
+    timer: StageTimer,
+    warnings: tuple[str, ...] = (),
+) -> Layout:
+    """The layout of faces and their rooms, moved to the world frame."""
+    with timer("rooms"):
+        labels = np.zeros(grid.shape, np.int32)
+        of_cell = np.append(room[faces.group] + 1, 0).astype(np.int32)
+        _label_free(faces.painted, grid.cells, of_cell, labels)
+        rooms = _rooms(grid, faces, room)
+        if not rooms:
+            warnings = (*warnings, "no room: no face of the wall lines lies inside the seen space")
+        angle = angles_to_world(model.aligned.directions, grid.origin)
+        walls, lines = _walls(grid, model, angle), _lines(grid, model, faces, angle)
+        ends = to_world(model.segments.reshape(-1, 2), grid.origin).reshape(-1, 4)
+    return Layout(
+        method=method,
+        clean_grid=model.clean_grid,
+        labels=labels,
+        rooms=rooms,
+        directions=angle,
+        structure_score=model.structure_score,
+        cell_scores=model.cell_scores,
+        segments=ends,
+        walls=walls,
+        lines=lines,
+        timings=timer.seconds,
+        warnings=warnings,
+        face_source=FaceBuilder(faces, room, grid),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FaceBuilder:
+    """Builds the `Face` objects of a layout when they are asked for."""
+
+    faces: FaceModel
+    room: NDArray[np.int64]
+    grid: OccupancyGrid
+
+    def build(self) -> list[Face]:
+        """The faces, in order."""
+        model, arrangement = self.faces, self.faces.arrangement
+        polygons = outline(arrangement, model.group, len(model))
+        ends = to_world(arrangement.vertices, self.grid.origin)
+        edges: list[list[FaceEdge]] = [[] for _ in polygons]
+        of_half = np.where(arrangement.face >= 0, model.group[arrangement.face], OUTSIDE)
+        share = model.covered / np.maximum(arrangement.edge_length, 1e-9)
+        border = len(model.weight) - 4
+        for half in np.flatnonzero((of_half >= 0) & (of_half != of_half.reshape(-1, 2)[:, ::-1].reshape(-1))):
+            edge, start, end = half // 2, *arrangement.edges[half // 2][:: 1 - 2 * (half % 2)]
+            line = int(arrangement.line[edge])
+            edges[of_half[half]].append(
+                FaceEdge(
+                    start=(float(ends[start, 0]), float(ends[start, 1])),
+                    end=(float(ends[end, 0]), float(ends[end, 1])),
+                    line=line if line < border else BORDER,
+                    weight=float(min(share[edge], 1.0)),
+                    neighbour=int(of_half[half ^ 1]),
+                )
+            )
+        return [
+            Face(
+                id=i,
+                polygon=polygon_to_world(polygon, self.grid),
+                kind=KINDS[model.kind[i]],
+                inside_share=float(model.inside_share[i]),
+                edges=tuple(edges[i]),
+                room=int(self.room[i]) + 1,
+            )
+            for i, polygon in enumerate(polygons)
+        ]
+
+
+def polygon_to_world(polygon: shapely.Polygon, grid: OccupancyGrid) -> shapely.Polygon:
+    """A polygon of the local frame in the world frame."""
+    moved: Any = shapely.transform(polygon, lambda points: to_world(points, grid.origin))
+    return moved
+
+
+def _box(grid: OccupancyGrid, segments: NDArray[np.float64], margin: float) -> Box:
+    width, height = extent(grid)
+    x, y = segments[:, ::2], segments[:, 1::2]
+    return (
+        max(float(x.min()) - margin, 0.0),
+        max(float(y.min()) - margin, 0.0),
+        min(float(x.max()) + margin, width),
+        min(float(y.max()) + margin, height),
+    )
+
+
+def _weights(arrangement: Arrangement, model: WallModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Covered metres of each edge (e,) and covered share of each line (m + 4,)."""
+    lines: LineSet = arrangement.lines
+    count = len(model.lines)
+    reach = 4 * (1 + np.abs(np.concatenate((lines.start, lines.end, model.aligned.start, model.aligned.end))).max())
+    coverage = cover_lines(model.aligned, model.lines.group, float(reach))
+    wall = arrangement.line < count
+    covered = np.zeros(len(arrangement.line))
+    covered[wall] = coverage.between(arrangement.line[wall], arrangement.span[wall, 0], arrangement.span[wall, 1])
+    weight = np.ones(count + 4)
+    length = np.maximum(lines.end[:count] - lines.start[:count], 1e-9)
+    weight[:count] = coverage.between(np.arange(count), lines.start[:count], lines.end[:count]) / length
+    return np.minimum(covered, arrangement.edge_length), np.minimum(weight, 1.0)
+
+
+def _kinds(graph: FaceGraph, external: NDArray[np.bool_], partial_weight: float) -> NDArray[np.int64]:
+    kind = np.where(external, 0, 2)
+    opens = graph.weight < partial_weight
+    kind[graph.first[opens & external[graph.second]]] = 1
+    kind[graph.second[opens & external[graph.first]]] = 1
+    kind[external] = 0
+    return kind
+
+
+def _at_border(arrangement: Arrangement, group: NDArray[np.int64], count: int) -> NDArray[np.bool_]:
+    sides = arrangement.sides[(arrangement.sides < 0).any(axis=1)].max(axis=1)
+    touched = np.zeros(count, np.bool_)
+    touched[group[sides[sides >= 0]]] = True
+    return touched
+
+
+@njit(cache=True, nogil=True)
+def _count_cells(
+    painted: NDArray[np.int32], region: NDArray[np.uint8], cells: NDArray[np.int8], totals: NDArray[np.int64]
+) -> None:
+    for row in range(painted.shape[0]):
+        for col in range(painted.shape[1]):
+            face = painted[row, col]
+            if face >= 0:
+                totals[face, 0] += 1
+                totals[face, 1] += region[row, col]
+                totals[face, 2] += cells[row, col] != UNKNOWN
+                totals[face, 3] += cells[row, col] == FREE
+
+
+@njit(cache=True, nogil=True)
+def _label_free(
+    painted: NDArray[np.int32], cells: NDArray[np.int8], of_cell: NDArray[np.int32], labels: NDArray[np.int32]
+) -> None:
+    for row in range(painted.shape[0]):
+        for col in range(painted.shape[1]):
+            if painted[row, col] >= 0 and cells[row, col] == FREE:
+                labels[row, col] = of_cell[painted[row, col]]
+
+
+def _rooms(grid: OccupancyGrid, faces: FaceModel, room: NDArray[np.int64]) -> tuple[LayoutRoom, ...]:
+    count = int(room.max(initial=-1)) + 1
+    polygons = outline(faces.arrangement, np.append(room, -1)[faces.group], count)
+    members = [np.flatnonzero(room == i) for i in range(count)]
+    area = np.bincount(faces.group, faces.arrangement.area, len(faces))
+    return tuple(
+        LayoutRoom(
+            id=i + 1,
+            polygon=polygon_to_world(polygon, grid),
+            faces=tuple(inside.tolist()),
+            seen_share=float(np.average(faces.known_share[inside], weights=area[inside])),
+            is_partial=bool((faces.kind[inside] == 1).any()),
+            is_closed=not faces.at_border[inside].any(),
+        )
+        for i, (polygon, inside) in enumerate(zip(polygons, members, strict=True))
+    )
+
+
+def _walls(grid: OccupancyGrid, model: WallModel, angle: NDArray[np.float64]) -> tuple[Wall, ...]:
+    walls = model.walls
+    line = np.zeros(len(walls), np.int64)
+    line[walls.group] = model.lines.group
+    c, s = np.cos(model.aligned.directions)[walls.direction], np.sin(model.aligned.directions)[walls.direction]
+    ends = [
+        to_world(np.stack((at * c - walls.offset * s, at * s + walls.offset * c), axis=1), grid.origin).tolist()
+        for at in (walls.start, walls.end)
+    ]
+    order = np.argsort(walls.group, kind="stable").astype(np.int32)
+    members = np.split(order, np.cumsum(np.bincount(walls.group, minlength=len(walls)))[:-1]) if len(walls) else []
+    directions, lines, angles = walls.direction.tolist(), line.tolist(), angle.tolist()
+    return tuple(
+        Wall(direction=d, angle=angles[d], start=tuple(a), end=tuple(b), segments=m, line=k)
+        for d, a, b, m, k in zip(directions, *ends, members, lines, strict=True)
+    )
+
+
+def _lines(grid: OccupancyGrid, model: WallModel, faces: FaceModel, angle: NDArray[np.float64]) -> tuple[Line, ...]:
+    lines = faces.arrangement.lines
+    index = np.arange(len(lines))
+    start, end = (to_world(lines.points(at, index), grid.origin).tolist() for at in (lines.start, lines.end))
+    direction = [*model.lines.direction.tolist(), *[BORDER] * 4]
+    angles = [*angle[model.lines.direction].tolist(), *angles_to_world(lines.angle[-4:], grid.origin).tolist()]
+    return tuple(
+        Line(
+            direction=direction[i],
+            angle=angles[i],
+            start=tuple(start[i]),
+            end=tuple(end[i]),
+            weight=float(faces.weight[i]),
+            is_local=bool(faces.dropped[i]),
+            is_border=direction[i] == BORDER,
+        )
+        for i in range(len(lines))
+    )
+
+
+def clean_grid(grid: OccupancyGrid, structure: NDArray[np.bool_]) -> OccupancyGrid:
+    """The grid with occupied cells that are not structure turned free."""
+    cells = np.where((grid.cells == OCCUPIED) & ~structure, np.int8(FREE), grid.cells)
+    return OccupancyGrid(cells, grid.resolution, grid.origin)
