@@ -2,11 +2,7 @@
 
 A robot moves from a cell to one of its eight neighbours; a diagonal move needs both cells that it squeezes past to be
 traversable, so no path cuts a corner. Straight moves cost 1 and diagonal ones the square root of 2, in cells.
-
-Distances are counted in whole numbers, 5741 for a straight and 8119 for a diagonal move (8119 / 5741 is a convergent of
-the square root of 2, wrong by 8e-9 in relation): sums are exact, symmetric and free of the order in which they are made.
-Dijkstra's algorithm runs on a bucket queue (Dial, "Algorithm 360", 1969) with buckets one cell wide: no move is shorter,
-so cells of one bucket cannot improve each other and need no order; no move is longer than 1.42, so three buckets do.
+The search itself lies in `layoutexplore.wavefront`.
 """
 
 from __future__ import annotations
@@ -20,10 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.grid import Cell, check_resolution
+from layoutexplore.wavefront import DIAGONAL, FAR, STRAIGHT, Workspace, to_metres, workspace
 
-_STRAIGHT = 5741
-_DIAGONAL = 8119
-_FAR = 2**31 - 1
+_NOWHERE = np.empty(0, np.int64)
 
 
 def inflate(occupied: NDArray[np.bool_], radius: float, resolution: float) -> NDArray[np.bool_]:
@@ -68,8 +63,8 @@ def geodesic_distances(
         traversable: bool (rows, cols).
         source: Where the robot is; it need not be traversable itself (paths may start in it, not pass through it).
         resolution: Side of a cell in metres.
-        stop_at: int32 (n, 2) cells; stop as soon as all of them are settled. Cells beyond may then be inf or longer
-            than they should be; those of `stop_at` and all that are nearer than the farthest of them are exact.
+        stop_at: int32 (n, 2) cells; stop as soon as the distances of all of them are known. Cells that are farther than
+            the farthest of them may then be infinite; what is finite is exact.
 
     Returns:
         float32 (rows, cols) in metres, inf where there is no path.
@@ -85,10 +80,11 @@ def geodesic_distances(
     check_resolution(resolution)
     start = _checked_cells(np.array([source]), world.shape)
     stops = _checked_cells(np.empty((0, 2)) if stop_at is None else stop_at, world.shape)
-    moves = _allowed_moves(_padded(world))
-    units = np.empty(moves.shape, np.int32)
-    _fill(moves, start[0, 0] + 1, start[0, 1] + 1, stops + 1, units)
-    return _in_metres(units[1:-1, 1:-1], resolution / _STRAIGHT)
+    space = workspace(world)
+    settled = space.spread(_flat(start, space)[0], _flat(stops, space))
+    lengths = np.empty(world.shape, np.float32)
+    to_metres(space.distance, resolution / STRAIGHT, settled, lengths)
+    return lengths
 
 
 def descend(distances: NDArray[np.float32], traversable: NDArray[np.bool_], target: Cell) -> NDArray[np.int32]:
@@ -133,8 +129,25 @@ def distance_matrix(traversable: NDArray[np.bool_], cells: NDArray[np.int32], re
     world = _checked(traversable)
     check_resolution(resolution)
     places = _checked_cells(cells, world.shape)
-    units = _all_pairs(_padded(world), places + 1)
-    return _in_metres(units, resolution / _STRAIGHT)
+    n = len(places)
+    units = np.full((n, n), FAR, np.int64)
+    np.fill_diagonal(units, 0)
+    if n > 1:
+        space = workspace(world)
+        flat = _flat(places, space)
+        doors, lengths = _entrances(flat, space)
+        waiting = np.arange(n)
+        source = 0
+        while len(waiting) > 1:
+            waiting = waiting[waiting != source]
+            space.spread(int(flat[source]), np.unique(doors[waiting]))
+            reached = space.distance[doors[waiting]].astype(np.int64) + lengths[waiting]
+            reached = np.where(reached >= FAR, FAR, reached).min(axis=1)
+            reached[flat[waiting] == flat[source]] = 0
+            units[source, waiting] = units[waiting, source] = reached
+            # The outermost place next: what remains lies ever closer together, and searches stop ever sooner.
+            source = int(waiting[np.argmax(units[0, waiting])])
+    return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
 
 def _checked(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -165,141 +178,26 @@ def _trimmed(kernel: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return kernel[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1].astype(np.uint8)
 
 
-def _in_metres(units: NDArray[np.int32], metres: float) -> NDArray[np.float32]:
-    lengths = (units * np.float64(metres)).astype(np.float32)
-    lengths[units == _FAR] = np.inf
-    return lengths
+def _flat(places: NDArray[np.int64], space: Workspace) -> NDArray[np.int64]:
+    """Padded flat indices (n,) of cells (n, 2)."""
+    return (places[:, 0] + 1) * space.cols + places[:, 1] + 1
 
 
-@njit(cache=True, nogil=True)
-def _allowed_moves(world: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """uint8 (rows, cols): the moves out of each cell, bits in the order of `_offsets`; none out of the border."""
-    rows, cols = world.shape
-    moves = np.zeros((rows, cols), np.uint8)
-    for r in range(1, rows - 1):
-        for c in range(1, cols - 1):
-            north, south, west, east = world[r + 1, c], world[r - 1, c], world[r, c - 1], world[r, c + 1]
-            moves[r, c] = (
-                north
-                | south << 1
-                | west << 2
-                | east << 3
-                | (north & west & world[r + 1, c - 1]) << 4
-                | (north & east & world[r + 1, c + 1]) << 5
-                | (south & west & world[r - 1, c - 1]) << 6
-                | (south & east & world[r - 1, c + 1]) << 7
-            )
-    return moves
+def _entrances(flat: NDArray[np.int64], space: Workspace) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """For each place the cells (n, 8) by which it is entered and the lengths (n, 8) of those moves.
 
-
-@njit(cache=True, nogil=True)
-def _offsets(cols: int) -> NDArray[np.int64]:
-    return np.array([cols, -cols, -1, 1, cols - 1, cols + 1, -cols - 1, -cols + 1])
-
-
-@njit(cache=True, nogil=True)
-def _fill(moves: NDArray[np.uint8], row: int, col: int, stops: NDArray[np.int64], units: NDArray[np.int32]) -> None:
-    """Write distances from (row, col) into `units`, `_FAR` where there is no path; stop when all `stops` are settled."""
-    cols = moves.shape[1]
-    allowed = moves.ravel()
-    distance = units.ravel()
-    distance[:] = _FAR
-    offsets = _offsets(cols)
-    is_stop = np.zeros(distance.size if stops.shape[0] else 1, np.bool_)
-    waiting = 0
-    for k in range(stops.shape[0]):
-        index = stops[k, 0] * cols + stops[k, 1]
-        waiting += not is_stop[index]
-        is_stop[index] = True
-    capacity = 4 * (moves.shape[0] + cols) + 64
-    buckets = np.empty((3, capacity), np.int32)
-    counts = np.zeros(3, np.int64)
-    source = row * cols + col
-    distance[source] = 0
-    buckets[0, 0] = source
-    counts[0] = 1
-    level, empty = 0, 0
-    while empty < 3:
-        slot = level % 3
-        n = counts[slot]
-        if n == 0:
-            empty += 1
-            level += 1
-            continue
-        empty = 0
-        base = level * _STRAIGHT
-        for j in range(n):
-            index = buckets[slot, j]
-            here = distance[index]
-            if here < base:
-                continue  # Settled in an earlier bucket: it was improved after it had been queued here.
-            if stops.shape[0] and is_stop[index]:
-                is_stop[index] = False
-                waiting -= 1
-            bits = allowed[index]
-            for k in range(8):
-                if not bits >> k & 1:
-                    continue
-                target = index + offsets[k]
-                there = here + (_STRAIGHT if k < 4 else _DIAGONAL)
-                if there < distance[target]:
-                    distance[target] = there
-                    ahead = (level + (1 if there < base + 2 * _STRAIGHT else 2)) % 3
-                    if counts[ahead] == capacity:
-                        larger = np.empty((3, 2 * capacity), np.int32)
-                        larger[:, :capacity] = buckets
-                        buckets, capacity = larger, 2 * capacity
-                    buckets[ahead, counts[ahead]] = target
-                    counts[ahead] += 1
-        counts[slot] = 0
-        level += 1
-        if stops.shape[0] and waiting == 0:
-            break
-
-
-@njit(cache=True, nogil=True)
-def _all_pairs(world: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int32]:
-    """int32 (n, n) distances between places of a padded mask."""
-    n = places.shape[0]
-    result = np.full((n, n), _FAR, np.int32)
-    moves = _allowed_moves(world)
-    units = np.empty(world.shape, np.int32)
-    offsets = _offsets(world.shape[1])
-    flat, distance, allowed = world.ravel(), units.ravel(), moves.ravel()
-    for i in range(n):
-        result[i, i] = 0
-        _fill(moves, places[i, 0], places[i, 1], _entrances(world, moves, places[i + 1 :]), units)
-        for j in range(i + 1, n):
-            index = places[j, 0] * world.shape[1] + places[j, 1]
-            length = distance[index]
-            if not flat[index] and length > 0:
-                # A path may end in a cell that is not traversable: by the last of the moves that lead out of it.
-                for k in range(8):
-                    before = distance[index + offsets[k]]
-                    if allowed[index] >> k & 1 and before != _FAR:
-                        length = min(length, before + (_STRAIGHT if k < 4 else _DIAGONAL))
-            result[i, j] = result[j, i] = length
-    return result
-
-
-@njit(cache=True, nogil=True)
-def _entrances(world: NDArray[np.uint8], moves: NDArray[np.uint8], places: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The places, with those that are not traversable replaced by the cells from which they are entered."""
-    entrances = np.empty((8 * places.shape[0], 2), np.int64)
-    count = 0
-    offsets = _offsets(world.shape[1])
-    for j in range(places.shape[0]):
-        row, col = places[j]
-        if world[row, col]:
-            entrances[count, 0], entrances[count, 1] = row, col
-            count += 1
-            continue
-        for k in range(8):
-            if moves[row, col] >> k & 1:
-                index = row * world.shape[1] + col + offsets[k]
-                entrances[count, 0], entrances[count, 1] = index // world.shape[1], index % world.shape[1]
-                count += 1
-    return entrances[:count]
+    A traversable place is entered "by itself"; one that is not, by the moves that lead out of it, which no search follows.
+    """
+    cells = np.repeat(flat[:, None], 8, axis=1)
+    lengths = np.zeros(cells.shape, np.int64)
+    north, east = space.cols, 1
+    offsets = np.array([north, -north, -east, east, north - east, north + east, -north - east, -north + east])
+    moves = np.array([STRAIGHT] * 4 + [DIAGONAL] * 4)
+    shut = space.world.ravel()[flat] == 0
+    allowed = (space.moves.ravel()[flat, None] >> np.arange(8)) & 1 == 1
+    cells[shut] = np.where(allowed[shut], cells[shut] + offsets, cells[shut])
+    lengths[shut] = np.where(allowed[shut], moves, FAR)
+    return cells, lengths
 
 
 @njit(cache=True, nogil=True)
