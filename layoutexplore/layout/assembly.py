@@ -111,6 +111,7 @@ class FaceModel:
         known_share: float64 (n,), share of each face's grid cells that are known.
         free_area: float64 (n,), square metres.
         painted: int32 (rows, cols), the cell of the arrangement at each grid cell, -1 outside the box.
+        region: uint8 (rows, cols), 1 inside the contour of what has been seen.
         kind: int64 (n,), 0 external, 1 partial, 2 internal.
         at_border: bool (n,), the face has a side on the border of the box.
     """
@@ -125,6 +126,7 @@ class FaceModel:
     known_share: NDArray[np.float64]
     free_area: NDArray[np.float64]
     painted: NDArray[np.int32]
+    region: NDArray[np.uint8]
     kind: NDArray[np.int64]
     at_border: NDArray[np.bool_]
 
@@ -150,39 +152,57 @@ def seen_region(grid: OccupancyGrid, least: float) -> NDArray[np.uint8]:
     return region
 
 
+def arrange_lines(grid: OccupancyGrid, model: WallModel, margin: float) -> Arrangement:
+    """The arrangement of the representative lines in the box of the segments."""
+    box = _box(grid, model.segments, margin)
+    return arrange(clip_lines(model.aligned.directions[model.lines.direction], model.lines.offset, box))
+
+
 def build_faces(grid: OccupancyGrid, model: WallModel, config: FaceConfig, timer: StageTimer) -> FaceModel:
-    """Arrange the lines, weigh their edges and classify the faces."""
+    """Arrange the lines, weigh their edges, unite faces over the edges that are dropped, and classify the faces."""
     with timer("faces"):
-        lines = clip_lines(
-            model.aligned.directions[model.lines.direction], model.lines.offset, _box(grid, model.segments, config.margin)
-        )
-        arrangement = arrange(lines)
-        covered, weight = _weights(arrangement, model)
-        dropped = weight < config.line_weight
+        arrangement = arrange_lines(grid, model, config.margin)
+        covered, weight = line_weights(arrangement, model)
         share = covered / np.maximum(arrangement.edge_length, 1e-9)
-        group, count = dissolve(arrangement, dropped[arrangement.line] & (share < config.edge_weight))
-        graph = face_graph(arrangement, covered, group, count)
+        open_edge = (weight < config.line_weight)[arrangement.line] & (share < config.edge_weight)
+        group, _ = dissolve(arrangement, open_edge)
     with timer("contour"):
         region = seen_region(grid, config.region_area)
     with timer("paint"):
-        painted = paint_faces(arrangement, grid.shape, grid.resolution)
-        totals = np.zeros((len(arrangement), 4), np.int64)
-        _count_cells(painted, region, grid.cells, totals)
-        sums = np.zeros((count, 4))
-        np.add.at(sums, group, totals)
+        return face_model(grid, arrangement, covered, weight, group, region, config)
+
+
+def face_model(
+    grid: OccupancyGrid,
+    arrangement: Arrangement,
+    covered: NDArray[np.float64],
+    weight: NDArray[np.float64],
+    group: NDArray[np.int64],
+    region: NDArray[np.uint8],
+    config: FaceConfig,
+) -> FaceModel:
+    """Everything about the faces that are unions of cells of an arrangement; `region` is 1 inside the seen contour."""
+    count = int(group.max()) + 1
+    graph = face_graph(arrangement, covered, group, count)
+    painted = paint_faces(arrangement, grid.shape, grid.resolution)
+    totals = np.zeros((len(arrangement), 4), np.int64)
+    _count_cells(painted, region, grid.cells, totals)
+    sums = np.zeros((count, 4))
+    np.add.at(sums, group, totals)
     cells = np.maximum(sums[:, 0], 1)
     external = sums[:, 1] / cells < config.inside_share
     return FaceModel(
         arrangement=arrangement,
         covered=covered,
         weight=weight,
-        dropped=dropped,
+        dropped=weight < config.line_weight,
         group=group,
         graph=graph,
         inside_share=sums[:, 1] / cells,
         known_share=sums[:, 2] / cells,
         free_area=sums[:, 3] * grid.resolution**2,
         painted=painted,
+        region=region,
         kind=_kinds(graph, external, config.partial_weight),
         at_border=_at_border(arrangement, group, count),
     )
@@ -290,7 +310,7 @@ def _box(grid: OccupancyGrid, segments: NDArray[np.float64], margin: float) -> B
     )
 
 
-def _weights(arrangement: Arrangement, model: WallModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def line_weights(arrangement: Arrangement, model: WallModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Covered metres of each edge (e,) and covered share of each line (m + 4,)."""
     lines: LineSet = arrangement.lines
     count = len(model.lines)

@@ -18,12 +18,13 @@ from layoutexplore.layout.declutter import DeclutterConfig, Structure, find_stru
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.segments import SegmentConfig, align, find_segments
 from layoutexplore.layout.timing import StageTimer
+from layoutexplore.layout.topology import TopologyConfig, split_rooms
 from layoutexplore.layout.types import Layout, empty_layout, has_free_space
 from layoutexplore.layout.walls import find_walls, merge_walls
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig):
+class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
     """Every option of the rose2 method; lengths in metres. See also the classes it extends.
 
     Attributes:
@@ -39,7 +40,7 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig):
     line_distance: float = 0.6
 
     def __post_init__(self) -> None:
-        for parent in (DeclutterConfig, SegmentConfig, FaceConfig):
+        for parent in (DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
             parent.__post_init__(self)
         if not 0 < self.level < 1:
             raise ConfigError(f"level must lie between 0 and 1, got {self.level}")
@@ -71,6 +72,9 @@ def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
     faces = build_faces(grid, model, config, timer)
     with timer("clusters"):
         room = find_rooms(faces, config)
+    if config.split and room.max(initial=-1) >= 0:
+        with timer("topology"):
+            model, faces, room = split_rooms(grid, model, faces, room, config, config)
     return assemble("rose2", grid, model, faces, room, timer)
 
 

@@ -1,0 +1,63 @@
+"""Layouts as GeoJSON, in metres of the world frame."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import shapely
+
+from layoutexplore.layout.types import Layout
+
+
+def layout_to_geojson(layout: Layout) -> dict[str, Any]:
+    """A FeatureCollection of the rooms, faces, lines and walls of a layout.
+
+    Every feature has a property `kind` ("room", "face", "line" or "wall"); the collection's `layout` member holds the
+    method, the directions in degrees, the structure score and the warnings.
+    """
+    features = [
+        *(_feature(room.polygon, "room", **_room(room)) for room in layout.rooms),
+        *(
+            _feature(
+                face.polygon,
+                "face",
+                id=face.id,
+                face_kind=face.kind.value,
+                inside_share=round(face.inside_share, 4),
+                room=face.room,
+            )
+            for face in layout.faces
+        ),
+        *(
+            _feature(shapely.LineString((line.start, line.end)), "line", weight=round(line.weight, 4), local=line.is_local)
+            for line in layout.lines
+            if not line.is_border
+        ),
+        *(_feature(shapely.LineString((wall.start, wall.end)), "wall", line=wall.line) for wall in layout.walls),
+    ]
+    score = layout.structure_score
+    return {
+        "type": "FeatureCollection",
+        "layout": {
+            "method": layout.method,
+            "directions": [round(float(v), 4) for v in layout.directions * 180 / 3.141592653589793],
+            "structure_score": round(score, 4) if score == score else None,
+            "warnings": list(layout.warnings),
+        },
+        "features": features,
+    }
+
+
+def _room(room: Any) -> dict[str, Any]:
+    return {
+        "id": room.id,
+        "area": round(room.area, 4),
+        "seen_share": round(room.seen_share, 4),
+        "partial": room.is_partial,
+        "closed": room.is_closed,
+        "faces": list(room.faces),
+    }
+
+
+def _feature(geometry: shapely.Geometry, kind: str, **properties: Any) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": shapely.geometry.mapping(geometry), "properties": {"kind": kind, **properties}}
