@@ -1,0 +1,159 @@
+"""What both environments share: floor plans, seeds, rewards, bookkeeping and rendering.
+
+All physics is in `layoutexplore.simulation`; an environment only translates between it and Gymnasium.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ResetNeeded
+from numpy.typing import NDArray
+
+from layoutexplore.decision import Predictor
+from layoutexplore.envs.observation import Observation
+from layoutexplore.envs.plans import PlanSource, PlanSpec, load
+from layoutexplore.envs.rewards import Reward, Transition, reward
+from layoutexplore.envs.viewer import RENDER_MODES, Viewer
+from layoutexplore.errors import ConfigError, StartError
+from layoutexplore.grid import Pose
+from layoutexplore.lidar import LidarConfig
+from layoutexplore.simulation import Simulation
+from layoutexplore.simulation_config import SimulationConfig
+
+Action = TypeVar("Action")
+
+STOP_REASONS = ("", "coverage", "no_frontier", "budget", "agent", "invalid_actions", "steps")
+"""Why an episode ended; `info["stop_reason"]` is the index. Those from "budget" on, but for "agent", truncate."""
+
+_TRUNCATING = {"budget", "invalid_actions", "steps"}
+_OPTIONS = {"plan", "start"}
+
+
+class ExplorationEnv(gymnasium.Env[Observation, Action]):
+    """One robot exploring one floor plan an episode; see `FrontierEnv` and `MotionEnv`.
+
+    Attributes:
+        simulation: The simulation of the current episode.
+        stop_reason: Why the episode ended; "" while it goes on.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4}  # noqa: RUF012
+
+    def __init__(
+        self,
+        *,
+        plan: PlanSpec,
+        sensor: str | LidarConfig | None,
+        resolution: float | None,
+        robot_radius: float | None,
+        simulation: SimulationConfig | None,
+        predictor: Predictor | None,
+        reward_function: str | Reward,
+        render_mode: str | None,
+        render_size: tuple[int, int],
+        shows_frontiers: bool,
+    ) -> None:
+        given = {"sensor": sensor, "resolution": resolution, "robot_radius": robot_radius}
+        changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+        self.config = replace(simulation or SimulationConfig(), **changes)
+        self.render_mode = render_mode
+        self._plans = PlanSource(plan)
+        self._predictor = predictor
+        self._reward = reward(reward_function)
+        self._viewer = Viewer(render_mode, render_size, self.metadata["render_fps"], frontiers=shows_frontiers)
+        self._simulation: Simulation | None = None
+        self._over = True
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation of the current episode."""
+        if self._simulation is None:
+            raise ResetNeeded("call reset() before anything else")
+        return self._simulation
+
+    def render(self) -> NDArray[np.uint8] | str | None:
+        """A frame uint8 (height, width, 3), a text, or None, by the render mode."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() does nothing without a render_mode: gymnasium.make(id, render_mode='rgb_array')")
+            return None
+        return self._viewer.draw(self.simulation)
+
+    def close(self) -> None:
+        """Close the window of the mode "human"."""
+        self._viewer.close()
+
+    def _begin(self, seed: int | None, options: Mapping[str, Any] | None) -> None:
+        """Start an episode: draw the plan and the simulation's seed, and reset it."""
+        super().reset(seed=seed)
+        options = options or {}
+        if unknown := set(options) - _OPTIONS:
+            raise ConfigError(f"unknown reset options {sorted(unknown)}: known are {sorted(_OPTIONS)}")
+        self._plan_index, plan = self._plans.draw(self.np_random)
+        if options.get("plan") is not None:
+            self._plan_index, plan = -1, load(options["plan"])
+        self._simulation_seed = int(self.np_random.integers(2**31))
+        if self._simulation is None or self._simulation.plan is not plan:
+            self._simulation = Simulation(plan, self.config, self._predictor)
+        self._simulation.reset(self._simulation_seed, _start(options.get("start")))
+        self.stop_reason = ""
+        self._over = False
+        self._remember()
+
+    def _remember(self) -> None:
+        """Keep what the reward of the next step is measured from."""
+        simulation = self.simulation
+        self._before = (simulation.distance, simulation.mapper.known_free, simulation.coverage)
+
+    def _finish(self) -> tuple[float, bool, bool]:
+        """Reward, terminated and truncated of the step that has been made."""
+        simulation = self.simulation
+        self.stop_reason = self.stop_reason or simulation.stop_reason
+        self._over = bool(self.stop_reason)
+        distance, known_free, coverage = self._before
+        transition = Transition(
+            metres=simulation.distance - distance,
+            new_area=(simulation.mapper.known_free - known_free) * simulation.raster.resolution**2,
+            coverage=simulation.coverage,
+            coverage_gain=simulation.coverage - coverage,
+            distance=simulation.distance,
+            budget=simulation.max_distance,
+            stop_reason=self.stop_reason,
+        )
+        self._remember()
+        truncated = self.stop_reason in _TRUNCATING
+        return float(self._reward(transition)), self._over and not truncated, truncated
+
+    def _check_running(self) -> None:
+        if self._over:
+            raise ResetNeeded(
+                "the episode is over: call reset() before the next step()" if self._simulation else "call reset() first"
+            )
+
+    def _info(self) -> dict[str, Any]:
+        """The entries of `info` that both environments have."""
+        simulation = self.simulation
+        return {
+            "coverage": simulation.coverage,
+            "distance": simulation.distance,
+            "known_area": simulation.mapper.known_free * simulation.raster.resolution**2,
+            "decisions": simulation.decisions,
+            "scans": simulation.scans,
+            "stop_reason": STOP_REASONS.index(self.stop_reason),
+            "plan_index": self._plan_index,
+            "simulation_seed": self._simulation_seed,
+        }
+
+
+def _start(value: Any) -> Pose | None:
+    """A start from the options of `reset`: (x, y) or (x, y, theta)."""
+    if value is None:
+        return None
+    numbers = tuple(float(v) for v in value)
+    if len(numbers) not in (2, 3):
+        raise StartError(f"a start is (x, y) or (x, y, theta), got {value!r}")
+    return Pose(*numbers)

@@ -1,0 +1,222 @@
+"""`LayoutExplore/Frontier-v0`: choose the next frontier until a building is explored."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from layoutexplore.decision import STOP, Predictor
+from layoutexplore.envs.base import ExplorationEnv
+from layoutexplore.envs.observation import Observation, ObservationConfig, Observer
+from layoutexplore.envs.plans import PlanSpec
+from layoutexplore.envs.rewards import Reward
+from layoutexplore.errors import ConfigError
+from layoutexplore.lidar import LidarConfig
+from layoutexplore.simulation_config import SimulationConfig
+
+
+class FrontierEnv(ExplorationEnv[np.int64]):
+    r"""Explore an unknown building by choosing, again and again, the frontier to look at next.
+
+    ## Description
+    A robot with a lidar stands in a building it does not know. It maps what it sees; the borders between known floor
+    and the unknown are *frontiers*. Each step sends it to one of them along the shortest known path. It scans on the way, and
+    the step ends on arrival, or earlier when the frontier has dissolved or the way is blocked. The task is to see all
+    of the building that can be reached in as few metres as possible.
+
+    The environment is a thin layer over `layoutexplore.Simulation`: the same choices give the same trajectory.
+
+    ## Action Space
+    `Discrete(max_frontiers + 1)`; with the default of 64 slots:
+
+    | Num | Action |
+    |---|---|
+    | 0 ... 63 | go and look at that frontier; they are sorted by path length, nearest first |
+    | 64 | stop: end the episode |
+
+    The valid actions stand in `observation["action_mask"]`, in `info["action_mask"]` (both int8) and in
+    `env.unwrapped.action_masks()` (bool, as sb3-contrib's `MaskablePPO` wants it). An invalid action moves nothing,
+    costs `invalid_penalty` and is counted; after `max_invalid_actions` of them the episode is truncated. When there are more
+    frontiers than slots, the farthest are left out.
+
+    ## Observation Space
+    `Dict`; images are uint8 and channel first, vectors float32. Lengths are in units of 10 m, areas of 10 m² (see
+    `ObservationConfig`), clipped to the bounds of the space.
+
+    | Key | Shape | Content |
+    |---|---|---|
+    | `local_map` | (7, 64, 64) | 12.8 m around the robot, the heading up |
+    | `global_map` | (7, 84, 84) | the square around all that is known (20 m at least), north up |
+    | `frontiers` | (64 * 12,) | a row per slot, flattened; zeros where there is no frontier |
+    | `robot` | (9,) | the robot and the map as a whole |
+    | `action_mask` | (65,) | 1 for valid actions |
+
+    Channels: `free` (share of the pixel), `occupied`, `frontier`, `trail` (where the robot has been), `predicted_room`,
+    `predicted_wall`, `closed_room`.
+
+    | Column of `frontiers` | Content |
+    |---|---|
+    | `valid` | 1 where the slot holds a frontier |
+    | `ahead`, `left` | position of its middle relative to the robot and its heading |
+    | `path_length` | length of the shortest known path to where it is looked at from |
+    | `straight_distance` | distance to its middle as the crow flies |
+    | `turn` | direction of its middle relative to the heading, in half turns, -1 ... 1, left positive |
+    | `size` | its length |
+    | `visible_area` | unknown area that would be in view |
+    | `detour` | metres by which a short tour over all frontiers grows when it is visited first; 0 unless switched on |
+    | `class` | 1 closed (the rest of a room), -1 open (leads on), 0 not predicted |
+    | `expected_area` | predicted unknown area behind it |
+    | `confidence` | of the class |
+
+    `robot`: `heading_cos`, `heading_sin`, `distance` travelled, `known_area`, `frontier_count` (over the slots), `map_x`,
+    `map_y` (where it is in the global map, 0 ... 1 from the lower left), `map_span` (side of the global map),
+    `expected_area` (of all frontiers). Without a predictor, all that a layout would tell is zero.
+
+    ## Starting State
+    A floor plan drawn from `plan`, and a random free pose in its largest connected area, after one scan all around.
+    `reset(options={"plan": ..., "start": (x, y, theta)})` sets either.
+
+    ## Reward
+    By name or as a callable that takes a `Transition`:
+
+    | Name | Reward of a step |
+    |---|---|
+    | `path_length` (default) | -10 * metres / budget; at the end +10 when all is explored, else +5 * coverage |
+    | `area` | m² that became known |
+    | `area_per_metre` | the same per metre travelled |
+    | `coverage` | gain of coverage in per cent |
+
+    ## Episode End
+    Terminated: the coverage goal is reached (99 % of the floor that can be seen from where the robot can get), no
+    frontier is left, or the agent stops. Truncated: the budget of metres is spent (100 m plus 1 m per m² of floor, unless
+    `simulation` says otherwise), or too many invalid actions. If the first scan already shows everything, the first step
+    ends the episode.
+
+    ## Information
+    After `reset` and every `step`: `coverage` (0 ... 1), `distance` (m), `known_area` (m²), `decisions`, `scans`,
+    `stop_reason` (index into `STOP_REASONS`; 0 while the episode goes on), `plan_index` (which of the plans; -1 when it
+    came through the options), `simulation_seed` (replays the episode in a `Simulation`), `frontier_count`,
+    `invalid_actions`, `action_mask`.
+
+    ## Arguments
+    ```python
+    gymnasium.make("LayoutExplore/Frontier-v0", plan="train", sensor="stage", reward="path_length")
+    ```
+
+    | Argument | Meaning |
+    |---|---|
+    | `plan` | a name, split, path, folder, `FloorPlan`, a sequence of these, or a callable `rng -> FloorPlan` |
+    | `sensor` | a preset (`stage`, `indoor`, `short`, `mapex`) or a `LidarConfig` |
+    | `resolution` | metres per cell (0.1) |
+    | `robot_radius` | metres (0.2) |
+    | `simulation` | a `SimulationConfig` for everything else; the three above override it |
+    | `predictor` | a layout predictor, or None |
+    | `reward` | a name or a callable |
+    | `observation` | an `ObservationConfig` |
+    | `invalid_penalty` | subtracted from the reward of an invalid action (0.1) |
+    | `max_invalid_actions` | per episode (100) |
+    | `render_mode`, `render_size` | `human`, `rgb_array`, `ansi` or None; (width, height) in pixels |
+
+    ## References
+    - B. Yamauchi, "A frontier-based approach for autonomous exploration", CIRA 1997.
+    - M. Luperto, L. Fochetta, F. Amigoni, "Exploration of indoor environments through predicting the layout of
+      partially observed rooms", AAMAS 2021.
+
+    ## Version History
+    - v0: first version.
+    """
+
+    def __init__(
+        self,
+        plan: PlanSpec = "train",
+        *,
+        sensor: str | LidarConfig | None = None,
+        resolution: float | None = None,
+        robot_radius: float | None = None,
+        simulation: SimulationConfig | None = None,
+        predictor: Predictor | None = None,
+        reward: str | Reward = "path_length",
+        observation: ObservationConfig | None = None,
+        invalid_penalty: float = 0.1,
+        max_invalid_actions: int = 100,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] = (960, 720),
+    ) -> None:
+        super().__init__(
+            plan=plan,
+            sensor=sensor,
+            resolution=resolution,
+            robot_radius=robot_radius,
+            simulation=simulation,
+            predictor=predictor,
+            reward_function=reward,
+            render_mode=render_mode,
+            render_size=render_size,
+            shows_frontiers=True,
+        )
+        self.observation_config = observation or ObservationConfig()
+        self.observation_space = self.observation_config.space
+        self.action_space = spaces.Discrete(self.observation_config.max_frontiers + 1)
+        self._invalid_penalty, self._max_invalid_actions = float(invalid_penalty), max_invalid_actions
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode; `options` may set the `plan` and the `start` (x, y[, theta])."""
+        self._begin(seed, options)
+        self._invalid_actions = 0
+        self._poses = 0
+        self._observer = Observer(self.observation_config, self.simulation.decision)
+        return self._outcome()
+
+    def step(self, action: np.int64 | int) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Go to a frontier, or stop.
+
+        Raises:
+            ResetNeeded: The episode is over.
+            ConfigError: The action is outside the action space.
+        """
+        self._check_running()
+        choice, simulation = int(action), self.simulation
+        stop = self.observation_config.max_frontiers
+        if not 0 <= choice <= stop:
+            raise ConfigError(f"action {choice} is outside of Discrete({stop + 1})")
+        penalty = 0.0
+        if not simulation.done:
+            if self._mask[choice]:
+                simulation.step(STOP if choice == stop else choice)
+            else:
+                penalty = self._count_invalid()
+        reward, terminated, truncated = self._finish()
+        observation, info = self._outcome()
+        return observation, reward - penalty, terminated, truncated, info
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Which actions are valid, bool (max_frontiers + 1,)."""
+        return self._mask.astype(np.bool_)
+
+    def _count_invalid(self) -> float:
+        self._invalid_actions += 1
+        if self._invalid_actions >= self._max_invalid_actions:
+            self.stop_reason = "invalid_actions"
+        return self._invalid_penalty
+
+    def _outcome(self) -> tuple[Observation, dict[str, Any]]:
+        """Observation and info of the decision that is due, and the mask for both; shows the window in mode "human"."""
+        simulation, slots = self.simulation, self.observation_config.max_frontiers
+        decision, track = simulation.decision, simulation.robot.track
+        self._mask = np.zeros(slots + 1, np.int8)
+        self._mask[: len(decision.frontiers)] = 1
+        self._mask[slots] = 1
+        if len(track) > self._poses:
+            self._observer.walked(track[max(0, self._poses - 1) :], simulation.pose, decision.pose)
+            self._poses = len(track)
+        info = self._info() | {
+            "frontier_count": len(decision.frontiers),
+            "invalid_actions": self._invalid_actions,
+            "action_mask": self._mask.copy(),
+        }
+        if self.render_mode == "human":
+            self.render()
+        return self._observer.observe(decision, self._mask), info

@@ -1,0 +1,296 @@
+"""`LayoutExplore/Motion-v0`: drive a robot through a building, one short move and one scan at a time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from layoutexplore.envs.base import ExplorationEnv
+from layoutexplore.envs.map_images import CHANNELS, Trail, draw_local_map
+from layoutexplore.envs.observation import Observation, check_counts, check_positive
+from layoutexplore.envs.plans import PlanSpec
+from layoutexplore.envs.rewards import Reward
+from layoutexplore.errors import ConfigError
+from layoutexplore.lidar import Lidar, LidarConfig
+from layoutexplore.simulation_config import SimulationConfig
+
+ACTIONS = ("discrete", "continuous")
+
+_LARGE = 1000.0
+
+ROBOT_FEATURES: dict[str, tuple[float, float]] = {
+    "heading_cos": (-1.0, 1.0),
+    "heading_sin": (-1.0, 1.0),
+    "moved": (-1.0, 1.0),
+    "collided": (0.0, 1.0),
+    "new_area": (0.0, _LARGE),
+    "distance": (0.0, _LARGE),
+    "known_area": (0.0, _LARGE),
+}
+"""The entries of the robot vector and their bounds."""
+
+_LOW, _HIGH = np.array(list(ROBOT_FEATURES.values()), np.float32).T
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionConfig:
+    """What `LayoutExplore/Motion-v0` shows, and how far a move goes.
+
+    Attributes:
+        forward: Metres of a full move forward.
+        turn: Radians of a full turn.
+        local_size: Side of the close view in pixels.
+        local_span: Its side in metres.
+        scan_beams: Beams of the scan that is shown, spread over the sensor's field of view.
+        length_scale: Metres that count as 1 in the robot vector.
+        area_scale: Square metres that count as 1 in the robot vector.
+
+    Raises:
+        ConfigError: A value makes no sense.
+    """
+
+    forward: float = 0.25
+    turn: float = math.radians(30)
+    local_size: int = 64
+    local_span: float = 12.8
+    scan_beams: int = 90
+    length_scale: float = 10.0
+    area_scale: float = 10.0
+
+    def __post_init__(self) -> None:
+        check_counts(local_size=(self.local_size, 8), scan_beams=(self.scan_beams, 1))
+        check_positive(
+            forward=self.forward,
+            turn=self.turn,
+            local_span=self.local_span,
+            length_scale=self.length_scale,
+            area_scale=self.area_scale,
+        )
+
+    @property
+    def space(self) -> spaces.Space[Observation]:
+        """The observation space, a `Dict`."""
+        space: Any = spaces.Dict(
+            {
+                "local_map": spaces.Box(0, 255, (len(CHANNELS), self.local_size, self.local_size), np.uint8),
+                "scan": spaces.Box(0.0, 1.0, (self.scan_beams,), np.float32),
+                "robot": spaces.Box(_LOW, _HIGH),
+            }
+        )
+        return cast(spaces.Space[Observation], space)
+
+
+class MotionEnv(ExplorationEnv[Any]):
+    r"""Explore an unknown building by driving: forward, left, right.
+
+    ## Description
+    The same robot, buildings and sensors as in `LayoutExplore/Frontier-v0`, but each step is a short move with one scan
+    at its end. Walls stop the robot where they stand; touching one puts it on the map. The task is to see all of the
+    building that can be reached in as few metres as possible.
+
+    The environment is a thin layer over `layoutexplore.Simulation.drive`.
+
+    ## Action Space
+    With `actions="discrete"` (the default) `Discrete(3)`:
+
+    | Num | Action |
+    |---|---|
+    | 0 | forward by 0.25 m, or until a wall |
+    | 1 | turn left by 30 degrees |
+    | 2 | turn right by 30 degrees |
+
+    With `actions="continuous"` `Box(-1, 1, (2,))`: first turn by the second number times 30 degrees (left positive), then go
+    forward by (1 + the first number) / 2 times 0.25 m. `MotionConfig` sets both lengths.
+
+    ## Observation Space
+    `Dict`; lengths are in units of 10 m, areas of 10 m², clipped to the bounds of the space.
+
+    | Key | Shape | Content |
+    |---|---|---|
+    | `local_map` | (4, 64, 64) uint8 | 12.8 m around the robot, the heading up: `free`, `occupied`, `frontier`, `trail` |
+    | `scan` | (90,) float32 | ranges over the sensor's field of view, from right to left, as shares of its range |
+    | `robot` | (7,) float32 | see below |
+
+    A beam without return is 1. With sensor noise the scan is a reading of its own, besides the one that is mapped.
+
+    `robot`: `heading_cos`, `heading_sin`, `moved` (share of a full move forward that the last step made), `collided` (1 when a
+    wall stopped it), `new_area` (of the last step), `distance` travelled, `known_area`.
+
+    ## Starting State
+    A floor plan drawn from `plan`, and a random free pose in its largest connected area, after one scan all around.
+    `reset(options={"plan": ..., "start": (x, y, theta)})` sets either.
+
+    ## Reward
+    By name or as a callable that takes a `Transition`; the same as for `LayoutExplore/Frontier-v0`. The default is `area`,
+    the floor in m² that became known in the step.
+
+    ## Episode End
+    Terminated: the coverage goal is reached (99 % of the floor that can be seen from where the robot can get).
+    Truncated: the budget of metres is spent (100 m plus 1 m per m² of floor, unless `simulation` says otherwise), or
+    `max_steps` are made (by default as many as would drive the budget four times over).
+
+    ## Information
+    After `reset` and every `step`: `coverage` (0 ... 1), `distance` (m), `known_area` (m²), `decisions` (moves), `scans`,
+    `stop_reason` (index into `STOP_REASONS`; 0 while the episode goes on), `plan_index` (which of the plans; -1 when it
+    came through the options), `simulation_seed` (replays the episode in a `Simulation`), `collisions`.
+
+    ## Arguments
+    ```python
+    gymnasium.make("LayoutExplore/Motion-v0", plan="train", actions="continuous", sensor="indoor")
+    ```
+
+    | Argument | Meaning |
+    |---|---|
+    | `plan` | a name, split, path, folder, `FloorPlan`, a sequence of these, or a callable `rng -> FloorPlan` |
+    | `actions` | `discrete` or `continuous` |
+    | `sensor` | a preset (`stage`, `indoor`, `short`, `mapex`) or a `LidarConfig` |
+    | `resolution` | metres per cell (0.1) |
+    | `robot_radius` | metres (0.2) |
+    | `simulation` | a `SimulationConfig` for everything else; the three above override it |
+    | `reward` | a name or a callable |
+    | `motion` | a `MotionConfig` |
+    | `max_steps` | moves per episode, or None |
+    | `render_mode`, `render_size` | `human`, `rgb_array`, `ansi` or None; (width, height) in pixels |
+
+    ## References
+    - T. Li et al., "HouseExpo: a large-scale 2D indoor layout dataset for learning-based algorithms on mobile robots",
+      IROS 2020: motion primitives with an egocentric map.
+
+    ## Version History
+    - v0: first version.
+    """
+
+    metadata: dict[str, Any] = {**ExplorationEnv.metadata, "render_fps": 15}  # noqa: RUF012
+
+    def __init__(
+        self,
+        plan: PlanSpec = "train",
+        *,
+        actions: str = "discrete",
+        sensor: str | LidarConfig | None = None,
+        resolution: float | None = None,
+        robot_radius: float | None = None,
+        simulation: SimulationConfig | None = None,
+        reward: str | Reward = "area",
+        motion: MotionConfig | None = None,
+        max_steps: int | None = None,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] = (960, 720),
+    ) -> None:
+        super().__init__(
+            plan=plan,
+            sensor=sensor,
+            resolution=resolution,
+            robot_radius=robot_radius,
+            simulation=simulation,
+            predictor=None,
+            reward_function=reward,
+            render_mode=render_mode,
+            render_size=render_size,
+            shows_frontiers=False,
+        )
+        if actions not in ACTIONS:
+            raise ConfigError(f"actions must be one of {', '.join(ACTIONS)}, got {actions!r}")
+        self.motion = motion or MotionConfig()
+        self._max_steps = max_steps
+        self.observation_space = self.motion.space
+        self.action_space = spaces.Discrete(3) if actions == "discrete" else spaces.Box(-1.0, 1.0, (2,), np.float32)
+        turn = self.motion.turn
+        self._primitives = ((self.motion.forward, 0.0), (0.0, turn), (0.0, -turn)) if actions == "discrete" else None
+        self._sensor: Lidar | None = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode; `options` may set the `plan` and the `start` (x, y[, theta])."""
+        previous = self._simulation
+        self._begin(seed, options)
+        simulation = self.simulation
+        if self._sensor is None or simulation is not previous:
+            raster = simulation.raster
+            beams = replace(simulation.lidar.config, beams=self.motion.scan_beams)
+            self._sensor = Lidar(beams, raster.occupied, raster.resolution, raster.origin)
+        self._rng = np.random.default_rng(self._simulation_seed)
+        self._trail = Trail(simulation.mapper.grid)
+        self._steps_left = self._max_steps or math.ceil(4 * simulation.max_distance / self.motion.forward)
+        return self._outcome(0.0, False, 0)
+
+    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Make one move.
+
+        Raises:
+            ResetNeeded: The episode is over.
+            ConfigError: The action is outside the action space.
+        """
+        self._check_running()
+        forward, turn = self._move(action)
+        moved, collided, new_cells = 0.0, False, 0
+        if not self.simulation.done:
+            moved, collided, new_cells = self.simulation.drive(forward, turn)
+            self._steps_left -= 1
+            if self._steps_left <= 0 and not self.simulation.done:
+                self.stop_reason = "steps"
+        reward, terminated, truncated = self._finish()
+        observation, info = self._outcome(moved, collided, new_cells)
+        return observation, reward, terminated, truncated, info
+
+    def _move(self, action: Any) -> tuple[float, float]:
+        """Metres forward and radians to the left."""
+        if self._primitives is not None:
+            number = int(action)
+            if not 0 <= number < len(self._primitives):
+                raise ConfigError(f"action {number} is outside of Discrete({len(self._primitives)})")
+            return self._primitives[number]
+        ahead, left = (float(v) for v in np.asarray(action).reshape(2))
+        if not (-1.0 <= ahead <= 1.0 and -1.0 <= left <= 1.0):
+            raise ConfigError(f"action ({ahead}, {left}) is outside of Box(-1, 1)")
+        return self.motion.forward * (1.0 + ahead) / 2, self.motion.turn * left
+
+    def _outcome(self, moved: float, collided: bool, new_cells: int) -> tuple[Observation, dict[str, Any]]:
+        """Observation and info after a move; shows the window in mode "human"."""
+        simulation = self.simulation
+        robot = simulation.robot
+        self._trail.extend(robot.track[-2:], robot.pose, robot.believed)
+        info = self._info() | {"collisions": robot.collisions}
+        observation: Observation = {
+            "local_map": draw_local_map(
+                simulation.mapper.grid,
+                self._trail.marks,
+                robot.believed,
+                size=self.motion.local_size,
+                span=self.motion.local_span,
+                channels=len(CHANNELS),
+                detect=True,
+            ),
+            "scan": self._scan(),
+            "robot": self._robot(moved, collided, new_cells, info),
+        }
+        if self.render_mode == "human":
+            self.render()
+        return observation, info
+
+    def _scan(self) -> NDArray[np.float32]:
+        """Ranges float32 (scan_beams,) as shares of the greatest range."""
+        assert self._sensor is not None
+        ranges = self._sensor.scan(self.simulation.pose, self._rng)
+        shares: NDArray[np.float32] = np.fmin(ranges / np.float32(self._sensor.config.range_max), np.float32(1.0))
+        return shares
+
+    def _robot(self, moved: float, collided: bool, new_cells: int, info: dict[str, Any]) -> NDArray[np.float32]:
+        """The entries of `ROBOT_FEATURES`, float32."""
+        believed, motion = self.simulation.robot.believed, self.motion
+        cell_area = self.simulation.raster.resolution**2
+        values = (
+            math.cos(believed.theta),
+            math.sin(believed.theta),
+            moved / motion.forward,
+            float(collided),
+            new_cells * cell_area / motion.area_scale,
+            info["distance"] / motion.length_scale,
+            info["known_area"] / motion.area_scale,
+        )
+        robot: NDArray[np.float32] = np.minimum(np.maximum(np.array(values, np.float32), _LOW), _HIGH)
+        return robot

@@ -1,0 +1,293 @@
+"""A decision as arrays: the observation of `LayoutExplore/Frontier-v0`.
+
+An `Observer` follows one episode. It reads the same `Decision` that a heuristic agent reads, so a policy knows neither
+more nor less. Where no predictor runs, everything that a layout would tell is zero and the space stays the same.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from layoutexplore.decision import Decision
+from layoutexplore.envs import map_images
+from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS, MapFrame, Trail, draw_global_map, draw_local_map
+from layoutexplore.errors import ConfigError
+from layoutexplore.grid import UNKNOWN, Pose
+
+Observation = dict[str, NDArray[np.generic]]
+"""Arrays by name."""
+
+_FAR = 100.0
+_LARGE = 1000.0
+
+FRONTIER_FEATURES: dict[str, tuple[float, float]] = {
+    "valid": (0.0, 1.0),
+    "ahead": (-_FAR, _FAR),
+    "left": (-_FAR, _FAR),
+    "path_length": (0.0, _FAR),
+    "straight_distance": (0.0, _FAR),
+    "turn": (-1.0, 1.0),
+    "size": (0.0, _FAR),
+    "visible_area": (0.0, _LARGE),
+    "detour": (0.0, _FAR),
+    "class": (-1.0, 1.0),
+    "expected_area": (0.0, _LARGE),
+    "confidence": (0.0, 1.0),
+}
+"""The columns of a frontier and their bounds; lengths and areas in units of `length_scale` and `area_scale`."""
+
+ROBOT_FEATURES: dict[str, tuple[float, float]] = {
+    "heading_cos": (-1.0, 1.0),
+    "heading_sin": (-1.0, 1.0),
+    "distance": (0.0, _LARGE),
+    "known_area": (0.0, _LARGE),
+    "frontier_count": (0.0, 100.0),
+    "map_x": (0.0, 1.0),
+    "map_y": (0.0, 1.0),
+    "map_span": (0.0, _LARGE),
+    "expected_area": (0.0, _LARGE),
+}
+"""The entries of the robot vector and their bounds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObservationConfig:
+    """What `LayoutExplore/Frontier-v0` shows of a decision.
+
+    Attributes:
+        max_frontiers: Slots for frontiers; when there are more, the nearest are shown. 64 hold nearly every decision on
+            real floors (12 to 45 is usual, 80 the most seen).
+        local_map: Whether to show the close view.
+        local_size: Its side in pixels.
+        local_span: Its side in metres.
+        global_map: Whether to show the whole map.
+        global_size: Its side in pixels.
+        global_min_span: Its least side in metres; it grows with what is known.
+        layout_channels: Whether the maps have the channels of the predicted layout (zero without a predictor).
+        detour: Whether to compute the `detour` column: one shortest-path field per frontier and decision, some
+            milliseconds. Without it the column is zero.
+        length_scale: Metres that count as 1 in the vectors.
+        area_scale: Square metres that count as 1 in the vectors.
+
+    Raises:
+        ConfigError: A value makes no sense.
+    """
+
+    max_frontiers: int = 64
+    local_map: bool = True
+    local_size: int = 64
+    local_span: float = 12.8
+    global_map: bool = True
+    global_size: int = 84
+    global_min_span: float = 20.0
+    layout_channels: bool = True
+    detour: bool = False
+    length_scale: float = 10.0
+    area_scale: float = 10.0
+
+    def __post_init__(self) -> None:
+        check_counts(max_frontiers=(self.max_frontiers, 1), local_size=(self.local_size, 8), global_size=(self.global_size, 8))
+        check_positive(
+            local_span=self.local_span,
+            global_min_span=self.global_min_span,
+            length_scale=self.length_scale,
+            area_scale=self.area_scale,
+        )
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the maps' channels."""
+        return CHANNELS + (LAYOUT_CHANNELS if self.layout_channels else ())
+
+    @property
+    def space(self) -> spaces.Space[Observation]:
+        """The observation space, a `Dict`."""
+        count, channels = self.max_frontiers, len(self.channels)
+        frontier, robot = np.array(list(FRONTIER_FEATURES.values())), np.array(list(ROBOT_FEATURES.values()))
+        parts: dict[str, spaces.Space[NDArray[np.generic]]] = {
+            "frontiers": spaces.Box(
+                np.tile(frontier[:, 0], count).astype(np.float32), np.tile(frontier[:, 1], count).astype(np.float32)
+            ),
+            "robot": spaces.Box(robot[:, 0].astype(np.float32), robot[:, 1].astype(np.float32)),
+            "action_mask": spaces.MultiBinary(count + 1),
+        }
+        for name, shown, size in (
+            ("local_map", self.local_map, self.local_size),
+            ("global_map", self.global_map, self.global_size),
+        ):
+            if shown:
+                parts[name] = spaces.Box(0, 255, (channels, size, size), np.uint8)
+        return cast(spaces.Space[Observation], spaces.Dict(parts))
+
+
+def check_counts(**counts: tuple[int, int]) -> None:
+    """Raise `ConfigError` unless every value, given as (value, least), is a whole number and large enough."""
+    for name, (value, least) in counts.items():
+        if int(value) != value or value < least:
+            raise ConfigError(f"{name} must be a whole number, {least} or more, got {value!r}")
+
+
+def check_positive(**values: float) -> None:
+    """Raise `ConfigError` unless every value is a finite number above 0."""
+    for name, value in values.items():
+        if not math.isfinite(value) or value <= 0:
+            raise ConfigError(f"{name} must be a finite number above 0, got {value!r}")
+
+
+class Observer:
+    """Turns the decisions of one episode into observations.
+
+    Args:
+        config: What to show.
+        decision: The first decision of the episode.
+    """
+
+    def __init__(self, config: ObservationConfig, decision: Decision) -> None:
+        self.config = config
+        self._trail = Trail(decision.grid)
+
+    def walked(self, track: list[Pose], pose: Pose, believed: Pose) -> None:
+        """Add what was walked since the last decision to the trail; see `Trail.extend`."""
+        self._trail.extend(track, pose, believed)
+
+    def observe(self, decision: Decision, mask: NDArray[np.int8]) -> Observation:
+        """The observation of a decision with its action mask int8 (max_frontiers + 1,); all arrays are new."""
+        config, pose = self.config, decision.pose
+        marks = self._marked(decision)
+        observation: Observation = {"frontiers": encode_frontiers(decision, config), "action_mask": mask.copy()}
+        if config.local_map:
+            observation["local_map"] = draw_local_map(
+                decision.grid, marks, pose, size=config.local_size, span=config.local_span, channels=len(config.channels)
+            )
+        frame = MapFrame(0.0, 0.0, 1.0)
+        if config.global_map:
+            observation["global_map"], frame = draw_global_map(
+                decision.grid,
+                marks,
+                size=config.global_size,
+                min_span=config.global_min_span,
+                channels=len(config.channels),
+            )
+        observation["robot"] = encode_robot(decision, config, frame)
+        return observation
+
+    def _marked(self, decision: Decision) -> NDArray[np.uint8]:
+        """The trail, the frontiers and what the layout predicts, as bits."""
+        layout = decision.layout is not None and self.config.layout_channels
+        marks = self._trail.marks | layout_marks(decision) if layout else self._trail.marks.copy()
+        if decision.frontiers:
+            cells = np.concatenate([frontier.cells for frontier in decision.frontiers])
+            marks[cells[:, 0], cells[:, 1]] |= map_images.FRONTIER
+        return marks
+
+
+def layout_marks(decision: Decision) -> NDArray[np.uint8]:
+    """What the layout predicts of the cells that are not known, as bits uint8 (rows, cols)."""
+    labels = decision.layout.labels
+    closed = {frontier.room for frontier in decision.frontiers if frontier.is_closed and frontier.room is not None}
+    outline = np.zeros(labels.shape, np.bool_)
+    outline[:-1] |= labels[:-1] != labels[1:]
+    outline[:, :-1] |= labels[:, :-1] != labels[:, 1:]
+    marks = np.where(labels > 0, map_images.ROOM, 0) | np.where(outline, map_images.WALL, 0)
+    marks |= np.where(np.isin(labels, sorted(closed)), map_images.CLOSED, 0)
+    return np.where(decision.grid.cells == UNKNOWN, marks, 0).astype(np.uint8)
+
+
+def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[np.float32]:
+    """float32 (max_frontiers * features,): a row of `FRONTIER_FEATURES` per slot, zero in slots without a frontier."""
+    table = np.zeros((config.max_frontiers, len(FRONTIER_FEATURES)))
+    shown = decision.frontiers[: config.max_frontiers]
+    if shown:
+        x, y, theta = decision.pose
+        columns = np.array(
+            [
+                (
+                    *f.centroid,
+                    f.path_length,
+                    f.straight_distance,
+                    f.size,
+                    f.visible_area,
+                    0.0 if f.is_closed is None else 1.0 if f.is_closed else -1.0,
+                    f.expected_area or 0.0,
+                    f.confidence or 0.0,
+                )
+                for f in shown
+            ]
+        ).T
+        dx, dy = columns[0] - x, columns[1] - y
+        ahead = (dx * math.cos(theta) + dy * math.sin(theta)) / config.length_scale
+        left = (dy * math.cos(theta) - dx * math.sin(theta)) / config.length_scale
+        path_length, straight, size = columns[2:5] / config.length_scale
+        detour = detours(decision)[: len(shown)] / config.length_scale if config.detour else np.zeros(len(shown))
+        table[: len(shown)] = np.stack(
+            [
+                np.ones(len(shown)),
+                ahead,
+                left,
+                path_length,
+                straight,
+                np.arctan2(left, ahead) / np.pi,
+                size,
+                columns[5] / config.area_scale,
+                detour,
+                columns[6],
+                columns[7] / config.area_scale,
+                columns[8],
+            ],
+            axis=1,
+        )
+    return np.clip(table, _FRONTIER_LOW, _FRONTIER_HIGH).astype(np.float32).ravel()
+
+
+def detours(decision: Decision) -> NDArray[np.float64]:
+    """Metres by which a short tour over all frontiers grows when one of them is visited first, float64 (n,).
+
+    The tour is greedy, then improved by 2-opt and Or-opt. Taking frontier i out of it and visiting it first costs
+    d(robot, i) + d(i, first) - d(robot, first), less what is saved where it was taken out.
+    """
+    from layoutexplore.agents.local_search import open_tour
+
+    distances = np.minimum(decision.tour_distances.astype(np.float64), 1e6)
+    stops = np.concatenate([[0], open_tour(distances)])
+    extra = np.zeros(len(stops))
+    for k in range(2, len(stops)):
+        i, first, before = stops[k], stops[1], stops[k - 1]
+        extra[i] = distances[0, i] + distances[i, first] - distances[0, first] - distances[before, i]
+        if k + 1 < len(stops):
+            after = stops[k + 1]
+            extra[i] += distances[before, after] - distances[i, after]
+    return np.maximum(extra[1:], 0.0)
+
+
+def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame) -> NDArray[np.float32]:
+    """float32 (features,): the entries of `ROBOT_FEATURES`; map position and span are 0 without a global map."""
+    grid, pose = decision.grid, decision.pose
+    map_x = map_y = span = 0.0
+    if config.global_map:
+        cells = frame.cells_per_pixel * config.global_size
+        map_x = ((pose.x - grid.origin.x) / grid.resolution - frame.col) / cells
+        map_y = ((pose.y - grid.origin.y) / grid.resolution - frame.row) / cells
+        span = cells * grid.resolution / config.length_scale
+    expected = sum(frontier.expected_area or 0.0 for frontier in decision.frontiers)
+    values = (
+        math.cos(pose.theta),
+        math.sin(pose.theta),
+        decision.distance / config.length_scale,
+        grid.free_area / config.area_scale,
+        len(decision.frontiers) / config.max_frontiers,
+        map_x,
+        map_y,
+        span,
+        expected / config.area_scale,
+    )
+    return np.clip(values, _ROBOT_LOW, _ROBOT_HIGH).astype(np.float32)
+
+
+_FRONTIER_LOW, _FRONTIER_HIGH = np.array(list(FRONTIER_FEATURES.values())).T
+_ROBOT_LOW, _ROBOT_HIGH = np.array(list(ROBOT_FEATURES.values())).T

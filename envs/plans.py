@@ -1,0 +1,71 @@
+"""Which floor plan an episode takes place in."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.floorplan import FloorPlan
+
+OnePlan = FloorPlan | str | Path
+"""A floor plan, or the name or path of one."""
+
+PlanSpec = OnePlan | Sequence[OnePlan] | Callable[[np.random.Generator], FloorPlan]
+"""One plan, several, the name of a split, a folder, or a function that draws a plan."""
+
+
+class PlanSource:
+    """Draws the floor plan of each episode.
+
+    Plans are loaded when they are first drawn and are shared by all environments of the process.
+
+    Args:
+        spec: A `FloorPlan`; the name of a shipped plan, of a split ("train", "validation", "test") or of a generated plan
+            ("office:7"); a path to a plan or to a folder of them; a sequence of these; or a callable that is given a
+            random generator and returns a plan.
+
+    Raises:
+        ConfigError: There is no plan to draw from.
+        MapError: A name or path does not exist.
+    """
+
+    def __init__(self, spec: PlanSpec) -> None:
+        self._function = spec if callable(spec) else None
+        self._plans: list[FloorPlan | str] = [] if callable(spec) else _expand(spec)
+        if self._function is None and not self._plans:
+            raise ConfigError(f"no floor plan to explore in {spec!r}")
+
+    def draw(self, rng: np.random.Generator) -> tuple[int, FloorPlan]:
+        """The index of a plan among those given (0 for a callable), and the plan."""
+        if self._function is not None:
+            return 0, self._function(rng)
+        index = int(rng.integers(len(self._plans)))
+        return index, load(self._plans[index])
+
+
+def load(plan: OnePlan) -> FloorPlan:
+    """A floor plan; what is read from a file or generated is kept for the next episode."""
+    if isinstance(plan, FloorPlan):
+        return plan
+    path = Path(plan)
+    return _load(str(plan), path.stat().st_mtime_ns if path.exists() else 0)
+
+
+@functools.lru_cache(maxsize=64)
+def _load(name: str, changed: int) -> FloorPlan:
+    """The plan of that name or path; `changed` keeps an edited file from being served stale."""
+    return FloorPlan.load(name)
+
+
+def _expand(spec: OnePlan | Sequence[OnePlan]) -> list[FloorPlan | str]:
+    if isinstance(spec, FloorPlan):
+        return [spec]
+    if isinstance(spec, (str, Path)):
+        from layoutexplore.maps import expand_plans
+
+        return list(expand_plans(str(spec)))
+    return [plan for one in spec for plan in _expand(one)]
