@@ -6,6 +6,7 @@ not change during a run, and what the robot cannot know (the floor plan it has n
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -20,8 +21,8 @@ from layoutexplore.decision import Decision, Frontier
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.lidar import Lidar
-from layoutexplore.planning import descend
 from layoutexplore.plan_raster import PlanRaster
+from layoutexplore.planning import descend
 
 if TYPE_CHECKING:
     from layoutexplore.simulation import Simulation
@@ -81,6 +82,7 @@ def draw_state(
     size: tuple[int, int] | None = None,
     agent: str = "",
     target: int | None = None,
+    frontiers: bool = True,
     truth: bool = True,
 ) -> Image:
     """A frame that shows where a run stands.
@@ -93,6 +95,7 @@ def draw_state(
         size: Width and height in pixels, 320 x 240 or more; None for 960 pixels and a height that suits the plan.
         agent: Name of the strategy for the caption.
         target: Index of the frontier the robot is about to go to; the way there is drawn.
+        frontiers: Whether to draw frontiers; without them the decision that is due is not computed.
         truth: Whether to hint at the floor that has not been seen.
 
     Returns:
@@ -105,14 +108,15 @@ def draw_state(
     if width < 320 or height < 240:
         raise ConfigError(f"a frame is at least 320 x 240 pixels, got {width} x {height}")
     bar = max(76, round(0.13 * height), round(0.09 * width))
-    decision = simulation.decision
+    decision = simulation.decision if frontiers else None
     view = _View.fit(simulation.raster.shape, (width, height - bar), simulation.raster.resolution, simulation.raster.origin)
-    image = view.place(_colours().take(_map_codes(simulation, decision.frontiers, view.scale, truth), axis=0))
+    image = view.place(_colours().take(_map_codes(simulation, decision.frontiers if decision else (), view.scale, truth), axis=0))
     _draw_sight(image, view, simulation)
     _draw_track(image, view, simulation.track)
-    if target is not None:
-        _draw_way(image, view, decision, target)
-    _draw_viewpoints(image, view, decision, target)
+    if decision is not None and decision.frontiers:
+        if target is not None:
+            _draw_way(image, view, decision, target)
+        _draw_viewpoints(image, view, decision, target)
     _draw_robot(image, view, simulation.pose, simulation.config.robot_radius)
     frame = np.empty((height, width, 3), np.uint8)
     frame[: height - bar] = image
@@ -161,7 +165,9 @@ class _View:
     def pixels(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pixel coordinates (x right, y down) of world points (n, 2)."""
         cells = (points - np.array([self.origin.x, self.origin.y])) / self.resolution
-        return np.array([self.left, self.top]) + self.scale * np.array([0.0, self.shape[0]]) + self.scale * cells * [1.0, -1.0]
+        xs = self.left + self.scale * cells[:, 0]
+        ys = self.top + self.scale * (self.shape[0] - cells[:, 1])
+        return np.stack([xs, ys], axis=1)
 
     def fixed(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
         """The same in OpenCV's fixed-point form, shifted by half a pixel to pixel centres."""
@@ -186,7 +192,7 @@ def _enlarge(cells: Image, scale: int) -> Image:
 
 
 def _walls(raster: PlanRaster) -> NDArray[np.bool_]:
-    """bool (rows, cols): the occupied cells that lie beside free space."""
+    """The occupied cells that lie beside free space, bool (rows, cols)."""
     reach = max(1, round(_WALL_DEPTH / raster.resolution))
     near = cv2.dilate(raster.free.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
     return raster.occupied & (near > 0)
@@ -203,7 +209,7 @@ def _map_codes(simulation: Simulation, frontiers: tuple[Frontier, ...], scale: f
         marks[frontier.cells[:, 0], frontier.cells[:, 1]] = _FRONTIER + _class_of(frontier)
     reach = max(0, round((4.0 / scale - 1) / 2))
     if reach:
-        marks = cv2.dilate(marks, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1)))
+        marks[:] = cv2.dilate(marks, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1)))
     marks[known_wall] = 0
     return np.where(marks > 0, marks, codes)
 
@@ -232,7 +238,7 @@ def _draw_track(image: Image, view: _View, track: NDArray[np.float64], pieces: i
     """The way walked, from pale to strong."""
     points = view.fixed(track[:, :2]).reshape(-1, 1, 2)
     borders = np.unique(np.linspace(0, len(points) - 1, pieces + 1).astype(int))
-    for first, last in zip(borders[:-1], borders[1:], strict=True):
+    for first, last in itertools.pairwise(borders.tolist()):
         colour = palette.mix(palette.TRACK_OLD, palette.TRACK_NEW, last / (len(points) - 1))
         cv2.polylines(image, [points[first : last + 1]], False, colour, 2, cv2.LINE_AA, _SHIFT)
 
@@ -248,8 +254,6 @@ def _draw_way(image: Image, view: _View, decision: Decision, target: int) -> Non
 
 def _draw_viewpoints(image: Image, view: _View, decision: Decision, target: int | None) -> None:
     """A ring where each frontier would be looked at from."""
-    if not decision.frontiers:
-        return
     points = view.fixed(decision.grid.cells_to_world([frontier.viewpoint for frontier in decision.frontiers]))
     for k, (point, frontier) in enumerate(zip(points.tolist(), decision.frontiers, strict=True)):
         colour = _CLASSES[_class_of(frontier)]
