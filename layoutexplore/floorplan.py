@@ -336,7 +336,8 @@ def floorplan_from_ascii(text: str, resolution: float = 1.0, *, name: str = "asc
     if width == 0:
         raise MapError("the drawing is empty")
     drawn = np.array([list(line.ljust(width)) for line in reversed(lines)])
-    room_ids, labels = np.zeros(drawn.shape, np.int32), {}
+    room_ids = np.zeros(drawn.shape, np.int32)
+    labels: dict[int, str] = {}
     for letter in sorted(set(drawn.ravel()) - set("#. ")):
         count, parts = cv2.connectedComponents((drawn == letter).astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
         for part in range(1, count):

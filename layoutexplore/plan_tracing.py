@@ -19,6 +19,9 @@ from layoutexplore.geometry import Point, polygons_of, trace
 DOORWAY_AREA = 4.0
 """Square metres up to which a gap between two rooms counts as a doorway; larger ones are passages."""
 
+LEAST_ROOM = 1.0
+"""Square metres; smaller separate free areas of a map without room numbers are specks, not rooms."""
+
 WALL_DEPTH = 0.5
 """Metres of the solid around the free space that are traced as walls."""
 
@@ -35,7 +38,7 @@ def plan_from_raster(
 
     Args:
         source: The raster; a room id with several separate parts makes one room of its largest part, the rest
-            becomes passages. Without any room id, each separate free area is a room.
+            becomes passages. Without any room id, each separate free area of at least a square metre is a room.
         name: The plan's name.
         building: The building's name; the plan's name when empty.
         labels: Room id -> label.
@@ -61,8 +64,14 @@ def plan_from_raster(
 
 
 def _free_areas(source: PlanRaster) -> NDArray[np.int32]:
-    _, labels = cv2.connectedComponents(source.free.astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
-    return labels.astype(np.int32)
+    """A number for every separate free area that is large enough to be a room (the largest always is)."""
+    _, parts, stats, _ = cv2.connectedComponentsWithStats(source.free.astype(np.uint8), connectivity=4)
+    areas = stats[:, cv2.CC_STAT_AREA] * source.resolution**2
+    areas[0] = 0.0
+    large = (areas >= LEAST_ROOM) | (areas == areas.max())
+    large[0] = False
+    numbers = np.where(large, np.cumsum(large), 0)
+    return np.asarray(numbers[parts], np.int32)
 
 
 def _trace_rooms(source: PlanRaster, labels: Mapping[int, str]) -> tuple[Room, ...]:
@@ -84,11 +93,11 @@ def _boxes(ids: NDArray[np.int32]) -> list[tuple[int, tuple[slice, slice]]]:
     order = np.argsort(numbers, kind="stable")
     rows, cols, numbers = rows[order], cols[order], numbers[order]
     values, starts = np.unique(numbers, return_index=True)
-    pieces = zip(np.split(rows, starts[1:]), np.split(cols, starts[1:]), strict=True)
-    return [
-        (int(value), (slice(int(r.min()), int(r.max()) + 1), slice(int(c.min()), int(c.max()) + 1)))
-        for value, (r, c) in zip(values, pieces, strict=True)
-    ]
+    found = []
+    for value, first, last in zip(values, starts, np.append(starts, len(numbers))[1:], strict=True):
+        r, c = rows[first:last], cols[first:last]
+        found.append((int(value), (slice(int(r.min()), int(r.max()) + 1), slice(int(c.min()), int(c.max()) + 1))))
+    return found
 
 
 def _corner(source: PlanRaster, box: tuple[slice, slice]) -> Point:
@@ -116,9 +125,17 @@ def find_doors(source: PlanRaster) -> tuple[Door, ...]:
         contacts = _contacts(mask, source.room_ids[window])
         if len(contacts) == 2 and mask.sum() <= limit:
             (a, side_a), (b, side_b) = contacts
-            middle = np.argwhere(mask) + 0.5
-            doors.append(_door(source, window, middle, side_b.mean(axis=0) - side_a.mean(axis=0), (a, b)))
+            doors.append(_door(source, window, _centres(mask), _way_through(side_a, side_b), (a, b)))
     return tuple(door for door in [*doors, *_touching(source)] if door.width > 0)
+
+
+def _way_through(side_a: NDArray[np.float64], side_b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Direction (row, col) at right angles to the faces float64 (n, 2) of a gap, or from one to the other where they are short."""
+    spread = np.vstack([side - side.mean(axis=0) for side in (side_a, side_b)])
+    values, axes = np.linalg.eigh(spread.T @ spread)
+    if values[1] > 4.0 * values[0] and values[1] > 0.5:
+        return np.asarray(axes[:, 0], np.float64)
+    return np.asarray(side_b.mean(axis=0) - side_a.mean(axis=0), np.float64)
 
 
 def _widen(window: slice, size: int) -> slice:
@@ -129,7 +146,11 @@ def _contacts(mask: NDArray[np.bool_], ids: NDArray[np.int32]) -> list[tuple[int
     """Rooms that touch the mask, with the cells float64 (n, 2) of each room that do."""
     ring = cv2.dilate(mask.astype(np.uint8), np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)) > 0
     touched = np.where(ring & ~mask, ids, 0)
-    return [(int(i), np.argwhere(touched == i) + 0.5) for i in np.unique(touched[touched > 0])]
+    return [(int(i), _centres(touched == i)) for i in np.unique(touched[touched > 0])]
+
+
+def _centres(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return np.argwhere(mask).astype(np.float64) + 0.5
 
 
 def _touching(source: PlanRaster) -> list[Door]:

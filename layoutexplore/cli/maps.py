@@ -1,0 +1,123 @@
+"""`layoutexplore maps`: list, show, import and generate floor plans."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from layoutexplore.floorplan import FloorPlan
+
+group = typer.Typer(name="maps", help="Floor plans: list, show, import, generate.", no_args_is_help=True)
+
+
+def register(app: typer.Typer) -> None:
+    """Add `maps` to the command line."""
+    app.add_typer(group)
+
+
+@group.command("list")
+def list_plans(
+    split: Annotated[str | None, typer.Option(help="Only this split: quick, train, validation or test.")] = None,
+) -> None:
+    """List the floor plans that ship, with their split and size."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from layoutexplore.maps import load_plan, plan_names, splits
+    from layoutexplore.maps.generator import FAMILIES
+
+    table = Table("name", "split", "rooms", "doors", "area m2", "size m", box=None)
+    for name in plan_names(split):
+        plan = load_plan(name)
+        x0, y0, x1, y1 = plan.bounds
+        member = ", ".join(group_name for group_name, names in splits().items() if name in names)
+        table.add_row(
+            name, member, str(len(plan.rooms)), str(len(plan.doors)), f"{plan.area:.0f}", f"{x1 - x0:.0f} x {y1 - y0:.0f}"
+        )
+    console = Console()
+    console.print(table)
+    console.print(f"Any number more from the generator: FAMILY:SEED with FAMILY one of {', '.join(FAMILIES)}")
+
+
+@group.command("show")
+def show_plan(
+    plan: Annotated[str, typer.Argument(help="Name of a shipped plan, FAMILY:SEED, or a file.")],
+    out: Annotated[Path | None, typer.Option(help="Also draw the plan into this PNG.")] = None,
+    resolution: Annotated[float, typer.Option(help="Metres a cell.")] = 0.1,
+    radius: Annotated[float, typer.Option(help="Radius of the robot in metres, for what is reachable.")] = 0.2,
+) -> None:
+    """Show what a floor plan holds: rooms, doors, area, and what a robot can reach."""
+    from layoutexplore.maps import load_plan
+
+    loaded = load_plan(plan)
+    for line in _describe(loaded, resolution, radius):
+        typer.echo(line)
+    if out is not None:
+        _draw(loaded, resolution, out)
+        typer.echo(f"drawn into {out}")
+
+
+@group.command("import")
+def import_plan(
+    path: Annotated[Path, typer.Argument(help="GeoJSON, school XML, KTH ID_occ.png, HouseExpo JSON, ROS YAML or image.")],
+    out: Annotated[Path, typer.Option(help="GeoJSON file to write.")],
+    resolution: Annotated[float | None, typer.Option(help="Metres a pixel of a plain image (0.05 without).")] = None,
+) -> None:
+    """Read a floor plan of any known format and write it as our GeoJSON."""
+    from layoutexplore.maps import load_plan
+
+    plan = load_plan(path, resolution=resolution)
+    plan.save(out)
+    note = f", {plan.metadata['scale']}" if "scale" in plan.metadata else ""
+    typer.echo(f"{out}: {plan.name}, {len(plan.rooms)} rooms, {len(plan.doors)} doors, {plan.area:.0f} m2{note}")
+
+
+@group.command("generate")
+def generate_plan(
+    family: Annotated[str, typer.Argument(help="Family of buildings, such as office or school.")],
+    out: Annotated[Path, typer.Option(help="GeoJSON file to write.")],
+    seed: Annotated[int, typer.Option(help="The same seed always gives the same plan.")] = 0,
+    area: Annotated[float | None, typer.Option(help="Square metres; drawn from the seed without.")] = None,
+) -> None:
+    """Generate a floor plan."""
+    from layoutexplore.maps.generator import generate
+
+    plan = generate(family, seed) if area is None else generate(family, seed, area=area)
+    plan.save(out)
+    typer.echo(f"{out}: {plan.name}, {len(plan.rooms)} rooms, {len(plan.doors)} doors, {plan.area:.0f} m2")
+
+
+def _describe(plan: FloorPlan, resolution: float, radius: float) -> list[str]:
+    import numpy as np
+
+    raster = plan.rasterize(resolution)
+    cell = resolution**2
+    x0, y0, x1, y1 = plan.bounds
+    rooms = sorted(plan.rooms, key=lambda room: -room.polygon.area)
+    labels = sorted({room.label for room in rooms if room.label})
+    open_doors = sum(door.is_open for door in plan.doors)
+    return [
+        f"{plan.name} (building {plan.building})",
+        f"size        {x1 - x0:.1f} x {y1 - y0:.1f} m, floor {plan.area:.0f} m2",
+        f"rooms       {len(rooms)}" + (f", the largest {rooms[0].polygon.area:.0f} m2" if rooms else ""),
+        f"labels      {', '.join(labels) or 'none'}",
+        f"doors       {open_doors} open, {len(plan.doors) - open_doors} closed",
+        f"free        {np.count_nonzero(raster.free) * cell:.0f} m2 at {resolution:g} m a cell",
+        f"to explore  {np.count_nonzero(raster.coverage_target(radius)) * cell:.0f} m2 for a robot of radius {radius:g} m",
+        *(f"{key:11s} {value}" for key, value in plan.metadata.items()),
+    ]
+
+
+def _draw(plan: FloorPlan, resolution: float, out: Path) -> None:
+    import cv2
+
+    from layoutexplore.grid_io import write_atomically
+    from layoutexplore.picture import draw_plan
+
+    longest = max(plan.rasterize(resolution).shape)
+    scale = max(1, 1600 // longest)
+    _, encoded = cv2.imencode(".png", cv2.cvtColor(draw_plan(plan.rasterize(resolution), scale=scale), cv2.COLOR_RGB2BGR))
+    write_atomically(out, encoded.tobytes())

@@ -1,0 +1,53 @@
+"""Floor plans from occupancy maps: ROS YAML, or a plain image with an optional image of its rooms.
+
+What is known to be free is the floor; the unknown counts as solid, because nobody can say what is there. The rooms come from
+NAME_rooms.png (a number a room) or NAME_gt.png (a colour a room) beside the map; without one, each separate free area
+of at least a square metre is a room. A plain image has no scale: 0.05 m a pixel is assumed unless one is given.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import MapError
+from layoutexplore.floorplan import FloorPlan, PlanRaster
+from layoutexplore.grid import OccupancyGrid
+from layoutexplore.grid_io import DEFAULT_RESOLUTION, IMAGE_SUFFIXES, load_grid
+from layoutexplore.maps.kth import read_room_ids
+from layoutexplore.plan_tracing import plan_from_raster
+
+
+def load_image(path: Path, *, resolution: float | None = None) -> FloorPlan:
+    """Read a ROS map or an image as a floor plan.
+
+    Args:
+        path: YAML or image.
+        resolution: Metres a pixel of a plain image.
+
+    Raises:
+        MapError: The map cannot be read, or shows no free space.
+    """
+    grid = load_grid(path, resolution=resolution)
+    if not grid.free.any():
+        raise MapError(f"{path}: the map shows no free space")
+    metadata = {"format": "image" if path.suffix.lower() in IMAGE_SUFFIXES else "ROS map"}
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        scale = DEFAULT_RESOLUTION if resolution is None else resolution
+        metadata["scale"] = f"{scale:g} m a pixel ({'assumed: the image has no scale' if resolution is None else 'as given'})"
+    room_ids = _rooms_beside(path, grid)
+    return plan_from_raster(PlanRaster(~grid.free, room_ids, grid.resolution, grid.origin), name=path.stem, metadata=metadata)
+
+
+def _rooms_beside(path: Path, grid: OccupancyGrid) -> NDArray[np.int32]:
+    """Room numbers int32 (rows, cols) of the image of rooms that lies beside a map; all 0 where there is none."""
+    for ending in ("_rooms", "_gt"):
+        beside = path.with_name(f"{path.stem}{ending}.png")
+        if beside.is_file():
+            ids = read_room_ids(beside)
+            if ids.shape != grid.shape:
+                raise MapError(f"{beside}: {ids.shape} pixels do not fit the {grid.shape} of {path.name}")
+            return np.where(grid.free, ids[::-1], 0).astype(np.int32)
+    return np.zeros(grid.shape, np.int32)

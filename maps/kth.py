@@ -1,0 +1,93 @@
+"""Floors of the KTH campus: an occupancy image and a room instance image of 0.05 m a pixel.
+
+`ID_occ.png` is free inside and outside of the building, `ID_rooms.png` holds a number a room and 0 elsewhere, also in the
+door gaps. Indoor is what the rooms hold, plus the free gaps between them: the parts of the rooms' closing by 0.6 m that
+touch two rooms, or one room and no outdoor space. Walls are drawn as two lines with a hollow between them that is open
+at the doors; what a disc of 0.2 m does not fit into is such a hollow and becomes solid.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import MapError
+from layoutexplore.floorplan import FloorPlan, PlanRaster
+from layoutexplore.grid_io import read_image, read_pixels
+from layoutexplore.plan_tracing import plan_from_raster
+
+RESOLUTION = 0.05
+CLOSING_RADIUS = 0.6
+HOLLOW_RADIUS = 0.2
+_FREE_ABOVE = 128
+
+
+def load_kth(path: Path) -> FloorPlan:
+    """Read one floor from its ID_occ.png (or ID_rooms.png; both are needed).
+
+    Raises:
+        MapError: One of the images is missing or damaged, or they do not fit together.
+    """
+    stem = re.sub(r"_(occ|rooms)$", "", path.stem)
+    occ_path, rooms_path = (path.with_name(f"{stem}_{part}{path.suffix}") for part in ("occ", "rooms"))
+    grey, _ = read_image(occ_path)
+    rooms = read_room_ids(rooms_path)
+    if grey.shape != rooms.shape:
+        raise MapError(f"{rooms_path}: {rooms.shape} pixels do not fit the {grey.shape} of {occ_path.name}")
+    free = (grey > _FREE_ABOVE)[::-1]
+    rooms = np.where(free, rooms[::-1], 0).astype(np.int32)
+    if not rooms.any():
+        raise MapError(f"{rooms_path}: no room lies in free space")
+    source = PlanRaster(~_indoor(free, rooms), rooms, RESOLUTION)
+    building = re.sub(r"_PLAN\d+$", "", stem)
+    return plan_from_raster(source, name=stem, building=building, metadata={"format": "KTH", "scale": "0.05 m a pixel"})
+
+
+def read_room_ids(path: Path) -> NDArray[np.int32]:
+    """Room numbers int32 (h, w) of an image with a grey level or a colour a room; 0 or black is none."""
+    pixels = read_pixels(path)
+    if pixels.ndim == 2:
+        return pixels.astype(np.int32)
+    colours = pixels[..., :3].astype(np.int32) @ np.array([1, 256, 65536])
+    _, numbers = np.unique(np.append(colours.ravel(), 0), return_inverse=True)  # black is always there, as 0
+    return numbers[:-1].reshape(colours.shape).astype(np.int32)
+
+
+def _indoor(free: NDArray[np.bool_], rooms: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Free cells of the rooms and of the gaps between them, bool (rows, cols)."""
+    near = free & _morphology(rooms > 0, cv2.MORPH_CLOSE, CLOSING_RADIUS)
+    outdoors = free & ~near & (rooms == 0)
+    wide = _morphology(near | (rooms > 0), cv2.MORPH_OPEN, HOLLOW_RADIUS) & (rooms == 0)
+    count, gaps = cv2.connectedComponents(wide.astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
+    keep = np.zeros(count, np.bool_)
+    touching = _neighbours(gaps, rooms)
+    to_outdoors = set(_neighbours(gaps, outdoors.astype(np.int32)))
+    for gap in range(1, count):
+        neighbours = touching.get(gap, set())
+        keep[gap] = len(neighbours) >= 2 or (len(neighbours) == 1 and gap not in to_outdoors)
+    return np.asarray((rooms > 0) | keep[gaps], np.bool_)
+
+
+def _morphology(mask: NDArray[np.bool_], operation: int, radius: float) -> NDArray[np.bool_]:
+    """Opening or closing by a disc of a radius in metres; outside the image is empty."""
+    cells = round(radius / RESOLUTION)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * cells + 1, 2 * cells + 1))
+    inner = slice(2 * cells, -2 * cells)
+    return np.asarray(cv2.morphologyEx(np.pad(mask, 2 * cells).astype(np.uint8), operation, disc)[inner, inner] > 0, np.bool_)
+
+
+def _neighbours(parts: NDArray[np.int32], others: NDArray[np.int32]) -> dict[int, set[int]]:
+    """For every part above 0, which values above 0 of the other image touch it along the side of a cell."""
+    found: dict[int, set[int]] = {}
+    views = ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:]))
+    for low, high in views:
+        for here, there in ((low, high), (high, low)):
+            part, other = parts[here], others[there]
+            both = (part > 0) & (other > 0)
+            for a, b in np.unique(np.stack([part[both], other[both]], axis=1), axis=0).tolist():
+                found.setdefault(a, set()).add(b)
+    return found

@@ -1,0 +1,176 @@
+"""Finding and loading floor plans: the ones that ship, generated ones, and files of every known format.
+
+The plans that ship lie in `plans/`, one GeoJSON each, and `plans/splits.json` lists the names of each split:
+"train", "validation" and "test" share no building, "quick" is the small suite of the benchmark.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from layoutexplore.errors import MapError, unknown_name
+from layoutexplore.floorplan import FloorPlan
+from layoutexplore.grid import check_resolution
+from layoutexplore.grid_io import IMAGE_SUFFIXES, YAML_SUFFIXES
+from layoutexplore.maps.geojson import load_geojson
+from layoutexplore.maps.houseexpo import SIDECARS, load_houseexpo
+from layoutexplore.maps.image import load_image
+from layoutexplore.maps.kth import load_kth
+from layoutexplore.maps.school_xml import load_school_xml
+
+PLAN_FOLDER = Path(__file__).parent / "plans"
+SUFFIXES = (".geojson", ".json", ".xml", *YAML_SUFFIXES, *IMAGE_SUFFIXES)
+
+_SEEDS = re.compile(r"([a-z_]+):(\d+)(?:-(\d+))?")
+
+
+def load_plan(path_or_name: str | Path, *, resolution: float | None = None) -> FloorPlan:
+    """A floor plan by the name of a shipped one, as "FAMILY:SEED" of the generator, or from a file.
+
+    Args:
+        path_or_name: Name, FAMILY:SEED, or the path of our GeoJSON, a school XML, a KTH ID_occ.png, a HouseExpo JSON, a
+            ROS map's YAML or a plain image.
+        resolution: Metres a pixel of a plain image; 0.05 is assumed when None. Other formats have a scale.
+
+    Raises:
+        UnknownNameError: No plan of that name; the closest ones are suggested.
+        MapError: The file is missing, broken, or of no known format.
+    """
+    if resolution is not None:
+        check_resolution(resolution)
+    text = str(path_or_name)
+    if text in plan_names():
+        return load_geojson(PLAN_FOLDER / f"{text}.geojson")
+    if match := _SEEDS.fullmatch(text):
+        from layoutexplore.maps.generator import generate
+
+        return generate(match[1], int(match[2]))
+    path = Path(text)
+    if not path.exists():
+        raise _missing(text)
+    if path.is_dir():
+        raise MapError(f"{path}: is a folder; name one of the floor plans inside it")
+    return _loader(path, resolution)(path)
+
+
+def _loader(path: Path, resolution: float | None) -> Callable[[Path], FloorPlan]:
+    """The reader for a file, recognised by its ending and, for JSON, by what is inside."""
+    suffix = path.suffix.lower()
+    if suffix == ".xml":
+        return load_school_xml
+    if suffix == ".geojson" or (suffix == ".json" and _json_kind(path) == "geojson"):
+        return load_geojson
+    if suffix == ".json":
+        return load_houseexpo
+    if suffix in IMAGE_SUFFIXES and _is_kth(path):
+        return load_kth
+    if suffix in (*IMAGE_SUFFIXES, *YAML_SUFFIXES):
+        return lambda path: load_image(path, resolution=resolution)
+    raise MapError(f"{path}: no known format of floor plans; known endings: {', '.join(SUFFIXES)}")
+
+
+def _json_kind(path: Path) -> str:
+    """What a JSON file is: "geojson", "houseexpo", or empty for neither."""
+    try:
+        data = json.loads(path.read_bytes())
+    except (ValueError, OSError):
+        return ""
+    if not isinstance(data, dict):
+        return ""
+    return "geojson" if data.get("type") == "FeatureCollection" else "houseexpo" if "verts" in data else ""
+
+
+def _is_kth(path: Path) -> bool:
+    stem, _, part = path.stem.rpartition("_")
+    return part in ("occ", "rooms") and all(path.with_name(f"{stem}_{each}{path.suffix}").is_file() for each in ("occ", "rooms"))
+
+
+def _missing(text: str) -> Exception:
+    """The error for something that is neither a name nor a file."""
+    if "/" in text or "\\" in text or Path(text).suffix.lower() in SUFFIXES:
+        return MapError(f"{text}: there is no such file")
+    from layoutexplore.maps.generator import FAMILIES
+
+    return unknown_name("plan", text, [*plan_names(), *splits(), *(f"{family}:SEED" for family in FAMILIES)])
+
+
+@cache
+def splits() -> dict[str, tuple[str, ...]]:
+    """Names of the shipped plans of every split."""
+    index = PLAN_FOLDER / "splits.json"
+    if not index.is_file():
+        return {}
+    return {split: tuple(names) for split, names in json.loads(index.read_text(encoding="utf-8")).items()}
+
+
+@cache
+def _all_names() -> tuple[str, ...]:
+    return tuple(sorted(path.stem for path in PLAN_FOLDER.glob("*.geojson")))
+
+
+def plan_names(split: str | None = None) -> list[str]:
+    """Names of the floor plans that ship, of one split or all.
+
+    Raises:
+        UnknownNameError: There is no such split.
+    """
+    if split is None:
+        return list(_all_names())
+    if split not in splits():
+        raise unknown_name("split", split, splits())
+    return list(splits()[split])
+
+
+def expand_plans(spec: str | Path) -> list[str]:
+    """What `load_plan` can read, for one word of a command line.
+
+    Args:
+        spec: The name of a plan or a split, FAMILY:SEED, FAMILY:FIRST-LAST, a file, or a folder (with all inside it).
+
+    Raises:
+        UnknownNameError: No plan, split or family of that name.
+        MapError: No such file, or a folder without floor plans.
+    """
+    text = str(spec)
+    if text in splits():
+        return plan_names(text)
+    if text in plan_names():
+        return [text]
+    if match := _SEEDS.fullmatch(text):
+        return _expand_seeds(match[1], int(match[2]), int(match[3] or match[2]))
+    path = Path(text)
+    if path.is_dir():
+        found = [str(file) for file in sorted(path.rglob("*")) if _is_plan(file)]
+        if not found:
+            raise MapError(f"{path}: no floor plan inside this folder")
+        return found
+    if not path.is_file():
+        raise _missing(text)
+    return [text]
+
+
+def _expand_seeds(family: str, first: int, last: int) -> list[str]:
+    from layoutexplore.maps.generator import FAMILIES
+
+    if family not in FAMILIES:
+        raise unknown_name("family", family, FAMILIES)
+    if last < first:
+        raise MapError(f"{family}:{first}-{last}: the last seed is smaller than the first")
+    return [f"{family}:{seed}" for seed in range(first, last + 1)]
+
+
+def _is_plan(path: Path) -> bool:
+    """Whether a file of a folder is a floor plan of its own, not a part of another or something else."""
+    suffix = path.suffix.lower()
+    if not path.is_file() or suffix not in SUFFIXES or path.name.startswith("."):
+        return False
+    if suffix == ".json":
+        return not path.stem.endswith(SIDECARS) and _json_kind(path) != ""
+    if suffix in IMAGE_SUFFIXES:
+        part_of_ros_map = any(path.with_suffix(ending).is_file() for ending in YAML_SUFFIXES)
+        return not path.stem.endswith(("_rooms", "_gt")) and not part_of_ros_map
+    return not (suffix == ".xml" and path.stem.endswith("_gt"))
