@@ -108,7 +108,7 @@ def _fill(edges: NDArray[np.float64], target: NDArray[np.int32], value: int, tra
                         else:
                             target[line, middle] = value
             elif not transposed:
-                target[line, max(first, 0) : min(last, cells - 1) + 1] = value
+                target[line, max(first, 0) : max(min(last, cells - 1) + 1, 0)] = value
 
 
 def seal_diagonals(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -212,7 +212,7 @@ def _resample_lines(
 
 
 def trace(mask: NDArray[np.bool_], resolution: float, origin: Point) -> BaseGeometry:
-    """The exact outline of a mask's cells as polygons in metres, holes included.
+    """The outline of a mask's cells as polygons in metres (to the micrometre), holes included.
 
     Args:
         mask: bool (rows, cols).
@@ -228,7 +228,7 @@ def trace(mask: NDArray[np.bool_], resolution: float, origin: Point) -> BaseGeom
     boxes = _run_boxes(np.ascontiguousarray(np.pad(mask, 1)))
     merged = shapely.union_all(shapely.box(boxes[:, 0], boxes[:, 1], boxes[:, 2], boxes[:, 3]))
     merged = shapely.simplify(merged, 0.0)  # drops the points on straight edges, moves none
-    return shapely.transform(merged, lambda points: np.asarray(origin) + (points - 1.0) * resolution)
+    return shapely.transform(merged, lambda points: np.round(np.asarray(origin) + (points - 1.0) * resolution, 6))
 
 
 @njit(cache=True, nogil=True)

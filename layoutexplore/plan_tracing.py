@@ -130,7 +130,7 @@ def find_doors(source: PlanRaster) -> tuple[Door, ...]:
 
 
 def _way_through(side_a: NDArray[np.float64], side_b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Direction (row, col) at right angles to the faces float64 (n, 2) of a gap, or from one to the other where they are short."""
+    """Direction (row, col) at right angles to a gap's faces float64 (n, 2); from one to the other where they are short."""
     spread = np.vstack([side - side.mean(axis=0) for side in (side_a, side_b)])
     values, axes = np.linalg.eigh(spread.T @ spread)
     if values[1] > 4.0 * values[0] and values[1] > 0.5:

@@ -51,7 +51,7 @@ def save_geojson(plan: FloorPlan, path: str | Path) -> None:
         "metadata": dict(plan.metadata),
     }
     lines = ",\n".join("    " + json.dumps(feature, ensure_ascii=False) for feature in features)
-    opening = json.dumps(head, ensure_ascii=False, indent=2).rstrip("}\n")
+    opening = json.dumps(head, ensure_ascii=False, indent=2).removesuffix("\n}")
     write_atomically(Path(path), f'{opening},\n  "features": [\n{lines}\n  ]\n}}\n'.encode())
 
 
