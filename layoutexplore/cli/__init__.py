@@ -1,10 +1,60 @@
-"""The command line."""
+"""The command line: `layoutexplore COMMAND`. Each group of commands lives in its own file and registers itself here.
+
+Nothing heavy is imported before a command runs, so that `--help` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import Annotated
 
 import typer
 
-app = typer.Typer(no_args_is_help=True)
+import layoutexplore
+from layoutexplore.errors import LayoutExploreError
+
+GROUPS = ("benchmark", "explore", "maps", "layout", "evaluate", "speed")
+"""Modules of this package with commands, in the order in which the help shows them."""
+
+app = typer.Typer(
+    name="layoutexplore",
+    help="Explore unknown buildings with a simulated lidar and a predicted layout.",
+    epilog="Start with: [bold]layoutexplore benchmark[/bold]  or  [bold]layoutexplore explore office:1 --agent tour[/bold]",
+    rich_markup_mode="rich",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"layoutexplore {layoutexplore.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Options of all commands."""
+
+
+for _group in GROUPS:
+    import_module(f"layoutexplore.cli.{_group}").register(app)
 
 
 def main() -> None:
-    """Run the command line."""
-    app()
+    """Run the command line; what goes wrong on purpose becomes one clear line and exit status 2."""
+    try:
+        app()
+    except LayoutExploreError as error:
+        print(f"layoutexplore: {error}", file=sys.stderr)
+        sys.exit(2)
+    except BrokenPipeError:
+        # The reader has gone (`layoutexplore ... | head`): that is not an error, but nothing more can be written.
+        sys.stdout = None
+        sys.exit(0)

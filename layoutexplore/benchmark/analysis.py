@@ -1,0 +1,238 @@
+"""What the results of a benchmark say: paired comparisons with the baseline, pooled curves, tables.
+
+Every comparison is paired: an agent's run against the baseline's run of the same cell (floor plan, start, sensor). A
+ratio of 0.9 means nine tenths of the baseline's metres. Ratios are averaged as logarithms, by interquartile mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.benchmark.episode import Row
+from layoutexplore.exploration_metrics import coverage_at, mean_coverage
+from layoutexplore.statistics import (
+    Interval,
+    cluster_bootstrap,
+    cluster_means,
+    improvements,
+    interquartile_mean,
+    log_ratios,
+    weighted_mean,
+)
+
+METRICS = ("d90", "d95", "d99")
+"""The distances that are compared; d95 is the headline, d99 its guard."""
+
+POOLED = "all sensors"
+"""Name of the group that holds the cells of every sensor."""
+
+SHORTEST = 1.0
+"""Metres; shorter distances count as this much in ratios (a level may be reached by the first scan)."""
+
+CURVE_END = 1.5
+"""Pooled curves reach this multiple of the baseline's distance to 99 %."""
+
+CURVE_POINTS = 121
+
+CellKey = tuple[str, int, str]
+Curves = Callable[[Row], NDArray[np.float64]]
+"""Gives the coverage curve (n, 2) of a run."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """One agent against the baseline at one coverage level.
+
+    Attributes:
+        sensor: The sensor, or `POOLED`.
+        agent: The strategy.
+        metric: d90, d95 or d99.
+        cells: Number of pairs.
+        plans: Number of floor plans among them.
+        ratio: exp of the interquartile mean over cells of ln(metres / baseline's metres), interval over floor plans.
+        plan_ratio: The same over the plans' mean log-ratios, so that every plan counts once.
+        improvement: Probability of needing fewer metres than the baseline on a cell drawn at random.
+        reached: Share of this agent's runs that reached the level, 0..1.
+    """
+
+    sensor: str
+    agent: str
+    metric: str
+    cells: int
+    plans: int
+    ratio: Interval
+    plan_ratio: Interval
+    improvement: Interval
+    reached: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentSummary:
+    """Plain figures of one agent in one group; medians over its runs unless said otherwise."""
+
+    sensor: str
+    agent: str
+    runs: int
+    auc_difference: Interval | None
+    decisions: float
+    ms_decision: float
+    ms_decision_p95: float
+    revisits: float
+    rooms_finished: float
+    coverage: float
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PooledCurve:
+    """Coverage of an agent against distance in units of the baseline's distance to 99 % in the same cell.
+
+    Attributes:
+        agent: The strategy.
+        x: float64 (k,), multiples of the baseline's distance.
+        mean: float64 (k,), mean coverage over cells.
+        low: float64 (k,), lower quartile over cells.
+        high: float64 (k,), upper quartile over cells.
+        cells: Number of cells.
+    """
+
+    agent: str
+    x: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    cells: int
+
+
+def groups(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    """The runs that ended well by sensor, and, where there are several sensors, all of them under `POOLED` first."""
+    good = [row for row in rows if not row.error]
+    sensors = sorted({row.sensor for row in good})
+    parts = {sensor: [row for row in good if row.sensor == sensor] for sensor in sensors}
+    return {POOLED: good, **parts} if len(sensors) > 1 else parts
+
+
+def compare(rows: Iterable[Row], baseline: str) -> list[Comparison]:
+    """Every agent against the baseline, for every group and level; nothing where the baseline did not run.
+
+    Levels that were not measured (the runs were ended below them) are left out.
+    """
+    found = []
+    for sensor, part in groups(rows).items():
+        base = {_cell(row): row for row in part if row.agent == baseline}
+        for agent in agents_of(part):
+            mine = [row for row in part if row.agent == agent and _cell(row) in base]
+            for metric in METRICS:
+                pairs = [(row, base[_cell(row)]) for row in mine if not math.isnan(getattr(row, metric))]
+                pairs = [(row, other) for row, other in pairs if not math.isnan(getattr(other, metric))]
+                if pairs:
+                    found.append(_comparison(sensor, agent, metric, pairs))
+    return found
+
+
+def _comparison(sensor: str, agent: str, metric: str, pairs: list[tuple[Row, Row]]) -> Comparison:
+    plans = [row.plan for row, _ in pairs]
+    metres, reference = (np.maximum([getattr(pair[k], metric) for pair in pairs], SHORTEST) for k in (0, 1))
+    logs = log_ratios(metres, reference)
+    means, names = cluster_means(logs, plans)
+    return Comparison(
+        sensor=sensor,
+        agent=agent,
+        metric=metric,
+        cells=len(pairs),
+        plans=len(names),
+        ratio=cluster_bootstrap(logs, plans).map(math.exp),
+        plan_ratio=cluster_bootstrap(means, names).map(math.exp),
+        improvement=cluster_bootstrap(improvements(logs), plans, weighted_mean),
+        reached=float(np.mean([getattr(row, metric.replace("d", "reached")) for row, _ in pairs])),
+    )
+
+
+def summarise(rows: Iterable[Row], baseline: str, curves: Curves) -> list[AgentSummary]:
+    """Plain figures of every agent in every group."""
+    found = []
+    for sensor, part in groups(rows).items():
+        base = {_cell(row): row for row in part if row.agent == baseline}
+        for agent in agents_of(part):
+            mine = [row for row in part if row.agent == agent]
+            found.append(
+                AgentSummary(
+                    sensor=sensor,
+                    agent=agent,
+                    runs=len(mine),
+                    auc_difference=_auc_difference(mine, base, curves),
+                    decisions=float(np.median([row.decisions for row in mine])),
+                    ms_decision=float(np.median([row.ms_decision_median for row in mine])),
+                    ms_decision_p95=float(np.median([row.ms_decision_p95 for row in mine])),
+                    revisits=float(np.mean([row.revisits for row in mine])),
+                    rooms_finished=_share([row.rooms_finished for row in mine], [row.rooms for row in mine]),
+                    coverage=float(np.mean([row.coverage for row in mine])),
+                    seconds=float(np.median([row.wall_seconds for row in mine])),
+                )
+            )
+    return found
+
+
+def _share(parts: list[int], wholes: list[int]) -> float:
+    return sum(parts) / sum(wholes) if sum(wholes) else float("nan")
+
+
+def _auc_difference(mine: list[Row], base: dict[CellKey, Row], curves: Curves) -> Interval | None:
+    """Mean coverage over the baseline's metres to 99 %, minus the baseline's, IQM over cells."""
+    pairs = [(row, base[_cell(row)]) for row in mine if _cell(row) in base]
+    if not pairs:
+        return None
+    differences = []
+    for row, other in pairs:
+        scale = curve_scale(other)
+        mean, reference = (mean_coverage(c[:, 0], c[:, 1], scale) for c in (curves(row), curves(other)))
+        differences.append(mean - reference)
+    return cluster_bootstrap(differences, [row.plan for row, _ in pairs])
+
+
+def curve_scale(row: Row) -> float:
+    """Metres that a run of the baseline needed for the highest level that was measured, at least 1 m."""
+    measured = [value for value in (row.d99, row.d95, row.d90, row.distance) if not math.isnan(value)]
+    return max(measured[0], SHORTEST)
+
+
+def pooled_curves(rows: Iterable[Row], baseline: str, curves: Curves) -> list[PooledCurve]:
+    """Coverage over distance of every agent, over the cells that the baseline ran too."""
+    part = [row for row in rows if not row.error]
+    scale = {_cell(row): curve_scale(row) for row in part if row.agent == baseline}
+    x = np.linspace(0, CURVE_END, CURVE_POINTS)
+    found = []
+    for agent in agents_of(part):
+        mine = [row for row in part if row.agent == agent and _cell(row) in scale]
+        if mine:
+            sampled = np.array([_sampled(curves(row), x * scale[_cell(row)]) for row in mine])
+            low, high = np.quantile(sampled, [0.25, 0.75], axis=0)
+            found.append(PooledCurve(agent=agent, x=x, mean=sampled.mean(axis=0), low=low, high=high, cells=len(mine)))
+    return found
+
+
+def _sampled(curve: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    return coverage_at(curve[:, 0], curve[:, 1], at)
+
+
+def by_plan(rows: Iterable[Row], metric: str) -> dict[tuple[str, str], dict[str, float]]:
+    """For every (floor plan, sensor) the interquartile mean over starts of a distance, by agent."""
+    values: dict[tuple[str, str], dict[str, list[float]]] = {}
+    for row in rows:
+        if not row.error and not math.isnan(getattr(row, metric)):
+            values.setdefault((row.plan, row.sensor), {}).setdefault(row.agent, []).append(getattr(row, metric))
+    return {key: {agent: interquartile_mean(v) for agent, v in agents.items()} for key, agents in sorted(values.items())}
+
+
+def agents_of(rows: Iterable[Row]) -> list[str]:
+    """Names of the agents, sorted."""
+    return sorted({row.agent for row in rows})
+
+
+def _cell(row: Row) -> CellKey:
+    return row.plan, row.start, row.sensor

@@ -1,0 +1,155 @@
+"""What a benchmark runs: plans, starts, sensors, agents, and how they are simulated; read from TOML or the command line."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import layoutexplore
+from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.lidar import SENSORS, LidarConfig
+from layoutexplore.robot import OdometryNoise
+from layoutexplore.simulation_config import SimulationConfig
+
+T = TypeVar("T")
+
+QUICK_AGENTS = (
+    "random",
+    "nearest",
+    "nearest-straight",
+    "cost-utility",
+    "gain-over-distance",
+    "wait-3",
+    "tour",
+    "clairvoyant",
+)
+"""What runs when no agent is named: one of each kind of strategy."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchmarkConfig:
+    """Everything that decides the results of a benchmark.
+
+    Attributes:
+        plans: Floor plans: names, `FAMILY:SEED`, files, folders, or the splits quick, train, validation, test.
+        starts: Number of starts on each plan; start k is the same for every sensor and agent.
+        sensors: Presets, or names of `lidars`.
+        agents: Strategies.
+        baseline: The agent that the others are compared with.
+        seed: Decides starts, sensor noise and the agents' own randomness.
+        lidars: Own sensors by name.
+        simulation: How to simulate; its `sensor` is replaced by each of `sensors`.
+
+    Raises:
+        ConfigError: A list is empty, has duplicates, or a value makes no sense.
+    """
+
+    plans: tuple[str, ...] = ("quick",)
+    starts: int = 2
+    sensors: tuple[str, ...] = ("stage",)
+    agents: tuple[str, ...] = QUICK_AGENTS
+    baseline: str = "nearest"
+    seed: int = 0
+    lidars: Mapping[str, LidarConfig] = field(default_factory=dict)
+    simulation: SimulationConfig = field(default_factory=SimulationConfig)
+
+    def __post_init__(self) -> None:
+        for name in ("plans", "sensors", "agents"):
+            values = getattr(self, name)
+            if not values:
+                raise ConfigError(f"a benchmark needs at least one of {name}")
+            if twice := sorted({value for value in values if values.count(value) > 1}):
+                raise ConfigError(f"{name} names {twice[0]!r} twice")
+        for name, least in (("starts", 1), ("seed", 0)):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < least:
+                raise ConfigError(f"{name} must be a whole number, {least} or more, got {value!r}")
+        for name in self.sensors:
+            if name not in self.lidars and name not in SENSORS:
+                raise unknown_name("sensor", name, [*SENSORS, *self.lidars])
+
+    def simulation_with(self, sensor: str) -> SimulationConfig:
+        """The simulation's configuration with one of the benchmark's sensors."""
+        return dataclasses.replace(self.simulation, sensor=self.lidars.get(sensor, sensor))
+
+    @property
+    def config_hash(self) -> str:
+        """12 hexadecimal digits that tell apart the seeds, simulations, sensors and versions behind results.
+
+        What was run (plans, starts, agents) does not enter: it is in the columns of the results.
+        """
+        text = json.dumps(settings(self), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def settings(config: BenchmarkConfig) -> dict[str, Any]:
+    """What decides the outcome of every single run, as plain nested values: version, seed, simulation, sensors."""
+    simulation = dataclasses.asdict(config.simulation)
+    del simulation["sensor"]
+    lidars = {name: dataclasses.asdict(config.simulation_with(name).lidar) for name in sorted(config.sensors)}
+    return {"version": layoutexplore.__version__, "seed": config.seed, "simulation": simulation, "lidars": lidars}
+
+
+def read_config(path: Path) -> dict[str, Any]:
+    """Keyword arguments for `BenchmarkConfig` from a TOML file.
+
+    The keys are the fields of `BenchmarkConfig`; `[simulation]` holds those of `SimulationConfig` (without `sensor`),
+    `[lidars.NAME]` those of `LidarConfig`.
+
+    Raises:
+        ConfigError: The file cannot be read, a key is unknown, or a value has the wrong type.
+    """
+    try:
+        table = tomllib.loads(path.read_text())
+    except OSError as error:
+        raise ConfigError(f"cannot read the configuration {path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} is not valid TOML: {error}") from error
+    _check_keys(table, BenchmarkConfig, f"in {path}")
+    if "simulation" in table:
+        table["simulation"] = _simulation(table["simulation"], f"{path} [simulation]")
+    if "lidars" in table:
+        table["lidars"] = {n: _build(LidarConfig, {**t, "name": n}, f"{path} [lidars.{n}]") for n, t in table["lidars"].items()}
+    for name in ("plans", "sensors", "agents"):
+        if name in table:
+            table[name] = _strings(table[name], f"{name} in {path}")
+    return table
+
+
+def _simulation(table: dict[str, Any], where: str) -> SimulationConfig:
+    if "sensor" in table:
+        raise ConfigError(f"{where}: name the sensors in the list `sensors` of the file, not here")
+    table = dict(table)
+    if "odometry_noise" in table:
+        table["odometry_noise"] = _build(OdometryNoise, table["odometry_noise"], f"{where} odometry_noise")
+    return _build(SimulationConfig, table, where)
+
+
+def _build(kind: type[T], table: dict[str, Any], where: str) -> T:
+    _check_keys(table, kind, f"in {where}")
+    try:
+        return kind(**table)
+    except TypeError as error:
+        raise ConfigError(f"{where}: {error}") from error
+
+
+def _check_keys(table: Any, kind: Any, where: str) -> None:
+    if not isinstance(table, dict):
+        raise ConfigError(f"expected a table of keys {where}, got {table!r}")
+    known = [f.name for f in dataclasses.fields(kind)]
+    for key in table:
+        if key not in known:
+            raise unknown_name(f"key {where}:", key, known)
+
+
+def _strings(value: Any, where: str) -> tuple[str, ...]:
+    items: Iterable[Any] = [value] if isinstance(value, str) else value
+    if not isinstance(items, list) or not all(isinstance(item, str) for item in items):
+        raise ConfigError(f"{where} must be a list of names, got {value!r}")
+    return tuple(items)

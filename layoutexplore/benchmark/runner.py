@@ -1,0 +1,228 @@
+"""Runs a benchmark: every agent on every (floor plan, start, sensor), on worker processes, into a results folder."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import functools
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+
+import layoutexplore
+from layoutexplore.agents import make_agent
+from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.benchmark.episode import Row, play, run_seed, score
+from layoutexplore.benchmark.plans import PlanEntry, check_names, entry, find_plans, load, start_pose
+from layoutexplore.benchmark.pool import run_all
+from layoutexplore.benchmark.store import ResultsFolder, open_results
+from layoutexplore.errors import ConfigError, LayoutExploreError
+from layoutexplore.floorplan import floorplan_from_ascii
+from layoutexplore.simulation import Simulation
+
+_WARM_UP_PLAN = """
+####################
+#aaaaa#bbbbb#ccccc##
+#aaaaa#bbbbb#ccccc##
+#aaaaa#bbbbb#ccccc##
+###.#####.#####.####
+#dddddddddddddddddd#
+#dddddddddddddddddd#
+####.######.########
+#eeeeeee##ffffffff##
+#eeeeeee##ffffffff##
+####################
+"""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run that is to be made."""
+
+    plan: PlanEntry
+    start: int
+    sensor: str
+    agent: str
+
+    @property
+    def key(self) -> tuple[str, int, str, str]:
+        """As `Row.key`."""
+        return self.plan.name, self.start, self.sensor, self.agent
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a benchmark is.
+
+    Attributes:
+        row: The run that has just ended.
+        done: Number of runs that have ended, those of earlier calls included.
+        total: Number of all runs.
+        work_done: Share of the work of this call that is done, 0..1, by the area that there is to explore.
+    """
+
+    row: Row
+    done: int
+    total: int
+    work_done: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a benchmark leaves.
+
+    Attributes:
+        folder: The results.
+        rows: All rows, sorted.
+        ran: How many of them were run now.
+    """
+
+    folder: ResultsFolder
+    rows: list[Row]
+    ran: int
+
+    @property
+    def failed(self) -> list[Row]:
+        """Runs that ended in an error."""
+        return [row for row in self.rows if row.error]
+
+
+def run_benchmark(
+    config: BenchmarkConfig,
+    out: Path,
+    *,
+    jobs: int = 1,
+    force: bool = False,
+    extend: bool = False,
+    command: str = "",
+    report: Callable[[str], None] = lambda text: None,
+    on_progress: Callable[[Progress], None] = lambda progress: None,
+) -> Outcome:
+    """Run what is missing of a benchmark, and write results.csv and the curves.
+
+    Args:
+        config: What to run.
+        out: The results folder; finished runs in it are kept.
+        jobs: Worker processes.
+        force: Delete another benchmark's results in `out` first.
+        extend: Add to a benchmark with the same settings.
+        command: Noted in the folder.
+        report: Told what happens before the first run.
+        on_progress: Told when a run has ended.
+
+    Raises:
+        LayoutExploreError: A plan cannot be read, a name is unknown, the folder holds another configuration. A run
+            that fails raises nothing: its row says what went wrong.
+    """
+    if jobs < 1:
+        raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
+    for name in config.agents:
+        make_agent(name)
+    plans = _loaded(config, report)
+    folder = open_results(out, config, plans, force=force, extend=extend, command=command)
+    for plan in plans:
+        folder.save_raster(plan.name, load(plan.source).rasterize(config.simulation.resolution))
+    rows = {row.key: row for row in folder.finished()}
+    tasks = all_tasks(config, plans)
+    missing = [task for task in tasks if task.key not in rows]
+    if len(missing) < len(tasks):
+        report(f"{len(tasks) - len(missing)} of {len(tasks)} runs are already in {out}")
+    if missing:
+        report("compiling and loading the kernels (slow only the first time)")
+        warm_up(config)
+    work = sum(task.plan.reachable_area for task in missing)
+    areas, done = {plan.name: plan.reachable_area for plan in plans}, 0.0
+    try:
+        for count, row in enumerate(_results(config, folder, missing, jobs), len(tasks) - len(missing) + 1):
+            folder.append(row)
+            rows[row.key] = row
+            done += areas[row.plan]
+            on_progress(Progress(row, count, len(tasks), done / work))
+    finally:
+        folder.rewrite(rows.values())
+    return Outcome(folder, sorted(rows.values(), key=lambda row: row.key), len(missing))
+
+
+def all_tasks(config: BenchmarkConfig, plans: list[PlanEntry]) -> list[Task]:
+    """Every run of the benchmark, in the order in which they are made.
+
+    Large plans come first, so that the last runs to end are short; plan by plan, so that workers find it in memory.
+    """
+    ordered = sorted(plans, key=lambda plan: (-plan.reachable_area, plan.name))
+    return [
+        Task(plan, start, sensor, agent)
+        for plan in ordered
+        for start in range(config.starts)
+        for sensor in config.sensors
+        for agent in config.agents
+    ]
+
+
+def warm_up(config: BenchmarkConfig) -> None:
+    """A few decisions of every agent and sensor on a tiny plan: every kernel is compiled, or read from numba's cache."""
+    cv2.setNumThreads(1)
+    plan = floorplan_from_ascii(_WARM_UP_PLAN, resolution=0.5, name="warm-up")
+    for sensor in config.sensors:
+        simulation = Simulation(plan, config.simulation_with(sensor))
+        for agent in config.agents:
+            # An agent that fails here fails again in its runs, where the failure is recorded.
+            with contextlib.suppress(Exception):
+                play(simulation, make_agent(agent))
+
+
+def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder) -> Row:
+    """Make one run, keep its curve, and return its row; a failure becomes the row's error."""
+    row = _empty_row(task, config)
+    try:
+        plan = load(task.plan.source)
+        settings = config.simulation_with(task.sensor)
+        start = start_pose(plan, settings, config.seed, task.start)
+        simulation, agent = Simulation(plan, settings), make_agent(task.agent)
+        episode = play(simulation, agent, seed=run_seed(config.seed, task.plan.name, task.start), start=start)
+        folder.save_episode(row, episode)
+        return score(row, simulation, episode)
+    except Exception as error:
+        return dataclasses.replace(row, error=_described(error))
+
+
+def _described(error: Exception) -> str:
+    """One line: the type, the message and, where the error is not one of ours, the place."""
+    message = " ".join(str(error).split())
+    if isinstance(error, LayoutExploreError):
+        return f"{type(error).__name__}: {message}"
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {message} ({Path(frame.filename).name}, line {frame.lineno})"
+
+
+def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[PlanEntry]:
+    sources = find_plans(config.plans)
+    report(f"reading {len(sources)} floor plan{'s' if len(sources) != 1 else ''}")
+    plans = [entry(source, config.simulation) for source in sources]
+    check_names(plans)
+    return plans
+
+
+def _results(config: BenchmarkConfig, folder: ResultsFolder, tasks: list[Task], jobs: int) -> Iterator[Row]:
+    function = functools.partial(run_task, config=config, folder=folder)
+    lost = functools.partial(_lost_row, config=config)
+    return run_all(function, tasks, jobs=jobs, lost=lost, initializer=warm_up, arguments=(config,))
+
+
+def _empty_row(task: Task, config: BenchmarkConfig) -> Row:
+    return Row(
+        plan=task.plan.name,
+        start=task.start,
+        sensor=task.sensor,
+        agent=task.agent,
+        seed=config.seed,
+        version=layoutexplore.__version__,
+        config_hash=config.config_hash,
+    )
+
+
+def _lost_row(task: Task, config: BenchmarkConfig) -> Row:
+    message = "WorkerDied: the process of this run was killed (out of memory?)"
+    return dataclasses.replace(_empty_row(task, config), error=message)

@@ -1,0 +1,305 @@
+"""The results folder: what is in it, how it survives being killed, and when it belongs to something else.
+
+    run.toml          the configuration, the plans with their content hashes, the command
+    results.csv       a row per finished run, appended as it ends, sorted when all are done (and results.parquet)
+    runs/PLAN/*.npz   the coverage curve and the way walked of a run
+    plans/PLAN.npz    the plan's cells, for the pictures of the report
+
+A run's curve is renamed into place before its row is appended in one write, so a killed benchmark loses only the runs that
+were in flight; a row that was cut off half-way is dropped when the folder is opened again.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import json
+import os
+import re
+import shutil
+import tempfile
+import tomllib
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.benchmark.config import BenchmarkConfig, settings
+from layoutexplore.benchmark.episode import Episode, Row
+from layoutexplore.benchmark.plans import PlanEntry
+from layoutexplore.errors import ResultsError
+from layoutexplore.plan_raster import PlanRaster
+
+COLUMNS = tuple(f.name for f in dataclasses.fields(Row))
+
+_CONVERTERS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "bool": lambda text: text == "True", "str": str}
+
+
+class ResultsFolder:
+    """A folder of results of one configuration.
+
+    Args:
+        path: The folder; made by `open_results`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.table = path / "results.csv"
+
+    def rows(self) -> list[Row]:
+        """The rows of results.csv.
+
+        Raises:
+            ResultsError: The file is missing or not one of ours.
+        """
+        try:
+            text = self.table.read_text()
+        except OSError as error:
+            raise ResultsError(f"cannot read {self.table}: {error.strerror}") from error
+        lines = list(csv.reader(io.StringIO(text)))
+        if not lines or tuple(lines[0]) != COLUMNS:
+            raise ResultsError(f"{self.table} does not have the columns of this version: choose another --out, or --force")
+        try:
+            return [_parse(line) for line in lines[1:]]
+        except (ValueError, KeyError) as error:
+            raise ResultsError(f"{self.table} is damaged: {error}; remove the line, or start again with --force") from error
+
+    def append(self, row: Row) -> None:
+        """Add a row in a single write."""
+        with self.table.open("ab", buffering=0) as file:
+            file.write(_line(row).encode())
+
+    def rewrite(self, rows: Iterable[Row]) -> None:
+        """Replace all rows, sorted, at once."""
+        ordered = sorted(rows, key=lambda row: row.key)
+        with atomic(self.table) as temporary:
+            temporary.write_text(_header() + "".join(map(_line, ordered)))
+
+    def finished(self) -> list[Row]:
+        """Rows of earlier runs that ended well and whose curve is there; the file is cut back to these."""
+        if self.table.exists():
+            text = self.table.read_text()
+            if not text.endswith("\n"):
+                self.table.write_text(text[: text.rfind("\n") + 1])
+        rows = self.rows() if self.table.exists() and self.table.stat().st_size else []
+        good = {row.key: row for row in rows if not row.error and self.curve_path(row).exists()}
+        self.rewrite(good.values())
+        return list(good.values())
+
+    def curve_path(self, row: Row) -> Path:
+        """Where the curve and track of a run lie."""
+        return self.path / "runs" / slug(row.plan) / f"{slug(row.sensor)}-start{row.start}-{slug(row.agent)}.npz"
+
+    def save_episode(self, row: Row, episode: Episode) -> None:
+        """Write a run's curve float32 (n, 2) and track float32 (m, 3)."""
+        path = self.curve_path(row)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, curve=episode.curve.astype(np.float32), track=episode.track.astype(np.float32))
+
+    def episode(self, row: Row) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The curve (n, 2) and track (m, 3) of a run."""
+        with np.load(self.curve_path(row)) as data:
+            return data["curve"].astype(np.float64), data["track"].astype(np.float64)
+
+    def save_raster(self, name: str, raster: PlanRaster) -> None:
+        """Keep a plan's cells for the pictures."""
+        path = self.path / "plans" / f"{slug(name)}.npz"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        frame = np.array([raster.resolution, *raster.origin], np.float64)
+        with atomic(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, occupied=np.packbits(raster.occupied), shape=raster.shape, frame=frame)
+
+    def raster(self, name: str) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+        """A plan's occupied cells bool (rows, cols), and (resolution, origin x, y, theta)."""
+        with np.load(self.path / "plans" / f"{slug(name)}.npz") as data:
+            rows, cols = data["shape"]
+            return np.unpackbits(data["occupied"], count=rows * cols).reshape(rows, cols).astype(np.bool_), data["frame"]
+
+    def manifest(self) -> dict[str, Any]:
+        """What run.toml says.
+
+        Raises:
+            ResultsError: It is missing or cannot be read.
+        """
+        try:
+            return tomllib.loads((self.path / "run.toml").read_text())
+        except OSError as error:
+            raise ResultsError(f"{self.path} holds no benchmark: there is no run.toml in it") from error
+        except tomllib.TOMLDecodeError as error:
+            raise ResultsError(f"{self.path}/run.toml is damaged ({error}): start again with --force") from error
+
+
+def open_results(
+    path: Path, config: BenchmarkConfig, plans: list[PlanEntry], *, force: bool, extend: bool, command: str
+) -> ResultsFolder:
+    """Make a results folder, or continue one that holds the same configuration.
+
+    Args:
+        path: The folder.
+        config: What will run.
+        plans: Its floor plans.
+        force: Delete the results of another benchmark that lie there.
+        extend: Allow other plans, agents, sensors and more starts beside those that are there.
+        command: Noted in run.toml.
+
+    Raises:
+        ResultsError: The folder holds another configuration, or files that are none of ours.
+    """
+    folder = ResultsFolder(path)
+    wanted = _manifest(config, plans, command)
+    if path.exists() and not path.is_dir():
+        raise ResultsError(f"{path} is a file: --out must name a folder")
+    if force and (path / "run.toml").exists():
+        for name in ("runs", "plans"):
+            shutil.rmtree(path / name, ignore_errors=True)
+        for name in ("results.csv", "results.parquet", "summary.csv", "report.html", "report.md", "run.toml"):
+            (path / name).unlink(missing_ok=True)
+    if (path / "run.toml").exists():
+        wanted = _merged(folder.manifest(), wanted, path, extend=extend)
+    elif path.exists() and any(path.iterdir()):
+        raise ResultsError(f"{path} is not empty and holds no benchmark: choose another folder with --out")
+    path.mkdir(parents=True, exist_ok=True)
+    with atomic(path / "run.toml") as temporary:
+        temporary.write_text(to_toml(wanted))
+    return folder
+
+
+def _manifest(config: BenchmarkConfig, plans: list[PlanEntry], command: str) -> dict[str, Any]:
+    return {
+        "command": command,
+        "config_hash": config.config_hash,
+        "starts": config.starts,
+        "baseline": config.baseline,
+        "agents": sorted(config.agents),
+        "sensors": sorted(config.sensors),
+        "settings": settings(config),
+        "plans": {plan.name: dataclasses.asdict(plan) for plan in plans},
+    }
+
+
+def _merged(old: dict[str, Any], new: dict[str, Any], path: Path, *, extend: bool) -> dict[str, Any]:
+    """What run.toml is to say now, or why it cannot be."""
+    was, now = dict(_flat(tomllib.loads(to_toml(_comparable(old))))), dict(_flat(tomllib.loads(to_toml(_comparable(new)))))
+    grows = ("agents", "sensors", "starts", "settings.lidars.", "plans.")
+    changed = [k for k in sorted(was.keys() | now.keys()) if was.get(k) != now.get(k)]
+    fatal = [
+        k
+        for k in changed
+        if not (extend and k.startswith(grows) and (k in ("agents", "sensors", "starts") or k not in was or k not in now))
+    ]
+    if fatal:
+        lines = [f"  {k}: {_shown(was.get(k))} there, {_shown(now.get(k))} now" for k in fatal[:8]]
+        more = [f"  and {len(fatal) - 8} more"] if len(fatal) > 8 else []
+        growing = all(k.startswith(grows) for k in fatal) and not extend
+        advice = "--extend to add to it, " if growing else ""
+        raise ResultsError(
+            "\n".join([f"{path} holds the results of another configuration:", *lines, *more])
+            + f"\nChoose another folder with --out, {advice}or --force to delete what is there and start again."
+        )
+    merged = {**old, **new}
+    for name in ("agents", "sensors"):
+        merged[name] = sorted({*old[name], *new[name]})
+    merged["starts"] = max(old["starts"], new["starts"])
+    merged["plans"] = {**old["plans"], **new["plans"]}
+    merged["settings"]["lidars"] = {**old["settings"]["lidars"], **new["settings"]["lidars"]}
+    return merged
+
+
+def _comparable(manifest: dict[str, Any]) -> dict[str, Any]:
+    kept = {k: v for k, v in manifest.items() if k not in ("command", "config_hash", "baseline")}
+    kept["plans"] = {name: plan["content_hash"] for name, plan in manifest["plans"].items()}
+    return kept
+
+
+def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _flat(inner, f"{prefix}.{key}" if prefix else key)
+    else:
+        yield prefix, value
+
+
+def _shown(value: Any) -> str:
+    text = "nothing" if value is None else ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def to_toml(table: dict[str, Any]) -> str:
+    """Nested tables of strings, numbers, booleans and lists as TOML; keys with the value None are left out.
+
+    Example:
+        >>> print(to_toml({"a": [1, "x"], "t": {"b": None, "c": True}}))
+        a = [1, "x"]
+        <BLANKLINE>
+        [t]
+        c = true
+        <BLANKLINE>
+    """
+    lines: list[str] = []
+    _write_table(table, [], lines)
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def _write_table(table: dict[str, Any], path: list[str], lines: list[str]) -> None:
+    plain = {k: v for k, v in table.items() if not isinstance(v, dict) and v is not None}
+    if path and plain:
+        lines.append(f"\n[{'.'.join(map(_key, path))}]")
+    lines.extend(f"{_key(k)} = {json.dumps(v, ensure_ascii=False)}" for k, v in plain.items())
+    for key, value in table.items():
+        if isinstance(value, dict):
+            _write_table(value, [*path, key], lines)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
+
+
+def slug(name: str) -> str:
+    """A file name for any name; names that had to be changed stay apart by a checksum.
+
+    Example:
+        >>> slug("tour"), slug("office:12")
+        ('tour', 'office_12-2b9b0bf5')
+    """
+    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)
+    return name if plain == name and name not in (".", "..") else f"{plain}-{zlib.crc32(name.encode()):08x}"
+
+
+@contextmanager
+def atomic(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path` that replaces it when the block ends well, and vanishes when it does not."""
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _header() -> str:
+    return ",".join(COLUMNS) + "\n"
+
+
+def _line(row: Row) -> str:
+    out = io.StringIO()
+    values = (getattr(row, name) for name in COLUMNS)
+    csv.writer(out, lineterminator="\n").writerow(["" if value != value else value for value in values])
+    return out.getvalue()
+
+
+def _parse(line: list[str]) -> Row:
+    if len(line) != len(COLUMNS):
+        raise ValueError(f"a row has {len(line)} values, not {len(COLUMNS)}")
+    values: dict[str, Any] = {}
+    for f, text in zip(dataclasses.fields(Row), line, strict=True):
+        values[f.name] = float("nan") if f.type == "float" and not text else _CONVERTERS[str(f.type)](text)
+    return Row(**values)

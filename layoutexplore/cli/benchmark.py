@@ -1,0 +1,154 @@
+"""`layoutexplore benchmark` and `layoutexplore report`."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from layoutexplore.benchmark.config import BenchmarkConfig
+    from layoutexplore.benchmark.runner import Outcome
+
+DEFAULT_OUT = Path("benchmark-results")
+
+BENCHMARK_HELP = """Run exploration strategies on floor plans and report who needs how many metres.
+
+Every agent runs the same cells: floor plan, start and sensor. Without arguments, eight agents explore a small suite of
+plans in a few minutes. What is finished stays in the results folder: the same command continues where it was stopped.
+
+[bold]Examples[/bold]
+
+  layoutexplore benchmark
+
+  layoutexplore benchmark --plans test --agents nearest --agents tour --starts 3
+
+  layoutexplore benchmark --plans ~/floors --plans office:7 --sensor stage --sensor indoor --jobs 8 --out results
+
+  layoutexplore benchmark --config study.toml --out study
+"""
+
+REPORT_HELP = """Write report.html, report.md and summary.csv again from the results in a folder.
+
+[bold]Example[/bold]
+
+  layoutexplore report benchmark-results --baseline tour
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the application."""
+    app.command("benchmark", help=BENCHMARK_HELP)(benchmark)
+    app.command("report", help=REPORT_HELP)(report)
+
+
+def benchmark(
+    plans: Annotated[
+        list[str] | None,
+        typer.Option(help="Floor plan: name, FAMILY:SEED, file, folder of plans, or quick, train, validation, test. Repeatable."),
+    ] = None,
+    starts: Annotated[int | None, typer.Option(help="Starts on each plan. Default: 2.")] = None,
+    agents: Annotated[list[str] | None, typer.Option(help="Agent, such as tour or nearest:min_size=0.4. Repeatable.")] = None,
+    sensor: Annotated[list[str] | None, typer.Option(help="Sensor: stage (default), indoor, short, mapex. Repeatable.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of starts, noise and agents. Default: 0.")] = None,
+    baseline: Annotated[str | None, typer.Option(help="Agent to compare with. Default: nearest.")] = None,
+    jobs: Annotated[int | None, typer.Option(help="Worker processes. Default: one per core.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = DEFAULT_OUT,
+    config: Annotated[
+        Path | None, typer.Option(help="TOML file with any of these options, and the tables [simulation] and [lidars.NAME].")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Delete the results in the folder and start again.")] = False,
+    extend: Annotated[
+        bool, typer.Option("--extend", help="Add plans, starts, sensors or agents to the results in the folder.")
+    ] = False,
+) -> None:
+    """Run a benchmark and write its report."""
+    from rich.console import Console
+
+    from layoutexplore.benchmark.config import BenchmarkConfig, read_config
+    from layoutexplore.benchmark.pool import usable_cores
+    from layoutexplore.benchmark.runner import Progress, run_benchmark
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.errors import require
+
+    for module in ("pandas", "pyarrow", "jinja2"):
+        require(module, "bench")
+    given: dict[str, Any] = {"starts": starts, "seed": seed, "baseline": baseline}
+    given |= {"plans": plans and tuple(plans), "agents": agents and tuple(agents), "sensors": sensor and tuple(sensor)}
+    options = read_config(config) if config else {}
+    settings = BenchmarkConfig(**options | {name: value for name, value in given.items() if value is not None})
+    console = Console(highlight=False)
+    try:
+        with ProgressLine(console, "runs") as line:
+
+            def advance(progress: Progress) -> None:
+                row = progress.row
+                line.advance(progress.done, progress.total, progress.work_done, f"{row.plan} {row.sensor} {row.agent}")
+
+            outcome = run_benchmark(
+                settings,
+                out,
+                jobs=usable_cores() if jobs is None else jobs,
+                force=force,
+                extend=extend,
+                command=_command_line(),
+                report=line.say,
+                on_progress=advance,
+            )
+    except KeyboardInterrupt:
+        console.print(f"\nStopped. What is finished is in {out}: the same command continues.", soft_wrap=True)
+        raise typer.Exit(130) from None
+    _write_and_show(console, outcome, settings)
+    if outcome.failed:
+        raise typer.Exit(1)
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="Results folder of `layoutexplore benchmark`.")] = DEFAULT_OUT,
+    baseline: Annotated[str | None, typer.Option(help="Agent to compare with. Default: as when it was run.")] = None,
+) -> None:
+    """Write the report of a results folder again."""
+    from rich.console import Console
+
+    from layoutexplore.benchmark.store import ResultsFolder
+    from layoutexplore.errors import require
+    from layoutexplore.report.exploration import write_report
+
+    for module in ("pandas", "pyarrow", "jinja2"):
+        require(module, "bench")
+    console = Console(highlight=False)
+    for path in write_report(ResultsFolder(folder), baseline=baseline):
+        console.print(f"wrote {path}", soft_wrap=True)
+
+
+def _command_line() -> str:
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+
+
+def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig) -> None:
+    from layoutexplore.report.exploration import headline, write_report
+
+    paths = write_report(outcome.folder, baseline=config.baseline)
+    console.print()
+    console.print(_table(headline(outcome.rows, config.baseline)))
+    for row in outcome.failed[:5]:
+        console.print(f"failed: {row.plan}, start {row.start}, {row.sensor}, {row.agent}: {row.error}", soft_wrap=True)
+    if len(outcome.failed) > 5:
+        console.print(f"... and {len(outcome.failed) - 5} more failed runs, see the report")
+    console.print(f"{len(outcome.rows)} runs, {outcome.ran} of them now. Report: {paths[0]}", soft_wrap=True)
+
+
+def _table(rows: list[tuple[str, ...]]) -> Any:
+    from rich.table import Table
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for k, name in enumerate(rows[0]):
+        table.add_column(name, justify="left" if k == 0 else "right", no_wrap=True)
+    for row in rows[1:]:
+        table.add_row(*row)
+    return table

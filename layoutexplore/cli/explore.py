@@ -1,0 +1,139 @@
+"""`layoutexplore explore`: one exploration, watched."""
+
+from __future__ import annotations
+
+import math
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from layoutexplore.benchmark.episode import Row
+    from layoutexplore.grid import Pose
+    from layoutexplore.report.film import Film
+    from layoutexplore.simulation import Simulation
+
+HELP = """Explore one floor plan with one agent; print what came of it, and film it.
+
+[bold]Examples[/bold]
+
+  layoutexplore explore office:1 --agent tour --video tour.mp4
+
+  layoutexplore explore floor.png --sensor indoor --start 3.2,1.5,0 --out run
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the application."""
+    app.command("explore", help=HELP)(explore)
+
+
+def explore(
+    plan: Annotated[str, typer.Argument(help="Floor plan: a name, FAMILY:SEED, or a file.")],
+    agent: Annotated[str, typer.Option(help="Strategy, such as tour or nearest:min_size=0.4.")] = "nearest",
+    sensor: Annotated[str, typer.Option(help="Lidar: stage, indoor, short or mapex.")] = "stage",
+    seed: Annotated[int, typer.Option(min=0, help="Decides the start, the noise and the agent's own randomness.")] = 0,
+    start: Annotated[str | None, typer.Option(metavar="X,Y[,THETA]", help="Start in metres, and heading in radians.")] = None,
+    video: Annotated[Path | None, typer.Option(help="Write an .mp4 or .gif of the run.")] = None,
+    fps: Annotated[float, typer.Option(min=0.5, max=60, help="Frames of the video per second.")] = 12.0,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the final map (ROS YAML and PGM), the way walked and the coverage curve.")
+    ] = None,
+) -> None:
+    """Explore one floor plan."""
+    from rich.console import Console
+
+    from layoutexplore.agents import make_agent
+    from layoutexplore.benchmark.episode import Row, play, score
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.picture import draw_state
+    from layoutexplore.simulation import Simulation
+    from layoutexplore.simulation_config import SimulationConfig
+
+    console = Console(highlight=False)
+    simulation = Simulation(plan, SimulationConfig(sensor=sensor))
+    chosen = make_agent(agent)
+    with ProgressLine(console, "% seen") as line, _film(video, fps) as film:
+
+        def show(state: Simulation) -> None:
+            share = min(1.0, state.coverage / state.config.coverage_goal)
+            line.advance(int(100 * state.coverage), 100, share, f"{state.distance:.0f} m, {state.decisions} decisions")
+
+        if film:
+            simulation.on_scan = lambda state: film.add(draw_state(state, agent=agent, frontiers=False))
+        episode = play(simulation, chosen, seed=seed, start=parse_start(start), on_step=show)
+    row = score(Row(plan=simulation.plan.name, start=0, sensor=sensor, agent=agent, seed=seed), simulation, episode)
+    console.print(_summary(row))
+    if video:
+        console.print(f"wrote {video}", soft_wrap=True)
+    if out:
+        for path in save_run(out, simulation):
+            console.print(f"wrote {path}", soft_wrap=True)
+
+
+def parse_start(text: str | None) -> Pose | None:
+    """A pose from "X,Y" or "X,Y,THETA".
+
+    Raises:
+        ConfigError: It is not two or three finite numbers.
+
+    Example:
+        >>> parse_start("1.5,2,0.1")
+        Pose(x=1.5, y=2.0, theta=0.1)
+    """
+    from layoutexplore.errors import ConfigError
+    from layoutexplore.grid import Pose
+
+    if text is None:
+        return None
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+        raise ConfigError(f"--start needs X,Y or X,Y,THETA in metres and radians, got {text!r}")
+    return Pose(*numbers)
+
+
+def save_run(folder: Path, simulation: Simulation) -> list[Path]:
+    """Write the final map, the way walked and the coverage curve of a simulation; the files written."""
+    import numpy as np
+
+    folder.mkdir(parents=True, exist_ok=True)
+    simulation.mapper.grid.save(folder / "map.yaml")
+    np.savetxt(folder / "track.csv", simulation.track, "%.4f", ",", header="x,y,theta", comments="")
+    np.savetxt(folder / "curve.csv", simulation.curve, "%.6f", ",", header="distance,coverage,scan", comments="")
+    return [folder / name for name in ("map.yaml", "track.csv", "curve.csv")]
+
+
+def _film(path: Path | None, fps: float) -> AbstractContextManager[Film | None]:
+    if path is None:
+        return nullcontext()
+    from layoutexplore.report.film import Film
+
+    return Film(path, fps=fps)
+
+
+def _summary(row: Row) -> Table:
+    from rich.table import Table
+
+    table = Table(box=None, show_header=False, pad_edge=False)
+    reached = {"d90": row.reached90, "d95": row.reached95, "d99": row.reached99}
+    lines = [
+        ("floor plan", f"{row.plan}, {row.target_area:.0f} m² to see"),
+        ("agent, sensor", f"{row.agent}, {row.sensor}"),
+        ("ended by", row.stop_reason),
+        ("seen", f"{100 * row.coverage:.1f} %, {row.rooms_finished} of {row.rooms} rooms finished"),
+        ("travelled", f"{row.distance:.1f} m, {100 * row.revisits:.0f} % of it where it had been before"),
+        *((f"{name[1:]} % seen after", f"{getattr(row, name):.1f} m" if ok else "not reached") for name, ok in reached.items()),
+        ("decisions", f"{row.decisions}, {row.ms_decision_median:.2f} ms each (median)"),
+        ("scans", f"{row.scans}"),
+        ("took", f"{row.wall_seconds:.1f} s"),
+    ]
+    for line in lines:
+        table.add_row(*line)
+    return table

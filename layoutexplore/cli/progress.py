@@ -1,0 +1,84 @@
+"""How far a long command is: a bar with the time left on a terminal, plain lines where there is none."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+PLAIN_EVERY = 10.0
+"""Seconds between plain lines."""
+
+
+class ProgressLine:
+    """A progress display, used as a context manager.
+
+    Args:
+        console: Where to write.
+        unit: What is counted, in the plural.
+    """
+
+    def __init__(self, console: Console, unit: str) -> None:
+        self.console = console
+        self.unit = unit
+        self._bar: Progress | None = None
+        self._began = self._printed = time.monotonic()
+
+    def __enter__(self) -> ProgressLine:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._bar:
+            self._bar.stop()
+
+    def say(self, text: str) -> None:
+        """A line of its own; the time left is estimated from the last one on."""
+        self.console.print(text, soft_wrap=True, markup=False)
+        self._began = self._printed = time.monotonic()
+
+    def advance(self, done: int, total: int, share: float, note: str = "") -> None:
+        """Show how far it is.
+
+        Args:
+            done: Number of units done.
+            total: Number of all.
+            share: Share of the work done since the last `say`, 0..1: what the time left is estimated from.
+            note: What is worth saying about the last unit.
+        """
+        now = time.monotonic()
+        elapsed = now - self._began
+        left = f"about {clock(elapsed * (1 - share) / share)} left" if 0.01 < share < 1 else ""
+        if not self.console.is_terminal:
+            if now - self._printed >= PLAIN_EVERY or done == total:
+                self._printed = now
+                self.say_plain(f"{done}/{total} {self.unit}, {clock(elapsed)} elapsed{', ' + left if left else ''}")
+            return
+        if self._bar is None:
+            columns = (
+                TextColumn("{task.fields[count]}"),
+                BarColumn(),
+                TextColumn("{task.fields[left]}  [dim]{task.fields[note]}"),
+            )
+            self._bar = Progress(*columns, console=self.console, transient=True)
+            self._bar.start()
+            self._bar.add_task("", total=1.0, count="", left="", note="")
+        count = f"{done}/{total} {self.unit}"
+        self._bar.update(self._bar.task_ids[0], completed=share, count=count, left=f"{clock(elapsed)}  {left}", note=note)
+
+    def say_plain(self, text: str) -> None:
+        """A line that does not disturb the estimate."""
+        self.console.print(text, soft_wrap=True, markup=False)
+
+
+def clock(seconds: float) -> str:
+    """Minutes and seconds, with hours where there are any.
+
+    Example:
+        >>> clock(75), clock(7325)
+        ('1:15', '2:02:05')
+    """
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

@@ -1,0 +1,335 @@
+"""The report of an exploration benchmark: report.html, report.md and summary.csv from a results folder alone."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import platform
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import layoutexplore
+from layoutexplore.benchmark.analysis import (
+    METRICS,
+    POOLED,
+    AgentSummary,
+    Comparison,
+    agents_of,
+    by_plan,
+    compare,
+    groups,
+    pooled_curves,
+    summarise,
+)
+from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.store import ResultsFolder, atomic
+from layoutexplore.report.page import interval, number, percent, render
+from layoutexplore.report.plots import Forest, Line, Way, curve_lines, floor_picture, forest, heat, way
+
+NBSP = "\N{NO-BREAK SPACE}"
+
+PICTURED_PLANS = 4
+"""Floor plans on which ways are drawn: the smallest, the largest, and evenly between."""
+
+PACKAGES = ("numpy", "scipy", "numba", "opencv-python-headless", "shapely")
+
+
+@dataclass(frozen=True)
+class Group:
+    """Everything about one sensor, or about all of them."""
+
+    name: str
+    forest: Forest
+    table: list[AgentLine]
+    lines: list[Line]
+
+
+@dataclass(frozen=True)
+class AgentLine:
+    """One row of the tables: an agent's comparisons by level, its figures, and how often it reached each level."""
+
+    agent: str
+    privileged: bool
+    ratios: dict[str, Comparison]
+    summary: AgentSummary
+    reached: dict[str, float]
+    metres: dict[str, float]
+
+
+@dataclass(frozen=True)
+class PlanLine:
+    """One row of the table by floor plan: metres of each agent to 95 %, and their ratio to the baseline's."""
+
+    plan: str
+    sensor: str
+    area: float
+    metres: dict[str, float]
+    ratios: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A way on a floor plan."""
+
+    caption: str
+    row: Row
+    floor: str
+    width: int
+    height: int
+    way: Way
+
+
+def write_report(folder: ResultsFolder, *, baseline: str | None = None) -> list[Path]:
+    """Write report.html, report.md, summary.csv and results.parquet into a results folder.
+
+    Args:
+        folder: What `layoutexplore benchmark` left.
+        baseline: The agent to compare with; None for the one of the run.
+
+    Returns:
+        The files written, the page first.
+
+    Raises:
+        ResultsError: The folder holds no benchmark, or is damaged.
+    """
+    manifest = folder.manifest()
+    rows = sorted(folder.rows(), key=lambda row: row.key)
+    view = build(folder, rows, manifest, baseline or str(manifest["baseline"]))
+    written = []
+    for name, template in (("report.html", "exploration.html"), ("report.md", "exploration.md")):
+        with atomic(folder.path / name) as temporary:
+            temporary.write_text(render(template, **view))
+        written.append(folder.path / name)
+    return [*written, *_write_tables(folder.path, rows, view["comparisons"])]
+
+
+def build(folder: ResultsFolder, rows: list[Row], manifest: dict[str, Any], baseline: str) -> dict[str, Any]:
+    """Everything that the templates show."""
+    curves = functools.cache(lambda row: folder.episode(row)[0])
+    comparisons = compare(rows, baseline)
+    summaries = summarise(rows, baseline, curves)
+    parts = groups(rows)
+    shown = []
+    for name, part in parts.items():
+        mine = [c for c in comparisons if c.sensor == name]
+        table = _table(part, mine, [s for s in summaries if s.sensor == name])
+        order = [line.agent for line in table]
+        lines = curve_lines(pooled_curves(part, baseline, curves), order, baseline)
+        shown.append(Group(name, forest(mine), table, lines))
+    best = _best(shown, baseline)
+    return {
+        "groups": shown,
+        "comparisons": comparisons,
+        "baseline": baseline,
+        "has_baseline": bool(comparisons),
+        "best": best,
+        "verdict": _verdict(best, baseline) if best else "",
+        "plans": _plan_lines(rows, baseline),
+        "order": [line.agent for line in shown[0].table] if shown else [],
+        "pictures": _pictures(folder, rows, shown, baseline),
+        "failed": [row for row in rows if row.error],
+        "rows": rows,
+        "counts": _counts(rows),
+        "columns": _columns(),
+        "settings": manifest["settings"],
+        "manifest": manifest,
+        "versions": _versions(),
+        "caveats": caveats(rows, manifest["settings"]),
+        "heat": heat,
+        "metrics": METRICS,
+        "pooled": POOLED,
+    }
+
+
+def headline(rows: Sequence[Row], baseline: str) -> list[tuple[str, ...]]:
+    """The table for the terminal: a header, then a row an agent, best first."""
+    parts = groups(rows)
+    if not parts:
+        return [("agent",)]
+    name, part = next(iter(parts.items()))
+    comparisons = [c for c in compare(rows, baseline) if c.sensor == name]
+    levels = [(m, f"{m[1:]} %") for m in METRICS]
+    if not comparisons:
+        table = _table(part, [], summarise(part, baseline, lambda row: (_ for _ in ()).throw(LookupError(row))))
+        header = ("agent", *(f"metres to {level}" for _, level in levels))
+        return [header, *((line.agent, *(number(line.metres[m], 1) for m, _ in levels)) for line in table)]
+    by_agent: dict[str, dict[str, Comparison]] = {}
+    for c in comparisons:
+        by_agent.setdefault(c.agent, {})[c.metric] = c
+    ranked = sorted(by_agent.items(), key=lambda item: _rank(item[1]))
+    header = (f"metres / {baseline}'s", *(f"to {level}" for _, level in levels), "better at 95 %", "reached 99 %")
+    body = [
+        (
+            agent,
+            *(interval(found[m].ratio) if m in found else "–" for m, _ in levels),
+            percent(found["d95"].improvement.estimate) if "d95" in found else "–",
+            percent(found["d99"].reached) if "d99" in found else "–",
+        )
+        for agent, found in ranked
+    ]
+    return [header, *body]
+
+
+def caveats(rows: Sequence[Row], settings: dict[str, Any]) -> list[str]:
+    """What these results do not say, as far as it follows from how they were made."""
+    simulation = settings["simulation"]
+    noise = simulation.get("odometry_noise", {})
+    plans = len({row.plan for row in rows})
+    clean = not any(lidar["range_noise_std"] or lidar["dropout"] for lidar in settings["lidars"].values())
+    said = []
+    if plans < 10:
+        said.append(
+            f"Intervals resample floor plans, and there {'is only one' if plans == 1 else f'are only {plans}'}: "
+            + ("there are no intervals at all." if plans == 1 else "they are rough. Twenty plans tell 5 % apart.")
+        )
+    if not any(noise.values()):
+        said.append("Odometry is perfect: the robot always knows where it is, and the map never bends.")
+    if clean:
+        said.append("The lidar measures without noise and sees every surface, glass included.")
+    if not simulation["turn_cost"]:
+        said.append("Turning on the spot is free; time is not measured, only metres.")
+    if "max_distance" not in simulation:
+        said.append("A run is ended after 100 m + 1 m per m² of target area; a level not reached is charged that many metres.")
+    goal = percent(simulation["coverage_goal"])
+    said.append(f"Runs end at {goal} of the target area: what it would cost to see the rest was not measured.")
+    said.append("ms per decision is the agent's choice alone, without the mapping and the frontiers; it varies between machines.")
+    said.append("Nothing moves in these buildings, doors stay as they are, and there is one robot on one floor.")
+    return said
+
+
+def _table(part: Sequence[Row], comparisons: Sequence[Comparison], summaries: Sequence[AgentSummary]) -> list[AgentLine]:
+    """One line an agent, the best first."""
+    by_agent = {s.agent: s for s in summaries}
+    lines = []
+    for agent in agents_of(part):
+        mine = [row for row in part if row.agent == agent]
+        found = {c.metric: c for c in comparisons if c.agent == agent}
+        reached = {m: sum(getattr(row, m.replace("d", "reached")) for row in mine) / len(mine) for m in METRICS}
+        metres = {m: sum(getattr(row, m) for row in mine) / len(mine) for m in METRICS}
+        lines.append(AgentLine(agent, knows_the_plan(agent), found, by_agent[agent], reached, metres))
+    return sorted(lines, key=lambda line: (_rank(line.ratios), line.metres["d95"], line.agent))
+
+
+def _rank(ratios: dict[str, Comparison]) -> float:
+    return ratios["d95"].ratio.estimate if "d95" in ratios else math.inf
+
+
+def knows_the_plan(agent: str) -> bool:
+    """Whether an agent is shown the floor plan (False where no such agent exists any more)."""
+    from layoutexplore.agents import make_agent
+    from layoutexplore.decision import Privileged
+    from layoutexplore.errors import LayoutExploreError
+
+    try:
+        return isinstance(make_agent(agent), Privileged)
+    except LayoutExploreError:
+        return False
+
+
+def _best(shown: Sequence[Group], baseline: str) -> Comparison | None:
+    """The best comparison at d95 of an agent that does not know the plan."""
+    lines = [line for line in shown[0].table if not line.privileged and line.agent != baseline] if shown else []
+    found = [line.ratios["d95"] for line in lines if "d95" in line.ratios]
+    return min(found, key=lambda c: c.ratio.estimate, default=None)
+
+
+def _verdict(best: Comparison, baseline: str) -> str:
+    """One honest sentence about the best agent; its subject is the agent."""
+    ratio = best.ratio
+    known = math.isfinite(ratio.low)
+    sure = known and ratio.high < 1
+    interval_text = f" (95{NBSP}% interval {number(ratio.low)}–{number(ratio.high)})" if known else ""
+    needs = f"{number(ratio.estimate)} of the metres of {baseline} to see 95{NBSP}% of a floor{interval_text}"
+    better = f"It needs fewer than {baseline} in {percent(best.improvement.estimate)} of {best.cells} paired runs."
+    if sure:
+        return f"needs {needs}. {better}"
+    doubt = "the interval does not leave out 1, so this may be chance" if known else "on one floor plan, which proves nothing"
+    return f"comes out best with {needs}, but {doubt}. {better}"
+
+
+def _plan_lines(rows: Sequence[Row], baseline: str) -> list[PlanLine]:
+    areas = {(row.plan, row.sensor): row.target_area for row in rows if not row.error}
+    lines = []
+    for (plan, sensor), metres in by_plan(rows, "d95").items():
+        base = metres.get(baseline)
+        ratios = {agent: value / base if base else math.nan for agent, value in metres.items()}
+        lines.append(PlanLine(plan, sensor, areas[plan, sensor], metres, ratios))
+    return lines
+
+
+def _pictures(
+    folder: ResultsFolder, rows: Sequence[Row], shown: Sequence[Group], baseline: str
+) -> list[tuple[str, list[Picture]]]:
+    """The ways of the best agent, the baseline, the worst and the one that knows the plan, on a few plans."""
+    good = [row for row in rows if not row.error]
+    if not good:
+        return []
+    sensor = good[0].sensor
+    areas = {row.plan: row.target_area for row in good}
+    plans = sorted(areas, key=lambda plan: (areas[plan], plan))
+    count = min(PICTURED_PLANS, len(plans))
+    chosen = [plans[round(k * (len(plans) - 1) / max(count - 1, 1))] for k in range(count)]
+    knowing = {line.agent for group in shown for line in group.table if line.privileged}
+    found = []
+    for plan in chosen:
+        start = min(row.start for row in good if row.plan == plan and row.sensor == sensor)
+        here = [row for row in good if (row.plan, row.start, row.sensor) == (plan, start, sensor)]
+        here.sort(key=lambda row: (math.isnan(row.d95), row.d95, row.agent))
+        honest = [row for row in here if row.agent not in knowing]
+        picks = {
+            "best": next((row for row in honest if row.agent != baseline), None),
+            "baseline": next((row for row in here if row.agent == baseline), None),
+            "worst": next((row for row in reversed(honest) if row.agent != baseline), None),
+            "knows the floor plan": next((row for row in here if row.agent in knowing), None),
+        }
+        distinct = {row.key: (caption, row) for caption, row in reversed(picks.items()) if row is not None}
+        found.append((f"{plan}, start {start}, {sensor}", [_picture(folder, c, r) for c, r in reversed(distinct.values())]))
+    return found
+
+
+def _picture(folder: ResultsFolder, caption: str, row: Row) -> Picture:
+    occupied, frame = folder.raster(row.plan)
+    _, track = folder.episode(row)
+    rows, cols = occupied.shape
+    return Picture(caption, row, floor_picture(occupied), cols, rows, way(track, frame, rows))
+
+
+def _counts(rows: Sequence[Row]) -> dict[str, int]:
+    names = {"floor plans": "plan", "starts": "start", "sensors": "sensor", "agents": "agent"}
+    return {"runs": len(rows), **{label: len({getattr(row, name) for row in rows}) for label, name in names.items()}}
+
+
+def _columns() -> list[tuple[str, str]]:
+    """Name and meaning of the columns of results.csv, from the documentation of `Row`."""
+    text = (Row.__doc__ or "").split("Attributes:")[1]
+    pairs = (line.strip().split(": ", 1) for line in text.strip().splitlines())
+    return [(name, meaning) for name, meaning in pairs]
+
+
+def _versions() -> list[tuple[str, str]]:
+    found = [("layoutexplore", layoutexplore.__version__), ("Python", platform.python_version())]
+    found += [(name, metadata.version(name)) for name in PACKAGES]
+    return [*found, ("system", f"{platform.system()} {platform.machine()}")]
+
+
+def _write_tables(path: Path, rows: Sequence[Row], comparisons: Sequence[Comparison]) -> list[Path]:
+    import pandas as pd
+
+    with atomic(path / "results.parquet") as temporary:
+        pd.DataFrame([dataclasses.asdict(row) for row in rows]).to_parquet(temporary, index=False)
+    flat = [_flat(c) for c in comparisons]
+    with atomic(path / "summary.csv") as temporary:
+        pd.DataFrame(flat).to_csv(temporary, index=False, float_format="%.6g")
+    return [path / "summary.csv", path / "results.parquet"]
+
+
+def _flat(c: Comparison) -> dict[str, Any]:
+    row: dict[str, Any] = {"sensor": c.sensor, "agent": c.agent, "metric": c.metric, "cells": c.cells, "plans": c.plans}
+    for name in ("ratio", "plan_ratio", "improvement"):
+        value = getattr(c, name)
+        row |= {name: value.estimate, f"{name}_low": value.low, f"{name}_high": value.high}
+    return row | {"reached": c.reached}

@@ -1,0 +1,100 @@
+"""Pages from templates: one file each, nothing fetched from anywhere, readable on a telephone and on paper."""
+
+from __future__ import annotations
+
+import base64
+import functools
+import math
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import require
+from layoutexplore.statistics import Interval
+
+TEMPLATES = Path(__file__).parent
+
+
+def render(template: str, **context: Any) -> str:
+    """A template of this folder, filled in; HTML templates escape what they are given.
+
+    Args:
+        template: File name, such as "exploration.html".
+        context: What the template uses; `style` (the style sheet) is always there.
+    """
+    return str(_environment().get_template(template).render(style=_style(), **context))
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """A number with fixed digits, or a dash where there is none.
+
+    Example:
+        >>> number(0.8571), number(float("nan")), number(1234.5, 0)
+        ('0.86', '–', '1234')
+    """
+    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+
+
+def percent(value: float | None, digits: int = 0) -> str:
+    r"""A share as percent.
+
+    Example:
+        >>> percent(0.995, 1), percent(None)
+        ('99.5\xa0%', '–')
+    """
+    return "–" if value is None or not math.isfinite(value) else f"{100 * value:.{digits}f}\N{NO-BREAK SPACE}%"
+
+
+def points(value: float) -> str:
+    """A difference of shares, in percent points with its sign.
+
+    Example:
+        >>> points(0.034), points(-0.0071)
+        ('+3.4', '−0.7')
+    """
+    return f"{100 * value:+.1f}".replace("-", "\N{MINUS SIGN}")
+
+
+def interval(value: Interval | None, digits: int = 2, *, sign: bool = False) -> str:
+    """An estimate with its interval.
+
+    Example:
+        >>> interval(Interval(0.861, 0.82, 0.9)), interval(Interval(0.9, float("nan"), float("nan")))
+        ('0.86 (0.82–0.90)', '0.90')
+    """
+    if value is None:
+        return "–"
+    spec = f"{'+' if sign else ''}.{digits}f"
+    if not math.isfinite(value.low):
+        return format(value.estimate, spec)
+    between = " to " if sign else "–"
+    return f"{value.estimate:{spec}} ({value.low:{spec}}{between}{value.high:{spec}})"
+
+
+def png_uri(image: NDArray[np.uint8]) -> str:
+    """A picture uint8 (h, w) grey or (h, w, 3) RGB as a data URI."""
+    _, data = cv2.imencode(".png", image if image.ndim == 2 else image[:, :, ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    return "data:image/png;base64," + base64.b64encode(data.tobytes()).decode()
+
+
+@functools.cache
+def _environment() -> Any:
+    jinja2 = require("jinja2", "bench")
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=jinja2.select_autoescape(["html"]),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters |= {"number": number, "percent": percent, "points": points, "interval": interval}
+    return environment
+
+
+def _style() -> Any:
+    from markupsafe import Markup
+
+    return Markup((TEMPLATES / "style.css").read_text())

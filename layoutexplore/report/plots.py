@@ -1,0 +1,217 @@
+"""The figures of the exploration report, as plain shapes in percent of their frame.
+
+Lines and areas are SVG that stretches with the page, with strokes that keep their width; marks and labels are placed by
+the page's style in percent. So text has the same size on a telephone and on a large screen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore import palette
+from layoutexplore.benchmark.analysis import Comparison, PooledCurve
+from layoutexplore.report.page import png_uri
+
+RATIO_LIMITS = (0.4, 2.0)
+"""The forest plot never shows more than this; ratios outside are marked at its edge."""
+
+_ODD = 1.6
+"""Agents beyond this ratio do not stretch the axis."""
+
+_TICKS = (1.0, 0.8, 0.9, 1.2, 0.6, 1.5, 0.5, 0.7, 2.0, 0.4, 1.1, 1.3)
+"""Labels in the order in which they are placed where there is room."""
+
+_TICK_GAP = 10.0
+"""Least percent of the width between labels."""
+
+_DASHES = ("", "7 3", "2 3", "9 3 2 3")
+
+_RAMP = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (240, 200, 40)], np.float64)
+"""From the start to the end of a way: dark violet to yellow."""
+
+_PIECES = 40
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A labelled place on an axis, in percent."""
+
+    at: float
+    label: str
+
+
+@dataclass(frozen=True)
+class ForestRow:
+    """One agent in the forest plot; places in percent of the width."""
+
+    comparison: Comparison
+    guard: Comparison | None
+    place: float
+    low: float
+    high: float
+    guard_place: float | None
+    outside: bool
+
+
+@dataclass(frozen=True)
+class Forest:
+    """Ratios with their intervals on a logarithmic axis."""
+
+    rows: list[ForestRow]
+    ticks: list[Tick]
+    one: float
+    name_width: int
+
+
+def forest(comparisons: Sequence[Comparison], metric: str = "d95", guard: str = "d99") -> Forest:
+    """The comparisons of one group as a forest plot, best first.
+
+    Args:
+        comparisons: All metrics of one group.
+        metric: What is shown with its interval.
+        guard: What is shown as a small mark.
+    """
+    shown = sorted((c for c in comparisons if c.metric == metric), key=lambda c: c.ratio.estimate)
+    guards = {c.agent: c for c in comparisons if c.metric == guard}
+    ends = [v for c in shown if c.ratio.estimate < _ODD for v in (c.ratio.low, c.ratio.high, c.ratio.estimate)]
+    low = max(RATIO_LIMITS[0], min([0.8, *filter(math.isfinite, ends)]) / 1.03)
+    high = min(RATIO_LIMITS[1], max([1.25, *filter(math.isfinite, ends)]) * 1.03)
+
+    def place(ratio: float) -> float:
+        return 100 * min(max(math.log(ratio / low) / math.log(high / low), 0.0), 1.0)
+
+    rows = []
+    for c in shown:
+        left, right = (v if math.isfinite(v) else c.ratio.estimate for v in (c.ratio.low, c.ratio.high))
+        other = guards.get(c.agent)
+        rows.append(
+            ForestRow(
+                comparison=c,
+                guard=other,
+                place=place(c.ratio.estimate),
+                low=place(left),
+                high=place(right),
+                guard_place=place(other.ratio.estimate) if other else None,
+                outside=not low <= c.ratio.estimate <= high,
+            )
+        )
+    ticks: list[Tick] = []
+    for value in _TICKS:
+        if low <= value <= high and all(abs(place(value) - tick.at) >= _TICK_GAP for tick in ticks):
+            ticks.append(Tick(place(value), f"{value:g}"))
+    width = max((len(c.agent) for c in shown), default=0) + 1
+    return Forest(rows, ticks, place(1.0), width)
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve with its band, as SVG paths in a frame of 100 x 100."""
+
+    agent: str
+    colour: str
+    dash: str
+    path: str
+    band: str
+    cells: int
+
+
+def curve_lines(curves: Sequence[PooledCurve], order: Sequence[str], baseline: str) -> list[Line]:
+    """The pooled curves as paths, in the given order of agents."""
+    by_agent = {curve.agent: curve for curve in curves}
+    lines, k = [], 0
+    for agent in order:
+        if agent not in by_agent:
+            continue
+        curve = by_agent[agent]
+        colour, dash = (palette.BLACK, "") if agent == baseline else agent_look(k)
+        k += agent != baseline
+        x, y = 100 * curve.x / curve.x[-1], 100 * (1 - curve.mean)
+        low, high = 100 * (1 - curve.low), 100 * (1 - curve.high)
+        band = f"{_path(x, high)} L{_path(x[::-1], low[::-1])[1:]} Z"
+        lines.append(Line(agent, hexadecimal(colour), dash, _path(x, y), band, curve.cells))
+    return lines
+
+
+def agent_look(k: int) -> tuple[palette.Colour, str]:
+    """Colour and dashes of the k-th agent."""
+    colours = [colour for colour in palette.QUALITATIVE if colour != palette.BLACK]
+    return colours[k % len(colours)], _DASHES[(k // len(colours)) % len(_DASHES)]
+
+
+def hexadecimal(colour: palette.Colour) -> str:
+    """A colour for the page.
+
+    Example:
+        >>> hexadecimal((0, 114, 178))
+        '#0072b2'
+    """
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way walked, in pieces from the start to the end, in cells from the top left of the picture."""
+
+    pieces: list[tuple[str, str]]
+    start: tuple[float, float]
+    end: tuple[float, float]
+
+
+def floor_picture(occupied: NDArray[np.bool_]) -> str:
+    """The floor as a data URI: white where free, dark where a wall bounds it, pale elsewhere; the top row has the highest y."""
+    free = ~occupied
+    near = cv2.dilate(free.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    grey = np.full(occupied.shape, 236, np.uint8)
+    grey[free] = 255
+    grey[occupied & near] = 88
+    return png_uri(np.ascontiguousarray(grey[::-1]))
+
+
+def way(track: NDArray[np.float64], frame: NDArray[np.float64], rows: int) -> Way:
+    """A track (n, 3) as pieces of even length whose colours run along the ramp.
+
+    Args:
+        track: Poses in metres.
+        frame: (resolution, origin x, origin y, origin theta) of the picture.
+        rows: Height of the picture in cells.
+    """
+    resolution, x0, y0, theta = frame
+    turn = np.array([[math.cos(theta), -math.sin(theta)], [math.sin(theta), math.cos(theta)]])
+    points = (track[:, :2] - (x0, y0)) @ turn / resolution
+    points[:, 1] = rows - points[:, 1]
+    walked = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    ends = np.linspace(0, walked[-1], _PIECES + 1)
+    pieces = []
+    for k in range(_PIECES if walked[-1] > 0 else 0):
+        inside = (walked > ends[k]) & (walked < ends[k + 1])
+        tips = [np.array([np.interp(ends[j], walked, points[:, axis]) for axis in (0, 1)]) for j in (k, k + 1)]
+        piece = np.vstack([tips[0], points[inside], tips[1]])
+        pieces.append((_ramp((k + 0.5) / _PIECES), _path(piece[:, 0], piece[:, 1])))
+    (sx, sy), (ex, ey) = points[0], points[-1]
+    return Way(pieces, (round(float(sx), 1), round(float(sy), 1)), (round(float(ex), 1), round(float(ey), 1)))
+
+
+def _ramp(t: float) -> str:
+    place = t * (len(_RAMP) - 1)
+    k = min(int(place), len(_RAMP) - 2)
+    r, g, b = np.round(_RAMP[k] + (place - k) * (_RAMP[k + 1] - _RAMP[k])).astype(int)
+    return hexadecimal((int(r), int(g), int(b)))
+
+
+def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
+    return "M" + " L".join(f"{a:.2f},{b:.2f}" for a, b in zip(x, y, strict=True))
+
+
+def heat(ratio: float) -> str:
+    """Background for a ratio: blue below 1, orange above, white at 1, full at half and at twice."""
+    if not math.isfinite(ratio) or ratio <= 0:
+        return "transparent"
+    strength = min(1.0, abs(math.log2(ratio)))
+    colour = palette.BLUE if ratio < 1 else palette.VERMILLION
+    return f"rgba({colour[0]},{colour[1]},{colour[2]},{0.55 * strength:.2f})"
