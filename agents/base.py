@@ -163,24 +163,22 @@ def _parsed(spec: str, defaults: Options, text: str) -> Options:
             raise unknown_name(f"parameter of agent {spec.partition(':')[0]!r}", key, fields)
         if key in values:
             raise ConfigError(f"agent {spec!r}: {key!r} is given twice")
-        values[key] = _read(spec, fields[key], value)
+        values[key] = _read(spec, key, type(getattr(defaults, key)), value)
     try:
         return dataclasses.replace(defaults, **values)
     except ConfigError as error:
         raise ConfigError(f"agent {spec!r}: {error}") from None
 
 
-def _read(spec: str, field: dataclasses.Field[Any], text: str) -> Value:
-    """A value of the type that the field's default has."""
-    kind = type(field.default)
+def _read(spec: str, key: str, kind: type[Value], text: str) -> Value:
+    """The value of a text in the type that the parameter's default has."""
     try:
         if kind is bool:
             return {"true": True, "false": False}[text.lower()]
-        value: Value = kind(text)
-        return value
+        return kind(text)
     except (ValueError, KeyError):
         wanted = {bool: "true or false", int: "a whole number", float: "a number"}[kind]
-        raise ConfigError(f"agent {spec!r}: {field.name} must be {wanted}, got {text!r}") from None
+        raise ConfigError(f"agent {spec!r}: {key} must be {wanted}, got {text!r}") from None
 
 
 def _check_value(field: dataclasses.Field[Any], value: Value) -> None:

@@ -142,7 +142,8 @@ class GainExp(Greedy[GainExpOptions]):
 
     def scores(self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
         """In square metres, up to a factor that all share: the nearest one is not discounted, so that none underflows."""
-        return visible_areas(decision, chosen) * np.exp(-self.options.rate * (lengths - lengths.min()))
+        discounts: NDArray[np.float64] = np.exp(-self.options.rate * (lengths - lengths.min()))
+        return visible_areas(decision, chosen) * discounts
 
 
 class DistanceAdvantage(Greedy[DistanceAdvantageOptions]):
