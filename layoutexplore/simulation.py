@@ -11,6 +11,7 @@ not seen stops it, and touching the wall puts it on the map.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
@@ -56,6 +57,7 @@ class Simulation:
         scans: Number of scans taken.
         decisions: Number of decisions acted on.
         stop_reason: Why the run ended: "coverage", "no_frontier", "budget" or "agent"; "" while it goes on.
+        on_scan: Called after every scan, to film or log a run; None by default. It must not act on the simulation.
 
     Example:
         >>> from layoutexplore.floorplan import floorplan_from_ascii
@@ -84,6 +86,7 @@ class Simulation:
         self._disc = disc_offsets(self.config.robot_radius / self.config.resolution)
         self._drifts = self.config.odometry_noise != PERFECT_ODOMETRY
         self._noisy = self._drifts or self.config.lidar.range_noise_std > 0 or self.config.lidar.dropout > 0
+        self.on_scan: Callable[[Simulation], None] | None = None
 
     def reset(self, seed: int = 0, start: Pose | None = None) -> Decision:
         """Begin a run.
@@ -203,6 +206,11 @@ class Simulation:
     def coverage(self) -> float:
         """The share of the target area that has been seen, 0..1."""
         return 1.0 - self._unseen_count / self._target_count
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Bool (rows, cols): the part of the target area that has been seen."""
+        return self.truth.target & ~self._unseen
 
     @property
     def target_area(self) -> float:
@@ -360,6 +368,8 @@ class Simulation:
         self._curve.append((self.distance, self.coverage, float(self.scans)))
         if self.coverage >= self.config.coverage_goal:
             self._finish("coverage")
+        if self.on_scan:
+            self.on_scan(self)
         return update
 
     def _note(self, update: ScanUpdate) -> None:

@@ -13,11 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.decision import Agent, Privileged
+from layoutexplore.agents import make_agent
+from layoutexplore.decision import Agent, Decision, Predictor, Privileged
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.exploration_metrics import revisit_share, rooms_finished, score_curve
-from layoutexplore.grid import UNKNOWN, Pose
+from layoutexplore.floorplan import FloorPlan
+from layoutexplore.grid import Pose
+from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation import Simulation
+from layoutexplore.simulation_config import SimulationConfig
 
 MAX_DECISIONS = 20_000
 """A run that is not over after this many decisions is stuck: the longest real ones take a few hundred."""
@@ -46,7 +50,7 @@ class Row:
         distance: Metres travelled at the end.
         decisions: Decisions taken.
         scans: Scans taken.
-        ms_decision_median: Milliseconds in which the agent chose, median over its decisions.
+        ms_decision_median: Milliseconds in which the agent chose (with its layout prediction), median over its decisions.
         ms_decision_p95: The same, 95th percentile.
         stop_reason: coverage, no_frontier, budget, agent; or error.
         version: Version of layoutexplore.
@@ -124,6 +128,45 @@ class Episode:
     seconds: float = 0.0
 
 
+def prepare(plan: FloorPlan | str, config: SimulationConfig, agent: str) -> tuple[Simulation, Agent]:
+    """A simulation and an agent by its name, with the predictor that the agent asks for.
+
+    Raises:
+        UnknownNameError: No agent or plan of that name.
+    """
+    chosen = make_agent(agent)
+    predictor = make_predictor(getattr(chosen, "predictor", "none"))
+    return Simulation(plan, config, _Timed(predictor) if predictor else None), chosen
+
+
+def knows_the_plan(agent: str) -> bool:
+    """Whether an agent, or its predictor, is shown the floor plan.
+
+    Raises:
+        UnknownNameError: No agent of that name.
+    """
+    chosen = make_agent(agent)
+    return isinstance(chosen, Privileged) or isinstance(make_predictor(getattr(chosen, "predictor", "none")), Privileged)
+
+
+class _Timed:
+    """A predictor whose time is measured: predicting is part of deciding."""
+
+    def __init__(self, inner: Predictor) -> None:
+        self.inner = inner
+        self.name = inner.name
+        self.ms = 0.0
+        if isinstance(inner, Privileged):
+            self.reveal = inner.reveal
+
+    def predict(self, decision: Decision) -> Decision:
+        """What the predictor makes of the decision."""
+        asked = time.perf_counter()
+        completed = self.inner.predict(decision)
+        self.ms += 1000 * (time.perf_counter() - asked)
+        return completed
+
+
 def play(
     simulation: Simulation,
     agent: Agent,
@@ -150,12 +193,15 @@ def play(
     if isinstance(agent, Privileged):
         agent.reveal(simulation.truth)
     took: list[float] = []
+    timed = simulation.predictor if isinstance(simulation.predictor, _Timed) else None
+    predicted = 0.0
     if on_step:
         on_step(simulation)
     while not simulation.done:
         asked = time.perf_counter()
         choice = agent.act(decision)
-        took.append(1000 * (time.perf_counter() - asked))
+        took.append(1000 * (time.perf_counter() - asked) + (timed.ms - predicted if timed else 0.0))
+        predicted = timed.ms if timed else 0.0
         decision = simulation.step(choice)
         if on_step:
             on_step(simulation)
@@ -170,10 +216,9 @@ def play(
 
 def score(row: Row, simulation: Simulation, episode: Episode) -> Row:
     """The row completed with the scores of a run that has ended."""
-    target = simulation.truth.target
     budget, area = simulation.max_distance, simulation.target_area
     curve = score_curve(episode.curve, budget=budget, target_area=area, goal=simulation.config.coverage_goal)
-    finished, rooms = rooms_finished(simulation.raster.room_ids, target, simulation.mapper.grid.cells != UNKNOWN)
+    finished, rooms = rooms_finished(simulation.raster.room_ids, simulation.truth.target, simulation.seen)
     x, y, theta = episode.track[0]
     median, p95 = np.percentile(episode.decision_ms, [50, 95]) if episode.decision_ms else (0.0, 0.0)
     scored = dataclasses.replace(

@@ -15,13 +15,12 @@ import cv2
 import layoutexplore
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.episode import Row, play, run_seed, score
+from layoutexplore.benchmark.episode import Row, play, prepare, run_seed, score
 from layoutexplore.benchmark.plans import PlanEntry, check_names, entry, find_plans, load, start_pose
 from layoutexplore.benchmark.pool import run_all
 from layoutexplore.benchmark.store import ResultsFolder, open_results
 from layoutexplore.errors import ConfigError, LayoutExploreError
 from layoutexplore.floorplan import floorplan_from_ascii
-from layoutexplore.simulation import Simulation
 
 _WARM_UP_PLAN = """
 ####################
@@ -120,7 +119,7 @@ def run_benchmark(
     if jobs < 1:
         raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
     for name in config.agents:
-        make_agent(name)
+        make_agent(name)  # an unknown name or parameter is better told now than in every run
     plans = _loaded(config, report)
     folder = open_results(out, config, plans, force=force, extend=extend, command=command)
     for plan in plans:
@@ -166,11 +165,10 @@ def warm_up(config: BenchmarkConfig) -> None:
     cv2.setNumThreads(1)
     plan = floorplan_from_ascii(_WARM_UP_PLAN, resolution=0.5, name="warm-up")
     for sensor in config.sensors:
-        simulation = Simulation(plan, config.simulation_with(sensor))
         for agent in config.agents:
             # An agent that fails here fails again in its runs, where the failure is recorded.
             with contextlib.suppress(Exception):
-                play(simulation, make_agent(agent))
+                play(*prepare(plan, config.simulation_with(sensor), agent))
 
 
 def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder) -> Row:
@@ -180,7 +178,7 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder) -> Row:
         plan = load(task.plan.source)
         settings = config.simulation_with(task.sensor)
         start = start_pose(plan, settings, config.seed, task.start)
-        simulation, agent = Simulation(plan, settings), make_agent(task.agent)
+        simulation, agent = prepare(plan, settings, task.agent)
         episode = play(simulation, agent, seed=run_seed(config.seed, task.plan.name, task.start), start=start)
         folder.save_episode(row, episode)
         return score(row, simulation, episode)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Annotated
 
 import typer
@@ -44,7 +45,8 @@ def _options(
 
 
 for _group in GROUPS:
-    import_module(f"layoutexplore.cli.{_group}").register(app)
+    if find_spec(f"layoutexplore.cli.{_group}"):
+        import_module(f"layoutexplore.cli.{_group}").register(app)
 
 
 def main() -> None:

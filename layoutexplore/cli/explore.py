@@ -47,16 +47,13 @@ def explore(
     """Explore one floor plan."""
     from rich.console import Console
 
-    from layoutexplore.agents import make_agent
-    from layoutexplore.benchmark.episode import Row, play, score
+    from layoutexplore.benchmark.episode import Row, play, prepare, score
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.picture import draw_state
-    from layoutexplore.simulation import Simulation
     from layoutexplore.simulation_config import SimulationConfig
 
     console = Console(highlight=False)
-    simulation = Simulation(plan, SimulationConfig(sensor=sensor))
-    chosen = make_agent(agent)
+    simulation, chosen = prepare(plan, SimulationConfig(sensor=sensor), agent)
     with ProgressLine(console, "% seen") as line, _film(video, fps) as film:
 
         def show(state: Simulation) -> None:

@@ -25,8 +25,9 @@ from layoutexplore.benchmark.analysis import (
     pooled_curves,
     summarise,
 )
-from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder, atomic
+from layoutexplore.errors import LayoutExploreError
 from layoutexplore.report.page import interval, number, percent, render
 from layoutexplore.report.plots import Forest, Line, Way, curve_lines, floor_picture, forest, heat, way
 
@@ -196,7 +197,9 @@ def caveats(rows: Sequence[Row], settings: dict[str, Any]) -> list[str]:
         said.append("A run is ended after 100 m + 1 m per m² of target area; a level not reached is charged that many metres.")
     goal = percent(simulation["coverage_goal"])
     said.append(f"Runs end at {goal} of the target area: what it would cost to see the rest was not measured.")
-    said.append("ms per decision is the agent's choice alone, without the mapping and the frontiers; it varies between machines.")
+    said.append(
+        "ms per decision is the agent's choice and its layout prediction, without mapping and frontiers; it varies by machine."
+    )
     said.append("Nothing moves in these buildings, doors stay as they are, and there is one robot on one floor.")
     return said
 
@@ -210,7 +213,7 @@ def _table(part: Sequence[Row], comparisons: Sequence[Comparison], summaries: Se
         found = {c.metric: c for c in comparisons if c.agent == agent}
         reached = {m: sum(getattr(row, m.replace("d", "reached")) for row in mine) / len(mine) for m in METRICS}
         metres = {m: sum(getattr(row, m) for row in mine) / len(mine) for m in METRICS}
-        lines.append(AgentLine(agent, knows_the_plan(agent), found, by_agent[agent], reached, metres))
+        lines.append(AgentLine(agent, _privileged(agent), found, by_agent[agent], reached, metres))
     return sorted(lines, key=lambda line: (_rank(line.ratios), line.metres["d95"], line.agent))
 
 
@@ -218,16 +221,11 @@ def _rank(ratios: dict[str, Comparison]) -> float:
     return ratios["d95"].ratio.estimate if "d95" in ratios else math.inf
 
 
-def knows_the_plan(agent: str) -> bool:
-    """Whether an agent is shown the floor plan (False where no such agent exists any more)."""
-    from layoutexplore.agents import make_agent
-    from layoutexplore.decision import Privileged
-    from layoutexplore.errors import LayoutExploreError
-
+def _privileged(agent: str) -> bool:
     try:
-        return isinstance(make_agent(agent), Privileged)
+        return knows_the_plan(agent)
     except LayoutExploreError:
-        return False
+        return False  # results of an agent that this version does not have
 
 
 def _best(shown: Sequence[Group], baseline: str) -> Comparison | None:
