@@ -1,0 +1,187 @@
+"""Doors: from the wish that two spaces be connected to an opening at a sensible place of the wall between them.
+
+The wall between two spaces is where the boundary of one runs within the tolerance of the other; it is cut at its corners into
+straight (or gently bent) runs. A door stands near the end that the wish names, half a door frame away from the corner.
+Closing doors later never cuts off more than the one room behind the door.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from shapely import LineString, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from layoutexplore.floorplan import Door
+from layoutexplore.maps.generator.config import DrawnConfig
+from layoutexplore.maps.generator.sketch import OUTSIDE, TOLERANCE, Link, Sketch, SketchError
+
+CORNER = math.radians(15.0)
+"""A wall that turns by more than this has a corner there."""
+
+NARROWEST = 0.7
+"""Least width of an opening, m: a robot of radius 0.2 m passes at a resolution of 0.1 m, whatever the angle."""
+
+MOST_BEND = 0.08
+"""How far an opening in a bent wall may leave the wall's line, m."""
+
+JAMB = 0.08
+"""Least wall between a door and the crossing wall's face, m."""
+
+
+def wall_runs(a: Polygon, b: BaseGeometry) -> list[NDArray[np.float64]]:
+    """The runs, float64 (k, 2) each, of a's boundary along b, longest first (m).
+
+    Example:
+        >>> (run,) = wall_runs(shapely.box(0, 0, 4, 3), shapely.box(4, 1, 6, 5))
+        >>> float(np.hypot(*(run[-1] - run[0])))
+        2.03
+    """
+    shared = a.exterior.intersection(b.buffer(TOLERANCE, join_style="mitre"))
+    if shared.geom_type != "LineString":
+        shared = shapely.line_merge(shapely.multilinestrings(_lines(shared)))
+    runs = [run for line in _lines(shared) for run in _split_at_corners(shapely.get_coordinates(line))]
+    return sorted((r for r in runs if _length(r) > 4 * TOLERANCE), key=_length, reverse=True)
+
+
+def _lines(geometry: BaseGeometry) -> list[LineString]:
+    """The line strings of any geometry."""
+    if isinstance(geometry, LineString):
+        return [] if geometry.is_empty else [geometry]
+    return [line for part in getattr(geometry, "geoms", ()) for line in _lines(part)]
+
+
+def _split_at_corners(points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Parts of a line between its corners."""
+    steps = np.diff(points, axis=0)
+    heading = np.arctan2(steps[:, 1], steps[:, 0])
+    turn = np.abs((np.diff(heading) + math.pi) % (2 * math.pi) - math.pi)
+    cuts = np.flatnonzero(turn > CORNER) + 1
+    return [points[i : j + 1] for i, j in zip([0, *cuts], [*cuts, len(points) - 1], strict=True)]
+
+
+def _length(points: NDArray[np.float64]) -> float:
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+def place_doors(sketch: Sketch, outline: Polygon, config: DrawnConfig, rng: np.random.Generator) -> list[Door]:
+    """All doors of a sketch.
+
+    Raises:
+        SketchError: A wanted connection has no wall that is long enough.
+    """
+    doors: list[Door] = []
+    taken: dict[tuple[int, int], list[BaseGeometry]] = {}
+    for link in sketch.resolved_links():
+        others = taken.setdefault((min(link.a, link.b), max(link.a, link.b)), [])
+        span = _span(sketch, outline, link, config, rng, others)
+        if span is None:
+            if link.optional:
+                continue
+            names = [sketch.labels.get(key, "outside") for key in (link.a, link.b)]
+            raise SketchError(f"no wall for a {link.kind} between {names[0]} {link.a} and {names[1]} {link.b}")
+        others.append(LineString(span).buffer(0.4))
+        start, end = ((round(float(x), 3), round(float(y), 3)) for x, y in span)
+        doors.append(Door(start=start, end=end, rooms=(link.a, link.b), is_open=link.a != OUTSIDE))
+    return doors
+
+
+def _span(
+    sketch: Sketch, outline: Polygon, link: Link, config: DrawnConfig, rng: np.random.Generator, taken: Sequence[BaseGeometry]
+) -> NDArray[np.float64] | None:
+    """Both ends, float64 (2, 2), of the opening for a link; None where the wall has no room for it."""
+    width = _wanted_width(link, config)
+    shift = float(rng.choice([0.04, 0.12, 0.25]))
+    space = sketch.polygons[link.b]
+    other: BaseGeometry = outline.exterior if link.a == OUTSIDE else sketch.polygons[link.a]
+    if link.a == OUTSIDE and outline.interiors:
+        other = outline.boundary
+    for run in _by_distance(wall_runs(space, other), link):
+        margins = _margins(run, outline, config)
+        span = _on_run(run, link, width, margins, shift)
+        if span is not None and not any(block.intersects(LineString(span)) for block in taken):
+            return span
+    return None
+
+
+def _margins(run: NDArray[np.float64], outline: Polygon, config: DrawnConfig) -> tuple[float, float]:
+    """Wall to leave at both ends of a run, m: half of the wall that crosses there, and a jamb."""
+    at_facade = shapely.distance(outline.boundary, shapely.points(run[[0, -1]])) < 0.2
+    first, last = np.where(at_facade, config.exterior_wall, config.interior_wall) / 2 + JAMB
+    return float(first), float(last)
+
+
+def _wanted_width(link: Link, config: DrawnConfig) -> float:
+    """Clear width of the opening in metres (infinite: all there is)."""
+    factor = {"door": 1.0, "narrow": 0.85, "double": 1.9, "open": math.inf}[link.kind]
+    return max(config.door_width * factor, NARROWEST + 0.02)
+
+
+def _by_distance(runs: list[NDArray[np.float64]], link: Link) -> list[NDArray[np.float64]]:
+    """Runs long enough for any door, the one nearest to the wanted place first (longest first where none is named)."""
+    runs = [run for run in runs if _length(run) > NARROWEST + 2 * JAMB]
+    if link.near is None:
+        return runs
+    point = shapely.Point(link.near)
+    return sorted(runs, key=lambda run: round(LineString(run).distance(point), 2))
+
+
+def _on_run(
+    run: NDArray[np.float64], link: Link, width: float, margins: tuple[float, float], shift: float
+) -> NDArray[np.float64] | None:
+    """The opening on one run of wall."""
+    length = _length(run)
+    clear = length - sum(margins)
+    width = min(width, clear)
+    if width < NARROWEST:
+        return None
+    line = LineString(run)
+    low, high = margins[0] + width / 2, length - margins[1] - width / 2
+    middle = (low + high) / 2
+    if link.near is not None and width < clear:
+        if link.kind in ("door", "narrow"):
+            low, high = min(low + shift, middle), max(high - shift, middle)
+        middle = min(max(line.project(shapely.Point(link.near)), low), high)
+    while width > NARROWEST:
+        chord = LineString([line.interpolate(middle - width / 2), line.interpolate(middle + width / 2)])
+        if chord.interpolate(0.5, normalized=True).distance(line) < MOST_BEND:
+            return shapely.get_coordinates(chord)
+        width *= 0.8
+    return None
+
+
+def door_components(rooms: Sequence[int], doors: Sequence[Door], shut: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Component number int32 (n,) of every room when only the doors that are not shut connect."""
+    index = {room: k for k, room in enumerate(rooms)}
+    pairs = [(index[d.rooms[0]], index[d.rooms[1]]) for d, s in zip(doors, shut, strict=True) if d.rooms[0] != OUTSIDE and not s]
+    edges = np.array(pairs, np.int64).reshape(-1, 2)
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(rooms), len(rooms)))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int32)
+
+
+def choose_closed(rooms: Sequence[int], doors: Sequence[Door], share: float, rng: np.random.Generator) -> list[int]:
+    """Indices of inner doors to shut so that whatever gets cut off is a single room each time.
+
+    Args:
+        rooms: Room ids.
+        doors: All doors; those to the outside are left alone.
+        share: Of the inner doors, 0-1; fewer where the rule allows no more.
+        rng: Chooses among them.
+    """
+    inner = [k for k, door in enumerate(doors) if door.rooms[0] != OUTSIDE]
+    shut = np.zeros(len(doors), np.bool_)
+    wanted = round(share * len(inner))
+    for k in rng.permutation(inner):
+        if shut.sum() >= wanted:
+            break
+        shut[k] = True
+        sizes = np.bincount(door_components(rooms, doors, shut))
+        if (sizes > 1).sum() > 1:
+            shut[k] = False
+    return np.flatnonzero(shut).tolist()
