@@ -44,6 +44,7 @@ class FaceConfig:
         margin: The box of the lines reaches so far beyond the walls, in metres.
         line_weight: A line covered for a smaller share of its length is dropped but for its well covered edges.
         edge_weight: An edge of a dropped line stays when at least this share of it is covered.
+        edge_length: ... and when it is at least so long, in metres.
         inside_share: A face with a smaller share inside the contour is external.
         partial_weight: A face next to an external one over an edge of smaller weight is partial.
         sigma: Scale of an edge's weight in the affinity of the faces on its sides.
@@ -55,6 +56,7 @@ class FaceConfig:
     margin: float = 1.0
     line_weight: float = 0.1
     edge_weight: float = 0.9
+    edge_length: float = 0.0
     inside_share: float = 0.2
     partial_weight: float = 0.05
     sigma: float = 0.125
@@ -164,7 +166,8 @@ def build_faces(grid: OccupancyGrid, model: WallModel, config: FaceConfig, timer
         arrangement = arrange_lines(grid, model, config.margin)
         covered, weight = line_weights(arrangement, model)
         share = covered / np.maximum(arrangement.edge_length, 1e-9)
-        open_edge = (weight < config.line_weight)[arrangement.line] & (share < config.edge_weight)
+        solid = (share >= config.edge_weight) & (arrangement.edge_length >= config.edge_length)
+        open_edge = (weight < config.line_weight)[arrangement.line] & ~solid
         group, _ = dissolve(arrangement, open_edge)
     with timer("contour"):
         region = seen_region(grid, config.region_area)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +97,20 @@ def find_structure(occupied: NDArray[np.bool_], resolution: float, config: Declu
         values = np.abs(image[: crop.shape[0], : crop.shape[1]]) * crop
         scores[box] = values / max(float(values.max()), 1e-9)
     return Structure(directions=directions, score=score, cell_scores=scores, profile=profile)
+
+
+def wall_surface(grid: OccupancyGrid, depth: float) -> NDArray[np.bool_]:
+    """bool (rows, cols): occupied cells within `depth` metres of free space: of solid masses and thick walls, the surface.
+
+    Args:
+        grid: The grid.
+        depth: In metres; at least the cells next to free space count.
+    """
+    occupied = grid.cells == OCCUPIED
+    free = (grid.cells == FREE).view(np.uint8)
+    reach = max(round(depth / grid.resolution), 1)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    return np.asarray(occupied & (cv2.dilate(free, disc) > 0))
 
 
 def bounding_box(mask: NDArray[np.bool_]) -> tuple[slice, slice] | None:

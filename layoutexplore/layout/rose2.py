@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grid import OCCUPIED, OccupancyGrid
+from layoutexplore.grid import OccupancyGrid
 from layoutexplore.layout.assembly import FaceConfig, WallModel, assemble, build_faces, clean_grid, find_rooms
-from layoutexplore.layout.declutter import DeclutterConfig, Structure, find_structure
+from layoutexplore.layout.declutter import DeclutterConfig, Structure, find_structure, wall_surface
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.segments import SegmentConfig, align, find_segments
 from layoutexplore.layout.timing import StageTimer
@@ -28,13 +28,21 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
     """Every option of the rose2 method; lengths in metres. See also the classes it extends.
 
     Attributes:
-        level: Least score of a cell of the clean map.
+        wall_depth: Occupied cells deeper than this in solid masses are no walls.
+        level: Least score of a cell of the clean map, at first.
+        level_step: It rises by this while the segments are too dense ...
+        level_max: ... but not above this.
+        density: Most segments of the clean map per square metre of free space.
         deviation: Segments farther than this from every dominant direction, in degrees, are left out.
         wall_gap: Segments of one direction closer than this belong to one wall.
         line_distance: Walls of one direction closer than this share a representative line ("a doorway").
     """
 
-    level: float = 0.18
+    wall_depth: float = 0.5
+    level: float = 0.15
+    level_step: float = 0.03
+    level_max: float = 0.3
+    density: float = 1.6
     deviation: float = 30.0
     wall_gap: float = 0.35
     line_distance: float = 0.6
@@ -42,8 +50,10 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
     def __post_init__(self) -> None:
         for parent in (DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
             parent.__post_init__(self)
-        if not 0 < self.level < 1:
-            raise ConfigError(f"level must lie between 0 and 1, got {self.level}")
+        if not 0 < self.level <= self.level_max < 1 or self.level_step <= 0:
+            raise ConfigError(
+                f"levels must rise from above 0 to below 1, got {self.level} to {self.level_max} by {self.level_step}"
+            )
         if self.wall_gap < 0 or self.line_distance < 0 or self.deviation <= 0:
             raise ConfigError("wall_gap and line_distance must not be negative, deviation must be above 0")
 
@@ -54,11 +64,12 @@ def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
     timer = StageTimer()
     if not has_free_space(grid):
         return empty_layout("rose2", grid, "no free space: nothing has been seen")
-    occupied = grid.cells == OCCUPIED
     with timer("declutter"):
+        occupied = wall_surface(grid, config.wall_depth)
         structure = find_structure(occupied, grid.resolution, config)
-        mask = occupied & (structure.cell_scores >= config.level)
-    model = find_wall_model(grid, structure, mask, config, timer)
+    with timer("segments"):
+        mask, segments = clean_map(occupied, structure, grid, config)
+    model = find_wall_model(grid, structure, mask, segments, config, timer)
     if model is None:
         return empty_layout(
             "rose2",
@@ -78,18 +89,39 @@ def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
     return assemble("rose2", grid, model, faces, room, timer)
 
 
-def find_wall_model(
-    grid: OccupancyGrid, structure: Structure, mask: NDArray[np.bool_], config: Rose2Config, timer: StageTimer
-) -> WallModel | None:
-    """Segments, walls and representative lines of the clean map; None when there is no wall."""
-    if not len(structure.directions):
-        return None
-    with timer("segments"):
+def clean_map(
+    occupied: NDArray[np.bool_], structure: Structure, grid: OccupancyGrid, config: Rose2Config
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """The cells of the clean map bool (rows, cols), and their segments float64 (n, 4).
+
+    The level starts low and rises until the segments are no denser than walls can be: clutter makes many short ones. The
+    paper tunes the level to an interval of segments per free cell that it does not print.
+    """
+    free_area = max(grid.free_area, grid.resolution**2)
+    level = config.level
+    while True:
+        mask = occupied & (structure.cell_scores >= level)
         segments = find_segments(mask, grid.resolution, config)
-        aligned, kept = align(segments, structure.directions, np.radians(config.deviation))
-    if not len(aligned):
+        if len(segments) <= config.density * free_area or level + config.level_step > config.level_max:
+            return mask, segments
+        level += config.level_step
+
+
+def find_wall_model(
+    grid: OccupancyGrid,
+    structure: Structure,
+    mask: NDArray[np.bool_],
+    segments: NDArray[np.float64],
+    config: Rose2Config,
+    timer: StageTimer,
+) -> WallModel | None:
+    """Walls and representative lines of the clean map; None when there is no wall."""
+    if not len(structure.directions) or not len(segments):
         return None
     with timer("walls"):
+        aligned, kept = align(segments, structure.directions, np.radians(config.deviation))
+        if not len(aligned):
+            return None
         walls = find_walls(aligned, config.wall_gap)
         lines = merge_walls(aligned, walls, config.line_distance)
     return WallModel(
