@@ -31,6 +31,7 @@ from layoutexplore.grid import Pose, check_resolution
 _MAX_CLEARANCE = 255
 _SKIP_FROM = 3
 """Clearance in cells from which a jump is cheaper than walking."""
+_STEEPEST = 1.0 - 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -330,75 +331,58 @@ def _cast(
         ranges[:] = 0.0
         return
     field = clearance.ravel()
-    start_col = int(x)
-    start_row = int(y)
-    start = start_row * cols + start_col
+    start = np.uint64(int(y) * cols + int(x))
     for i in range(unit_x.size):
         dx = unit_x[i] * cos - unit_y[i] * sin
         dy = unit_x[i] * sin + unit_y[i] * cos
-        # The next border in x lies at border_x, met at distance (border_x - x) * inverse_x; never for dx = 0.
-        border_x, step_x, inverse_x = np.inf, 0, 1.0
-        if dx != 0.0:
-            step_x = 1 if dx > 0.0 else -1
-            inverse_x = 1.0 / dx
-            border_x = start_col + (1.0 if dx > 0.0 else 0.0)
-        border_y, step_y, inverse_y = np.inf, 0, 1.0
-        if dy != 0.0:
-            step_y = 1 if dy > 0.0 else -1
-            inverse_y = 1.0 / dy
-            border_y = start_row + (1.0 if dy > 0.0 else 0.0)
-        index = start
-        next_x = (border_x - x) * inverse_x
-        next_y = (border_y - y) * inverse_y
-        here = 0.0
-        while True:
+        along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
+        step_along = np.uint64((1 if dx > 0.0 else -1) if x_leads else (cols if dy > 0.0 else -cols))
+        step_across = np.uint64((cols if dy > 0.0 else -cols) if x_leads else (1 if dx > 0.0 else -1))
+        last = int(range_max / per_along + along)
+        index, k, j = start, 0, 0
+        here = np.inf
+        while k <= last:
             d = np.int64(field[index])
-            if d == 0 or here > range_max:
+            if d == 0:
+                here = (k - along) * per_along
                 break
-            if d < _SKIP_FROM:
-                if next_x <= next_y:
-                    here = next_x
-                    index += step_x
-                    border_x += step_x
-                    next_x = (border_x - x) * inverse_x
-                else:
-                    here = next_y
-                    index += step_y * cols
-                    border_y += step_y
-                    next_y = (border_y - y) * inverse_y
+            if d >= _SKIP_FROM:
+                # Cells less than d away are free, and a slope of at most 1 keeps the ray among them for d - 1 columns.
+                k += d - 1
+                n = int(across + slope * (k - along))
+                index += np.uint64(d - 1) * step_along + np.uint64(n - j) * step_across
+                j = n
                 continue
-            # All cells less than d away are free: leave that square in one go.
-            leave_x = (border_x + step_x * (d - 1) - x) * inverse_x
-            leave_y = (border_y + step_y * (d - 1) - y) * inverse_y
-            if leave_x <= leave_y:
-                here = leave_x
-                index += step_x * d
-                border_x += step_x * d
-                # Borders in y that are met strictly before (at a corner x goes first); the estimate is off by one at most.
-                n = 0
-                if next_y < here:
-                    n = int(abs(y + here * dy - border_y)) + 1
-                    n = min(n, d - 1)
-                    if (border_y + step_y * (n - 1) - y) * inverse_y >= here:
-                        n -= 1
-                    elif n < d - 1 and (border_y + step_y * n - y) * inverse_y < here:
-                        n += 1
-                index += step_y * cols * n
-                border_y += step_y * n
-            else:
-                here = leave_y
-                index += step_y * cols * d
-                border_y += step_y * d
-                n = 0
-                if next_x <= here:
-                    n = int(abs(x + here * dx - border_x)) + 1
-                    n = min(n, d - 1)
-                    if (border_x + step_x * (n - 1) - x) * inverse_x > here:
-                        n -= 1
-                    elif n < d - 1 and (border_x + step_x * n - x) * inverse_x <= here:
-                        n += 1
-                index += step_x * n
-                border_x += step_x * n
-            next_x = (border_x - x) * inverse_x
-            next_y = (border_y - y) * inverse_y
+            k += 1
+            n = int(across + slope * (k - along))
+            if n != j:
+                index += step_across
+                j = n
+                if field[index] == 0:
+                    here = (n - across) * per_across
+                    break
+            index += step_along
         ranges[i] = here * scale if here <= range_max else np.inf
+
+
+@njit(cache=True, nogil=True)
+def trace(x: float, y: float, dx: float, dy: float) -> tuple[float, float, float, float, float, bool]:
+    """A ray in the frame of the axis that it moves more along, both axes turned so that it moves forward.
+
+    With k counting the cell borders met along and n those met across, the ray meets border k at distance
+    `(k - along) * per_along`, where it is in the cell `int(across + slope * (k - along))` across from where it started,
+    and border n across at distance `(n - across) * per_across`.
+
+    Returns:
+        along, across: Position in the start's cell, 0..1, seen in the direction of motion.
+        slope: Cells across per cell along, at most 1.
+        per_along, per_across: Distance per cell along and across.
+        x_leads: Whether x is the axis along.
+    """
+    from_x = x - math.floor(x) if dx > 0.0 else math.floor(x) + 1.0 - x
+    from_y = y - math.floor(y) if dy > 0.0 else math.floor(y) + 1.0 - y
+    size_x, size_y = abs(dx), abs(dy)
+    # A hair below 1, so that rounding never makes a ray cross two borders in one column.
+    if size_x >= size_y:
+        return from_x, from_y, min(size_y / size_x, _STEEPEST), 1.0 / size_x, 1.0 / size_y if size_y > 0.0 else np.inf, True
+    return from_y, from_x, min(size_x / size_y, _STEEPEST), 1.0 / size_y, 1.0 / size_x if size_x > 0.0 else np.inf, False

@@ -12,18 +12,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
 from layoutexplore.lidar import Lidar, LidarConfig, around, beam_table, check_upright, position_in_cells
+from layoutexplore.marking import Changes, cast_and_mark, weigh
 
 Box = tuple[int, int, int, int]
 """Half-open box of cells: (row0, row1, col0, col1)."""
-
-_END_TOLERANCE = 1e-3
-"""Cells by which a ray is prolonged to find the cell it ends in, so that rounding to float32 does not end it before the wall."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +136,7 @@ class Mapper:
         config = around(lidar.config) if full_turn else lidar.config
         col, row = position_in_cells(pose, grid.resolution, grid.origin)
         unit_x, unit_y = beam_table(config)
-        changes = _cast_and_mark(
+        changes = cast_and_mark(
             lidar.padded_clearance,
             grid.cells,
             col,
@@ -149,6 +146,10 @@ class Mapper:
             unit_x,
             unit_y,
             config.range_max / grid.resolution,
+            _dense_reach(config),
+            not config.full_turn,
+            math.cos(pose.theta + config.angle_offset),
+            math.sin(pose.theta + config.angle_offset),
         )
         return self._count(changes)
 
@@ -171,14 +172,14 @@ class Mapper:
         """
         grid = self.grid
         lidar = around(config) if full_turn else config
-        measured = np.ascontiguousarray(ranges, np.float32)
+        measured = np.asarray(ranges, np.float64)
         if measured.shape != (lidar.beams,):
             raise ConfigError(f"the lidar has {lidar.beams} beams, got ranges of shape {measured.shape}")
         col, row = position_in_cells(pose, grid.resolution, grid.origin)
         unit_x, unit_y = beam_table(lidar)
         evidence, touched = self._evidence_arrays()
         weights = self.config
-        changes = _integrate(
+        changes = weigh(
             grid.cells,
             evidence,
             touched,
@@ -189,15 +190,11 @@ class Mapper:
             math.sin(pose.theta),
             unit_x,
             unit_y,
-            measured,
-            grid.resolution,
+            measured / grid.resolution,
             lidar.range_max / grid.resolution,
             _fixed(weights.hit),
             _fixed(weights.miss),
-            _fixed(weights.clamp[0]),
-            _fixed(weights.clamp[1]),
-            _fixed(weights.free_below),
-            _fixed(weights.occupied_above),
+            np.array([_fixed(v) for v in (*weights.clamp, weights.free_below, weights.occupied_above)]),
         )
         return self._count(changes)
 
@@ -223,7 +220,7 @@ class Mapper:
         new = int(np.count_nonzero(before == UNKNOWN))
         return self._count((new, row.size, -int(np.count_nonzero(before == FREE)), row.size, *box))
 
-    def _count(self, changes: tuple[int, int, int, int, int, int, int, int]) -> ScanUpdate:
+    def _count(self, changes: Changes) -> ScanUpdate:
         """Add (new cells, new occupied, change of free, change of occupied, box) to the running counts."""
         new_cells, new_occupied, free_change, occupied_change, row0, row1, col0, col1 = changes
         self.known_free += free_change
@@ -248,173 +245,17 @@ class Mapper:
         return self._stamp
 
 
+def _dense_reach(config: LidarConfig) -> int:
+    """How far, in cells along either axis, no cell in sight lies between two beams; -1 for fields of view of other shapes.
+
+    A cell whose centre is r away is seen under an angle above 1 / (r + 1/2), so a beam meets it while beams are closer.
+    """
+    if not (config.full_turn or abs(config.fov - math.pi) < 1e-9):
+        return -1
+    r = 1.0 / (1.05 * config.angle_increment) - 0.5
+    return math.floor(r / math.sqrt(2.0) - 0.5)
+
+
 def _fixed(log_odds: float) -> int:
     """Log odds as the fixed-point number that the evidence array holds."""
     return round(log_odds * 100)
-
-
-@njit(cache=True, nogil=True)
-def _cast_and_mark(
-    clearance: NDArray[np.uint8],
-    cells: NDArray[np.int8],
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-    unit_x: NDArray[np.float64],
-    unit_y: NDArray[np.float64],
-    range_max: float,
-) -> tuple[int, int, int, int, int, int, int, int]:
-    """Cast rays in the world and mark the grid: (new cells, new occupied, change of free, change of occupied, box)."""
-    rows, cols = cells.shape
-    new_free, new_occupied, once_free = 0, 0, 0
-    row_low, row_high, col_low, col_high = rows, -1, cols, -1
-    if not (0.0 <= x < cols and 0.0 <= y < rows):
-        return 0, 0, 0, 0, 0, 0, 0, 0
-    world = clearance.ravel()
-    grid = cells.ravel()
-    world_cols = cols + 2
-    start_col = int(x)
-    start_row = int(y)
-    for i in range(unit_x.size):
-        dx = unit_x[i] * cos - unit_y[i] * sin
-        dy = unit_x[i] * sin + unit_y[i] * cos
-        border_x, step_x, inverse_x = np.inf, 0, 1.0
-        if dx != 0.0:
-            step_x = 1 if dx > 0.0 else -1
-            inverse_x = 1.0 / dx
-            border_x = start_col + (1.0 if dx > 0.0 else 0.0)
-        border_y, step_y, inverse_y = np.inf, 0, 1.0
-        if dy != 0.0:
-            step_y = 1 if dy > 0.0 else -1
-            inverse_y = 1.0 / dy
-            border_y = start_row + (1.0 if dy > 0.0 else 0.0)
-        next_x = (border_x - x) * inverse_x
-        next_y = (border_y - y) * inverse_y
-        index = start_row * cols + start_col
-        true_index = (start_row + 1) * world_cols + start_col + 1
-        here = 0.0
-        first, last = -1, -1
-        while here <= range_max:
-            if world[true_index] == 0:
-                # The border around the world is not a cell of the grid.
-                row, col = true_index // world_cols - 1, true_index % world_cols - 1
-                if 0 <= row < rows and 0 <= col < cols and grid[index] != 100:
-                    once_free += grid[index] == 0
-                    new_occupied += 1
-                    grid[index] = 100
-                    last = index
-                    first = index if first < 0 else first
-                break
-            if grid[index] < 0:
-                grid[index] = 0
-                new_free += 1
-                last = index
-                first = index if first < 0 else first
-            if next_x <= next_y:
-                here = next_x
-                index += step_x
-                true_index += step_x
-                border_x += step_x
-                next_x = (border_x - x) * inverse_x
-            else:
-                here = next_y
-                index += step_y * cols
-                true_index += step_y * world_cols
-                border_y += step_y
-                next_y = (border_y - y) * inverse_y
-        if first >= 0:
-            row_a, col_a, row_b, col_b = first // cols, first % cols, last // cols, last % cols
-            row_low = min(row_low, row_a, row_b)
-            row_high = max(row_high, row_a, row_b)
-            col_low = min(col_low, col_a, col_b)
-            col_high = max(col_high, col_a, col_b)
-    if row_high < 0:
-        return 0, 0, 0, 0, 0, 0, 0, 0
-    new_cells = new_free + new_occupied - once_free
-    return new_cells, new_occupied, new_free - once_free, new_occupied, row_low, row_high + 1, col_low, col_high + 1
-
-
-@njit(cache=True, nogil=True)
-def _integrate(
-    cells: NDArray[np.int8],
-    evidence: NDArray[np.int16],
-    touched: NDArray[np.uint8],
-    stamp: np.uint8,
-    x: float,
-    y: float,
-    cos: float,
-    sin: float,
-    unit_x: NDArray[np.float64],
-    unit_y: NDArray[np.float64],
-    ranges: NDArray[np.float32],
-    resolution: float,
-    range_max: float,
-    hit: int,
-    miss: int,
-    least: int,
-    most: int,
-    free_below: int,
-    occupied_above: int,
-) -> tuple[int, int, int, int, int, int, int, int]:
-    """Weigh one scan: (new cells, new occupied, change of free, change of occupied, box)."""
-    rows, cols = cells.shape
-    new_cells, new_occupied, free_change, occupied_change = 0, 0, 0, 0
-    row_low, row_high, col_low, col_high = rows, -1, cols, -1
-    for is_end in (True, False):
-        for i in range(unit_x.size):
-            measured = float(ranges[i])
-            if math.isnan(measured) or (is_end and measured == np.inf):
-                continue
-            length = min(measured / resolution, range_max)
-            dx = unit_x[i] * cos - unit_y[i] * sin
-            dy = unit_x[i] * sin + unit_y[i] * cos
-            reach = length + _END_TOLERANCE if measured < np.inf else length
-            end_row = math.floor(y + reach * dy)
-            end_col = math.floor(x + reach * dx)
-            if is_end:
-                row, col = end_row, end_col
-            else:
-                row, col = math.floor(y), math.floor(x)
-            step_x = 1 if dx > 0.0 else -1
-            step_y = 1 if dy > 0.0 else -1
-            border_x = col + (1.0 if dx > 0.0 else 0.0)
-            border_y = row + (1.0 if dy > 0.0 else 0.0)
-            next_x = (border_x - x) / dx if dx != 0.0 else np.inf
-            next_y = (border_y - y) / dy if dy != 0.0 else np.inf
-            here = 0.0
-            while here <= reach:
-                if 0 <= row < rows and 0 <= col < cols and touched[row, col] != stamp:
-                    touched[row, col] = stamp
-                    change = hit if is_end else -miss
-                    weight = min(max(evidence[row, col] + change, least), most)
-                    evidence[row, col] = weight
-                    old = cells[row, col]
-                    new = old
-                    if weight >= occupied_above:
-                        new = np.int8(100)
-                    elif weight <= free_below:
-                        new = np.int8(0)
-                    if new != old:
-                        cells[row, col] = new
-                        new_cells += old < 0
-                        new_occupied += new == 100
-                        occupied_change += (new == 100) - (old == 100)
-                        free_change += (new == 0) - (old == 0)
-                        row_low, row_high = min(row_low, row), max(row_high, row)
-                        col_low, col_high = min(col_low, col), max(col_high, col)
-                if is_end or (row == end_row and col == end_col):
-                    break
-                if next_x <= next_y:
-                    here = next_x
-                    col += step_x
-                    border_x += step_x
-                    next_x = (border_x - x) / dx
-                else:
-                    here = next_y
-                    row += step_y
-                    border_y += step_y
-                    next_y = (border_y - y) / dy
-    if row_high < 0:
-        return 0, 0, 0, 0, 0, 0, 0, 0
-    return new_cells, new_occupied, free_change, occupied_change, row_low, row_high + 1, col_low, col_high + 1
