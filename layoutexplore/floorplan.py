@@ -117,6 +117,9 @@ class FloorPlan:
         object.__setattr__(self, "doors", tuple(self.doors))
         _check(self)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_cache": {}}  # what can be computed again does not travel to other processes
+
     @classmethod
     def load(cls, path: str | Path) -> FloorPlan:
         """Read a floor plan of any known format, or a shipped plan by name; see `layoutexplore.maps.load_plan`."""

@@ -73,7 +73,7 @@ def grid_from_image(
     free = (grey > (_free_threshold(grey) if free_threshold is None else free_threshold)) & ~hidden
     unknown = _unknown(grey, free, hidden, resolution)
     if not unknown.any() or not _has_walls(free, ~free & ~unknown):
-        unknown = _inside_of_solids(~free, resolution)
+        unknown = hidden | _inside_of_background(grey, free, resolution)
     cells = np.where(free, FREE, np.where(unknown, UNKNOWN, OCCUPIED)).astype(np.int8)
     return OccupancyGrid(np.ascontiguousarray(cells[::-1]), resolution, origin or Pose(0.0, 0.0, 0.0))
 
@@ -149,11 +149,16 @@ def _courtyards(grey: NDArray[np.uint8], known: NDArray[np.bool_], resolution: f
     return found
 
 
-def _inside_of_solids(solid: NDArray[np.bool_], resolution: float) -> NDArray[np.bool_]:
-    """The pixels, bool (h, w), inside thick solid masses, further than a wall's skin from free space."""
-    reach = _disc(SOLID_RADIUS, resolution).shape[0]
-    padded = np.pad(solid, reach, constant_values=True).astype(np.uint8)
-    thick = cv2.morphologyEx(padded, cv2.MORPH_OPEN, _disc(SOLID_RADIUS, resolution)) > 0
+def _inside_of_background(grey: NDArray[np.uint8], free: NDArray[np.bool_], resolution: float) -> NDArray[np.bool_]:
+    """The pixels, bool (h, w), inside thick masses of the most common level that is not free, deeper than a wall's skin."""
+    if free.all():
+        return np.zeros(free.shape, np.bool_)
+    level = int(np.bincount(grey[~free], minlength=256).argmax())
+    mass = ~free & (np.abs(grey.astype(np.int16) - level) <= 1)
+    disc = _disc(SOLID_RADIUS, resolution)
+    reach = disc.shape[0]
+    padded = np.pad(mass, reach, constant_values=True).astype(np.uint8)
+    thick = cv2.morphologyEx(padded, cv2.MORPH_OPEN, disc) > 0
     depth = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * resolution
     return np.asarray((thick & (depth > SOLID_SKIN))[reach:-reach, reach:-reach], np.bool_)
 

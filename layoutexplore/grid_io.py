@@ -6,6 +6,7 @@ pixels as unknown; the image's top row is the largest y. Images without a YAML g
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 from dataclasses import dataclass
@@ -79,10 +80,13 @@ def read_pixels(path: Path) -> NDArray[np.uint8]:
         data = np.fromfile(path, np.uint8)
     except OSError as error:
         raise MapError(f"{path}: cannot read the image: {error.strerror}") from error
+    level = cv2.utils.logging.setLogLevel(0)  # a damaged image is our error to report, not OpenCV's
     try:
         pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     except cv2.error:
         pixels = None
+    finally:
+        cv2.utils.logging.setLogLevel(level)
     if pixels is None:
         raise MapError(f"{path}: not an image, or a damaged one")
     if pixels.dtype == np.uint16:
@@ -218,5 +222,6 @@ def write_atomically(path: Path, data: bytes) -> None:
         temporary.write_bytes(data)
         temporary.replace(path)
     except OSError as error:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink()
         raise MapError(f"{path}: cannot write: {error.strerror}") from error

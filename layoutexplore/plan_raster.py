@@ -51,6 +51,9 @@ class PlanRaster:
         object.__setattr__(self, "occupied", np.ascontiguousarray(self.occupied, np.bool_))
         object.__setattr__(self, "room_ids", np.ascontiguousarray(self.room_ids, np.int32))
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_cache": {}}  # what can be computed again does not travel to other processes
+
     @property
     def shape(self) -> tuple[int, int]:
         """(rows, cols)."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
 from layoutexplore.floorplan import FloorPlan, PlanRaster
-from layoutexplore.grid import OccupancyGrid
+from layoutexplore.grid import OccupancyGrid, Pose
 from layoutexplore.grid_io import DEFAULT_RESOLUTION, IMAGE_SUFFIXES, load_grid
 from layoutexplore.maps.kth import read_room_ids
 from layoutexplore.plan_tracing import plan_from_raster
@@ -37,8 +37,11 @@ def load_image(path: Path, *, resolution: float | None = None) -> FloorPlan:
     if path.suffix.lower() in IMAGE_SUFFIXES:
         scale = DEFAULT_RESOLUTION if resolution is None else resolution
         metadata["scale"] = f"{scale:g} m a pixel ({'assumed: the image has no scale' if resolution is None else 'as given'})"
+    if grid.origin.theta:
+        metadata["frame"] = f"turned by {-grid.origin.theta:g} rad about the map's origin, so that its rows run along x"
+    origin = Pose(grid.origin.x, grid.origin.y, 0.0)
     room_ids = _rooms_beside(path, grid)
-    return plan_from_raster(PlanRaster(~grid.free, room_ids, grid.resolution, grid.origin), name=path.stem, metadata=metadata)
+    return plan_from_raster(PlanRaster(~grid.free, room_ids, grid.resolution, origin), name=path.stem, metadata=metadata)
 
 
 def _rooms_beside(path: Path, grid: OccupancyGrid) -> NDArray[np.int32]:

@@ -83,8 +83,9 @@ def test_no_step_crosses_a_sealed_wall(ends: tuple[float, float, float, float], 
         assert not shapely.intersects(steps[free], core).any()
     sealed = seal_diagonals(solid)
     assert (sealed | ~solid).all()
-    assert cv2.connectedComponents((~sealed).astype(np.uint8), connectivity=4)[0] == (
-        cv2.connectedComponents((~sealed).astype(np.uint8), connectivity=8)[0]
+    assert (
+        cv2.connectedComponents((~sealed).astype(np.uint8), connectivity=4)[0]
+        == (cv2.connectedComponents((~sealed).astype(np.uint8), connectivity=8)[0])
     )
 
 
