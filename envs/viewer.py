@@ -83,7 +83,7 @@ class Viewer:
 
 
 def draw_text(simulation: Simulation, *, columns: int = 100, frontiers: bool = True) -> str:
-    """The map in letters: `#` wall, `.` free, `?` frontier, an arrow for the robot, a blank for what is not known.
+    """What is known, in letters: `#` wall, `.` free, `?` frontier, an arrow for the robot, a blank for the unknown.
 
     Args:
         simulation: A simulation that has been reset.
@@ -91,20 +91,21 @@ def draw_text(simulation: Simulation, *, columns: int = 100, frontiers: bool = T
         frontiers: Whether to show frontiers.
     """
     cells = simulation.mapper.grid.cells
-    wide = max(1, math.ceil(cells.shape[1] / columns))
-    high = 2 * wide
     ranks = np.full(cells.shape, _UNKNOWN, np.uint8)
     ranks[cells == FREE] = _FREE
     ranks[cells == OCCUPIED] = _WALL
     for frontier in simulation.decision.frontiers if frontiers else ():
         ranks[frontier.cells[:, 0], frontier.cells[:, 1]] = _FRONTIER
-    blocks = np.maximum.reduceat(
-        np.maximum.reduceat(ranks, range(0, cells.shape[0], high)), range(0, cells.shape[1], wide), axis=1
-    )
+    rows, cols = np.flatnonzero(ranks.any(axis=1)), np.flatnonzero(ranks.any(axis=0))
+    ranks = ranks[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
+    wide = max(1, math.ceil(ranks.shape[1] / columns))
+    high = 2 * wide
+    blocks = np.maximum.reduceat(ranks, range(0, ranks.shape[0], high))
+    blocks = np.maximum.reduceat(blocks, range(0, ranks.shape[1], wide), axis=1)
     letters = np.array(list(_GLYPHS))[blocks]
     pose = simulation.robot.believed
     row, col = simulation.mapper.grid.world_to_cell(pose.x, pose.y)
-    letters[row // high, col // wide] = _HEADINGS[round(pose.theta / (math.pi / 2)) % 4]
+    letters[(row - rows[0]) // high, (col - cols[0]) // wide] = _HEADINGS[round(pose.theta / (math.pi / 2)) % 4]
     state = simulation.stop_reason or "exploring"
     head = f"{simulation.plan.name}: {100 * simulation.coverage:.1f} % seen, {simulation.distance:.1f} m, {state}"
     return "\n".join([head, *("".join(line).rstrip() for line in letters[::-1])])

@@ -54,7 +54,7 @@ ROBOT: Colour = BLUE
 SIGHT: Colour = YELLOW
 TRACK_NEW: Colour = BLUE
 TRACK_OLD: Colour = (188, 213, 231)
-PLANNED: Colour = VERMILLION
+PLANNED: Colour = INK
 FRONTIER: Colour = GREEN
 """A frontier that no predictor has judged."""
 CLOSED: Colour = ORANGE

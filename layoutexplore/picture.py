@@ -107,7 +107,7 @@ def draw_state(
     width, height = size or _suitable_size(simulation.raster.shape)
     if width < 320 or height < 240:
         raise ConfigError(f"a frame is at least 320 x 240 pixels, got {width} x {height}")
-    bar = max(76, round(0.13 * height), round(0.09 * width))
+    bar = max(76, min(110, max(round(0.13 * height), round(0.09 * width))))
     decision = simulation.decision if frontiers else None
     view = _View.fit(simulation.raster.shape, (width, height - bar), simulation.raster.resolution, simulation.raster.origin)
     image = view.place(_colours().take(_map_codes(simulation, decision.frontiers if decision else (), view.scale, truth), axis=0))

@@ -230,7 +230,7 @@ def test_far_and_large_values_are_clipped_to_the_space(decision: Decision) -> No
 
 
 def test_the_detour_is_the_cost_of_going_there_first() -> None:
-    """On a line with the robot at 0 and frontiers at 1, 3 and -4 the tour 1, 3, -4 takes 10 m, 3, 1, -4 too, -4, 1, 3 takes 11."""
+    """On a line with the robot at 0 and frontiers at 1, 3 and -4 the tours 1, 3, -4 and 3, 1, -4 take 10 m; -4, 1, 3 takes 11."""
     where = np.array([0.0, 1.0, 3.0, -4.0])
     frontiers = tuple(frontier_at(x) for x in where[1:])
     stand_in: Any = SimpleNamespace(tour_distances=np.abs(where[:, None] - where).astype(np.float32), frontiers=frontiers)
