@@ -6,15 +6,11 @@ Example:
     ('office-3', 'office-3')
     >>> abs(plan.area / 300.0 - 1.0) < 0.25
     True
-    >>> generate("ofice", 3)
-    Traceback (most recent call last):
-    ...
-    layoutexplore.errors.UnknownNameError: unknown family 'ofice': did you mean 'office'? Known: angled, apartment, curved, hall, hospital, office, school
 """
 
 from __future__ import annotations
 
-from layoutexplore.maps.generator.config import TOPOLOGIES, PlanConfig
 from layoutexplore.maps.generator.building import FAMILIES, generate
+from layoutexplore.maps.generator.config import TOPOLOGIES, PlanConfig
 
 __all__ = ["FAMILIES", "TOPOLOGIES", "PlanConfig", "generate"]

@@ -7,12 +7,12 @@ reaches from facade to facade has its hall in the middle, as a little corridor, 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import shapely
 
 from layoutexplore.maps.generator import bays
-from layoutexplore.maps.generator.bands import draw_style, furnish_plots
 from layoutexplore.maps.generator.bays import Bay
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.families import build_skeleton
@@ -26,7 +26,7 @@ LARGEST_PAIR = 330.0
 
 def apartment(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
     """A pair of flats on a stair hall when small, else flats along corridors."""
-    if gross < LARGEST_PAIR and not (config.topology or gross > 220.0 and rng.random() < 0.4):
+    if gross < LARGEST_PAIR and not (config.topology or (gross > 220.0 and rng.random() < 0.4)):
         return _pair(gross, rng)
     return build_skeleton(HOUSE, config, gross, 0.15, rng)
 
@@ -42,7 +42,7 @@ def flat(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
     large = _shares(0.0, w, 3.7, 2.5, rng)
     cut = _shortening(small, large, rng)
     end = w - cut
-    hall = sketch.room(bay.frame, bay.shape([(0, 0), (entry, 0), (entry, dark), (end, dark), (end, back), (0, back)]), "hall")
+    hall = sketch.room(bay.frame, bay.shape([(0, 0), (entry, 0), (entry, dark), (end, dark), (end, back), (0, back)]), "hallway")
     sketch.link(bay.corridor(0.0, entry), hall, near=bay.world(entry / 2, 0.0))
     labels = _dark_labels(len(small) - 1, rng)
     for k, name in enumerate(labels):
@@ -133,11 +133,11 @@ def _through_flat(sketch: Sketch, bay: Bay, strip: tuple[float, float], behind: 
     if behind:
         south[1:-1] = [u for u in south[1:-1] if u > 1.4]
     cut = _shortening(north, south, rng)
-    hall = sketch.room(bay.frame, bay.box(0.0, w - cut, low, high), "hall")
+    hall = sketch.room(bay.frame, bay.box(0.0, w - cut, low, high), "hallway")
     sketch.link(bay.corridor(), hall, near=bay.world(0.0, (low + high) / 2))
     names = ["bathroom", "kitchen", "bedroom", "bedroom", "bedroom", "bedroom"]
     pod = high + 2.3 if len(north) > 2 and bay.depth - high > 4.1 and rng.random() < 0.8 else bay.depth
-    for k, (u0, u1) in enumerate(zip(north[:-1], north[1:], strict=True)):
+    for k, (u0, u1) in enumerate(pairwise(north)):
         shape = bay.box(u0, u1, high, bay.depth if k else pod)
         if k == 1 and pod < bay.depth:
             shape = bay.shape([(u0, high), (u1, high), (u1, bay.depth), (0.0, bay.depth), (0.0, pod), (u0, pod)])

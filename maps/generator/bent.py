@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -171,7 +172,7 @@ def _path(
         first = draw_end(programme, lengths[k], rng) if k == used[0] else None
         final = draw_end(programme, lengths[k], rng) if k == used[-1] else None
         wings.append(draw_wing(sketch, frames[k], lengths[k], section, rng, ends=(first, final), front=(left, not left)))
-    for one, two in zip(wings[:-1], wings[1:], strict=True):
+    for one, two in pairwise(wings):
         join(sketch, one.piece_at(one.length), two.piece_at(0.0), rng)
     return wings
 

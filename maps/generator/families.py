@@ -121,7 +121,7 @@ def _racetrack(
     for wing, side in ((one, 1.0), (two, -1.0)):
         for plot in wing.plots:
             plot.front = plot.near * side < 0
-            plot.dark = not plot.front and 0.01 < plot.x0 and plot.x1 < length - 0.01
+            plot.dark = not plot.front and plot.x0 > 0.01 and plot.x1 < length - 0.01
     if not inner[1]:
         _turn_some(one, two, rng)
     style = draw_style(programme, config.scale, rng)

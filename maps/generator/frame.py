@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -96,7 +97,7 @@ class Arc:
 def _densify(ring: NDArray[np.float64]) -> NDArray[np.float64]:
     """The closed ring with vertices added wherever it crosses a multiple of `ARC_STEP` in x (shared by neighbours)."""
     parts: list[NDArray[np.float64]] = []
-    for a, b in zip(ring[:-1], ring[1:], strict=True):
+    for a, b in pairwise(ring):
         low, high = sorted((a[0], b[0]))
         marks = np.arange(math.floor(low / ARC_STEP) + 1, math.ceil(high / ARC_STEP)) * ARC_STEP
         marks = marks[(marks > low + 0.05) & (marks < high - 0.05)]

@@ -26,6 +26,10 @@ SWING = 0.8
 """Depth of the floor before a door that stays clear, m."""
 
 
+ROW_GAP = 0.75
+"""Way between free-standing tables, m."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Piece:
     """A piece of furniture: width along the wall and depth, m; whether it stands against a wall; whether it is round."""
@@ -136,7 +140,7 @@ def _edges(room: Polygon) -> NDArray[np.float64]:
 
 
 def _draw_piece(kind: Piece, room: Polygon, edges: NDArray[np.float64], rng: np.random.Generator) -> Polygon | None:
-    """A piece at a random place: against a wall (often in its corner), or somewhere in the room, parallel to a wall."""
+    """A piece at a random place: against a wall (often in its corner), or somewhere in the room, tables in rows."""
     lengths = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
     k = int(rng.choice(len(edges), p=lengths / lengths.sum()))
     along = (edges[k, 2:] - edges[k, :2]) / lengths[k]
@@ -146,12 +150,23 @@ def _draw_piece(kind: Piece, room: Polygon, edges: NDArray[np.float64], rng: np.
         centre = np.array([rng.uniform(x0, x1), rng.uniform(y0, y1)])
         if kind.round:
             return Point(centre).buffer(kind.width / 2, quad_segs=3)
-        return _rectangle(centre - along * kind.width / 2 - inward * kind.depth / 2, along * kind.width, inward * kind.depth)
+        return _in_rows(kind, centre, edges[int(lengths.argmax())])
     spare = lengths[k] - kind.width - 0.1
     if spare < 0:
         return None
     at = 0.05 + spare * float(rng.choice([0.0, 1.0, rng.random()]))
     return _rectangle(edges[k, :2] + along * at + inward * 0.03, along * kind.width, inward * kind.depth)
+
+
+def _in_rows(kind: Piece, near: NDArray[np.float64], edge: NDArray[np.float64]) -> Polygon:
+    """A piece at the place of a lattice along the room's longest wall that is closest to a point, so that rows arise."""
+    along = (edge[2:] - edge[:2]) / np.hypot(*(edge[2:] - edge[:2]))
+    inward = np.array([-along[1], along[0]])
+    size = np.array([kind.width, kind.depth])
+    pitch = size + ROW_GAP
+    cell = np.floor(np.array([(near - edge[:2]) @ along, (near - edge[:2]) @ inward]) / pitch)
+    u, v = cell * pitch + ROW_GAP / 2
+    return _rectangle(edge[:2] + along * u + inward * v, along * kind.width, inward * kind.depth)
 
 
 def _rectangle(corner: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64]) -> Polygon:

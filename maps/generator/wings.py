@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -22,6 +23,9 @@ from layoutexplore.maps.generator.sketch import Sketch, SketchError
 
 COURT = 7.0
 """Least width of a courtyard or of the gap between two teeth, m."""
+
+LONGEST_WING = 68.0
+"""A wing is longer than this only in very large buildings, and never twice as long, m."""
 
 FIRE_SECTION = (22.0, 34.0)
 """Length of corridor between fire doors, m."""
@@ -112,10 +116,8 @@ def draw_wing(
         raise SketchError("a wing is too short for its end rooms")
     half = section.corridor / 2
     cuts = _fire_doors(x0 - before, x1 + after, ports, rng)
-    pieces = [
-        (a, b, sketch.room(frame, shapely.box(a, -half, b, half), "corridor")) for a, b in zip(cuts[:-1], cuts[1:], strict=True)
-    ]
-    for one, two in zip(pieces[:-1], pieces[1:], strict=True):
+    pieces = [(a, b, sketch.room(frame, shapely.box(a, -half, b, half), "corridor")) for a, b in pairwise(cuts)]
+    for one, two in pairwise(pieces):
         sketch.link(one[2], two[2], "double")
     wing = Wing(frame, length, section, pieces)
     for side, depth, ground in ((-1, section.south, front[0]), (1, section.north, front[1])):
@@ -234,7 +236,7 @@ def plan_skeleton(topology: str, run: float, width: float, rng: np.random.Genera
     flip = bool(rng.random() < 0.5)
     spots = [1.0 - p if flip else p + float(rng.uniform(-0.15, 0.15)) * (0.0 < p < 1.0 and columns == 1) for p in places]
     longest = max([spine, *lengths.tolist()])
-    if longest > max(75.0, 0.5 * run) or longest > 130.0:
+    if longest > min(max(LONGEST_WING, 0.3 * run), 2 * LONGEST_WING):
         return None
     return Skeleton(spine=spine, teeth=tuple(zip(spots, sides, lengths.tolist(), strict=True)), bar=bar)
 
