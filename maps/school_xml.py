@@ -155,20 +155,16 @@ def _place_door(a: Polygon, b: Polygon, place: Point, rooms: tuple[int, int]) ->
 
     Portals often lie at the corner of a room, where an opening would run along a wall instead of through it.
     """
-    best: tuple[float, NDArray[np.float64], NDArray[np.float64]] | None = None
-    for outline in (a, b):
+    shifts = np.array(sorted(np.arange(-30, 31) * 0.05, key=abs))
+    found: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = []
+    for outline, other in ((a, b), (b, a)):
         foot, along = _wall_at(outline, place)
-        across = np.array([-along[1], along[0]])
-        other = b if outline is a else a
-        gap = _gap(other, foot, across)
-        for shift in sorted(np.arange(-1.5, 1.51, 0.05), key=abs):
-            middle = foot + shift * along + 0.5 * gap
-            misses = _misses(a, b, middle, along, across, 0.5 * float(np.hypot(*gap)))
-            score = misses + 0.1 * abs(shift)
-            if best is None or score < best[0] - 1e-9:
-                best = score, middle, along
-    assert best is not None
-    _, middle, along = best
+        gap = _gap(other, foot, np.array([-along[1], along[0]]))
+        middles = foot + shifts[:, None] * along + 0.5 * gap
+        scores = _misses(a, b, middles, along, 0.5 * float(np.hypot(*gap))) + 0.1 * np.abs(shifts)
+        best = int(scores.argmin())
+        found.append((float(scores[best]), middles[best], along))
+    _, middle, along = min(found, key=lambda candidate: round(candidate[0], 6))
     start, end = (middle + sign * 0.5 * DOOR_WIDTH * along for sign in (-1.0, 1.0))
     return Door(start=(float(start[0]), float(start[1])), end=(float(end[0]), float(end[1])), rooms=rooms)
 
@@ -197,12 +193,12 @@ def _gap(other: Polygon, foot: NDArray[np.float64], across: NDArray[np.float64])
 
 
 def _misses(
-    a: Polygon, b: Polygon, middle: NDArray[np.float64], along: NDArray[np.float64], across: NDArray[np.float64], half_gap: float
-) -> float:
-    """Of three places across the opening's width, how many do not lead from one room into the other."""
-    steps = np.array([-0.45, 0.0, 0.45]) * DOOR_WIDTH
-    depth = half_gap + WALL_THICKNESS / 2 + 0.25
-    sides = [middle + steps[:, None] * along + sign * depth * across for sign in (-1.0, 1.0)]
-    one, two = (np.stack([shapely.contains_xy(room, side) for side in sides]) for room in (a, b))
-    through = (one[0] & two[1]) | (one[1] & two[0])
-    return float(np.count_nonzero(~through))
+    a: Polygon, b: Polygon, middles: NDArray[np.float64], along: NDArray[np.float64], half_gap: float
+) -> NDArray[np.float64]:
+    """For each middle (n, 2) of an opening: of three places across its width, how many do not lead from room to room."""
+    steps = np.array([-0.45, 0.0, 0.45])[:, None] * DOOR_WIDTH * along
+    through_wall = (half_gap + WALL_THICKNESS / 2 + 0.25) * np.array([-along[1], along[0]])
+    sides = middles[:, None, None] + steps + np.stack([-through_wall, through_wall])[:, None]  # (n, 2 sides, 3 places, xy)
+    in_a, in_b = (shapely.contains_xy(room, sides[..., 0], sides[..., 1]) for room in (a, b))
+    through = (in_a[:, 0] & in_b[:, 1]) | (in_b[:, 0] & in_a[:, 1])
+    return np.asarray(np.count_nonzero(~through, axis=1), np.float64)
