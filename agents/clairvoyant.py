@@ -25,6 +25,8 @@ class ClairvoyantOptions(Options):
     """Parameters of `Clairvoyant`."""
 
     coverage: float = option(0.99, "share of the target that the route is planned to see", low=0.01, high=1.0)
+    early: float = option(0.95, "share that is planned to be seen early", low=0.0, high=1.0)
+    early_weight: float = option(1.0, "what a metre before that costs more than one after it", low=0.0)
     rounds: int = option(12, "how often a stretch of the route is planned anew", low=0)
 
 
@@ -64,7 +66,12 @@ class Clairvoyant:
             raise ConfigError(f"agent {self.name!r} has to know the floor plan: call reveal(simulation.truth) after reset")
         here = decision.grid.world_to_cell(decision.pose.x, decision.pose.y)
         if self._stops is None:
-            config = RouteConfig(coverage=self.options.coverage, rounds=self.options.rounds)
+            config = RouteConfig(
+                coverage=self.options.coverage,
+                early_coverage=self.options.early,
+                early_weight=self.options.early_weight,
+                rounds=self.options.rounds,
+            )
             self._stops = WatchmanPlanner(self._truth, config).plan(here)
         while self._next < len(self._stops):
             row, col = self._stops[self._next]

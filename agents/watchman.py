@@ -1,9 +1,10 @@
-"""A short route from which a given share of a known floor plan is seen: a watchman route with a quota.
+"""A short route from which given shares of a known floor plan are seen: a watchman route with quotas.
 
-The route is a list of stops, with a full turn at each and scans on the way. Stops are inserted where they show most new
-cells per metre of detour until the quota is met, so what is dear to see is left out. Then stops that the rest makes
-needless are dropped, stops are moved to where the detour is shorter and the quota still met, the order is improved by
-2-opt and Or-opt, and stretches of the route are taken out and planned anew, keeping what is shorter.
+The route is a list of stops, with a full turn at each and scans on the way. Its first part, up to the *mark*, meets an early
+quota; the whole meets the final one. A metre before the mark counts more, since it delays both. Stops are inserted where
+they show most new cells per metre of detour until a quota is met, so what is dear to see is left out. Then stops that
+the rest makes needless are dropped, stops are moved to where the detour is shorter and the quotas are still met, the order
+is improved by 2-opt and Or-opt, and stretches are taken out and planned anew, keeping what costs less.
 """
 
 from __future__ import annotations
@@ -11,22 +12,26 @@ from __future__ import annotations
 import itertools
 import math
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.agents.local_search import improve_tour
+from layoutexplore.agents.route import Leg, Route, Stop
 from layoutexplore.agents.sight import Bits, Sight, added_sizes, size
 from layoutexplore.decision import Truth
 from layoutexplore.grid import Cell
 from layoutexplore.planning import descend, geodesic_distances
 
+_SAVING = 1e-3
+"""A change of the route must save more than this many (weighted) metres."""
 _LEAST_DETOUR = 0.3
 """Metres; a shorter detour counts as this long."""
+_SAMPLING_MARGIN = 3e-4
+"""What is planned for beyond a quota, because coverage is counted on a sample of the target."""
 _BATCH = 32
-_SAVING = 1e-3
-"""A change of the route must save more than this many metres."""
+_KEPT_LEGS = 4000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +39,9 @@ class RouteConfig:
     """How a route is planned.
 
     Attributes:
-        coverage: Share of the target that must be seen, 0..1.
+        coverage: Share of the target that the whole route must see, 0..1.
+        early_coverage: Share that the part up to the mark must see, 0..1; at most `coverage`.
+        early_weight: What a metre before the mark costs more than one after it.
         lattice: Metres between the cells that may become stops.
         scan_spacing: Metres between scans while walking.
         rounds: How many stretches are planned anew.
@@ -42,56 +49,12 @@ class RouteConfig:
     """
 
     coverage: float = 0.99
+    early_coverage: float = 0.95
+    early_weight: float = 1.0
     lattice: float = 0.8
     scan_spacing: float = 0.5
     rounds: int = 12
     stretch: float = 0.3
-
-
-@dataclass(eq=False)
-class _Stop:
-    """A stop: its cell, distances from it (all cells; the lattice), and what a full turn there shows."""
-
-    cell: Cell
-    distances: NDArray[np.float32]
-    lattice: NDArray[np.float32]
-    seen: Bits
-
-
-@dataclass(eq=False)
-class _Leg:
-    """The way between two stops: metres, and what the scans on it show."""
-
-    length: float
-    seen: Bits
-
-
-@dataclass(eq=False)
-class _Route:
-    stops: list[_Stop]
-    legs: list[_Leg] = field(default_factory=list)
-
-    @property
-    def length(self) -> float:
-        return sum(leg.length for leg in self.legs)
-
-    def heads(self) -> list[Bits]:
-        """What is seen up to each stop, it included."""
-        sets = [self.stops[0].seen]
-        for leg, stop in zip(self.legs, self.stops[1:], strict=True):
-            sets.append(sets[-1] | leg.seen | stop.seen)
-        return sets
-
-    def tails(self) -> list[Bits]:
-        """What is seen from each stop on, it included."""
-        sets = [self.stops[-1].seen]
-        for leg, stop in zip(self.legs[::-1], self.stops[-2::-1], strict=True):
-            sets.append(sets[-1] | leg.seen | stop.seen)
-        return sets[::-1]
-
-    def seen(self) -> Bits:
-        """All that is seen."""
-        return self.heads()[-1]
 
 
 class WatchmanPlanner:
@@ -109,68 +72,89 @@ class WatchmanPlanner:
         self.traversable = np.ascontiguousarray(truth.reachable)
         self.cells = _lattice(self.traversable, max(1, round(self.config.lattice / self.resolution)))
         self.views = self.sight.turning(self.cells)
-        # The sample of the target is a third of its cells: a little more than the quota makes up for that.
-        self.quota = min(self.sight.count, math.ceil((self.config.coverage + 3e-4) * self.sight.count))
-        self._legs: OrderedDict[tuple[Cell, Cell], _Leg] = OrderedDict()
+        self._weight = 1.0 + self.config.early_weight
+        self._legs: OrderedDict[tuple[Cell, Cell], Leg] = OrderedDict()
 
     def plan(self, start: Cell) -> NDArray[np.int32]:
         """The stops int32 (k, 2) of a short route from `start`, which is not one of them."""
         rng = np.random.default_rng(0)
-        route = _Route([self._stop(start, self.sight.turning(np.array([start], np.int32))[0])])
+        shares = (min(self.config.early_coverage, self.config.coverage), self.config.coverage)
+        self._quotas = [min(self.sight.count, math.ceil((q + _SAMPLING_MARGIN) * self.sight.count)) for q in shares]
+        route = Route([self._stop(start, self.sight.turning(np.array([start], np.int32))[0])], [], 0)
         self._complete(route)
+        # What no stop shows cannot be asked for.
+        self._quotas = [min(q, n) for q, n in zip(self._quotas, self._counts(route), strict=True)]
         self._polish(route)
-        print("first", route.length)
         for _ in range(self.config.rounds):
             changed = self._ruined(route, rng)
             self._complete(changed)
-            if changed.length < route.length * 1.05:
+            if self._cost(changed) < 1.05 * self._cost(route):
                 self._polish(changed)
-            if changed.length < route.length - _SAVING and size(changed.seen()) >= min(self.quota, size(route.seen())):
+            if self._is_better(changed, route):
                 route = changed
-                print(_, route.length, len(route.stops))
         self._polish(route, fine=True)
-        print("fine", route.length)
         return np.array([stop.cell for stop in route.stops[1:]], np.int32).reshape(-1, 2)
 
-    # ---- parts of a route
+    # Parts of a route.
 
-    def _stop(self, cell: Cell, seen: Bits) -> _Stop:
+    def _stop(self, cell: Cell, seen: Bits) -> Stop:
         distances = geodesic_distances(self.traversable, cell, self.resolution)
-        return _Stop(cell, distances, distances[self.cells[:, 0], self.cells[:, 1]], seen)
+        return Stop(cell, distances, distances[self.cells[:, 0], self.cells[:, 1]], seen)
 
-    def _leg(self, start: _Stop, end: _Stop) -> _Leg:
+    def _leg(self, start: Stop, end: Stop) -> Leg:
         key = (start.cell, end.cell)
         if key not in self._legs:
             path = descend(start.distances, self.traversable, end.cell)
-            self._legs[key] = _Leg(float(start.distances[end.cell]), self.sight.walking(path))
-            if len(self._legs) > 4000:
+            self._legs[key] = Leg(float(start.distances[end.cell]), self.sight.walking(path))
+            if len(self._legs) > _KEPT_LEGS:
                 self._legs.popitem(last=False)
         return self._legs[key]
 
-    def _linked(self, stops: list[_Stop]) -> _Route:
-        return _Route(stops, [self._leg(a, b) for a, b in itertools.pairwise(stops)])
+    def _linked(self, stops: list[Stop], mark: int) -> Route:
+        return Route(stops, [self._leg(a, b) for a, b in itertools.pairwise(stops)], mark)
 
-    # ---- construction
+    # The measure of a route.
 
-    def _complete(self, route: _Route) -> None:
-        """Insert stops, the most new cells per metre of detour first, until the quota is met or nothing new is in reach."""
-        seen = route.seen()
+    def _cost(self, route: Route) -> float:
+        """Its length in metres, those up to the mark weighted."""
+        lengths = [leg.length for leg in route.legs]
+        return self._weight * sum(lengths[: route.mark]) + sum(lengths[route.mark :])
+
+    def _counts(self, route: Route) -> tuple[int, int]:
+        """How many cells are seen up to the mark and in all."""
+        heads = route.heads()
+        return size(heads[route.mark]), size(heads[-1])
+
+    def _is_better(self, changed: Route, route: Route) -> bool:
+        enough = all(n >= q for n, q in zip(self._counts(changed), self._quotas, strict=True))
+        return enough and self._cost(changed) < self._cost(route) - _SAVING
+
+    # Construction.
+
+    def _complete(self, route: Route) -> None:
+        """Insert stops, the most new cells per metre of detour first, until both quotas are met or nothing adds."""
+        for early in (True, False):
+            while self._complete_part(route, early=early):
+                pass
+
+    def _complete_part(self, route: Route, *, early: bool) -> bool:
+        """Insert stops until one quota is met, as far as one can tell without the legs that were replaced; whether any."""
+        seen = route.heads()[route.mark if early else -1]
+        quota = self._quotas[0 if early else 1]
+        if size(seen) >= quota:
+            return False
         bounds = added_sizes(self.views, np.arange(len(self.cells)), seen)
-        while True:
-            needed = self.quota - size(seen)
-            if needed <= 0:
-                # A leg that was replaced may have shown what nothing else shows.
-                seen = route.seen()
-                needed = self.quota - size(seen)
-                if needed <= 0:
-                    return
-                bounds = added_sizes(self.views, np.arange(len(self.cells)), seen)
-            detours, gaps = self._detours(route)
+        inserted = False
+        while (needed := quota - size(seen)) > 0:
+            detours, gaps = self._detours(route, early=early)
             best = self._best_candidate(bounds, np.maximum(detours, _LEAST_DETOUR), seen, needed)
             if bounds[best] <= 0:
-                return
-            stop = self._stop(Cell(*map(int, self.cells[best])), self.views[best])
-            seen = seen | self._insert(route, int(gaps[best]), stop)
+                break
+            gap = int(gaps[best])
+            route.mark += early or gap < route.mark
+            seen = seen | self._insert(route, gap, self._stop(Cell(*map(int, self.cells[best])), self.views[best]))
+            inserted = True
+        return inserted
 
     def _best_candidate(self, bounds: NDArray[np.int64], detours: NDArray[np.float64], seen: Bits, needed: int) -> int:
         """The candidate that adds most cells per metre; what one adds only shrinks, so old counts are upper bounds."""
@@ -186,103 +170,134 @@ class WatchmanPlanner:
             values[stale] = np.minimum(bounds[stale], needed) / detours[stale]
             fresh[stale] = True
 
-    def _detours(self, route: _Route) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Metres float64 (n,) that a stop in each lattice cell adds, and the leg int64 (n,) where it is best inserted."""
-        near = np.array([stop.lattice for stop in route.stops], np.float64)
-        extra = near.copy()
-        extra[:-1] += near[1:] - np.array([leg.length for leg in route.legs])[:, None]
-        gaps = extra.argmin(axis=0)
-        return extra[gaps, np.arange(extra.shape[1])], gaps
+    def _detours(self, route: Route, *, early: bool) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Weighted metres float64 (n,) that a stop in each lattice cell adds, and the gap int64 (n,) where it adds least.
 
-    def _insert(self, route: _Route, gap: int, stop: _Stop) -> Bits:
+        Gap i lies behind stop i. An early stop comes before the mark or becomes the new mark.
+        """
+        gaps = route.mark + 1 if early else len(route.stops)
+        lengths = np.array([leg.length for leg in route.legs[:gaps]])[:, None]
+        near = np.array([stop.lattice for stop in route.stops[: gaps + 1]], np.float64)
+        extra = near[:gaps].copy()
+        extra[: len(lengths)] += near[1 : len(lengths) + 1] - lengths
+        extra[: route.mark] *= self._weight
+        if early:
+            extra[-1] += (self._weight - 1.0) * near[route.mark]
+        best = extra.argmin(axis=0)
+        return extra[best, np.arange(extra.shape[1])], best
+
+    def _insert(self, route: Route, gap: int, stop: Stop) -> Bits:
         """Put a stop into a gap; what it and the ways to and from it show."""
         route.stops.insert(gap + 1, stop)
-        route.legs[gap : gap + 1] = [self._leg(a, b) for a, b in itertools.pairwise(route.stops[gap : gap + 3])]
-        return np.bitwise_or.reduce([stop.seen, *(leg.seen for leg in route.legs[gap : gap + 2])], axis=0)
+        legs = [self._leg(a, b) for a, b in itertools.pairwise(route.stops[gap : gap + 3])]
+        route.legs[gap : gap + 1] = legs
+        # Beyond the mark nothing is seen early.
+        counted = legs[:1] if gap + 1 == route.mark else legs
+        seen: Bits = np.bitwise_or.reduce([stop.seen, *(leg.seen for leg in counted)], axis=0)
+        return seen
 
-    # ---- improvement
+    # Improvement.
 
-    def _polish(self, route: _Route, *, fine: bool = False) -> None:
-        """Drop, move and reorder stops until nothing gets shorter."""
+    def _polish(self, route: Route, *, fine: bool = False) -> None:
+        """Reorder, drop and move stops until that saves next to nothing."""
         while True:
-            before = route.length
+            before = self._cost(route)
             self._reorder(route)
             self._drop(route)
             self._shift(route, fine=fine)
-            if route.length > before - 0.1:
+            if self._cost(route) > before - 0.1:
                 return
 
-    def _reorder(self, route: _Route) -> None:
-        """Improve the order of the stops, if what is seen on the way still meets the quota."""
-        if len(route.stops) < 3:
-            return
-        matrix = np.array([[a.distances[b.cell] for b in route.stops] for a in route.stops], np.float64)
-        order = improve_tour(matrix, np.arange(1, len(route.stops)))
-        changed = self._linked([route.stops[0], *(route.stops[i] for i in order)])
+    def _reorder(self, route: Route) -> None:
+        """Improve the order of the stops on each side of the mark, if that pays with what has to be added for the quotas."""
+        head = _shortened(route.stops[: route.mark + 1])
+        tail = _shortened([head[-1], *route.stops[route.mark + 1 :]])
+        changed = self._linked(head + tail[1:], route.mark)
         self._complete(changed)
-        if changed.length < route.length - _SAVING:
-            route.stops, route.legs = changed.stops, changed.legs
+        if self._is_better(changed, route):
+            route.stops, route.legs, route.mark = changed.stops, changed.legs, changed.mark
 
-    def _drop(self, route: _Route) -> None:
-        """Leave out stops, the longest detour first, as long as the quota is met without them."""
-        quota = min(self.quota, size(route.seen()))
-        i = 0
-        while i >= 0 and len(route.stops) > 1:
-            i = self._needless(route, quota)
-            if i > 0:
-                stops = route.stops
-                route.legs[i - 1 : i + 1] = [self._leg(stops[i - 1], stops[i + 1])] if i + 1 < len(stops) else []
-                del stops[i]
+    def _drop(self, route: Route) -> None:
+        """Leave out stops, the most costly detour first, as long as the quotas are met without them."""
+        while len(route.stops) > 1 and (i := self._needless(route)) > 0:
+            stops = route.stops
+            route.legs[i - 1 : i + 1] = [self._leg(stops[i - 1], stops[i + 1])] if i + 1 < len(stops) else []
+            route.mark -= i <= route.mark
+            del stops[i]
 
-    def _needless(self, route: _Route, quota: int) -> int:
-        """The stop with the longest detour among those without which the quota is met; -1 when there is none."""
-        stops = route.stops
-        heads, tails = route.heads(), route.tails()
+    def _needless(self, route: Route) -> int:
+        """The stop with the most costly detour among those without which the quotas are met; -1 when there is none."""
+        stops, mark = route.stops, route.mark
+        heads, early_tails, tails = route.heads(), route.tails(mark), route.tails()
         savings = np.array([self._saving(route, i) for i in range(1, len(stops))])
         for i in np.argsort(-savings, kind="stable") + 1:
-            seen = heads[i - 1]
+            if savings[i - 1] < 0:
+                break
+            seen = early = heads[i - 1]
             if i + 1 < len(stops):
                 seen = seen | self._leg(stops[i - 1], stops[i + 1]).seen | tails[i + 1]
-            if size(seen) >= quota:
+            if size(seen) < self._quotas[1]:
+                continue
+            if i < mark:
+                early = early | self._leg(stops[i - 1], stops[i + 1]).seen | early_tails[i + 1]
+            if i > mark or size(early) >= self._quotas[0]:
                 return int(i)
         return -1
 
-    def _saving(self, route: _Route, i: int) -> float:
-        if i + 1 == len(route.stops):
-            return route.legs[i - 1].length
-        across = float(route.stops[i - 1].distances[route.stops[i + 1].cell])
-        return route.legs[i - 1].length + route.legs[i].length - across
+    def _saving(self, route: Route, i: int) -> float:
+        """Weighted metres saved by leaving out stop i."""
+        to = self._weight if i <= route.mark else 1.0
+        saved = to * route.legs[i - 1].length
+        if i + 1 < len(route.stops):
+            on = self._weight if i < route.mark else 1.0
+            saved += on * (route.legs[i].length - float(route.stops[i - 1].distances[route.stops[i + 1].cell]))
+        return saved
 
-    def _shift(self, route: _Route, *, fine: bool) -> None:
-        """Move every stop to the cell with the shortest detour from which the quota is still met."""
-        quota = min(self.quota, size(route.seen()))
-        tails = route.tails()
+    def _shift(self, route: Route, *, fine: bool) -> None:
+        """Move every stop to the cell with the least costly detour from which the quotas are still met."""
+        early_tails, tails = route.tails(route.mark), route.tails()
         head = route.stops[0].seen
         for i in range(1, len(route.stops)):
-            others = head | tails[i + 1] if i + 1 < len(route.stops) else head
-            needed = quota - size(others)
-            for lattice in (True, False)[: 1 + fine]:
-                self._shift_one(route, i, others, needed, lattice=lattice)
+            total = head | tails[i + 1] if i + 1 < len(route.stops) else head
+            early = head | early_tails[i + 1] if i < route.mark else head
+            limits = [(total, self._quotas[1])] + ([(early, self._quotas[0])] if i <= route.mark else [])
+            self._shift_to(route, i, self.cells, self.views, limits)
+            if fine:
+                self._shift_to(route, i, self._around(route.stops[i].cell), None, limits)
             head = head | route.legs[i - 1].seen | route.stops[i].seen
 
-    def _shift_one(self, route: _Route, i: int, others: Bits, needed: int, *, lattice: bool) -> None:
-        before, stop = route.stops[i - 1], route.stops[i]
-        after = route.stops[i + 1] if i + 1 < len(route.stops) else None
-        now = route.legs[i - 1].length + (route.legs[i].length if after else 0.0)
-        cells = self.cells if lattice else self._around(stop.cell)
-        lengths = before.distances[cells[:, 0], cells[:, 1]].astype(np.float64)
-        if after:
-            lengths += after.distances[cells[:, 0], cells[:, 1]]
-        shorter = np.flatnonzero(lengths < now - _SAVING)
-        views = self.views if lattice else self.sight.turning(cells[shorter])
-        rows = shorter if lattice else np.arange(len(shorter))
-        enough = np.flatnonzero(added_sizes(views, rows, others) >= needed)
-        if len(enough):
-            best = enough[np.argmin(lengths[shorter[enough]])]
-            route.stops[i] = self._stop(Cell(*map(int, cells[shorter[best]])), views[rows[best]])
-            route.legs[i - 1] = self._leg(before, route.stops[i])
-            if after:
-                route.legs[i] = self._leg(route.stops[i], after)
+    def _shift_to(
+        self,
+        route: Route,
+        i: int,
+        cells: NDArray[np.int32],
+        views: NDArray[np.uint64] | None,
+        limits: list[tuple[Bits, int]],
+    ) -> None:
+        """Move stop i to the best of some cells int32 (n, 2) with their views uint64 (n, words), computed where None.
+
+        `limits` holds pairs of what is seen without the stop and its ways, and how much must be seen with it.
+        """
+        before, after = route.stops[i - 1], route.stops[i + 1 : i + 2]
+        to, on = (self._weight if i <= route.mark else 1.0), (self._weight if i < route.mark else 1.0)
+        costs = to * before.distances[cells[:, 0], cells[:, 1]].astype(np.float64)
+        now = to * route.legs[i - 1].length
+        for stop in after:
+            costs += on * stop.distances[cells[:, 0], cells[:, 1]]
+            now += on * route.legs[i].length
+        cheaper = np.flatnonzero(costs < now - _SAVING)
+        if views is None:
+            views, rows = self.sight.turning(cells[cheaper]), np.arange(len(cheaper))
+        else:
+            rows = cheaper
+        for others, quota in limits:
+            enough = added_sizes(views, rows, others) >= quota - size(others)
+            cheaper, rows = cheaper[enough], rows[enough]
+        if len(cheaper):
+            best = int(np.argmin(costs[cheaper]))
+            stop = self._stop(Cell(*map(int, cells[cheaper[best]])), views[rows[best]])
+            route.stops[i] = stop
+            route.legs[i - 1 : i + 1] = [self._leg(before, stop), *(self._leg(stop, b) for b in after)]
 
     def _around(self, cell: Cell) -> NDArray[np.int32]:
         """Traversable cells int32 (n, 2) within a lattice step."""
@@ -292,20 +307,28 @@ class WatchmanPlanner:
         cells: NDArray[np.int32] = (np.argwhere(window) + np.array([row, col])).astype(np.int32)
         return cells
 
-    def _ruined(self, route: _Route, rng: np.random.Generator) -> _Route:
-        """The route without a random stretch or without the stops around a random one."""
+    def _ruined(self, route: Route, rng: np.random.Generator) -> Route:
+        """The route without a random stretch, or without the stops around a random one."""
         count = len(route.stops) - 1
         if count < 2:
-            return self._linked(route.stops[:1])
+            return self._linked(route.stops[:1], 0)
         few = int(rng.integers(1, max(2, math.ceil(self.config.stretch * count)) + 1))
+        middle = int(rng.integers(1, count + 1))
         if rng.random() < 0.5:
-            first = int(rng.integers(1, count + 1))
-            gone = set(range(first, first + few))
+            gone = set(range(middle, middle + few))
         else:
-            middle = route.stops[int(rng.integers(1, count + 1))]
-            away = np.array([middle.distances[stop.cell] for stop in route.stops[1:]])
+            away = np.array([route.stops[middle].distances[stop.cell] for stop in route.stops[1:]])
             gone = {int(i) + 1 for i in np.argsort(away, kind="stable")[:few]}
-        return self._linked([stop for i, stop in enumerate(route.stops) if i not in gone])
+        kept = [i for i in range(count + 1) if i not in gone]
+        return self._linked([route.stops[i] for i in kept], sum(i <= route.mark for i in kept) - 1)
+
+
+def _shortened(stops: list[Stop]) -> list[Stop]:
+    """The same stops from the same first one, in a short order."""
+    if len(stops) < 3:
+        return stops
+    matrix = np.array([[a.distances[b.cell] for b in stops] for a in stops], np.float64)
+    return [stops[0], *(stops[i] for i in improve_tour(matrix, np.arange(1, len(stops))))]
 
 
 def _lattice(traversable: NDArray[np.bool_], step: int) -> NDArray[np.int32]:
@@ -317,4 +340,5 @@ def _lattice(traversable: NDArray[np.bool_], step: int) -> NDArray[np.int32]:
     blocks = blocks[order]
     first = np.ones(len(order), np.bool_)
     first[1:] = (blocks[1:] != blocks[:-1]).any(axis=1)
-    return cells[order[first]].astype(np.int32)
+    chosen: NDArray[np.int32] = cells[order[first]].astype(np.int32)
+    return chosen
