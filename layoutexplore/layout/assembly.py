@@ -302,6 +302,21 @@ def polygon_to_world(polygon: shapely.Polygon, grid: OccupancyGrid) -> shapely.P
     return moved
 
 
+def with_lines(lines: WallGroups, direction: NDArray[np.int64], offset: NDArray[np.float64]) -> WallGroups:
+    """The lines and those given by direction (n,) and offset (n,) that are not among them; no segment covers these."""
+    known = set(zip(lines.direction.tolist(), lines.offset.tolist(), strict=True))
+    new = sorted(set(zip(direction.tolist(), offset.tolist(), strict=True)) - known)
+    zeros = np.zeros(len(new))
+    return WallGroups(
+        group=lines.group,
+        direction=np.concatenate((lines.direction, np.array([d for d, _ in new], np.int64))),
+        offset=np.concatenate((lines.offset, np.array([t for _, t in new], np.float64))),
+        start=np.concatenate((lines.start, zeros)),
+        end=np.concatenate((lines.end, zeros)),
+        length=np.concatenate((lines.length, zeros)),
+    )
+
+
 def _box(grid: OccupancyGrid, segments: NDArray[np.float64], margin: float) -> Box:
     width, height = extent(grid)
     x, y = segments[:, ::2], segments[:, 1::2]

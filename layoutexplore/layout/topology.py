@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OccupancyGrid
-from layoutexplore.layout.assembly import FaceConfig, FaceModel, WallModel, arrange_lines, face_model, line_weights
+from layoutexplore.layout.assembly import FaceConfig, FaceModel, WallModel, arrange_lines, face_model, line_weights, with_lines
 from layoutexplore.layout.faces import Arrangement
 from layoutexplore.layout.rooms import merge_small, renumber
-from layoutexplore.layout.walls import WallGroups, components
+from layoutexplore.layout.walls import components
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ class TopologyConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """A room and the line that cuts it: direction index and offset, and the line's index if it exists already."""
+    """A room and the line that cuts it, by the index of its direction and its offset."""
 
     room: int
     direction: int
@@ -158,7 +158,8 @@ def _apply(
     cuts: list[Cut],
     config: FaceConfig,
 ) -> tuple[WallModel, FaceModel, NDArray[np.int64]]:
-    model = replace(model, lines=_with_lines(model.lines, cuts))
+    added = np.array([c.direction for c in cuts], np.int64), np.array([c.offset for c in cuts])
+    model = replace(model, lines=with_lines(model.lines, *added))
     arrangement = arrange_lines(grid, model, config.margin)
     covered, weight = line_weights(arrangement, model)
     centre, parent = _centres(arrangement), _parents(arrangement, faces.arrangement)
@@ -175,20 +176,6 @@ def _apply(
     room = np.full(len(faces), -1, np.int64)
     room[group] = of_cell
     return model, faces, merge_small(renumber(room), faces.graph, faces.free_area, config.room_area)
-
-
-def _with_lines(lines: WallGroups, cuts: list[Cut]) -> WallGroups:
-    """The lines and those of the cuts that are not among them, which no segment covers."""
-    new = [c for c in cuts if not ((lines.direction == c.direction) & (lines.offset == c.offset)).any()]
-    zeros = np.zeros(len(new))
-    return WallGroups(
-        group=lines.group,
-        direction=np.concatenate((lines.direction, np.array([c.direction for c in new], np.int64))),
-        offset=np.concatenate((lines.offset, [c.offset for c in new])),
-        start=np.concatenate((lines.start, zeros)),
-        end=np.concatenate((lines.end, zeros)),
-        length=np.concatenate((lines.length, zeros)),
-    )
 
 
 def _centres(arrangement: Arrangement) -> NDArray[np.float64]:

@@ -1,0 +1,1 @@
+"""Measuring the layout methods against ground truth."""
