@@ -226,29 +226,38 @@ def _draw_global(
     pixels_per_cell: float,
     image: NDArray[np.uint8],
 ) -> None:
-    """Gather cells and marks into the pixels that hold their centres."""
+    """Gather cells and marks into the pixels that hold their centres: first down the columns of a band, then along it."""
     channels, size = image.shape[0], image.shape[1]
     rows, cols = (
         _borders(low_row, pixels_per_cell, size, cells.shape[0]),
         _borders(low_col, pixels_per_cell, size, cells.shape[1]),
     )
+    first, width = cols[0], cols[size] - cols[0]
+    free_below, value_below, bits_below = np.empty(width, np.uint16), np.empty(width, np.int8), np.empty(width, np.uint8)
     for i in range(size):
+        free_below[:] = 0
+        value_below[:] = 0
+        bits_below[:] = 0
+        height = rows[size - i] - rows[size - 1 - i]
+        for r in range(rows[size - 1 - i], rows[size - i]):
+            values, bits = cells[r, first : first + width], marks[r, first : first + width]
+            for c in range(width):
+                free_below[c] += np.uint16(values[c] == 0)
+                value_below[c] = max(value_below[c], values[c])
+                bits_below[c] |= bits[c]
         for j in range(size):
-            free, total, wall, bits = 0, 0, False, 0
-            for r in range(rows[size - 1 - i], rows[size - i]):
-                for c in range(cols[j], cols[j + 1]):
-                    value = cells[r, c]
-                    free += value == 0
-                    wall |= value == 100
-                    bits |= marks[r, c]
-                total += cols[j + 1] - cols[j]
-            if total:
-                image[0, i, j] = (255 * free) // total
-            if wall:
+            free, highest, bit = 0, 0, 0
+            for c in range(cols[j] - first, cols[j + 1] - first):
+                free += free_below[c]
+                highest = max(highest, value_below[c])
+                bit |= bits_below[c]
+            if free:
+                image[0, i, j] = (255 * free) // (height * (cols[j + 1] - cols[j]))
+            if highest == 100:
                 image[1, i, j] = 255
-            if bits:
+            if bit:
                 for channel in range(_FIRST_MARK, channels):
-                    if bits & (1 << (channel - _FIRST_MARK)):
+                    if bit & (1 << (channel - _FIRST_MARK)):
                         image[channel, i, j] = 255
 
 

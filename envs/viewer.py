@@ -91,7 +91,7 @@ def draw_text(simulation: Simulation, *, columns: int = 100, frontiers: bool = T
         frontiers: Whether to show frontiers.
     """
     cells = simulation.mapper.grid.cells
-    ranks = np.full(cells.shape, _UNKNOWN, np.uint8)
+    ranks: NDArray[np.uint8] = np.full(cells.shape, _UNKNOWN, np.uint8)
     ranks[cells == FREE] = _FREE
     ranks[cells == OCCUPIED] = _WALL
     for frontier in simulation.decision.frontiers if frontiers else ():
