@@ -19,16 +19,17 @@ DEFAULT_OUT = Path("benchmark-results")
 
 BENCHMARK_HELP = """Run exploration strategies on floor plans and report who needs how many metres.
 
-Every agent runs the same cells: floor plan, start and sensor. Without arguments, eight agents explore a small suite of
-plans in a few minutes. What is finished stays in the results folder: the same command continues where it was stopped.
+Every agent runs the same cells: floor plan, start and sensor. \
+Without arguments, eight agents explore a small suite of plans in a few minutes. \
+What is finished stays in the results folder: the same command continues where it was stopped.
 
 [bold]Examples[/bold]
 
   layoutexplore benchmark
 
-  layoutexplore benchmark --plans test --agents nearest --agents tour --starts 3
+  layoutexplore benchmark --plans test --agents nearest --agents tour
 
-  layoutexplore benchmark --plans ~/floors --plans office:7 --sensor stage --sensor indoor --jobs 8 --out results
+  layoutexplore benchmark --plans ~/floors --sensor stage --sensor indoor --out results
 
   layoutexplore benchmark --config study.toml --out study
 """
@@ -60,7 +61,7 @@ def benchmark(
     jobs: Annotated[int | None, typer.Option(help="Worker processes. Default: one per core.")] = None,
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = DEFAULT_OUT,
     config: Annotated[
-        Path | None, typer.Option(help="TOML file with any of these options, and the tables [simulation] and [lidars.NAME].")
+        Path | None, typer.Option(help="TOML file with any of these options, and the tables \\[simulation] and \\[lidars.NAME].")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Delete the results in the folder and start again.")] = False,
     extend: Annotated[

@@ -162,17 +162,21 @@ def headline(rows: Sequence[Row], baseline: str) -> list[tuple[str, ...]]:
     for c in comparisons:
         by_agent.setdefault(c.agent, {})[c.metric] = c
     ranked = sorted(by_agent.items(), key=lambda item: _rank(item[1]))
-    header = (f"metres / {baseline}'s", *(f"to {level}" for _, level in levels), "better at 95 %", "reached 99 %")
+    header = (f"metres / {baseline}'s", *(f"to {level}" for _, level in levels), "better", "reached 99 %")
     body = [
         (
             agent,
-            *(interval(found[m].ratio) if m in found else "–" for m, _ in levels),
+            *(_short(found.get(m), full=m == "d95") for m, _ in levels),
             percent(found["d95"].improvement.estimate) if "d95" in found else "–",
             percent(found["d99"].reached) if "d99" in found else "–",
         )
         for agent, found in ranked
     ]
     return [header, *body]
+
+
+def _short(c: Comparison | None, *, full: bool) -> str:
+    return "–" if c is None else interval(c.ratio) if full else number(c.ratio.estimate)
 
 
 def caveats(rows: Sequence[Row], settings: dict[str, Any]) -> list[str]:
