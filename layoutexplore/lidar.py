@@ -66,7 +66,7 @@ class LidarConfig:
         checks = {
             "range_max must be metres above 0": math.isfinite(self.range_max) and self.range_max > 0,
             "fov must be radians above 0 and at most 2 pi": 0 < self.fov <= 2 * math.pi + 1e-9,
-            "beams must be a whole number from 1 to 100000": int(self.beams) == self.beams and 1 <= self.beams <= 100_000,
+            "beams must be a whole number from 1 to 100000": 1 <= self.beams <= 100_000 and int(self.beams) == self.beams,
             "angle_offset must be a finite number of radians": math.isfinite(self.angle_offset),
             "range_noise_std must be metres, 0 or more": math.isfinite(self.range_noise_std) and self.range_noise_std >= 0,
             "dropout must be a probability below 1": 0 <= self.dropout < 1,
@@ -336,8 +336,8 @@ def _cast(
         dx = unit_x[i] * cos - unit_y[i] * sin
         dy = unit_x[i] * sin + unit_y[i] * cos
         along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
-        step_along = np.uint64((1 if dx > 0.0 else -1) if x_leads else (cols if dy > 0.0 else -cols))
-        step_across = np.uint64((cols if dy > 0.0 else -cols) if x_leads else (1 if dx > 0.0 else -1))
+        step_along = np.uint64((1 if dx >= 0.0 else -1) if x_leads else (cols if dy >= 0.0 else -cols))
+        step_across = np.uint64((cols if dy >= 0.0 else -cols) if x_leads else (1 if dx >= 0.0 else -1))
         last = int(range_max / per_along + along)
         index, k, j = start, 0, 0
         here = np.inf
@@ -379,8 +379,8 @@ def trace(x: float, y: float, dx: float, dy: float) -> tuple[float, float, float
         per_along, per_across: Distance per cell along and across.
         x_leads: Whether x is the axis along.
     """
-    from_x = x - math.floor(x) if dx > 0.0 else math.floor(x) + 1.0 - x
-    from_y = y - math.floor(y) if dy > 0.0 else math.floor(y) + 1.0 - y
+    from_x = x - math.floor(x) if dx >= 0.0 else math.floor(x) + 1.0 - x
+    from_y = y - math.floor(y) if dy >= 0.0 else math.floor(y) + 1.0 - y
     size_x, size_y = abs(dx), abs(dy)
     # A hair below 1, so that rounding never makes a ray cross two borders in one column.
     if size_x >= size_y:

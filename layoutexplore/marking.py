@@ -159,7 +159,9 @@ def cast_and_mark(
         return _changes(tally)
     _free_stretch(cells, int(y), int(x), int(x) + 1, tally)
     reach = min(np.int64(world[true_start]) - 1, dense, int((range_max - 2.0) / math.sqrt(2.0)))
-    if reach >= 2:
+    # From a point on the border of a cell a ray may touch cells that lie beside the half plane.
+    on_border = x == math.floor(x) or y == math.floor(y)
+    if reach >= 2 and not (half and on_border):
         _free_square(cells, x, y, reach, half, ahead_x, ahead_y, tally)
     else:
         reach = 0
@@ -167,8 +169,8 @@ def cast_and_mark(
         dx = unit_x[i] * cos - unit_y[i] * sin
         dy = unit_x[i] * sin + unit_y[i] * cos
         along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
-        step_x, step_y = (1 if dx > 0.0 else -1), (cols if dy > 0.0 else -cols)
-        true_y = world_cols if dy > 0.0 else -world_cols
+        step_x, step_y = (1 if dx >= 0.0 else -1), (cols if dy >= 0.0 else -cols)
+        true_y = world_cols if dy >= 0.0 else -world_cols
         step_along, step_across = np.uint64(step_x if x_leads else step_y), np.uint64(step_y if x_leads else step_x)
         true_along, true_across = np.uint64(step_x if x_leads else true_y), np.uint64(true_y if x_leads else step_x)
         k = 0 if half and (i == 0 or i == unit_x.size - 1) else reach
@@ -279,10 +281,10 @@ def weigh(
         dx = unit_x[i] * cos - unit_y[i] * sin
         dy = unit_x[i] * sin + unit_y[i] * cos
         along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
-        step_x, step_y = (1 if dx > 0.0 else -1), (cols if dy > 0.0 else -cols)
+        step_x, step_y = (1 if dx >= 0.0 else -1), (cols if dy >= 0.0 else -cols)
         step_along, step_across = np.uint64(step_x if x_leads else step_y), np.uint64(step_y if x_leads else step_x)
         # The ray stays in the grid as long as it has met fewer borders than there are cells ahead of it.
-        ahead_x, ahead_y = (cols - int(x) if dx > 0.0 else int(x) + 1), (rows - int(y) if dy > 0.0 else int(y) + 1)
+        ahead_x, ahead_y = (cols - int(x) if dx >= 0.0 else int(x) + 1), (rows - int(y) if dy >= 0.0 else int(y) + 1)
         cells_along, cells_across = (ahead_x, ahead_y) if x_leads else (ahead_y, ahead_x)
         length = min(ranges[i] + _END_TOLERANCE, range_max)
         index, j, k = start, 0, 0
