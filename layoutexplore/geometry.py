@@ -1,4 +1,4 @@
-"""The few geometric helpers that shapely lacks: exact polygon fill on a grid, walls that cannot leak, tracing.
+"""The few geometric helpers that shapely lacks: exact polygon fill on a grid, and walls that cannot leak.
 
 One rule makes rasters of walls trustworthy at any resolution: *no step between the centres of two neighbouring cells
 crosses a wall*. A polygon is scanned along the lines through the cell centres, rows and columns. Where a line runs
@@ -209,51 +209,3 @@ def _resample_lines(
                         target[middle, line] = True
                     else:
                         target[line, middle] = True
-
-
-def trace(mask: NDArray[np.bool_], resolution: float, origin: Point) -> BaseGeometry:
-    """The outline of a mask's cells as polygons in metres (to the micrometre), holes included.
-
-    Args:
-        mask: bool (rows, cols).
-        resolution: Side of a cell in metres.
-        origin: World point of the lower left corner of cell (0, 0).
-
-    Example:
-        >>> trace(np.array([[True, True], [True, False]]), 0.5, (0.0, 0.0)).area
-        0.75
-    """
-    if not mask.any():
-        return Polygon()
-    boxes = _run_boxes(np.ascontiguousarray(np.pad(mask, 1)))
-    merged = shapely.union_all(shapely.box(boxes[:, 0], boxes[:, 1], boxes[:, 2], boxes[:, 3]))
-    merged = shapely.simplify(merged, 0.0)  # drops the points on straight edges, moves none
-    return shapely.transform(merged, lambda points: np.round(np.asarray(origin) + (points - 1.0) * resolution, 6))
-
-
-@njit(cache=True, nogil=True)
-def _run_boxes(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Boxes float64 (n, 4) as (x0, y0, x1, y1) that tile the mask: equal runs of following rows are one box."""
-    rows, cols = mask.shape
-    boxes = np.empty((int(mask.sum()), 4), np.float64)
-    open_box = np.full(cols, -1, np.int64)
-    count = 0
-    for r in range(rows):
-        c = 0
-        while c < cols:
-            if not mask[r, c]:
-                open_box[c] = -1
-                c += 1
-                continue
-            begin = c
-            while c < cols and mask[r, c]:
-                c += 1
-            k = open_box[begin]
-            if k >= 0 and boxes[k, 2] == c and boxes[k, 3] == r:
-                boxes[k, 3] = r + 1
-            else:
-                boxes[count, 0], boxes[count, 1], boxes[count, 2], boxes[count, 3] = begin, r, c, r + 1
-                open_box[begin:c] = -1
-                open_box[begin] = count
-                count += 1
-    return boxes[:count].copy()

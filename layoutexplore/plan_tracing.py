@@ -14,7 +14,8 @@ import shapely
 from numpy.typing import NDArray
 
 from layoutexplore.floorplan import Door, FloorPlan, PlanRaster, Room
-from layoutexplore.geometry import Point, polygons_of, trace
+from layoutexplore.geometry import Point, polygons_of
+from layoutexplore.tracing import trace
 
 DOORWAY_AREA = 4.0
 """Square metres up to which a gap between two rooms counts as a doorway; larger ones are passages."""

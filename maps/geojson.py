@@ -13,6 +13,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import shapely
 from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
@@ -153,7 +154,8 @@ def _geometry(feature: dict[str, Any], where: str, kinds: tuple[str, ...]) -> An
     if kind not in kinds:
         raise MapError(f"{where}: geometry must be a {' or '.join(kinds)}, got {kind!r}")
     try:
-        geometry = shape(data)
+        with np.errstate(invalid="ignore"):  # shapely warns about NaN; it is reported below
+            geometry = shape(data)
     except (TypeError, ValueError, KeyError, IndexError, AttributeError, shapely.errors.ShapelyError) as error:
         raise MapError(f"{where}: broken coordinates: {error}") from error
     if geometry.is_empty:

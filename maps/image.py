@@ -17,7 +17,7 @@ from layoutexplore.floorplan import FloorPlan, PlanRaster
 from layoutexplore.grid import OccupancyGrid, Pose
 from layoutexplore.grid_io import DEFAULT_RESOLUTION, IMAGE_SUFFIXES, load_grid
 from layoutexplore.maps.kth import read_room_ids
-from layoutexplore.plan_tracing import plan_from_raster
+from layoutexplore.plan_tracing import LEAST_ROOM, plan_from_raster
 
 
 def load_image(path: Path, *, resolution: float | None = None) -> FloorPlan:
@@ -52,5 +52,7 @@ def _rooms_beside(path: Path, grid: OccupancyGrid) -> NDArray[np.int32]:
             ids = read_room_ids(beside)
             if ids.shape != grid.shape:
                 raise MapError(f"{beside}: {ids.shape} pixels do not fit the {grid.shape} of {path.name}")
-            return np.where(grid.free, ids[::-1], 0).astype(np.int32)
+            ids = np.where(grid.free, ids[::-1], 0)
+            areas = np.bincount(ids.ravel()) * grid.resolution**2
+            return np.where(areas[ids] >= LEAST_ROOM, ids, 0).astype(np.int32)  # blends of two colours are no rooms
     return np.zeros(grid.shape, np.int32)

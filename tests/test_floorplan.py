@@ -229,6 +229,7 @@ def test_plans_travel_to_other_processes() -> None:
     assert np.array_equal(copy.rasterize(0.1).occupied, plan.rasterize(0.1).occupied)
 
 
+@pytest.mark.filterwarnings("ignore:invalid value encountered in linearrings")  # from the plan with NaN
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -14,8 +14,9 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from shapely import LineString, Polygon
 
-from layoutexplore.geometry import fill, polygons_of, resample_solid, seal_diagonals, trace
+from layoutexplore.geometry import fill, polygons_of, resample_solid, seal_diagonals
 from layoutexplore.planning import inflate
+from layoutexplore.tracing import trace
 
 settings.register_profile("kernels", deadline=None)
 settings.load_profile("kernels")
@@ -131,6 +132,7 @@ def test_sealed_masks_have_no_checkerboard(mask: NDArray[np.bool_]) -> None:
 def test_trace_is_the_outline_of_the_cells(mask: NDArray[np.bool_], resolution: float) -> None:
     outline = trace(mask, resolution, (-1.0, 2.0))
     assert outline.is_valid
+    assert len(polygons_of(outline)) == cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)[0] - 1
     assert outline.area == pytest.approx(mask.sum() * resolution**2, rel=1e-4)
     target = np.zeros(mask.shape, np.int32)
     fill(target, outline, 1, resolution, (-1.0, 2.0))
