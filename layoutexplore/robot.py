@@ -7,6 +7,7 @@ map is built from the believed pose, the map bends, as it does in SLAM without l
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -148,6 +149,7 @@ class Robot:
         return c * dx - s * dy, s * dx + c * dy, drift
 
 
+@functools.lru_cache(maxsize=16)
 def disc_offsets(radius: float) -> NDArray[np.int32]:
     """int32 (n, 2): offsets of the cells whose centres are closer than `radius` (in cells) to the centre of cell (0, 0)."""
     reach = math.ceil(radius)

@@ -129,15 +129,13 @@ class Simulation:
         if isinstance(self.predictor, Privileged):
             self.predictor.reveal(self.truth)
         self._scan(full_turn=True)
-        return self.decision
+        return self._next()
 
     @property
     def decision(self) -> Decision:
         """The decision that is due (computed when it is first asked for)."""
         if self._decision is None:
             self._decision = self._decide()
-            if not self._decision.frontiers:
-                self._finish("no_frontier")
         return self._decision
 
     def step(self, choice: Choice) -> Decision:
@@ -170,7 +168,7 @@ class Simulation:
             frontier = decision.frontiers[choice]
             if self._walk(descend(decision.distances, decision.traversable, frontier.viewpoint), frontier):
                 self._look(frontier)
-        return self.decision
+        return self._next()
 
     def drive(self, forward: float, turn: float = 0.0) -> Motion:
         """A motion primitive: turn, then go straight until `forward` metres or a wall, then scan once.
@@ -240,6 +238,12 @@ class Simulation:
     def _check_running(self) -> None:
         if self.done:
             raise ConfigError(f"the run is over ({self.stop_reason}): call reset() to begin another")
+
+    def _next(self) -> Decision:
+        """The decision that is due; the run is over when it has nothing to decide."""
+        if not self.decision.frontiers:
+            self._finish("no_frontier")
+        return self.decision
 
     def _begin_step(self) -> None:
         self.decisions += 1
