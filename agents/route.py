@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.agents.sight import Bits
@@ -58,3 +59,40 @@ class Route:
         for i in range(last - 1, -1, -1):
             sets.append(sets[-1] | self.legs[i].seen | self.stops[i].seen)
         return sets[::-1]
+
+
+def cheapest_gaps(
+    near: NDArray[np.float32], lengths: NDArray[np.float64], to: NDArray[np.float64], on: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Where each candidate for a stop is best inserted.
+
+    Args:
+        near: float32 (stops, n), metres from each stop of the route to each candidate.
+        lengths: float64 (stops - 1,) or more, metres of the legs between the stops.
+        to: float64 (gaps,), weight of the new leg from stop i to the candidate; gap i lies behind stop i, and the last
+            gap may lie behind the last stop.
+        on: float64 (gaps,), weight of the leg that is replaced, and of the one from the candidate to the next stop.
+
+    Returns:
+        float64 (n,) weighted metres that it adds, and int64 (n,) the gap; of equal ones the first.
+    """
+    return _cheapest_gaps(near, lengths, to, on)
+
+
+@njit(cache=True, nogil=True)
+def _cheapest_gaps(
+    near: NDArray[np.float32], lengths: NDArray[np.float64], to: NDArray[np.float64], on: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    count = near.shape[1]
+    best = np.full(count, np.inf)
+    gaps = np.zeros(count, np.int64)
+    for i in range(len(to)):
+        inner = i + 1 < near.shape[0]
+        for k in range(count):
+            added = to[i] * near[i, k]
+            if inner:
+                added += on[i] * (near[i + 1, k] - lengths[i])
+            if added < best[k]:
+                best[k] = added
+                gaps[k] = i
+    return best, gaps

@@ -1,8 +1,8 @@
 """What can be seen from where on a known floor plan, as sets of target cells.
 
-A set is a row of 64-bit words, a bit for every sampled target cell, so that unions and counts cost next to nothing. One
-in three target cells is sampled, a third of every row and column; the share of the sample that has been seen is the
-coverage to a few hundredths of a per cent.
+A set is a row of 64-bit words, a bit for every sampled target cell, so that unions and counts cost next to nothing. At most a
+third of the target's cells are sampled, evenly; the share of the sample that has been seen is the coverage to a few
+hundredths of a per cent.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from layoutexplore.lidar import LidarConfig, around, beam_table
 Bits = NDArray[np.uint64]
 """A set of sampled target cells: uint64 (words,)."""
 
-_STRIDE = 3
+_SAMPLE = 40_000
+"""About how many cells a large sample has; a small target is sampled by a third."""
 _WALL, _FLOOR = -2, -1
-_BEAMS_AROUND = 480
+_BEAMS_TURNING, _BEAMS_WALKING = 480, 240
+"""Beams in 360 degrees that planning needs: what falls between two of them, the next scan shows."""
 
 
 class Sight:
@@ -41,8 +43,10 @@ class Sight:
         occupied = truth.raster.occupied
         self.resolution = truth.raster.resolution
         self.spacing = scan_spacing / self.resolution
-        diagonals = np.add.outer(np.arange(occupied.shape[0]), np.arange(occupied.shape[1]))
-        sampled = truth.target & (diagonals % _STRIDE == 0)
+        # An odd stride and knight's moves: every row and column has its share of the sample.
+        stride = max(3, 2 * (int(np.count_nonzero(truth.target)) // (2 * _SAMPLE)) + 1)
+        steps = np.add.outer(np.arange(occupied.shape[0]), 2 * np.arange(occupied.shape[1]))
+        sampled = truth.target & (steps % stride == 0)
         self.count = int(np.count_nonzero(sampled))
         self.words = (self.count + 63) // 64
         # A border of wall around the plan ends every ray.
@@ -51,8 +55,8 @@ class Sight:
         inner[~occupied] = _FLOOR
         inner[sampled] = np.arange(self.count)
         self._range = truth.sensor.range_max / self.resolution
-        self._around = beam_table(_thinned(around(truth.sensor)))
-        self._ahead = beam_table(_thinned(truth.sensor))
+        self._around = beam_table(_thinned(around(truth.sensor), _BEAMS_TURNING))
+        self._ahead = beam_table(_thinned(truth.sensor, _BEAMS_WALKING))
 
     def turning(self, cells: NDArray[np.int32]) -> NDArray[np.uint64]:
         """What a full turn in each of the cells int32 (n, 2) shows: uint64 (n, words)."""
@@ -67,9 +71,9 @@ class Sight:
         return seen
 
 
-def _thinned(sensor: LidarConfig) -> LidarConfig:
-    """The sensor with no more beams than planning needs: what falls between two of them, the next scan shows."""
-    return dataclasses.replace(sensor, beams=min(sensor.beams, math.ceil(_BEAMS_AROUND * sensor.fov / (2 * math.pi))))
+def _thinned(sensor: LidarConfig, beams_around: int) -> LidarConfig:
+    """The sensor with no more beams than that in 360 degrees."""
+    return dataclasses.replace(sensor, beams=min(sensor.beams, math.ceil(beams_around * sensor.fov / (2 * math.pi))))
 
 
 def size(bits: Bits) -> int:

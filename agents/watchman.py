@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.agents.local_search import improve_tour
-from layoutexplore.agents.route import Leg, Route, Stop
+from layoutexplore.agents.route import Leg, Route, Stop, cheapest_gaps
 from layoutexplore.agents.sight import Bits, Sight, added_sizes, size
 from layoutexplore.decision import Truth
 from layoutexplore.grid import Cell
@@ -176,15 +176,11 @@ class WatchmanPlanner:
         Gap i lies behind stop i. An early stop comes before the mark or becomes the new mark.
         """
         gaps = route.mark + 1 if early else len(route.stops)
-        lengths = np.array([leg.length for leg in route.legs[:gaps]])[:, None]
-        near = np.array([stop.lattice for stop in route.stops[: gaps + 1]], np.float64)
-        extra = near[:gaps].copy()
-        extra[: len(lengths)] += near[1 : len(lengths) + 1] - lengths
-        extra[: route.mark] *= self._weight
-        if early:
-            extra[-1] += (self._weight - 1.0) * near[route.mark]
-        best = extra.argmin(axis=0)
-        return extra[best, np.arange(extra.shape[1])], best
+        near = np.array([stop.lattice for stop in route.stops[: gaps + 1]])
+        lengths = np.array([leg.length for leg in route.legs[:gaps]])
+        to = np.where(np.arange(gaps) < route.mark + early, self._weight, 1.0)
+        on = np.where(np.arange(gaps) < route.mark, self._weight, 1.0)
+        return cheapest_gaps(near, lengths, to, on)
 
     def _insert(self, route: Route, gap: int, stop: Stop) -> Bits:
         """Put a stop into a gap; what it and the ways to and from it show."""
