@@ -89,16 +89,9 @@ def _trace_rooms(source: PlanRaster, labels: Mapping[int, str]) -> tuple[Room, .
 
 def _boxes(ids: NDArray[np.int32]) -> list[tuple[int, tuple[slice, slice]]]:
     """Every id above 0 with the window of its cells."""
-    rows, cols = np.nonzero(ids)
-    numbers = ids[rows, cols]
-    order = np.argsort(numbers, kind="stable")
-    rows, cols, numbers = rows[order], cols[order], numbers[order]
-    values, starts = np.unique(numbers, return_index=True)
-    found = []
-    for value, first, last in zip(values, starts, np.append(starts, len(numbers))[1:], strict=True):
-        r, c = rows[first:last], cols[first:last]
-        found.append((int(value), (slice(int(r.min()), int(r.max()) + 1), slice(int(c.min()), int(c.max()) + 1))))
-    return found
+    from scipy.ndimage import find_objects
+
+    return [(number, window) for number, window in enumerate(find_objects(ids), start=1) if window is not None]
 
 
 def _corner(source: PlanRaster, box: tuple[slice, slice]) -> Point:
