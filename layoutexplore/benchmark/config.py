@@ -112,10 +112,13 @@ def read_config(path: Path) -> dict[str, Any]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path} is not valid TOML: {error}") from error
     _check_keys(table, BenchmarkConfig, f"in {path}")
+    for name in ("simulation", "lidars"):
+        if not isinstance(table.get(name, {}), dict):
+            raise ConfigError(f"{name} in {path} must be a table, got {table[name]!r}")
     if "simulation" in table:
         table["simulation"] = _simulation(table["simulation"], f"{path} [simulation]")
     if "lidars" in table:
-        table["lidars"] = {n: _build(LidarConfig, {**t, "name": n}, f"{path} [lidars.{n}]") for n, t in table["lidars"].items()}
+        table["lidars"] = {n: _lidar(n, t, f"{path} [lidars.{n}]") for n, t in table["lidars"].items()}
     for name in ("plans", "sensors", "agents"):
         if name in table:
             table[name] = _strings(table[name], f"{name} in {path}")
@@ -131,6 +134,11 @@ def _simulation(table: dict[str, Any], where: str) -> SimulationConfig:
     return _build(SimulationConfig, table, where)
 
 
+def _lidar(name: str, table: Any, where: str) -> LidarConfig:
+    _check_keys(table, LidarConfig, f"in {where}")
+    return _build(LidarConfig, {**table, "name": name}, where)
+
+
 def _build(kind: type[T], table: dict[str, Any], where: str) -> T:
     _check_keys(table, kind, f"in {where}")
     try:
@@ -141,7 +149,7 @@ def _build(kind: type[T], table: dict[str, Any], where: str) -> T:
 
 def _check_keys(table: Any, kind: Any, where: str) -> None:
     if not isinstance(table, dict):
-        raise ConfigError(f"expected a table of keys {where}, got {table!r}")
+        raise ConfigError(f"expected a table {where}, got {table!r}")
     known = [f.name for f in dataclasses.fields(kind)]
     for key in table:
         if key not in known:

@@ -18,7 +18,7 @@ def register(app: typer.Typer) -> None:
     app.add_typer(group)
 
 
-@group.command("list")
+@group.command("list", epilog="Example: layoutexplore maps list --split train")
 def list_plans(
     split: Annotated[str | None, typer.Option(help="Only this split: quick, train, validation or test.")] = None,
 ) -> None:
@@ -42,7 +42,7 @@ def list_plans(
     console.print(f"Any number more from the generator: FAMILY:SEED with FAMILY one of {', '.join(FAMILIES)}")
 
 
-@group.command("show")
+@group.command("show", epilog="Example: layoutexplore maps show office:1 --out office.png")
 def show_plan(
     plan: Annotated[str, typer.Argument(help="Name of a shipped plan, FAMILY:SEED, or a file.")],
     out: Annotated[Path | None, typer.Option(help="Also draw the plan into this PNG.")] = None,
@@ -60,7 +60,7 @@ def show_plan(
         typer.echo(f"drawn into {out}")
 
 
-@group.command("import")
+@group.command("import", epilog="Example: layoutexplore maps import floor.xml --out floor.geojson")
 def import_plan(
     path: Annotated[Path, typer.Argument(help="GeoJSON, school XML, KTH ID_occ.png, HouseExpo JSON, ROS YAML or image.")],
     out: Annotated[Path, typer.Option(help="GeoJSON file to write.")],
@@ -75,7 +75,7 @@ def import_plan(
     typer.echo(f"{out}: {plan.name}, {len(plan.rooms)} rooms, {len(plan.doors)} doors, {plan.area:.0f} m2{note}")
 
 
-@group.command("generate")
+@group.command("generate", epilog="Example: layoutexplore maps generate school --seed 3 --out school.geojson")
 def generate_plan(
     family: Annotated[str, typer.Argument(help="Family of buildings, such as office or school.")],
     out: Annotated[Path, typer.Option(help="GeoJSON file to write.")],
