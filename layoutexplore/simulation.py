@@ -257,7 +257,10 @@ class Simulation:
         return grid.free & ~inflate(grid.cells == OCCUPIED, self.config.robot_radius, grid.resolution) & ~self._bumped
 
     def _here(self) -> Cell:
-        return self.mapper.grid.world_to_cell(self.robot.believed.x, self.robot.believed.y)
+        """The robot's cell; with odometry noise it may believe to be outside of its grid: then the nearest cell."""
+        cell = self.mapper.grid.world_to_cell(self.robot.believed.x, self.robot.believed.y)
+        rows, cols = self.mapper.grid.shape
+        return Cell(min(max(cell.row, 0), rows - 1), min(max(cell.col, 0), cols - 1))
 
     def _decide(self) -> Decision:
         grid = self.mapper.grid
