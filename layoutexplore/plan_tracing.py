@@ -91,7 +91,7 @@ def _boxes(ids: NDArray[np.int32]) -> list[tuple[int, tuple[slice, slice]]]:
     """Every id above 0 with the window of its cells."""
     from scipy.ndimage import find_objects
 
-    return [(number, window) for number, window in enumerate(find_objects(ids), start=1) if window is not None]
+    return [(number, (window[0], window[1])) for number, window in enumerate(find_objects(ids), start=1) if window is not None]
 
 
 def _corner(source: PlanRaster, box: tuple[slice, slice]) -> Point:
