@@ -196,7 +196,7 @@ def _place(sketch: Sketch, plot: Plot, slots: list[Slot], style: Style, rng: np.
             run = sum(w for other, w in slots[k : k + 3] if other is kind)
             step = _facade_step(plot, style, rng) if run > 5.5 else 0.0
         far = _far(plot, kind, width, step, rng)
-        flip = not flip if rng.random() < 0.85 else flip
+        flip = not flip if rng.random() < 0.65 else flip
         bay = Bay(plot.frame, x, x + width, plot.near, far, plot.corridors, flip)
         room = kind.build(sketch, bay, kind.label, rng)
         if previous and previous[0] is kind and kind.build is not shaft and rng.random() < style.connecting:

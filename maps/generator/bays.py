@@ -17,6 +17,9 @@ from shapely import Polygon
 from layoutexplore.maps.generator.frame import Frame
 from layoutexplore.maps.generator.sketch import OUTSIDE, Sketch
 
+CHASES = 0.2
+"""Share of the plain rooms with a pipe chase in a corner."""
+
 Piece = tuple[float, float, int]
 """A stretch of corridor: from x to x (m, local to its frame) and the id of its space."""
 
@@ -84,8 +87,14 @@ Builder = Callable[[Sketch, Bay, str, np.random.Generator], int]
 
 
 def plain(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
-    """One rectangular room; a long one has a second door at its other end."""
-    room = sketch.room(bay.frame, bay.box(0.0, bay.width, 0.0, bay.depth), label)
+    """One room; a long one has a second door at its other end; some have a pipe chase in a corner of the corridor side."""
+    w, d = bay.width, bay.depth
+    outline = [(0.0, 0.0), (w, 0.0), (w, d), (0.0, d)]
+    if w > 2.3 and rng.random() < CHASES:
+        wide, deep = float(rng.uniform(0.45, 0.9)), float(rng.uniform(0.35, 0.75))
+        outline[1:2] = [(w - wide, 0.0), (w - wide, deep), (w, deep)]
+        sketch.solid(bay.frame, bay.box(w - wide, w, 0.0, deep))
+    room = sketch.room(bay.frame, bay.shape(outline), label)
     sketch.link(bay.corridor(0.0, min(bay.width, 3.0)), room, near=bay.world(0.0, 0.0))
     if bay.width > 9.0:
         other = bay.corridor(bay.width - 3.0, bay.width)
@@ -160,7 +169,7 @@ def with_bathroom(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator
 def toilets(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
     """An anteroom with wash basins on the corridor, cabins behind it."""
     w, d = bay.width, bay.depth
-    cabins = int((w + 0.2) // 1.3)
+    cabins = min(int((w + 0.2) // 1.3), 3)
     deep = min(max(0.36 * d, 1.6), 2.2)
     if cabins < 1 or d < 3.0:
         return plain(sketch, bay, label, rng)

@@ -42,6 +42,9 @@ _DRAW: Mapping[str, Draw] = {
 FAMILIES: tuple[str, ...] = tuple(_DRAW)
 """Names of the families."""
 
+RIGHT_ANGLED = ("office", "school", "apartment", "hospital")
+"""Families that stand on a corridor skeleton, so that a topology can be asked for."""
+
 GROSS_FACTOR = 1.12
 """Gross over net area of a first guess."""
 
@@ -85,6 +88,8 @@ def generate(family: str, seed: int, config: PlanConfig | None = None, **knobs: 
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise ConfigError(f"the seed must be a whole number, 0 or more, got {seed!r}")
     wanted = (config or PlanConfig()).with_knobs(knobs)
+    if wanted.topology is not None and family not in RIGHT_ANGLED:
+        raise ConfigError(f"the family {family!r} has no topology: only {', '.join(RIGHT_ANGLED)} have")
     drawn = wanted.drawn(family, _stream(family, seed, 0))
     for attempt in _attempts(family, int(seed), drawn):
         try:
@@ -101,7 +106,8 @@ def generate(family: str, seed: int, config: PlanConfig | None = None, **knobs: 
             furniture=furniture,
             metadata={"family": family, "seed": str(seed), "source": "layoutexplore generator"},
         )
-    raise ConfigError(f"no {family} of {drawn.area:.0f} m2 could be drawn from seed {seed}: ask for another size or seed")
+    shape = f" of topology {drawn.topology}" if drawn.topology else ""
+    raise ConfigError(f"no {family}{shape} of {drawn.area:.0f} m2 could be drawn from seed {seed}: ask for another size or seed")
 
 
 def _stream(family: str, seed: int, *key: int) -> np.random.Generator:

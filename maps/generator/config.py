@@ -58,7 +58,7 @@ class PlanConfig:
         exterior_wall: Thickness of the outer walls, m (0.15-0.6).
         clutter: Share of a room's floor to cover with furniture (0-0.4); less where doors and ways must stay clear.
         closed_doors: Share of the doors to shut (0-1); never cuts off more than the room behind the door.
-        topology: Corridor skeleton, one of `TOPOLOGIES`, for the families office, school and hospital.
+        topology: Corridor skeleton, one of `TOPOLOGIES`, for office, school, apartment and hospital.
 
     Raises:
         ConfigError: A value is no number, out of range, or two values contradict each other.

@@ -151,7 +151,7 @@ def _on_run(
     while width > NARROWEST:
         chord = LineString([line.interpolate(middle - width / 2), line.interpolate(middle + width / 2)])
         if chord.interpolate(0.5, normalized=True).distance(line) < MOST_BEND:
-            return shapely.get_coordinates(chord)
+            return np.asarray(shapely.get_coordinates(chord), np.float64)
         width *= 0.8
     return None
 

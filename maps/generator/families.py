@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from layoutexplore.errors import ConfigError
 from layoutexplore.maps.generator.bands import draw_style, furnish_plots
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.frame import Straight
@@ -74,12 +73,10 @@ def build_skeleton(programme: Programme, config: DrawnConfig, gross: float, sing
     run = gross / section.width
     names = [config.topology] if config.topology else _shuffled_topologies(rng)
     for topology in names:
-        skeleton = plan_skeleton(topology, run, section.width, rng)
+        skeleton = plan_skeleton(topology, run, section.width, config.topology is not None, rng)
         if skeleton is not None:
             break
     else:
-        if config.topology:
-            raise ConfigError(f"a building of topology {config.topology!r} does not fit on {config.area:.0f} m2")
         raise SketchError("no topology fits")
     wings = draw_skeleton(sketch, skeleton, section, programme, rng)
     style = draw_style(programme, config.scale, rng)

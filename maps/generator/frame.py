@@ -44,7 +44,8 @@ class Straight:
     def points(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
         """World points float64 (n, 2) of local points float64 (n, 2), m."""
         c, s = math.cos(self.heading), math.sin(self.heading)
-        return local @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y])
+        turned: NDArray[np.float64] = local @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y])
+        return turned
 
     def place(self, polygon: Polygon) -> Polygon:
         """The world polygon of a local polygon without holes."""

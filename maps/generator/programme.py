@@ -69,16 +69,18 @@ STAIRS = RoomType(label="stairs", width=(2.7, 3.4), build=bays.stairs)
 TOILETS = RoomType(label="toilet", width=(2.6, 4.2), build=bays.toilets)
 LIFT = RoomType(label="storage", width=(3.6, 4.6), build=bays.shaft)
 STORE = RoomType(label="storage", width=(1.8, 3.2))
+WASHROOM = RoomType(label="toilet", width=(3.0, 4.5), build=bays.enfilade)
 CORE = (STAIRS, TOILETS, TOILETS, LIFT, STORE)
 
 OFFICE = Programme(
     facade=(
-        RoomType(label="office", width=(2.4, 3.0), run=(3, 8), weight=5.0),
+        RoomType(label="office", width=(2.4, 3.0), run=(3, 7), weight=3.0),
         RoomType(label="office", width=(3.3, 4.5), run=(2, 6), weight=4.0),
-        RoomType(label="office", width=(4.8, 6.0), run=(1, 3), weight=1.6),
+        RoomType(label="office", width=(4.8, 6.0), run=(1, 3), weight=2.2),
         RoomType(label="meeting", width=(5.0, 8.0), weight=1.3),
         RoomType(label="office", width=(3.6, 4.8), run=(1, 2), weight=0.5, build=bays.enfilade),
         RoomType(label="open office", width=(9.0, 15.0), weight=0.6, build=bays.beside),
+        RoomType(label="laboratory", width=(6.0, 10.0), run=(1, 2), weight=1.2),
         RoomType(label="kitchen", width=(3.0, 4.5), weight=0.4),
         RoomType(label="storage", width=(1.8, 2.4), weight=0.5),
     ),
@@ -113,15 +115,15 @@ OFFICE_DEEP = replace(
 
 SCHOOL = Programme(
     facade=(
-        RoomType(label="classroom", width=(7.5, 9.5), run=(2, 5), weight=6.0),
+        RoomType(label="classroom", width=(7.5, 9.5), run=(2, 5), weight=7.0),
         RoomType(label="classroom", width=(7.5, 9.5), run=(2, 3), weight=1.5, build=bays.alcove),
         RoomType(label="laboratory", width=(9.0, 11.5), weight=0.8, build=bays.beside),
-        RoomType(label="classroom", width=(4.5, 6.0), run=(1, 2), weight=1.2),
-        RoomType(label="office", width=(3.0, 4.5), run=(2, 4), weight=1.2),
+        RoomType(label="classroom", width=(5.0, 6.5), run=(1, 2), weight=1.2),
+        RoomType(label="office", width=(3.0, 4.5), run=(1, 3), weight=0.8),
         RoomType(label="storage", width=(2.4, 3.2), weight=0.5, build=bays.enfilade),
-        RoomType(label="office", width=(3.2, 4.2), run=(1, 2), weight=0.5, build=bays.enfilade),
+        RoomType(label="office", width=(3.2, 4.2), run=(1, 1), weight=0.3, build=bays.enfilade),
     ),
-    core=(STAIRS, replace(TOILETS, width=(3.9, 5.2)), replace(TOILETS, width=(3.9, 5.2)), STORE),
+    core=(STAIRS, WASHROOM, RoomType(label="office", width=(4.5, 7.0)), STORE),
     special=(
         RoomType(label="lobby", width=(8.0, 13.0), build=bays.foyer),
         RoomType(label="gym", width=(15.0, 22.0), build=bays.big, depth=(18.0, 28.0)),

@@ -209,13 +209,14 @@ def teeth_of(topology: str, comb: int) -> tuple[tuple[float, ...], tuple[int, ..
     return table[topology]
 
 
-def plan_skeleton(topology: str, run: float, width: float, rng: np.random.Generator) -> Skeleton | None:
+def plan_skeleton(topology: str, run: float, width: float, asked: bool, rng: np.random.Generator) -> Skeleton | None:
     """A skeleton of a topology whose wings together are `run` metres long, or None where it does not fit.
 
     Args:
         topology: One of `config.TOPOLOGIES`.
         run: Total length of all wings, m.
         width: Of a wing, m.
+        asked: Whether just this topology is wanted, so that long wings are accepted.
         rng: Proportions.
     """
     comb = max(3, min(7, round(run / (5.0 * width))))
@@ -236,7 +237,7 @@ def plan_skeleton(topology: str, run: float, width: float, rng: np.random.Genera
     flip = bool(rng.random() < 0.5)
     spots = [1.0 - p if flip else p + float(rng.uniform(-0.15, 0.15)) * (0.0 < p < 1.0 and columns == 1) for p in places]
     longest = max([spine, *lengths.tolist()])
-    if longest > min(max(LONGEST_WING, 0.3 * run), 2 * LONGEST_WING):
+    if longest > max(min(max(LONGEST_WING, 0.3 * run), 2 * LONGEST_WING), 1.15 * least, 2 * LONGEST_WING * asked):
         return None
     return Skeleton(spine=spine, teeth=tuple(zip(spots, sides, lengths.tolist(), strict=True)), bar=bar)
 
