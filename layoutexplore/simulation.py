@@ -57,7 +57,7 @@ class Simulation:
         scans: Number of scans taken.
         decisions: Number of decisions acted on.
         stop_reason: Why the run ended: "coverage", "no_frontier", "budget" or "agent"; "" while it goes on.
-        on_scan: Called after every scan, to film or log a run; None by default. It must not act on the simulation.
+        on_scan: Called after every scan, to film or log a run; None by default. It may read everything, `decision` too.
 
     Example:
         >>> from layoutexplore.floorplan import floorplan_from_ascii
@@ -241,6 +241,7 @@ class Simulation:
 
     def _next(self) -> Decision:
         """The decision that is due; the run is over when it has nothing to decide."""
+        self._decision = None  # one that `on_scan` asked for on the way is out of date
         if not self.decision.frontiers:
             self._finish("no_frontier")
         return self.decision
@@ -359,6 +360,7 @@ class Simulation:
 
     def _scan(self, full_turn: bool = False) -> ScanUpdate:
         """Scan from here; the grid, the coverage and the curve follow."""
+        self._decision = None
         full_turn = full_turn and not self.lidar.config.full_turn
         believed, pose = self.robot.believed, self.robot.pose
         if not self._noisy:

@@ -136,6 +136,13 @@ def test_explore_films_and_saves(plan: Path, tmp_path: Path) -> None:
     assert track[0].tolist() == [2.0, 2.0, 0.5] and curve[-1, 1] >= 0.99
 
 
+def test_filming_changes_nothing(plan: Path, tmp_path: Path) -> None:
+    for name, film in (("plain", []), ("filmed", ["--video", str(tmp_path / "film.gif")])):
+        RUNNER.invoke(cli.app, ["explore", str(plan), "--out", str(tmp_path / name), *film], catch_exceptions=False)
+    for name in ("track.csv", "curve.csv", "map.pgm"):
+        assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "filmed" / name).read_bytes()
+
+
 def test_explore_is_decided_by_its_seed(plan: Path) -> None:
     def lines(seed: str) -> list[str]:
         output = RUNNER.invoke(cli.app, ["explore", str(plan), "--agent", "random", "--seed", seed]).output
