@@ -201,7 +201,7 @@ def _merge(
 ) -> NDArray[np.int64]:
     """The old sorted indices outside of the box and the fresh ones inside, sorted."""
     merged = np.empty(old.size + fresh.size, np.int64)
-    first, behind = np.searchsorted(old, row0 * cols), np.searchsorted(old, row1 * cols)
+    first, behind = int(np.searchsorted(old, row0 * cols)), int(np.searchsorted(old, row1 * cols))
     merged[:first] = old[:first]
     count, j = first, 0
     for i in range(first, behind):

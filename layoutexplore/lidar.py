@@ -91,7 +91,7 @@ class LidarConfig:
         """Angles float64 (beams,) of the beams relative to the robot's heading, in radians, increasing."""
         if self.beams == 1 and not self.full_turn:
             return np.array([self.angle_offset])
-        return self.angle_offset - self.fov / 2 + np.arange(self.beams) * self.angle_increment
+        return self.angle_offset - self.fov / 2 + np.arange(self.beams, dtype=np.float64) * self.angle_increment
 
     @property
     def noisy(self) -> bool:
@@ -342,7 +342,7 @@ def _cast(
         index, k, j = start, 0, 0
         here = np.inf
         while k <= last:
-            d = np.int64(field[index])
+            d = int(np.int64(field[index]))
             if d == 0:
                 here = (k - along) * per_along
                 break

@@ -158,7 +158,7 @@ def cast_and_mark(
         _hit(cells, true_start, tally)
         return _changes(tally)
     _free_stretch(cells, int(y), int(x), int(x) + 1, tally)
-    reach = min(np.int64(world[true_start]) - 1, dense, int((range_max - 2.0) / math.sqrt(2.0)))
+    reach = min(int(np.int64(world[true_start])) - 1, dense, int((range_max - 2.0) / math.sqrt(2.0)))
     # From a point on the border of a cell a ray may touch cells that lie beside the half plane.
     on_border = x == math.floor(x) or y == math.floor(y)
     if reach >= 2 and not (half and on_border):

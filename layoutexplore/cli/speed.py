@@ -1,0 +1,89 @@
+"""`layoutexplore speed`: how fast the hot paths are, beside a reference timed in the same run and the goal."""
+
+from __future__ import annotations
+
+import json
+import platform
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from layoutexplore.speed import Row
+
+
+def register(app: typer.Typer) -> None:
+    """Add `speed` to the command line."""
+    app.command("speed")(speed)
+
+
+def speed(
+    only: Annotated[
+        list[str] | None, typer.Option("--only", help="Measure only this (repeatable): rays, mapping, frontiers, ...")
+    ] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures to this file as well.")] = None,
+) -> None:
+    """Measure the speed of the kernels, the simulation and the environments.
+
+    Prints each figure beside its reference and its goal; exits with status 1 where a goal is missed by more than 20 %.
+    """
+    from rich.console import Console
+
+    from layoutexplore.speed import measure
+
+    console = Console()
+    rows: list[Row] = []
+    with console.status("Measuring") as status:
+        rows.extend(measure(only or (), begin=lambda name: status.update(f"Measuring {name}")))
+    console.print(_table(rows))
+    if json_file:
+        json_file.parent.mkdir(parents=True, exist_ok=True)
+        json_file.write_text(json.dumps({"versions": _versions(), "rows": [row.as_dict() for row in rows]}, indent=1) + "\n")
+    if any(row.missed for row in rows):
+        raise typer.Exit(1)
+
+
+def _table(rows: list[Row]) -> Table:
+    from rich.table import Table
+
+    table = Table("measurement", "ours", "reference", "ratio", "goal", "", box=None, padding=(0, 1, 0, 0))
+    for index in (1, 3):
+        table.columns[index].justify = "right"
+    for row in rows:
+        reference = "" if row.reference is None else f"{_number(row.reference)} {row.reference_name}"
+        ratio = "" if row.ratio is None else f"{row.ratio:.1f}x"
+        table.add_row(row.name, f"{_number(row.ours)} {row.unit}", reference, ratio, row.goal, _verdict(row))
+    return table
+
+
+def _verdict(row: Row) -> str:
+    if row.reached is None:
+        return ""
+    if row.missed:
+        return f"[red]missed[/red] ({row.reached:.0%})"
+    return "[green]met[/green]" if row.reached >= 1 else f"[yellow]nearly[/yellow] ({row.reached:.0%})"
+
+
+def _number(value: float) -> str:
+    """Three significant digits, without an exponent."""
+    return f"{value:,.0f}".replace(",", " ") if value >= 1000 else f"{value:#.3g}".rstrip(".")
+
+
+def _versions() -> dict[str, Any]:
+    import cv2
+    import numba
+    import numpy
+
+    import layoutexplore
+
+    return {
+        "layoutexplore": layoutexplore.__version__,
+        "python": platform.python_version(),
+        "numpy": numpy.__version__,
+        "numba": numba.__version__,
+        "opencv": cv2.__version__,
+        "machine": f"{platform.machine()} {platform.processor()}".strip(),
+    }

@@ -1,0 +1,95 @@
+"""Speed of the simulation and the environments, on an office of about 2600 square metres at 0.1 m; memory and import time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+import tracemalloc
+from collections.abc import Iterator
+from statistics import median
+
+import gymnasium
+import numpy as np
+
+from layoutexplore.simulation import Simulation
+from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.speed.floors import plan
+from layoutexplore.speed.measurement import Row, milliseconds
+
+_BASE = "import time; s = time.process_time(); {}; print(time.process_time() - s)"
+
+
+def frontier_steps() -> Iterator[Row]:
+    """Decisions of the strategy "nearest" without layout: walk, scans, map, frontiers, distances and gains."""
+    for sensor in ("stage", "indoor"):
+        simulation = Simulation(plan(), SimulationConfig(sensor=sensor))
+        rates = []
+        for seed in range(3):
+            simulation.reset(seed=seed)
+            start = time.process_time()
+            while not simulation.done:
+                simulation.step(0)
+            rates.append(simulation.decisions / (time.process_time() - start))
+        yield Row(
+            name=f"frontier steps, {sensor}",
+            ours=median(rates),
+            unit="steps/s",
+            goal=">= 100 steps/s",
+            reached=median(rates) / 100.0,
+        )
+
+
+def motion_steps() -> Iterator[Row]:
+    """Random moves with the observation of each."""
+    environment = gymnasium.make("LayoutExplore/Motion-v0", plan=plan())
+    environment.reset(seed=0)
+    actions = np.random.default_rng(0).integers(0, 3, 1000)
+
+    def drive() -> None:
+        for action in actions:
+            _, _, terminated, truncated, _ = environment.step(int(action))
+            if terminated or truncated:
+                environment.reset(seed=0)
+
+    (taken,) = milliseconds(drive, repeats=5)
+    rate = len(actions) / taken * 1e3
+    environment.close()
+    yield Row(name="Motion-v0 steps", ours=rate, unit="steps/s", goal=">= 4 000 steps/s", reached=rate / 4000.0)
+
+
+def resets() -> Iterator[Row]:
+    """Reset to another start on a plan that is already loaded."""
+    simulation = Simulation(plan())
+    seeds = iter(range(10_000))
+    (taken,) = milliseconds(lambda: simulation.reset(seed=next(seeds)), repeats=15)
+    yield Row(name="reset, plan cached", ours=taken, unit="ms", goal="<= 20 ms", reached=20.0 / taken)
+
+
+def memory() -> Iterator[Row]:
+    """What one more environment on the same plan holds, as numpy and Python count it."""
+    first = gymnasium.make("LayoutExplore/Frontier-v0", plan=plan())
+    first.reset(seed=0)
+    tracemalloc.start()
+    further = []
+    for seed in range(3):
+        environment = gymnasium.make("LayoutExplore/Frontier-v0", plan=plan())
+        environment.reset(seed=seed)
+        environment.step(0)
+        further.append(environment)
+    held = tracemalloc.get_traced_memory()[0] / len(further) / 1e6
+    tracemalloc.stop()
+    rows, cols = plan().rasterize(0.1).shape
+    yield Row(name=f"memory per env, {rows} x {cols}", ours=held, unit="MB", goal="< 5 MB", reached=5.0 / held)
+
+
+def import_time() -> Iterator[Row]:
+    """`import layoutexplore` in a fresh interpreter."""
+
+    def child(statement: str) -> float:
+        done = subprocess.run([sys.executable, "-c", _BASE.format(statement)], capture_output=True, text=True, check=True)
+        return float(done.stdout)
+
+    child("import layoutexplore")
+    taken = median(child("import layoutexplore") for _ in range(5))
+    yield Row(name="import layoutexplore", ours=taken, unit="s", goal="< 0.5 s", reached=0.5 / taken)

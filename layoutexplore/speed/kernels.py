@@ -1,0 +1,182 @@
+"""Speed of ray casting, mapping, frontiers and planning, each beside the quickest way of a common library."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from layoutexplore.frontiers import FrontierDetector, find_frontiers
+from layoutexplore.grid import Cell, Pose
+from layoutexplore.mapping import Mapper
+from layoutexplore.planning import distance_matrix, geodesic_distances, inflate
+from layoutexplore.speed.floors import RESOLUTION, floor, half_explored, lidar, poses
+from layoutexplore.speed.measurement import Row, milliseconds
+
+_RAYS_PER_SECOND = 10e6
+_RAYS_RATIO = 5.0
+
+
+def ray_casting() -> Iterator[Row]:
+    """Exact ranges against a polar image of the map made by cv2.remap, sampled at half cells (which is not exact)."""
+    yield _ray_casting(360, 100)
+    yield _ray_casting(720, 200)
+
+
+def _ray_casting(beams: int, reach: int) -> Row:
+    occupied = floor(700, 700)
+    places = poses(occupied, 100)
+    sensor = lidar(occupied, beams, reach)
+    image = occupied.astype(np.uint8)
+    distance = np.arange(0.0, reach, 0.5, dtype=np.float32)
+    angles = np.linspace(-math.pi, math.pi, beams, endpoint=False, dtype=np.float32)[:, None]
+    across, up = distance * np.cos(angles), distance * np.sin(angles)
+
+    def polar(pose: Pose) -> object:
+        x, y = np.float32(pose.x / RESOLUTION - 0.5), np.float32(pose.y / RESOLUTION - 0.5)
+        seen = cv2.remap(image, across + x, up + y, cv2.INTER_NEAREST, borderValue=(1,))
+        return np.argmax(seen, axis=1)
+
+    few = places[:20]
+    ours, reference = milliseconds(lambda: [sensor.scan(p) for p in places], lambda: [polar(p) for p in few], repeats=9)
+    rays = beams * len(places) / ours * 1e3
+    others = beams * len(few) / reference * 1e3
+    return Row(
+        name=f"rays, {beams} x {reach} cells",
+        ours=rays / 1e6,
+        unit="M/s",
+        reference=others / 1e6,
+        reference_name="polar cv2.remap",
+        ratio=rays / others,
+        goal=f">= {_RAYS_PER_SECOND / 1e6:.0f} M/s or {_RAYS_RATIO:.0f}x",
+        reached=max(rays / _RAYS_PER_SECOND, rays / others / _RAYS_RATIO),
+    )
+
+
+def mapping() -> Iterator[Row]:
+    """Scan and map update (720 beams, 80 cells) from an unknown map on, and the same scene in a map ten times as large."""
+    small = floor(480, 640)
+    large = np.ones((1500, 2000), np.bool_)
+    large[: small.shape[0], : small.shape[1]] = small
+    places = poses(small, 100)
+
+    def explorer(occupied: NDArray[np.bool_]) -> Callable[[], None]:
+        sensor = lidar(occupied, 720, 80)
+        mapper = Mapper(occupied.shape, RESOLUTION, Pose(0.0, 0.0))
+        seen = mapper.grid.cells[: small.shape[0], : small.shape[1]]
+
+        def explore() -> None:
+            seen[:] = -1
+            for pose in places:
+                mapper.observe(sensor, pose)
+
+        return explore
+
+    in_small, in_large = (len(places) / ms * 1e3 for ms in milliseconds(explorer(small), explorer(large), repeats=15))
+    yield Row(name="scan + map, 480 x 640", ours=in_small, unit="scans/s", goal=">= 15 000 scans/s", reached=in_small / 15_000)
+    yield Row(
+        name="scan + map, 1500 x 2000",
+        ours=in_large,
+        unit="scans/s",
+        reference=in_small,
+        reference_name="in 480 x 640",
+        ratio=in_large / in_small,
+        goal="no slower",
+        reached=in_large / in_small,
+    )
+
+
+def frontiers() -> Iterator[Row]:
+    """All frontiers of a half explored map beside cv2.connectedComponentsWithStats, and after changes in a box."""
+    cells = half_explored(700, 700)
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    detector = FrontierDetector(cells.shape)
+    detector.update(cells, (0, 700, 0, 700))
+
+    def reference() -> object:
+        beside = cv2.dilate((cells == -1).view(np.uint8), cross)
+        return cv2.connectedComponentsWithStats(beside & (cells == 0).view(np.uint8), connectivity=8)
+
+    full, updated, other = milliseconds(
+        lambda: find_frontiers(cells), lambda: detector.update(cells, (250, 450, 250, 450)), reference, repeats=15, inner=3
+    )
+    yield Row(
+        name="frontiers, 700 x 700",
+        ours=full,
+        unit="ms",
+        reference=other,
+        reference_name="cv2 components",
+        ratio=other / full,
+        goal=">= 5x",
+        reached=other / full / 5.0,
+    )
+    yield Row(
+        name="frontiers, 200 x 200 new",
+        ours=updated,
+        unit="ms",
+        reference=full,
+        reference_name="all anew",
+        ratio=full / updated,
+        goal=">= 2x",
+        reached=full / updated / 2.0,
+    )
+
+
+def geodesics() -> Iterator[Row]:
+    """Distances to all cells and between 40 places, beside scipy's search on a graph that is built beforehand."""
+    traversable = ~inflate(floor(700, 700), 0.2, RESOLUTION)
+    start = poses(floor(700, 700), 1)[0]
+    source = Cell(int(start.y / RESOLUTION), int(start.x / RESOLUTION))
+    graph, index = _graph(traversable)
+    node = np.array(index[source])
+    ours, reference = milliseconds(
+        lambda: geodesic_distances(traversable, source, RESOLUTION), lambda: dijkstra(graph, indices=node), repeats=5
+    )
+    same = np.allclose(geodesic_distances(traversable, source, 1.0)[traversable], dijkstra(graph, indices=node), rtol=1e-6)
+    yield Row(
+        name="geodesics, 700 x 700",
+        ours=ours,
+        unit="ms",
+        reference=reference,
+        reference_name="csgraph.dijkstra",
+        ratio=reference / ours,
+        goal=">= 8x, same values",
+        reached=reference / ours / 8.0 if same else 0.0,
+    )
+    reached = np.argwhere(np.isfinite(geodesic_distances(traversable, source, RESOLUTION)))
+    places = reached[np.random.default_rng(0).integers(len(reached), size=40)].astype(np.int32)
+    (matrix,) = milliseconds(lambda: distance_matrix(traversable, places, RESOLUTION), repeats=5)
+    yield Row(
+        name="geodesics, 40 x 40",
+        ours=matrix,
+        unit="ms",
+        reference=40 * reference,
+        reference_name="40 x csgraph",
+        ratio=40 * reference / matrix,
+    )
+
+
+def _graph(traversable: NDArray[np.bool_]) -> tuple[Any, NDArray[np.int64]]:
+    """The octile graph without corner cutting of the traversable cells, and the node (rows, cols) of each."""
+    index = np.cumsum(traversable.ravel()).reshape(traversable.shape) - 1
+    rows, cols = traversable.shape
+    starts, ends, lengths = [], [], []
+    for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here = slice(0, rows - dr), slice(max(0, -dc), cols - max(0, dc))
+        there = slice(dr, rows), slice(max(0, dc), cols + min(0, dc))
+        both = traversable[here] & traversable[there]
+        if dr and dc:
+            both &= traversable[here[0], there[1]] & traversable[there[0], here[1]]
+        starts.append(index[here][both])
+        ends.append(index[there][both])
+        lengths.append(np.full(int(both.sum()), math.hypot(dr, dc)))
+    a, b, w = np.concatenate(starts), np.concatenate(ends), np.concatenate(lengths)
+    count = int(traversable.sum())
+    graph = csr_array((np.tile(w, 2), (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(count, count))
+    return graph, index

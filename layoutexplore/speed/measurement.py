@@ -1,0 +1,74 @@
+"""The row of a speed table, and the stopwatch."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+MARGIN = 0.8
+"""A goal counts as missed when less than this share of it is reached."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One figure beside what it is compared with.
+
+    Attributes:
+        name: What was measured.
+        ours: The figure.
+        unit: Of `ours` and of `reference`.
+        reference: The same figure of the reference, or None where the goal is absolute.
+        reference_name: What the reference is.
+        ratio: How many times better than the reference; None without one.
+        goal: The goal, in words.
+        reached: Share of the goal that is reached; 1 or more is good. None where there is no goal.
+    """
+
+    name: str
+    ours: float
+    unit: str
+    reference: float | None = None
+    reference_name: str = ""
+    ratio: float | None = None
+    goal: str = ""
+    reached: float | None = None
+
+    @property
+    def missed(self) -> bool:
+        """Whether the goal is missed by more than the margin."""
+        return self.reached is not None and self.reached < MARGIN
+
+    def as_dict(self) -> dict[str, Any]:
+        """The row as plain data."""
+        return {**asdict(self), "missed": self.missed}
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A named function that gives rows."""
+
+    name: str
+    run: Callable[[], Iterator[Row]]
+
+
+def milliseconds(*functions: Callable[[], object], repeats: int = 7, inner: int = 1) -> list[float]:
+    """Median CPU time of each function in milliseconds; the functions take turns, after one call each to warm up.
+
+    Args:
+        functions: What to time.
+        repeats: Number of turns.
+        inner: Calls per turn.
+    """
+    taken: list[list[float]] = [[] for _ in functions]
+    for function in functions:
+        function()
+    for _ in range(repeats):
+        for function, times in zip(functions, taken, strict=True):
+            start = time.process_time()
+            for _ in range(inner):
+                function()
+            times.append((time.process_time() - start) / inner * 1e3)
+    return [statistics.median(times) for times in taken]

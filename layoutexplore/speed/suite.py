@@ -1,0 +1,54 @@
+"""All measurements, in the order of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import cv2
+
+from layoutexplore.errors import unknown_name
+from layoutexplore.speed import environment, kernels
+from layoutexplore.speed.measurement import Measurement, Row
+
+
+def measurements(only: Sequence[str] = ()) -> list[Measurement]:
+    """The measurements of these names, all by default.
+
+    Raises:
+        UnknownNameError: There is no measurement of that name.
+    """
+    known = {
+        m.name: m
+        for m in (
+            Measurement("rays", kernels.ray_casting),
+            Measurement("mapping", kernels.mapping),
+            Measurement("frontiers", kernels.frontiers),
+            Measurement("geodesics", kernels.geodesics),
+            Measurement("steps", environment.frontier_steps),
+            Measurement("motion", environment.motion_steps),
+            Measurement("reset", environment.resets),
+            Measurement("memory", environment.memory),
+            Measurement("import", environment.import_time),
+        )
+    }
+    for name in only:
+        if name not in known:
+            raise unknown_name("measurement", name, known)
+    return [known[name] for name in only] or list(known.values())
+
+
+def measure(only: Sequence[str] = (), *, begin: Callable[[str], None] = lambda name: None) -> Iterator[Row]:
+    """Run measurements one after the other, each on one thread.
+
+    Args:
+        only: Names of measurements; all by default.
+        begin: Called with the name of each measurement when it begins.
+    """
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        for measurement in measurements(only):
+            begin(measurement.name)
+            yield from measurement.run()
+    finally:
+        cv2.setNumThreads(threads)
