@@ -1,0 +1,154 @@
+"""Turning a grid so that its walls run along rows and columns, and labels back again.
+
+The main direction is the peak of ROSE's profile of the walls' surfaces, modulo 90 degrees. Turned occupied cells are
+splatted besides being looked up, so that thin walls stay closed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
+
+STRAIGHT = math.radians(0.6)
+"""A map whose walls lie closer to the axes than this is left as it is: turning costs more than it brings."""
+
+
+@dataclass(frozen=True, eq=False)
+class Turned:
+    """A part of a grid in a frame that is aligned with its walls.
+
+    Attributes:
+        cells: int8 (rows, cols), trinary.
+        angle: Counter-clockwise angle of the frame's column axis in the grid, in radians, in (-pi/4, pi/4].
+        corner: Row and column of the part in the grid.
+        shape: Rows and columns of the part in the grid.
+    """
+
+    cells: NDArray[np.int8]
+    angle: float
+    corner: tuple[int, int]
+    shape: tuple[int, int]
+
+
+def known_box(cells: NDArray[np.int8], margin: int = 2) -> tuple[int, int, int, int]:
+    """Half-open box (row0, row1, col0, col1) of the known cells with a margin, clipped to the grid; all 0 when none is known."""
+    known = cells != UNKNOWN
+    rows, cols = np.flatnonzero(known.any(1)), np.flatnonzero(known.any(0))
+    if len(rows) == 0:
+        return 0, 0, 0, 0
+    return (
+        max(int(rows[0]) - margin, 0),
+        min(int(rows[-1]) + 1 + margin, cells.shape[0]),
+        max(int(cols[0]) - margin, 0),
+        min(int(cols[-1]) + 1 + margin, cells.shape[1]),
+    )
+
+
+def main_direction(profile: NDArray[np.float64]) -> float:
+    """Angle in radians in (-pi/4, pi/4] by which the walls are turned against the axes; 0 for a flat profile.
+
+    Args:
+        profile: float64 (n,), ROSE's amplitude of the wall directions 0 <= angle < pi at n equal steps, n even.
+    """
+    quarter = len(profile) // 2
+    folded = profile[:quarter] + profile[quarter:]
+    if not folded.max(initial=0.0) > folded.min(initial=0.0):
+        return 0.0
+    peak = int(folded.argmax())
+    left, middle, right = folded[peak - 1], folded[peak], folded[(peak + 1) % quarter]
+    bend = left - 2 * middle + right
+    angle = (peak + (0.5 * (left - right) / bend if bend < 0 else 0.0)) / quarter * np.pi / 2
+    angle = float(angle - np.pi / 2 if angle > np.pi / 4 else angle)
+    return 0.0 if abs(angle) < STRAIGHT else angle
+
+
+@njit("int8[:,::1](int8[:,::1], float64, int64, int64)", cache=True, nogil=True)
+def _turn(cells: NDArray[np.int8], angle: float, rows: int, cols: int) -> NDArray[np.int8]:
+    c, s = np.cos(angle), np.sin(angle)
+    r0, c0 = 0.5 * (cells.shape[0] - 1), 0.5 * (cells.shape[1] - 1)
+    r1, c1 = 0.5 * (rows - 1), 0.5 * (cols - 1)
+    out = np.full((rows, cols), UNKNOWN, np.int8)
+    for i in range(rows):
+        for j in range(cols):
+            x = int(np.floor(c0 + c * (j - c1) - s * (i - r1) + 0.5))
+            y = int(np.floor(r0 + s * (j - c1) + c * (i - r1) + 0.5))
+            if 0 <= y < cells.shape[0] and 0 <= x < cells.shape[1]:
+                out[i, j] = cells[y, x]
+    for y in range(cells.shape[0]):
+        for x in range(cells.shape[1]):
+            if cells[y, x] == OCCUPIED:
+                j = int(np.floor(c1 + c * (x - c0) + s * (y - r0) + 0.5))
+                i = int(np.floor(r1 - s * (x - c0) + c * (y - r0) + 0.5))
+                if 0 <= i < rows and 0 <= j < cols:
+                    out[i, j] = OCCUPIED
+    return out
+
+
+@njit("int32[:,::1](int32[:,::1], float64, int64, int64)", cache=True, nogil=True)
+def _turn_back(labels: NDArray[np.int32], angle: float, rows: int, cols: int) -> NDArray[np.int32]:
+    c, s = np.cos(angle), np.sin(angle)
+    r0, c0 = 0.5 * (rows - 1), 0.5 * (cols - 1)
+    r1, c1 = 0.5 * (labels.shape[0] - 1), 0.5 * (labels.shape[1] - 1)
+    out = np.zeros((rows, cols), np.int32)
+    for y in range(rows):
+        for x in range(cols):
+            j = int(np.floor(c1 + c * (x - c0) + s * (y - r0) + 0.5))
+            i = int(np.floor(r1 - s * (x - c0) + c * (y - r0) + 0.5))
+            if 0 <= i < labels.shape[0] and 0 <= j < labels.shape[1]:
+                out[y, x] = labels[i, j]
+    return out
+
+
+def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:
+    """The known part of a grid as -1, 0 and 100 (above 50 is occupied, 1 to 50 unknown), and its first row and column.
+
+    Args:
+        cells: int8 (rows, cols), -1 unknown, 0 free ... 100 occupied.
+    """
+    row0, row1, col0, col1 = known_box(cells)
+    part = cells[row0:row1, col0:col1]
+    trinary = np.where(part == FREE, FREE, np.where(part > 50, OCCUPIED, UNKNOWN)).astype(np.int8)
+    return np.ascontiguousarray(trinary), (row0, col0)
+
+
+def surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
+    """Bool (rows, cols): occupied cells with a free 8-neighbour; a solid block counts by its sides only."""
+    near = cv2.dilate((cells == FREE).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return np.asarray(near & (cells == OCCUPIED))
+
+
+def turn(cells: NDArray[np.int8], angle: float, corner: tuple[int, int]) -> Turned:
+    """Turn a trinary part of a grid so that the direction `angle` runs along its rows.
+
+    Args:
+        cells: int8 (rows, cols), trinary.
+        angle: In radians, counter-clockwise from the column axis.
+        corner: Where the part lies in the grid.
+    """
+    h, w = cells.shape
+    if angle:
+        c, s = abs(math.cos(angle)), abs(math.sin(angle))
+        cells = _turn(cells, angle, math.ceil(h * c + w * s) + 2, math.ceil(w * c + h * s) + 2)
+    return Turned(cells, angle, corner, (h, w))
+
+
+def turn_back(labels: NDArray[np.int32], turned: Turned, shape: tuple[int, int]) -> NDArray[np.int32]:
+    """Labels of the turned part as int32 labels of the whole grid, looked up cell by cell.
+
+    Args:
+        labels: int32, of the shape of `turned.cells`.
+        turned: What `turn` returned.
+        shape: Rows and columns of the whole grid.
+    """
+    part = _turn_back(np.ascontiguousarray(labels), turned.angle, *turned.shape) if turned.angle else labels
+    out = np.zeros(shape, np.int32)
+    row, col = turned.corner
+    out[row : row + turned.shape[0], col : col + turned.shape[1]] = part
+    return out

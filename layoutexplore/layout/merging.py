@@ -1,0 +1,250 @@
+"""Pieces merge into rooms: the surest pair first, as judged by a small forest of decision trees on readable features."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.layout.merging_graph import (
+    ACROSS_ROWS,
+    AREA,
+    CLUTTER,
+    COL0,
+    COL1,
+    DOOR,
+    FAR,
+    LONG,
+    NEAR,
+    NEAR_MIN,
+    OPEN,
+    OPEN_END,
+    PASS,
+    PEAK,
+    ROW0,
+    ROW1,
+    SHORT,
+    SIDES,
+    SPACE,
+    THROUGH,
+    WALL_SIDES,
+    WIDTH,
+    PieceGraph,
+)
+
+FEATURES = (
+    "log_area_small", "log_area_large", "openness", "contact", "contact_share_small", "contact_share_large",
+    "pass", "pass_ratio_small", "pass_ratio_large", "radius_small", "radius_large",
+    "door_share", "door_width", "door_long_run", "door_short_run",
+    "fill_small", "fill_large", "fill_union", "fill_change", "aspect_small", "aspect_large", "aspect_union", "misalignment",
+    "line_near", "line_near_min", "line_far", "unknown_small", "unknown_large", "clutter_small", "clutter_large",
+    "wall_small", "wall_large", "straightness", "through", "overhang",
+)  # fmt: skip
+"""What is known of a pair of touching pieces, in this order; the small one is the one of less known free space."""
+
+
+@dataclass(frozen=True, eq=False)
+class Forest:
+    """Boosted decision trees as plain numbers.
+
+    Attributes:
+        feature: int32 (n,), feature a node asks for, -1 for a leaf.
+        threshold: float64 (n,): go left where the feature is at most this; the value of a leaf (log-odds).
+        left: int32 (n,), next node; the right one is `right`.
+        right: int32 (n,).
+        roots: int32 (t,), first node of each tree.
+        bias: Log-odds before the first tree.
+    """
+
+    feature: NDArray[np.int32]
+    threshold: NDArray[np.float64]
+    left: NDArray[np.int32]
+    right: NDArray[np.int32]
+    roots: NDArray[np.int32]
+    bias: float
+
+
+@njit(cache=True, nogil=True)
+def _aspect(rows: float, cols: float) -> float:
+    return min(rows, cols) / max(max(rows, cols), 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _features(
+    a: NDArray[np.float64], b: NDArray[np.float64], e: NDArray[np.float64], resolution: float, out: NDArray[np.float64]
+) -> None:
+    s, t = (a, b) if (a[AREA], a[SPACE]) <= (b[AREA], b[SPACE]) else (b, a)
+    n = max(e[OPEN], 1.0)
+    out[0] = np.log(max(s[AREA], 1.0) * resolution**2)
+    out[1] = np.log(max(t[AREA], 1.0) * resolution**2)
+    out[2] = e[OPEN] / max(e[OPEN] + e[THROUGH], 1.0)
+    out[3] = e[OPEN] * resolution
+    out[4] = e[OPEN] / max(s[SIDES], 1.0)
+    out[5] = e[OPEN] / max(t[SIDES], 1.0)
+    out[6] = e[PASS] * resolution
+    out[7] = e[PASS] / max(s[PEAK], 0.5)
+    out[8] = e[PASS] / max(t[PEAK], 0.5)
+    out[9] = s[PEAK] * resolution
+    out[10] = t[PEAK] * resolution
+    out[11] = e[DOOR] / n
+    doors = max(e[DOOR], 1.0)
+    out[12] = e[WIDTH] / doors
+    out[13] = min(e[LONG] / doors, 5.0)
+    out[14] = min(e[SHORT] / doors, 5.0)
+    hs, ws, ht, wt = s[ROW1] - s[ROW0], s[COL1] - s[COL0], t[ROW1] - t[ROW0], t[COL1] - t[COL0]
+    hu = max(s[ROW1], t[ROW1]) - min(s[ROW0], t[ROW0])
+    wu = max(s[COL1], t[COL1]) - min(s[COL0], t[COL0])
+    out[15] = s[SPACE] / (hs * ws)
+    out[16] = t[SPACE] / (ht * wt)
+    out[17] = (s[SPACE] + t[SPACE]) / (hu * wu)
+    out[18] = out[17] - (s[SPACE] + t[SPACE]) / (hs * ws + ht * wt)
+    out[19] = _aspect(hs, ws)
+    out[20] = _aspect(ht, wt)
+    out[21] = _aspect(hu, wu)
+    rows = abs(s[ROW0] - t[ROW0]) + abs(s[ROW1] - t[ROW1])
+    cols = abs(s[COL0] - t[COL0]) + abs(s[COL1] - t[COL1])
+    out[22] = min(rows, cols) * resolution
+    out[23] = e[NEAR] / n
+    out[24] = e[NEAR_MIN] / n
+    out[25] = e[FAR] / n
+    out[26] = s[OPEN_END] / max(s[SIDES], 1.0)
+    out[27] = t[OPEN_END] / max(t[SIDES], 1.0)
+    out[28] = s[CLUTTER] / s[SPACE]
+    out[29] = t[CLUTTER] / t[SPACE]
+    out[30] = s[WALL_SIDES] / max(s[SIDES], 1.0)
+    out[31] = t[WALL_SIDES] / max(t[SIDES], 1.0)
+    out[32] = abs(2 * e[ACROSS_ROWS] - e[OPEN]) / n
+    out[33] = e[THROUGH] * resolution
+    out[34] = max(e[OPEN] * resolution, 0.0) / max(min(max(hs, ws), max(ht, wt)) * resolution, 0.05)
+
+
+@njit(cache=True, nogil=True)
+def _log_odds(x: NDArray[np.float64], feature: NDArray[np.int32], threshold: NDArray[np.float64], left: NDArray[np.int32],
+              right: NDArray[np.int32], roots: NDArray[np.int32], bias: float) -> float:  # fmt: skip
+    total = bias
+    for root in roots:
+        i = root
+        while feature[i] >= 0:
+            i = left[i] if x[feature[i]] <= threshold[i] else right[i]
+        total += threshold[i]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _same_room(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    return a.argmax() == b.argmax()
+
+
+@njit(cache=True, nogil=True)
+def _agglomerate(
+    nodes: NDArray[np.float64],
+    ends: NDArray[np.int32],
+    edges: NDArray[np.float64],
+    resolution: float,
+    forest: tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], float],
+    level: float,
+    truth: NDArray[np.float64],
+    samples: NDArray[np.float64],
+) -> tuple[NDArray[np.int32], int]:
+    """Merge in place; with `truth` (k + 1, rooms + 1) only right merges happen and every judged pair is written to `samples`."""
+    count = len(nodes)
+    into = np.arange(count).astype(np.int32)
+    feature, threshold, left, right, roots, bias = forest
+    learning = truth.shape[0] > 0
+    slots = np.full((count, count), -1, np.int32)
+    odds = np.full(len(ends), -1e9)
+    stale = np.ones(len(ends), np.bool_)
+    gone = edges[:, OPEN] <= 0  # contacts across walls only never merge by themselves, but add up
+    for e in range(len(ends)):
+        slots[ends[e, 0], ends[e, 1]] = e
+        slots[ends[e, 1], ends[e, 0]] = e
+    x = np.empty(35)
+    written = 0
+    while True:
+        best, best_odds = -1, -1e9
+        for e in range(len(ends)):
+            if gone[e]:
+                continue
+            if stale[e]:
+                _features(nodes[ends[e, 0]], nodes[ends[e, 1]], edges[e], resolution, x)
+                odds[e] = _log_odds(x, feature, threshold, left, right, roots, bias)
+                stale[e] = False
+                if learning and written < len(samples):
+                    samples[written, :35] = x
+                    samples[written, 35] = ends[e, 0]
+                    samples[written, 36] = ends[e, 1]
+                    a, b = truth[ends[e, 0]], truth[ends[e, 1]]
+                    samples[written, 37] = 1.0 if _same_room(a, b) else 0.0
+                    ra, rb = a.argmax(), b.argmax()
+                    pure = min(a[ra] / max(a.sum(), 1.0), b[rb] / max(b.sum(), 1.0))
+                    samples[written, 38] = pure * (0.2 if ra == 0 and rb == 0 else 1.0)
+                    written += 1
+            if odds[e] > best_odds:
+                best, best_odds = e, odds[e]
+        if best < 0 or (best_odds < level and not learning):
+            break
+        a, b = ends[best, 0], ends[best, 1]
+        if learning and not _same_room(truth[a], truth[b]):
+            gone[best] = True
+            continue
+        into[b] = a
+        gone[best] = True
+        slots[a, b] = slots[b, a] = -1
+        first, second, contact = nodes[a], nodes[b], edges[best]
+        for k in (AREA, SPACE, CLUTTER, SIDES, OPEN_END, WALL_SIDES):
+            first[k] += second[k]
+        first[SIDES] -= 2 * contact[OPEN]
+        first[ROW0], first[COL0] = min(first[ROW0], second[ROW0]), min(first[COL0], second[COL0])
+        first[ROW1], first[COL1] = max(first[ROW1], second[ROW1]), max(first[COL1], second[COL1])
+        first[PEAK] = max(first[PEAK], second[PEAK])
+        if learning:
+            truth[a] += truth[b]
+        for n in range(1, count):
+            f = slots[b, n]
+            if f < 0 or n == a:
+                continue
+            slots[b, n] = slots[n, b] = -1
+            g = slots[a, n]
+            if g < 0:
+                ends[f, 0], ends[f, 1] = min(a, n), max(a, n)
+                slots[a, n] = slots[n, a] = f
+            else:
+                top = max(edges[g, PASS], edges[f, PASS])
+                edges[g] += edges[f]
+                edges[g, PASS] = top
+                gone[f] = True
+                if edges[g, OPEN] > 0 and edges[f, OPEN] > 0 and not learning:
+                    gone[g] = False
+        for n in range(1, count):
+            f = slots[a, n]
+            if f >= 0:
+                stale[f] = True
+                if edges[f, OPEN] > 0:
+                    gone[f] = False
+    for k in range(count):
+        root = k
+        while into[root] != root:
+            root = into[root]
+        into[k] = root
+    return into, written
+
+
+def merge_pieces(graph: PieceGraph, forest: Forest, *, level: float = 0.0) -> NDArray[np.int32]:
+    """Which pieces become one.
+
+    Args:
+        graph: The pieces; not changed.
+        forest: The judge.
+        level: Merge while the log-odds of the surest pair are at least this.
+
+    Returns:
+        int32 (k + 1,), the piece that each piece is merged into (itself for the first of each room).
+    """
+    numbers = (forest.feature, forest.threshold, forest.left, forest.right, forest.roots, forest.bias)
+    nothing = np.zeros((0, 0))
+    into, _ = _agglomerate(
+        graph.nodes.copy(), graph.ends.copy(), graph.edges.copy(), graph.resolution, numbers, level, nothing, nothing
+    )
+    return into

@@ -1,0 +1,259 @@
+"""The graph of pieces: what each piece is like, and what lies between two that touch.
+
+All counts are in cells or sides of cells, so that pieces and contacts can be added up when pieces merge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+# Columns of the node table. AREA: known free cells; SPACE: all cells; SIDES: sides shared with anything else;
+# OPEN_END: sides towards unknown space; ROWS..: bounding box, half open; PEAK: largest distance to the obstacles [cells].
+AREA, SPACE, CLUTTER, SIDES, OPEN_END, WALL_SIDES, ROW0, ROW1, COL0, COL1, PEAK = range(11)
+NODE_COLUMNS = 11
+
+# Columns of the edge table. OPEN: sides in direct contact; ACROSS_ROWS: those between two rows; DOOR: those in an
+# opening, with sums of its WIDTH and the LONG and SHORT run beside it [m]; PASS: largest distance to the obstacles on
+# the contact [cells]; NEAR, NEAR_MIN, FAR: sums of the share of wall in line with the contact; THROUGH: contact across a wall.
+OPEN, ACROSS_ROWS, DOOR, WIDTH, LONG, SHORT, PASS, NEAR, NEAR_MIN, FAR, THROUGH = range(11)
+EDGE_COLUMNS = 11
+
+NEAR_REACH, FAR_REACH = 1.5, 6.0
+"""How far walls in line with a contact are looked for on either side, in metres."""
+
+WALL_THICKNESS = 0.5
+"""Two pieces touch across an obstacle up to twice so thick [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PieceGraph:
+    """Pieces and their contacts.
+
+    Attributes:
+        nodes: float64 (k + 1, NODE_COLUMNS), row 0 is empty.
+        ends: int32 (m, 2), the two pieces of each contact, the lower first.
+        edges: float64 (m, EDGE_COLUMNS).
+        resolution: Metres a cell.
+    """
+
+    nodes: NDArray[np.float64]
+    ends: NDArray[np.int32]
+    edges: NDArray[np.float64]
+    resolution: float
+
+
+@njit(cache=True, nogil=True)
+def _row_sums(wall: NDArray[np.bool_], slack: int) -> NDArray[np.int32]:
+    """Prefix sums along the rows of the walls, thickened by `slack` across them; (rows, cols + 1)."""
+    rows, cols = wall.shape
+    out = np.zeros((rows, cols + 1), np.int32)
+    for r in range(rows):
+        for c in range(cols):
+            hit = 0
+            for k in range(max(r - slack, 0), min(r + slack + 1, rows)):
+                if wall[k, c]:
+                    hit = 1
+                    break
+            out[r, c + 1] = out[r, c] + hit
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _share(sums: NDArray[np.int32], r: int, begin: int, end: int, reach: int) -> float:
+    begin, end = max(begin, 0), min(end, sums.shape[1] - 1)
+    if end <= begin:
+        return 0.0
+    return (sums[r, end] - sums[r, begin]) / reach
+
+
+@njit(cache=True, nogil=True)
+def _spread_into(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: int) -> NDArray[np.int32]:
+    """Labels spread into the walls by 4-neighbours, at most `steps` cells deep."""
+    rows, cols = labels.shape
+    out = labels.copy()
+    front = np.empty(rows * cols, np.int32)
+    n = 0
+    for r in range(rows):
+        for c in range(cols):
+            if labels[r, c] > 0:
+                for d in range(4):
+                    rr, cc = r + (d == 0) - (d == 1), c + (d == 2) - (d == 3)
+                    if 0 <= rr < rows and 0 <= cc < cols and wall[rr, cc] and labels[rr, cc] == 0:
+                        front[n] = r * cols + c
+                        n += 1
+                        break
+    fresh = np.empty(rows * cols, np.int32)
+    for _ in range(steps):
+        m = 0
+        for k in range(n):
+            r, c = front[k] // cols, front[k] % cols
+            for d in range(4):
+                rr, cc = r + (d == 0) - (d == 1), c + (d == 2) - (d == 3)
+                if 0 <= rr < rows and 0 <= cc < cols and wall[rr, cc] and out[rr, cc] == 0:
+                    out[rr, cc] = out[r, c]
+                    fresh[m] = rr * cols + cc
+                    m += 1
+        front, fresh, n = fresh, front, m
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _edge(a: int, b: int, index: NDArray[np.int32], heads: NDArray[np.int32], links: NDArray[np.int32]) -> int:
+    """Slot of contact (a, b) with a < b in the chain of a, or -1."""
+    e = heads[a]
+    while e >= 0:
+        if index[e, 1] == b:
+            return e
+        e = links[e]
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _build(
+    labels: NDArray[np.int32],
+    spread: NDArray[np.int32],
+    free: NDArray[np.bool_],
+    clutter: NDArray[np.bool_],
+    wall: NDArray[np.bool_],
+    distance: NDArray[np.float32],
+    doors: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
+    row_sums: NDArray[np.int32],
+    col_sums: NDArray[np.int32],
+    near: int,
+    far: int,
+    count: int,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+    rows, cols = labels.shape
+    nodes = np.zeros((count + 1, NODE_COLUMNS))
+    nodes[:, ROW0] = rows
+    nodes[:, COL0] = cols
+    ends = np.empty((1024, 2), np.int32)
+    edges = np.zeros((1024, EDGE_COLUMNS))
+    links = np.empty(1024, np.int32)
+    heads = np.full(count + 1, -1, np.int32)
+    m = 0
+    for r in range(rows):
+        for c in range(cols):
+            a = labels[r, c]
+            if a > 0:
+                node = nodes[a]
+                node[SPACE] += 1
+                node[AREA] += free[r, c]
+                node[CLUTTER] += clutter[r, c]
+                node[ROW0] = min(node[ROW0], r)
+                node[ROW1] = max(node[ROW1], r + 1)
+                node[COL0] = min(node[COL0], c)
+                node[COL1] = max(node[COL1], c + 1)
+                node[PEAK] = max(node[PEAK], distance[r, c])
+            for d in range(2):
+                rr, cc = r + (d == 0), c + (d == 1)
+                inside = rr < rows and cc < cols
+                b = labels[rr, cc] if inside else np.int32(0)
+                if a != b:
+                    for who, other in ((a, b), (b, a)):
+                        if who > 0:
+                            nodes[who, SIDES] += 1
+                            if other == 0:
+                                blocked = inside and (wall[rr, cc] if who == a else wall[r, c])
+                                nodes[who, WALL_SIDES if blocked else OPEN_END] += 1
+                if not inside:
+                    continue
+                p, q = spread[r, c], spread[rr, cc]
+                if p == q or p == 0 or q == 0:
+                    continue
+                lo, hi = min(p, q), max(p, q)
+                e = _edge(lo, hi, ends, heads, links)
+                if e < 0:
+                    if m >= len(links):
+                        ends = np.concatenate((ends, np.empty_like(ends)))
+                        edges = np.concatenate((edges, np.zeros_like(edges)))
+                        links = np.concatenate((links, np.empty_like(links)))
+                    e = m
+                    m += 1
+                    ends[e, 0] = lo
+                    ends[e, 1] = hi
+                    links[e] = heads[lo]
+                    heads[lo] = e
+                edge = edges[e]
+                if a == 0 or b == 0:
+                    edge[THROUGH] += 1
+                    continue
+                edge[OPEN] += 1
+                edge[PASS] = max(edge[PASS], min(distance[r, c], distance[rr, cc]))
+                width = max(doors[0][r, c], doors[0][rr, cc])
+                if width > 0:
+                    edge[DOOR] += 1
+                    edge[WIDTH] += width
+                    edge[LONG] += max(doors[1][r, c], doors[1][rr, cc])
+                    edge[SHORT] += max(doors[2][r, c], doors[2][rr, cc])
+                if d == 0:  # the contact runs along the row
+                    edge[ACROSS_ROWS] += 1
+                    before = max(_share(row_sums, r, c - near, c, near), _share(row_sums, rr, c - near, c, near))
+                    after = max(_share(row_sums, r, c + 1, c + 1 + near, near), _share(row_sums, rr, c + 1, c + 1 + near, near))
+                    wide = max(
+                        _share(row_sums, r, c - far, c + 1 + far, 2 * far), _share(row_sums, rr, c - far, c + 1 + far, 2 * far)
+                    )
+                else:
+                    before = max(_share(col_sums, c, r - near, r, near), _share(col_sums, cc, r - near, r, near))
+                    after = max(_share(col_sums, c, r + 1, r + 1 + near, near), _share(col_sums, cc, r + 1, r + 1 + near, near))
+                    wide = max(
+                        _share(col_sums, c, r - far, r + 1 + far, 2 * far), _share(col_sums, cc, r - far, r + 1 + far, 2 * far)
+                    )
+                edge[NEAR] += before + after
+                edge[NEAR_MIN] += min(before, after)
+                edge[FAR] += wide
+    # sides on the lower and left border of the grid
+    for r in range(rows):
+        if labels[r, 0] > 0:
+            nodes[labels[r, 0], SIDES] += 1
+            nodes[labels[r, 0], OPEN_END] += 1
+    for c in range(cols):
+        if labels[0, c] > 0:
+            nodes[labels[0, c], SIDES] += 1
+            nodes[labels[0, c], OPEN_END] += 1
+    return nodes, ends[:m].copy(), edges[:m].copy()
+
+
+def piece_graph(
+    labels: NDArray[np.int32],
+    *,
+    free: NDArray[np.bool_],
+    clutter: NDArray[np.bool_],
+    wall: NDArray[np.bool_],
+    distance: NDArray[np.float32],
+    doors: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
+    resolution: float,
+) -> PieceGraph:
+    """The graph of a map's pieces.
+
+    Args:
+        labels: int32 (rows, cols), the pieces, numbered from 1 without gaps, 0 for none.
+        free: bool (rows, cols), known free cells.
+        clutter: bool (rows, cols), occupied cells that are no walls.
+        wall: bool (rows, cols), occupied cells that are.
+        distance: float32 (rows, cols), distance to the walls in cells.
+        doors: float32 (rows, cols) each: width, longer and shorter run of the openings [m], 0 where there is none.
+        resolution: Metres a cell.
+    """
+    steps = max(round(WALL_THICKNESS / resolution), 1)
+    slack = max(round(0.1 / resolution), 1)
+    near, far = max(round(NEAR_REACH / resolution), 1), max(round(FAR_REACH / resolution), 1)
+    nodes, ends, edges = _build(
+        labels,
+        _spread_into(labels, wall, steps),
+        free,
+        clutter,
+        wall,
+        distance,
+        doors,
+        _row_sums(wall, slack),
+        _row_sums(np.ascontiguousarray(wall.T), slack),
+        near,
+        far,
+        int(labels.max(initial=0)),
+    )
+    return PieceGraph(nodes, ends, edges, resolution)

@@ -1,0 +1,187 @@
+"""From labelled cells to rooms with polygons: the outlines run along the sides of the cells."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.layout.timing import StageTimer
+from layoutexplore.layout.types import Layout, LayoutRoom
+
+_STEP_R = np.array([0, 1, 0, -1], np.int64)
+_STEP_C = np.array([1, 0, -1, 0], np.int64)
+
+
+@njit("int32(int32[:,::1], int64, int64)", cache=True, nogil=True, inline="always")
+def _at(labels: NDArray[np.int32], r: int, c: int) -> int:
+    if r < 0 or c < 0 or r >= labels.shape[0] or c >= labels.shape[1]:
+        return 0
+    return labels[r, c]
+
+
+@njit("int32(int32[:,::1], int64, int64, int64)", cache=True, nogil=True)
+def _left(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
+    """Label on the left of the side that leaves corner (r, c) in direction d (0 = +col, 1 = +row, 2 = -col, 3 = -row)."""
+    if d == 0:
+        return _at(labels, r, c)
+    if d == 1:
+        return _at(labels, r, c - 1)
+    if d == 2:
+        return _at(labels, r - 1, c - 1)
+    return _at(labels, r - 1, c)
+
+
+@njit("int32(int32[:,::1], int64, int64, int64)", cache=True, nogil=True)
+def _right(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
+    return _left(labels, r + _STEP_R[d], c + _STEP_C[d], (d + 2) % 4)
+
+
+@njit(cache=True, nogil=True)
+def _trace(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int32]]:
+    """Corners (n, 2) of all rings, the start of each ring (k + 1,), and its label (k,); the label lies to the left."""
+    rows, cols = labels.shape
+    seen = np.zeros((rows + 1, cols + 1), np.uint8)
+    corners = np.empty((1024, 2), np.int32)
+    starts = np.empty(64, np.int64)
+    owners = np.empty(64, np.int32)
+    n = k = 0
+    for r0 in range(rows):
+        for c0 in range(cols):
+            label = labels[r0, c0]
+            for side in (0, 2):  # every ring has a lower and an upper side
+                r1, c1 = (r0, c0) if side == 0 else (r0 + 1, c0 + 1)
+                if label == 0 or _right(labels, r1, c1, side) == label or seen[r1, c1] & (1 << side):
+                    continue
+                if k + 1 >= len(starts):
+                    starts = np.append(starts, np.empty(len(starts), np.int64))
+                    owners = np.append(owners, np.empty(len(owners), np.int32))
+                starts[k] = n
+                owners[k] = label
+                k += 1
+                r, c, d, last = r1, c1, side, -1
+                while not seen[r, c] & (1 << d):
+                    seen[r, c] |= 1 << d
+                    if d != last:
+                        if n >= len(corners):
+                            corners = np.concatenate((corners, np.empty_like(corners)))
+                        corners[n, 0] = r
+                        corners[n, 1] = c
+                        n += 1
+                    last = d
+                    r += _STEP_R[d]
+                    c += _STEP_C[d]
+                    for turn in (1, 0, 3):  # left first: cells that touch at a corner only stay apart
+                        e = (d + turn) % 4
+                        if _left(labels, r, c, e) == label and _right(labels, r, c, e) != label:
+                            d = e
+                            break
+    starts[k] = n
+    return corners[:n], starts[: k + 1], owners[:k]
+
+
+def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
+    """The outline of each label, in cells: x = column, y = row, cell (r, c) covering [c, c + 1] x [r, r + 1].
+
+    Of a label in several 4-connected parts the largest part is outlined.
+
+    Args:
+        labels: int32 (rows, cols), 0 for none.
+
+    Returns:
+        Valid, pairwise disjoint polygons by label.
+
+    Example:
+        >>> label_polygons(np.array([[1, 1], [0, 2]], np.int32))[1].area
+        2.0
+    """
+    corners, starts, owners = _trace(np.ascontiguousarray(labels, np.int32))
+    shells: dict[int, list[NDArray[np.float64]]] = {}
+    holes: dict[int, list[NDArray[np.float64]]] = {}
+    points = corners[:, ::-1].astype(np.float64)
+    for begin, end, owner in zip(starts[:-1], starts[1:], owners, strict=True):
+        ring = points[begin:end]
+        x, y = ring[:, 0], ring[:, 1]
+        signed = float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+        (shells if signed > 0 else holes).setdefault(int(owner), []).append(ring)
+    return {label: _polygon(shells[label], holes.get(label, [])) for label in sorted(shells)}
+
+
+def _polygon(shells: list[NDArray[np.float64]], holes: list[NDArray[np.float64]]) -> shapely.Polygon:
+    outer = max((shapely.Polygon(s) for s in shells), key=lambda p: p.area)
+    if not outer.is_valid:
+        outer = _largest(shapely.make_valid(outer))
+    inner = [h for h in (shapely.Polygon(h) for h in holes) if outer.covers(h.representative_point())]
+    whole = shapely.Polygon(outer.exterior.coords, [*(i.coords for i in outer.interiors), *(h.exterior.coords for h in inner)])
+    return whole if whole.is_valid else _largest(outer.difference(shapely.union_all([h.buffer(0) for h in inner])))
+
+
+def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
+    parts = [p for p in shapely.get_parts(geometry, return_index=False) if isinstance(p, shapely.Polygon) and not p.is_empty]
+    return max(parts, key=lambda p: p.area)
+
+
+def to_world(polygon: shapely.Polygon, grid: OccupancyGrid) -> shapely.Polygon:
+    """A polygon in cells (x = column, y = row) as one in the grid's world frame, in metres."""
+
+    def place(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        return grid.cells_to_world(xy[:, ::-1] - 0.5)
+
+    moved = shapely.transform(polygon, place)
+    assert isinstance(moved, shapely.Polygon)
+    return moved
+
+
+def number_rooms(labels: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Renumber labels 1, 2, ... in the order of their first cell in raster order."""
+    flat = labels.ravel()
+    values, first = np.unique(flat, return_index=True)
+    order = values[np.argsort(first)]
+    order = order[order > 0]
+    table = np.zeros(int(values.max(initial=0)) + 1, np.int32)
+    table[order] = np.arange(1, len(order) + 1, dtype=np.int32)
+    return table[labels]
+
+
+def rooms_of_labels(
+    labels: NDArray[np.int32], grid: OccupancyGrid, footprint: NDArray[np.int32] | None = None
+) -> tuple[LayoutRoom, ...]:
+    """Rooms with polygons from labelled cells.
+
+    Args:
+        labels: int32 (rows, cols), 0 for none, numbered from 1.
+        grid: The grid they belong to.
+        footprint: int32 (rows, cols), the cells each room's polygon covers, with the furniture inside; the labels when None.
+    """
+    shapes = label_polygons(labels if footprint is None else footprint)
+    seen = np.bincount(labels[grid.cells != UNKNOWN], minlength=len(shapes) + 1)
+    total = np.bincount(labels.ravel(), minlength=len(shapes) + 1)
+    touching = set(np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])).tolist())
+    open_ids = set(np.unique(labels[_beside_unknown(grid)]).tolist())
+    return tuple(
+        LayoutRoom(
+            id=label,
+            polygon=to_world(shape, grid),
+            seen_share=float(seen[label] / max(total[label], 1)),
+            is_partial=label in open_ids,
+            is_closed=label not in touching,
+        )
+        for label, shape in shapes.items()
+    )
+
+
+def _beside_unknown(grid: OccupancyGrid) -> NDArray[np.bool_]:
+    unknown = np.pad(grid.unknown, 1, constant_values=False)
+    beside = unknown[:-2, 1:-1] | unknown[2:, 1:-1] | unknown[1:-1, :-2] | unknown[1:-1, 2:]
+    return np.asarray(beside & grid.free)
+
+
+def layout_of_labels(name: str, grid: OccupancyGrid, labels: NDArray[np.int32], timer: StageTimer) -> Layout:
+    """The layout of a method that only labels cells."""
+    numbered = number_rooms(labels)
+    with timer("outlines"):
+        rooms = rooms_of_labels(numbered, grid)
+    warnings = () if rooms else ("no room found: the free space is too small or too narrow",)
+    return Layout(method=name, clean_grid=grid, labels=numbered, rooms=rooms, timings=timer.seconds, warnings=warnings)
