@@ -441,5 +441,6 @@ def _lines(grid: OccupancyGrid, model: WallModel, faces: FaceModel, angle: NDArr
 
 def clean_grid(grid: OccupancyGrid, structure: NDArray[np.bool_]) -> OccupancyGrid:
     """The grid with occupied cells that are not structure turned free."""
-    cells = np.where((grid.cells == OCCUPIED) & ~structure, np.int8(FREE), grid.cells)
+    cells = grid.cells.copy()
+    cells[(cells == OCCUPIED) & ~structure] = FREE
     return OccupancyGrid(cells, grid.resolution, grid.origin)

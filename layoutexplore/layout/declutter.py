@@ -109,8 +109,8 @@ def wall_surface(grid: OccupancyGrid, depth: float) -> NDArray[np.bool_]:
     occupied = grid.cells == OCCUPIED
     free = (grid.cells == FREE).view(np.uint8)
     reach = max(round(depth / grid.resolution), 1)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    return np.asarray(occupied & (cv2.dilate(free, disc) > 0))
+    near = cv2.dilate(free, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+    return occupied & near.view(np.bool_)
 
 
 def bounding_box(mask: NDArray[np.bool_]) -> tuple[slice, slice] | None:

@@ -51,7 +51,7 @@ class Ias15Config(SegmentConfig, FaceConfig):
     """
 
     votes: float = 2.0
-    min_length: float = 0.3
+    min_length: float = 0.5
     margin: float = 2.0
     line_weight: float = 0.0
     inside_share: float = 0.5

@@ -44,7 +44,7 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
     level_max: float = 0.3
     density: float = 1.6
     deviation: float = 30.0
-    wall_gap: float = 0.35
+    wall_gap: float = 0.6
     line_distance: float = 0.6
 
     def __post_init__(self) -> None:

@@ -34,12 +34,15 @@ class TopologyConfig:
         split: Whether rooms are split at all.
         split_clearance: Passages narrower than twice this, in metres, do not connect.
         split_area: Parts with less eroded free space, in square metres, do not count.
+        split_overlap: Parts that overlap by more than this, in metres, along every direction are not separated: one lies
+            within the other, behind furniture.
         split_rounds: A room is cut at most so often in a row.
     """
 
     split: bool = True
     split_clearance: float = 0.2
     split_area: float = 1.0
+    split_overlap: float = 0.5
     split_rounds: int = 4
 
     def __post_init__(self) -> None:
@@ -112,16 +115,22 @@ def _find_cuts(
     chosen = np.isin(room_of, wanted)
     at, part_of = at[chosen], part_of[chosen]
     points = np.stack((at % grid.shape[1] + 0.5, at // grid.shape[1] + 0.5), axis=1) * grid.resolution
-    return [_best_cut(int(r), model, points, part_of, np.flatnonzero(owner == r)) for r in wanted]
+    cuts = [_best_cut(int(r), model, points, part_of, np.flatnonzero(owner == r), options.split_overlap) for r in wanted]
+    return [cut for cut in cuts if cut is not None]
 
 
 def _best_cut(
-    room: int, model: WallModel, points: NDArray[np.float64], part_of: NDArray[np.int64], parts: NDArray[np.int64]
-) -> Cut:
-    """The line that separates the parts of a room best: a representative line if one does, else the widest gap."""
+    room: int,
+    model: WallModel,
+    points: NDArray[np.float64],
+    part_of: NDArray[np.int64],
+    parts: NDArray[np.int64],
+    overlap: float,
+) -> Cut | None:
+    """The line that separates the parts of a room: a representative line, else one in the widest gap; None if none does."""
     inside = np.isin(part_of, parts)
     points, rank = points[inside], np.searchsorted(parts, part_of[inside])
-    fallback, widest = Cut(room=room, direction=0, offset=0.0), -np.inf
+    fallback, widest = None, -overlap
     best, most = None, 0.0
     for direction, angle in enumerate(model.aligned.directions):
         offset = points[:, 1] * np.cos(angle) - points[:, 0] * np.sin(angle)
