@@ -102,10 +102,13 @@ def register(name: str, summary: str, build: Callable[[str, OptionsT], Agent], d
         defaults: The options it has unless told otherwise.
 
     Raises:
-        ConfigError: The name is taken.
+        ConfigError: The name is taken by something else. (The same thing again changes nothing: a module may be imported
+            under two names, as test collectors do.)
     """
     if name in _entries:
-        raise ConfigError(f"there is an agent {name!r} already")
+        if (_entries[name].build.__qualname__, str(_entries[name].defaults)) != (build.__qualname__, str(defaults)):
+            raise ConfigError(f"there is an agent {name!r} already")
+        return
     _entries[name] = _Entry(summary, build, defaults)
 
 
@@ -119,6 +122,7 @@ def make_agent(spec: str) -> Agent:
         ConfigError: The spec is not of that form, or a value makes no sense.
 
     Example:
+        >>> from layoutexplore.agents import make_agent
         >>> make_agent("nearest:min_size=0.40").name
         'nearest:min_size=0.4'
         >>> make_agent("nearest:min_size=1").name

@@ -26,8 +26,8 @@ class ClairvoyantOptions(Options):
 
     coverage: float = option(0.99, "share of the target that the route is planned to see", low=0.01, high=1.0)
     early: float = option(0.95, "share that is planned to be seen early", low=0.0, high=1.0)
-    early_weight: float = option(1.0, "what a metre before that costs more than one after it", low=0.0)
-    rounds: int = option(12, "how often a stretch of the route is planned anew", low=0)
+    early_weight: float = option(1.5, "what a metre before that costs more than one after it", low=0.0)
+    rounds: int = option(30, "how often a stretch of the route is planned anew", low=0)
 
 
 class Clairvoyant:

@@ -23,7 +23,7 @@ Bits = NDArray[np.uint64]
 _SAMPLE = 40_000
 """About how many cells a large sample has; a small target is sampled by a third."""
 _WALL, _FLOOR = -2, -1
-_BEAMS_TURNING, _BEAMS_WALKING = 480, 240
+_BEAMS_TURNING, _BEAMS_WALKING = 720, 240
 """Beams in 360 degrees that planning needs: what falls between two of them, the next scan shows."""
 
 

@@ -46,15 +46,17 @@ class RouteConfig:
         scan_spacing: Metres between scans while walking.
         rounds: How many stretches are planned anew.
         stretch: Greatest share of the stops that a round takes out.
+        noise: Standard deviation of the logarithm of a factor on each place's detours in a round, for variety.
     """
 
     coverage: float = 0.99
     early_coverage: float = 0.95
-    early_weight: float = 1.0
+    early_weight: float = 1.5
     lattice: float = 0.8
     scan_spacing: float = 0.5
-    rounds: int = 12
+    rounds: int = 30
     stretch: float = 0.3
+    noise: float = 0.2
 
 
 class WatchmanPlanner:
@@ -87,7 +89,7 @@ class WatchmanPlanner:
         self._polish(route)
         for _ in range(self.config.rounds):
             changed = self._ruined(route, rng)
-            self._complete(changed)
+            self._complete(changed, np.exp(self.config.noise * rng.standard_normal(len(self.cells))))
             if self._cost(changed) < 1.05 * self._cost(route):
                 self._polish(changed)
             if self._is_better(changed, route):
@@ -131,13 +133,13 @@ class WatchmanPlanner:
 
     # Construction.
 
-    def _complete(self, route: Route) -> None:
-        """Insert stops, the most new cells per metre of detour first, until both quotas are met or nothing adds."""
+    def _complete(self, route: Route, factors: NDArray[np.float64] | float = 1.0) -> None:
+        """Insert stops until both quotas are met or nothing adds; the detours to candidates are multiplied by factors."""
         for early in (True, False):
-            while self._complete_part(route, early=early):
+            while self._complete_part(route, factors, early=early):
                 pass
 
-    def _complete_part(self, route: Route, *, early: bool) -> bool:
+    def _complete_part(self, route: Route, factors: NDArray[np.float64] | float, *, early: bool) -> bool:
         """Insert stops until one quota is met, as far as one can tell without the legs that were replaced; whether any."""
         seen = route.heads()[route.mark if early else -1]
         quota = self._quotas[0 if early else 1]
@@ -147,7 +149,7 @@ class WatchmanPlanner:
         inserted = False
         while (needed := quota - size(seen)) > 0:
             detours, gaps = self._detours(route, early=early)
-            best = self._best_candidate(bounds, np.maximum(detours, _LEAST_DETOUR), seen, needed)
+            best = self._best_candidate(bounds, np.maximum(detours, _LEAST_DETOUR) * factors, seen, needed)
             if bounds[best] <= 0:
                 break
             gap = int(gaps[best])
