@@ -27,7 +27,7 @@ from layoutexplore.benchmark.episode import (
 )
 from layoutexplore.benchmark.pool import run_all
 from layoutexplore.benchmark.runner import Progress, run_benchmark
-from layoutexplore.benchmark.store import COLUMNS, ResultsFolder, _line, _parse, slug, to_toml
+from layoutexplore.benchmark.store import COLUMNS, ResultsFolder, _line, _parse, locked, slug, to_toml
 from layoutexplore.decision import Decision
 from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, ResultsError, UnknownNameError
 from layoutexplore.floorplan import floorplan_from_ascii
@@ -232,6 +232,12 @@ def test_a_damaged_table_is_told(config: BenchmarkConfig, tmp_path: Path, damage
     (tmp_path / "out" / "results.csv").write_text(damage)
     with pytest.raises(ResultsError, match=said):
         run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
+
+
+def test_two_benchmarks_do_not_share_a_folder(config: BenchmarkConfig, tmp_path: Path) -> None:
+    with locked(tmp_path / "out"), pytest.raises(ResultsError, match="another benchmark is writing"):
+        run_benchmark(config, tmp_path / "out", force=True)
+    assert run_benchmark(config, tmp_path / "out").ran == 16
 
 
 def test_unknown_names_are_told_before_anything_runs(config: BenchmarkConfig, tmp_path: Path) -> None:

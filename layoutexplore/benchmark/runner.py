@@ -18,7 +18,7 @@ from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.episode import Row, play, prepare, run_seed, score
 from layoutexplore.benchmark.plans import PlanEntry, check_names, entry, find_plans, load, start_pose
 from layoutexplore.benchmark.pool import run_all
-from layoutexplore.benchmark.store import ResultsFolder, open_results
+from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.errors import ConfigError, LayoutExploreError
 from layoutexplore.floorplan import floorplan_from_ascii
 
@@ -121,14 +121,27 @@ def run_benchmark(
     for name in config.agents:
         make_agent(name)  # an unknown name or parameter is better told now than in every run
     plans = _loaded(config, report)
-    folder = open_results(out, config, plans, force=force, extend=extend, command=command)
-    for plan in plans:
-        folder.save_raster(plan.name, load(plan.source).rasterize(config.simulation.resolution))
+    with locked(out):
+        folder = open_results(out, config, plans, force=force, extend=extend, command=command)
+        for plan in plans:
+            folder.save_raster(plan.name, load(plan.source).rasterize(config.simulation.resolution))
+        return _fill(folder, config, plans, jobs, report, on_progress)
+
+
+def _fill(
+    folder: ResultsFolder,
+    config: BenchmarkConfig,
+    plans: list[PlanEntry],
+    jobs: int,
+    report: Callable[[str], None],
+    on_progress: Callable[[Progress], None],
+) -> Outcome:
+    """Make the runs that are missing in the folder."""
     rows = {row.key: row for row in folder.finished()}
     tasks = all_tasks(config, plans)
     missing = [task for task in tasks if task.key not in rows]
     if len(missing) < len(tasks):
-        report(f"{len(tasks) - len(missing)} of {len(tasks)} runs are already in {out}")
+        report(f"{len(tasks) - len(missing)} of {len(tasks)} runs are already in {folder.path}")
     if missing:
         report("compiling and loading the kernels (slow only the first time)")
         warm_up(config)

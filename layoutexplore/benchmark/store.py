@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import fcntl
 import io
 import json
 import os
@@ -36,6 +37,9 @@ from layoutexplore.errors import ResultsError
 from layoutexplore.plan_raster import PlanRaster
 
 COLUMNS = tuple(f.name for f in dataclasses.fields(Row))
+
+LOCK = ".lock"
+"""File that is held while a benchmark writes."""
 
 _CONVERTERS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "bool": lambda text: text == "True", "str": str}
 
@@ -135,10 +139,34 @@ class ResultsFolder:
             raise ResultsError(f"{self.path}/run.toml is damaged ({error}): start again with --force") from error
 
 
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold a results folder for one process; it is made where there is none.
+
+    Raises:
+        ResultsError: Another benchmark is writing there, or the path cannot be a results folder.
+    """
+    if path.exists() and not path.is_dir():
+        raise ResultsError(f"{path} is a file: --out must name a folder")
+    if path.exists() and any(path.iterdir()) and not any((path / name).exists() for name in ("run.toml", LOCK)):
+        raise ResultsError(f"{path} is not empty and holds no benchmark: choose another folder with --out")
+    path.mkdir(parents=True, exist_ok=True)
+    lock = path / LOCK
+    with lock.open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ResultsError(f"another benchmark is writing into {path}: wait for it, or choose another --out") from error
+        try:
+            yield
+        finally:
+            lock.unlink(missing_ok=True)
+
+
 def open_results(
     path: Path, config: BenchmarkConfig, plans: list[PlanEntry], *, force: bool, extend: bool, command: str
 ) -> ResultsFolder:
-    """Make a results folder, or continue one that holds the same configuration.
+    """Begin in a results folder that is `locked`, or continue one that holds the same configuration.
 
     Args:
         path: The folder.
@@ -149,12 +177,10 @@ def open_results(
         command: Noted in run.toml.
 
     Raises:
-        ResultsError: The folder holds another configuration, or files that are none of ours.
+        ResultsError: The folder holds another configuration, or is damaged.
     """
     folder = ResultsFolder(path)
     wanted = _manifest(config, plans, command)
-    if path.exists() and not path.is_dir():
-        raise ResultsError(f"{path} is a file: --out must name a folder")
     if force and (path / "run.toml").exists():
         for name in ("runs", "plans"):
             shutil.rmtree(path / name, ignore_errors=True)
@@ -162,9 +188,6 @@ def open_results(
             (path / name).unlink(missing_ok=True)
     if (path / "run.toml").exists():
         wanted = _merged(folder.manifest(), wanted, path, extend=extend)
-    elif path.exists() and any(path.iterdir()):
-        raise ResultsError(f"{path} is not empty and holds no benchmark: choose another folder with --out")
-    path.mkdir(parents=True, exist_ok=True)
     with atomic(path / "run.toml") as temporary:
         temporary.write_text(to_toml(wanted))
     return folder
