@@ -15,7 +15,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.grid import check_resolution
+from layoutexplore.grid import OCCUPIED, check_resolution
+from layoutexplore.lidar import trace
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,10 +132,16 @@ def visible_unknown_area(
     points = np.ascontiguousarray(np.asarray(viewpoints).reshape(-1, 2), np.int32)
     if points.size and ((points < 0).any() or (points >= cells.shape).any()):
         raise ConfigError(f"a viewpoint lies outside of the grid of shape {cells.shape}")
+    reach = range_max / resolution
+    rows, cols, entered, starts = _ray_table(int(rays), reach)
+    # A border of occupied cells as wide as the rays are long keeps them inside, so that no cell needs a test for it.
+    border = math.ceil(reach) + 1
+    padded = np.full((cells.shape[0] + 2 * border, cells.shape[1] + 2 * border), OCCUPIED, np.int8)
+    padded[border:-border, border:-border] = cells
+    here = (points[:, 0].astype(np.int64) + border) * padded.shape[1] + points[:, 1] + border
     area = np.empty(len(points), np.float64)
-    unit_x, unit_y = _circle(int(rays))
-    _unknown_area(cells, points, unit_x, unit_y, range_max / resolution, area)
-    return area * resolution**2
+    _unknown_area(padded.ravel(), here, rows * padded.shape[1] + cols, entered, starts, reach * reach, area)
+    return area * (math.pi / rays * resolution**2)
 
 
 def _checked(cells: NDArray[np.int8]) -> NDArray[np.int8]:
@@ -144,10 +151,34 @@ def _checked(cells: NDArray[np.int8]) -> NDArray[np.int8]:
 
 
 @lru_cache(maxsize=8)
-def _circle(rays: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    # Half a step off the axes: a ray along the row of a cell's centre would stand for its whole share of the turn.
-    angles = (np.arange(rays) + 0.5) * (2 * math.pi / rays)
-    return np.cos(angles), np.sin(angles)
+def _ray_table(rays: int, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+    """The cells that rays from a cell's centre cross, ray after ray; the same from every viewpoint, so kept.
+
+    Returns:
+        Row and column offsets int64 (n,), squared distance at which the ray enters the cell float64 (n,), all in cells,
+        and starts int64 (rays + 1,): ray i has the entries from `starts[i]` to `starts[i + 1]`.
+    """
+    rows, cols, entered, starts = [], [], [], [0]
+    for ray in range(rays):
+        # Half a step off the axes: a ray along the row of a cell's centre would stand for its whole share of the turn.
+        angle = (ray + 0.5) * (2 * math.pi / rays)
+        dx, dy = math.cos(angle), math.sin(angle)
+        along, across, slope, per_along, per_across, x_leads = trace(0.5, 0.5, dx, dy)
+        crossed, j = [(0, 0, 0.0)], 0
+        for k in range(1, math.ceil(reach) + 2):
+            n = int(across + slope * (k - along))
+            if n != j:
+                crossed.append((k - 1, n, (n - across) * per_across))
+            crossed.append((k, n, (k - along) * per_along))
+            j = n
+        step_x, step_y = (1 if dx >= 0 else -1), (1 if dy >= 0 else -1)
+        for k, n, at in crossed:
+            if at < reach:
+                rows.append(step_y * (n if x_leads else k))
+                cols.append(step_x * (k if x_leads else n))
+                entered.append(at * at)
+        starts.append(len(rows))
+    return np.array(rows), np.array(cols), np.array(entered), np.array(starts)
 
 
 @njit(cache=True, nogil=True)
@@ -281,38 +312,28 @@ def _cluster(flat: NDArray[np.int64], cols: int) -> tuple[NDArray[np.int32], NDA
 @njit(cache=True, nogil=True)
 def _unknown_area(
     cells: NDArray[np.int8],
-    viewpoints: NDArray[np.int32],
-    unit_x: NDArray[np.float64],
-    unit_y: NDArray[np.float64],
-    range_max: float,
+    viewpoints: NDArray[np.int64],
+    offsets: NDArray[np.int64],
+    entered: NDArray[np.float64],
+    starts: NDArray[np.int64],
+    end: float,
     area: NDArray[np.float64],
 ) -> None:
-    """Unknown area in square cells seen from each viewpoint's centre."""
-    rows, cols = cells.shape
-    share = math.pi / unit_x.size
-    for k in range(viewpoints.shape[0]):
+    """Sum over the rays of b^2 - a^2 for each unknown stretch from a to b, in cells; `end` is the squared range."""
+    for k in range(viewpoints.size):
         total = 0.0
-        for i in range(unit_x.size):
-            row, col = int(viewpoints[k, 0]), int(viewpoints[k, 1])
-            step_x = 1 if unit_x[i] > 0.0 else -1
-            step_y = 1 if unit_y[i] > 0.0 else -1
-            per_col = 1.0 / abs(unit_x[i]) if unit_x[i] != 0.0 else np.inf
-            per_row = 1.0 / abs(unit_y[i]) if unit_y[i] != 0.0 else np.inf
-            next_x = 0.5 * per_col
-            next_y = 0.5 * per_row
-            here = 0.0
-            while here < range_max and 0 <= row < rows and 0 <= col < cols:
-                value = cells[row, col]
+        for ray in range(starts.size - 1):
+            unknown = False
+            for n in range(starts[ray], starts[ray + 1]):
+                value = cells[np.uint64(viewpoints[k] + offsets[n])]
                 if value == 100:
+                    if unknown:
+                        total += entered[n]
+                    unknown = False
                     break
-                end = min(next_x, next_y, range_max)
-                if value == -1:
-                    total += end * end - here * here
-                here = end
-                if next_x <= next_y:
-                    col += step_x
-                    next_x += per_col
-                else:
-                    row += step_y
-                    next_y += per_row
-        area[k] = total * share
+                if (value == -1) != unknown:
+                    unknown = not unknown
+                    total += -entered[n] if unknown else entered[n]
+            if unknown:
+                total += end
+        area[k] = total

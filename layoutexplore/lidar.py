@@ -1,14 +1,15 @@
 """A two-dimensional lidar on a grid: exact ray casting with skips over open space.
 
-Rays follow the cells they cross exactly (Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987)
-from continuous poses. Where the Chebyshev distance to the nearest occupied cell is large, a ray jumps to the border of
-the square that is known to be free; the jump lands on the very cell, and at the very distance, of the plain traversal.
+Rays follow the cells they cross exactly (as Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987),
+from continuous poses. They are walked in columns: along the axis that a ray moves more along it crosses one border after
+the other, and in between at most one border across (`trace`). Where the Chebyshev distance to the nearest occupied cell
+is d, a ray jumps d - 1 columns; the jump lands on the very cell of the plain walk.
 
 Rules that everything with walls shares (the lidar, the map update and the robot's own motion):
 
-- A ray moves over one cell border at a time; where it meets a corner it crosses the border in x first. The cells of a
-  ray are therefore joined by their sides, and no ray slips between two occupied cells that touch at a corner, just as no
-  path of `layoutexplore.planning` does.
+- A ray moves over one cell border at a time; where it meets a corner exactly, it first crosses the border of the axis
+  that it moves less along (x leads on an exact diagonal). The cells of a ray are therefore joined by their sides, and no ray
+  slips between two occupied cells that touch at a corner, just as no path of `layoutexplore.planning` does.
 - A range is the distance at which the ray enters the occupied cell.
 - What lies outside of the array is occupied.
 """

@@ -83,7 +83,8 @@ class Mapper:
         occupied_count: Number of occupied cells.
         config: How `integrate` weighs evidence.
 
-    Memory: one byte a cell; `integrate` adds three more (evidence and marks) from its first call on.
+    Memory: one byte a cell; `integrate` adds three more (evidence and marks) from its first call on. Use one of `observe` and
+    `integrate` on a map: what is observed is no evidence that later scans are weighed against.
 
     Raises:
         MapError: The shape, the resolution or the origin is not usable.

@@ -154,27 +154,28 @@ def _run(
     """Go straight until a wall or a cell that is reached as well without; queue the corners that force a turn."""
     ahead = 1 << move
     sides = 1 << side_a | 1 << side_b
-    allowed = moves[cell]
+    at, stride = np.uint64(cell), np.uint64(step)  # Unsigned, so that indexing need not look out for negative numbers.
+    allowed = moves[at]
     while allowed & ahead:
-        cell += step
+        at += stride
         here += STRAIGHT
-        known = distance[cell]
+        known = distance[at]
         if known > here:
-            distance[cell] = here
-            scheduled[cell] = ahead
-        elif known < here or scheduled[cell] & ahead:
+            distance[at] = here
+            scheduled[at] = ahead
+        elif known < here or scheduled[at] & ahead:
             return
         else:
-            scheduled[cell] |= ahead
+            scheduled[at] |= ahead
         # A side that is open here and was shut one cell before can only be reached by turning here.
-        opened = moves[cell] & ~allowed & sides
-        allowed = moves[cell]
+        opened = moves[at] & ~allowed & sides
+        allowed = moves[at]
         if opened >> side_a & 1:
-            scheduled[cell] |= 1 << corner_a | 1 << side_a
-            _push(cell, corner_a, here, heads, items, links, state)
+            scheduled[at] |= 1 << corner_a | 1 << side_a
+            _push(int(at), corner_a, here, heads, items, links, state)
         if opened >> side_b & 1:
-            scheduled[cell] |= 1 << corner_b | 1 << side_b
-            _push(cell, corner_b, here, heads, items, links, state)
+            scheduled[at] |= 1 << corner_b | 1 << side_b
+            _push(int(at), corner_b, here, heads, items, links, state)
 
 
 @njit(cache=True, nogil=True)
@@ -256,8 +257,9 @@ def _spread(
 def to_metres(distance: NDArray[np.int32], metres: float, settled: int, lengths: NDArray[np.float32]) -> None:
     """Write padded flat distances as metres (rows, cols); beyond what is settled they are infinite."""
     rows, cols = lengths.shape
+    farthest = min(settled, FAR - 1)
     for r in range(rows):
         start = (r + 1) * (cols + 2) + 1
+        units, written = distance[start : start + cols], lengths[r]
         for c in range(cols):
-            units = distance[start + c]
-            lengths[r, c] = np.float32(units * metres) if units <= settled and units < FAR else np.float32(np.inf)
+            written[c] = np.float32(units[c] * metres) if units[c] <= farthest else np.float32(np.inf)
