@@ -21,7 +21,7 @@ HELP = """Explore one floor plan with one agent; print what came of it, and film
 
 [bold]Examples[/bold]
 
-  layoutexplore explore office:1 --agent tour --video tour.mp4
+  layoutexplore explore office-01 --agent tour --video tour.mp4
 
   layoutexplore explore floor.png --sensor indoor --start 3.2,1.5,0 --out run
 """

@@ -42,7 +42,7 @@ def list_plans(
     console.print(f"Any number more from the generator: FAMILY:SEED with FAMILY one of {', '.join(FAMILIES)}")
 
 
-@group.command("show", epilog="Example: layoutexplore maps show office:1 --out office.png")
+@group.command("show", epilog="Example: layoutexplore maps show office-01 --out office.png")
 def show_plan(
     plan: Annotated[str, typer.Argument(help="Name of a shipped plan, FAMILY:SEED, or a file.")],
     out: Annotated[Path | None, typer.Option(help="Also draw the plan into this PNG.")] = None,

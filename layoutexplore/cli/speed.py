@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add `speed` to the command line."""
-    app.command("speed")(speed)
+    app.command("speed", epilog="Example: layoutexplore speed --only rays --json speed.json")(speed)
 
 
 def speed(
