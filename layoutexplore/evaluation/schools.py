@@ -16,7 +16,13 @@ import shapely
 from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grid_io import load_grid
+from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
+
+
+SCHOOL_RESOLUTION = 0.1
+"""Metres a pixel assumed for the school maps: at the scale fitted to their truth a pixel is about 0.12 m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +44,40 @@ class LayoutScores:
     recall: float
     rooms: int
     true_rooms: int
+
+
+def evaluate_schools(
+    folder: str | Path, methods: Sequence[str], *, resolution: float = SCHOOL_RESOLUTION
+) -> dict[str, dict[str, LayoutScores]]:
+    """Scores by method and map of every NAME.png of a folder that has a NAME_gt.xml.
+
+    Args:
+        folder: Where the maps lie.
+        methods: Layout methods.
+        resolution: Metres a pixel to assume: the maps are not metric.
+
+    Raises:
+        MapError: The folder has no such pair.
+    """
+    pairs = [(p, p.with_name(f"{p.stem}_gt.xml")) for p in sorted(Path(folder).glob("*.png"))]
+    pairs = [(image, truth) for image, truth in pairs if truth.is_file()]
+    if not pairs:
+        raise MapError(f"{folder}: no NAME.png with a NAME_gt.xml beside it")
+    scores: dict[str, dict[str, LayoutScores]] = {method: {} for method in methods}
+    for image, truth in pairs:
+        grid, rooms = load_grid(image, resolution=resolution), read_outlines(truth)
+        for method in methods:
+            scores[method][image.stem] = score_layout(reconstruct(grid, method), rooms)
+    return scores
+
+
+def mean_scores(scores: dict[str, LayoutScores]) -> dict[str, tuple[float, float]]:
+    """Mean and standard deviation (ddof 0) of each measure over maps."""
+    return {
+        name: (float(np.mean(values)), float(np.std(values)))
+        for name in ("a_bc", "a_fc", "recall", "precision")
+        for values in [[getattr(s, name) for s in scores.values()]]
+    }
 
 
 def read_outlines(path: str | Path) -> list[shapely.Polygon]:
@@ -80,32 +120,24 @@ def stretch(rooms: Sequence[shapely.Polygon], box: tuple[float, float, float, fl
 
 
 def wall_bounds(layout: Layout) -> tuple[float, float, float, float]:
-    """Bounding box (x0, y0, x1, y1) of the layout's wall segments, or of its rooms where the method has no segments.
-
-    Raises:
-        MapError: The layout has neither.
-    """
+    """Bounding box (x0, y0, x1, y1) of the layout's wall segments, or of its rooms where the method has no segments."""
     if len(layout.segments):
         x, y = layout.segments[:, ::2], layout.segments[:, 1::2]
         return float(x.min()), float(y.min()), float(x.max()), float(y.max())
-    if layout.rooms:
-        x0, y0, x1, y1 = shapely.total_bounds(np.array([r.polygon for r in layout.rooms], object))
-        return float(x0), float(y0), float(x1), float(y1)
-    raise MapError("the layout has neither walls nor rooms")
+    x0, y0, x1, y1 = shapely.total_bounds(np.array([r.polygon for r in layout.rooms], object))
+    return float(x0), float(y0), float(x1), float(y1)
 
 
 def score_layout(layout: Layout, truth: Sequence[shapely.Polygon]) -> LayoutScores:
     """Compare a layout's rooms with the true ones, whose frame is only known up to a stretch along the axes.
 
     Args:
-        layout: The layout.
+        layout: The layout; one without rooms scores 0.
         truth: The true rooms with y up, in any units.
-
-    Raises:
-        MapError: The layout has neither walls nor rooms.
     """
-    rooms = [room.polygon for room in layout.rooms]
-    return score_polygons(rooms, stretch(truth, wall_bounds(layout)))
+    if not layout.rooms:
+        return score_polygons([], truth)
+    return score_polygons([room.polygon for room in layout.rooms], stretch(truth, wall_bounds(layout)))
 
 
 def score_polygons(rooms: Sequence[shapely.Polygon], truth: Sequence[shapely.Polygon]) -> LayoutScores:

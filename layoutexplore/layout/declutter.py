@@ -10,7 +10,6 @@ where the building lies in the grid nor on how much unknown space surrounds it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -33,6 +32,8 @@ class DeclutterConfig:
         angle_step: Sampling of the profile, in degrees.
         wavelength_min: Shortest wavelength that counts for the directions, in metres: below it lies the raster's staircase.
         wavelength_max: Longest wavelength that counts for the directions, in metres: above it lies the building's outline.
+        floor: Amplitudes below this share of the largest (the number of occupied cells) do not count for the directions; the
+            authors' code drops those below 1 / 255 by rounding.
         wall_length: Length over which a wall's cells support each other, in metres: the inverse of the width of the ridges
             that are kept (the authors keep 5 frequencies of some 1000 cells of 0.05 m: 10 m).
         max_directions: At most this many directions, the strongest.
@@ -42,6 +43,7 @@ class DeclutterConfig:
     angle_step: float = 0.25
     wavelength_min: float = 0.2
     wavelength_max: float = 20.0
+    floor: float = 0.01
     wall_length: float = 10.0
     max_directions: int = 12
 
@@ -52,6 +54,8 @@ class DeclutterConfig:
             raise ConfigError(f"angle_step must lie in (0, 5] degrees, got {self.angle_step}")
         if not 0 < self.wavelength_min < self.wavelength_max:
             raise ConfigError("wavelength_min must be above 0 and below wavelength_max")
+        if not 0 <= self.floor < 1:
+            raise ConfigError(f"floor must lie in [0, 1), got {self.floor}")
         if self.wall_length <= 0 or self.max_directions < 1:
             raise ConfigError("wall_length and max_directions must be above 0")
 
@@ -161,6 +165,8 @@ def _angle_profile(spectrum: NDArray[np.complex64], side: int, resolution: float
     radius_max = min(extent / config.wavelength_min, side / 2 - 1)
     radius_min = min(max(extent / config.wavelength_max, 1.0), radius_max)
     amplitude = np.abs(scipy.fft.fftshift(spectrum, axes=0))
+    if config.floor:
+        amplitude[amplitude < config.floor * float(spectrum[0, 0].real)] = 0.0
     cols, rows = _polar_maps(side, round(180 / config.angle_step), radius_min, radius_max)
     polar = cv2.remap(amplitude, cols, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(polar.sum(axis=1, dtype=np.float64))
@@ -204,6 +210,8 @@ def mixture_threshold(scores: NDArray[np.float32], *, bins: int = 256, iteration
 
     Args:
         scores: Scores in 0..1 of the occupied cells, any shape.
+        bins: Of the histogram.
+        iterations: At most so many.
 
     Returns:
         The threshold in 0..1; 0.0 (keep everything) when the scores do not fall into two groups.
@@ -235,17 +243,3 @@ def _maximise(
     spread = np.sqrt((weights * (x - means[:, None]) ** 2).sum(axis=1) / mass + floor**2)
     densities = (mass / spread)[:, None] * np.exp(-0.5 * ((x - means[:, None]) / spread[:, None]) ** 2)
     return densities, means
-
-
-def stable_level(levels: NDArray[np.float64], describe: Callable[[float], NDArray[np.float64]], *, reach: int = 1) -> float:
-    """The level at which a result changes least: the smallest mean distance to the results at the neighbouring levels.
-
-    Args:
-        levels: Rising levels to try.
-        describe: A vector that describes the result at a level; all of one length.
-        reach: Neighbours on either side that count.
-    """
-    results = np.stack([describe(float(level)) for level in levels])
-    steps = np.linalg.norm(np.diff(results, axis=0), axis=1)
-    change = [steps[max(i - reach, 0) : i + reach].mean() for i in range(len(levels))]
-    return float(levels[int(np.argmin(change))])

@@ -20,11 +20,14 @@ from layoutexplore.layout.types import Layout
 class RoseConfig(DeclutterConfig):
     """Every option of the rose method; see also `DeclutterConfig`.
 
+    The floor is higher than in the other methods: with it the structure score follows the precision (correlation below -0.7).
+
     Attributes:
         threshold: Least score of structure; None for the crossing of the two Gaussians fitted to the scores.
     """
 
     prominence: float = 0.5
+    floor: float = 0.04
     threshold: float | None = None
 
     def __post_init__(self) -> None:

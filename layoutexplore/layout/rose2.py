@@ -6,7 +6,7 @@ of the lines become rooms (III-C), and rooms whose topological graph falls apart
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +66,7 @@ def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
         return empty_layout("rose2", grid, "no free space: nothing has been seen")
     with timer("declutter"):
         occupied = wall_surface(grid, config.wall_depth)
-        structure = find_structure(occupied, grid.resolution, config)
+        structure = with_perpendicular(find_structure(occupied, grid.resolution, config))
     with timer("segments"):
         mask, segments = clean_map(occupied, structure, grid, config)
     model = find_wall_model(grid, structure, mask, segments, config, timer)
@@ -87,6 +87,14 @@ def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
         with timer("topology"):
             model, faces, room = split_rooms(grid, model, faces, room, config, config)
     return assemble("rose2", grid, model, faces, room, timer)
+
+
+def with_perpendicular(structure: Structure) -> Structure:
+    """A single direction closes no room: its perpendicular joins it."""
+    if len(structure.directions) != 1:
+        return structure
+    both = np.mod(structure.directions[0] + np.array((0.0, np.pi / 2)), np.pi)
+    return replace(structure, directions=np.sort(both))
 
 
 def clean_map(

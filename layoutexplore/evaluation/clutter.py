@@ -1,0 +1,269 @@
+"""ROSE's sensitivity study: clutter of known shape, size and amount is added to maps (ICRA 2021, section IV).
+
+What was occupied in the original map counts as structure, what was added as clutter. Precision is the share of structure
+among the cells that ROSE keeps, recall the share of the structure that it keeps. The wall-line error compares the lines
+found in the cluttered map, with and without decluttering, with those of the original one.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.layout.declutter import find_structure
+from layoutexplore.layout.rose import RoseConfig, rose
+from layoutexplore.layout.segments import SegmentConfig, align, find_segments, segment_angles
+
+SHAPES = ("square", "rectangle", "circle", "diamond", "star")
+"""Shapes of clutter that can be added."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClutterConfig:
+    """Which clutter is added.
+
+    Attributes:
+        shapes: Some of `SHAPES`.
+        counts: Obstacles a map (the paper: 20 to 180).
+        sizes: Largest extent of an obstacle in cells (the paper: 2 to 39).
+        seed: Of the places and proportions.
+        lines: Whether the wall-line error is measured too.
+        rose: Options of the decluttering.
+    """
+
+    shapes: tuple[str, ...] = SHAPES
+    counts: tuple[int, ...] = (20, 60, 100, 140, 180)
+    sizes: tuple[int, ...] = (2, 5, 9, 14, 20, 27, 39)
+    seed: int = 0
+    lines: bool = True
+    rose: RoseConfig = field(default_factory=RoseConfig)
+
+    def __post_init__(self) -> None:
+        for shape in self.shapes:
+            if shape not in SHAPES:
+                raise ConfigError(f"unknown shape {shape!r}: known are {', '.join(SHAPES)}")
+        if min(self.counts, default=0) < 1 or min(self.sizes, default=0) < 1 or not self.shapes:
+            raise ConfigError("shapes, counts and sizes must not be empty, counts and sizes at least 1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClutterTrial:
+    """One cluttered map.
+
+    Attributes:
+        map: Name of the map.
+        shape: Of the obstacles.
+        count: Number of obstacles.
+        size: Extent of an obstacle in cells.
+        precision: Share of structure among the kept cells; 1 where none is kept.
+        recall: Share of the structure that is kept.
+        score: W of the cluttered map.
+        error: Mean wall-line error after decluttering, in rad m; NaN if not measured.
+        raw_error: The same without decluttering.
+    """
+
+    map: str
+    shape: str
+    count: int
+    size: int
+    precision: float
+    recall: float
+    score: float
+    error: float
+    raw_error: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClutterSummary:
+    """What the study shows.
+
+    Attributes:
+        trials: Number of cluttered maps.
+        median_precision: Median over all trials.
+        median_recall: Median over all trials.
+        correlation: Pearson's correlation of W and precision over all trials.
+        correlation_by_count: The same for each number of obstacles.
+        clean_scores: W of each map without clutter.
+        error: Median wall-line error with decluttering, in rad m.
+        raw_error: Median wall-line error without.
+    """
+
+    trials: int
+    median_precision: float
+    median_recall: float
+    correlation: float
+    correlation_by_count: dict[int, float]
+    clean_scores: dict[str, float]
+    error: float
+    raw_error: float
+
+
+def run_study(maps: dict[str, OccupancyGrid], config: ClutterConfig | None = None) -> tuple[ClutterSummary, list[ClutterTrial]]:
+    """Add every combination of shape, count and size to every map and measure ROSE.
+
+    Raises:
+        MapError: No map, or a map without walls or free space.
+    """
+    config = config or ClutterConfig()
+    if not maps:
+        raise MapError("the clutter study needs at least one map")
+    trials = [trial for name, grid in maps.items() for trial in trials_of_map(name, grid, config)]
+    clean = {name: float(rose(grid, config.rose).structure_score) for name, grid in maps.items()}
+    return summarise(trials, clean), trials
+
+
+def trials_of_map(name: str, grid: OccupancyGrid, config: ClutterConfig) -> Iterator[ClutterTrial]:
+    """The trials of one map, in the order of shapes, counts and sizes."""
+    if not grid.occupied.any() or not grid.free.any():
+        raise MapError(f"{name}: the clutter study needs a map with walls and free space")
+    truth = wall_lines(grid, config.rose) if config.lines else None
+    for shape, count, size in itertools.product(config.shapes, config.counts, config.sizes):
+        rng = np.random.default_rng([config.seed, SHAPES.index(shape), count, size])
+        cluttered = add_clutter(grid, shape, count, size, rng)
+        layout = rose(cluttered, config.rose)
+        kept, structure = layout.clean_grid.occupied, grid.occupied
+        error = raw_error = float("nan")
+        if truth is not None:
+            error = line_error(wall_lines(layout.clean_grid, config.rose), truth)
+            raw_error = line_error(raw_lines(cluttered), truth)
+        yield ClutterTrial(
+            map=name,
+            shape=shape,
+            count=count,
+            size=size,
+            precision=float((kept & structure).sum() / max(kept.sum(), 1)) if kept.any() else 1.0,
+            recall=float((kept & structure).sum() / structure.sum()),
+            score=float(layout.structure_score),
+            error=error,
+            raw_error=raw_error,
+        )
+
+
+def summarise(trials: Sequence[ClutterTrial], clean_scores: dict[str, float]) -> ClutterSummary:
+    """Medians and correlations over trials (at least one)."""
+    precision, recall, score = (np.array([getattr(t, k) for t in trials]) for k in ("precision", "recall", "score"))
+    counts = np.array([t.count for t in trials])
+    errors = np.array([(t.error, t.raw_error) for t in trials])
+    error, raw_error = np.nanmedian(errors, axis=0) if np.isfinite(errors).any() else (np.nan, np.nan)
+    return ClutterSummary(
+        trials=len(trials),
+        median_precision=float(np.median(precision)),
+        median_recall=float(np.median(recall)),
+        correlation=_correlation(score, precision),
+        correlation_by_count={int(c): _correlation(score[counts == c], precision[counts == c]) for c in np.unique(counts)},
+        clean_scores=clean_scores,
+        error=float(error),
+        raw_error=float(raw_error),
+    )
+
+
+def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Pearson's correlation; NaN where one of the two does not vary."""
+    if len(a) < 2 or not a.std() or not b.std():
+        return float("nan")
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def add_clutter(grid: OccupancyGrid, shape: str, count: int, size: int, rng: np.random.Generator) -> OccupancyGrid:
+    """The grid with `count` obstacles around random free cells; only free cells become occupied.
+
+    Args:
+        grid: The map.
+        shape: One of `SHAPES`; rectangles get random proportions and all shapes but circles a random turn.
+        count: Number of obstacles.
+        size: Largest extent, in cells.
+        rng: Where they lie.
+    """
+    image = np.zeros(grid.shape, np.uint8)
+    places = np.argwhere(grid.free)
+    for row, col in places[rng.integers(0, len(places), count)]:
+        corners = _corners(shape, size, rng) + np.array((col, row))
+        cv2.fillPoly(image, [np.rint(corners * 16).astype(np.int32)], 1, cv2.LINE_8, 4)
+        image[row, col] = 1
+    cells = grid.cells.copy()
+    cells[(image > 0) & (cells == FREE)] = OCCUPIED
+    return OccupancyGrid(cells, grid.resolution, grid.origin)
+
+
+def _corners(shape: str, size: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Corners float64 (n, 2) of an obstacle around the origin, in cells."""
+    half = size / 2
+    turn = rng.uniform(0, np.pi / 2)
+    if shape == "circle":
+        angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+        return half * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    if shape == "star":
+        angle = np.arange(10) * np.pi / 5 + turn
+        radius = np.where(np.arange(10) % 2 == 0, half, 0.45 * half)[:, None]
+        return radius * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    if shape == "diamond":
+        points = np.array([(half, 0), (0, 0.6 * half), (-half, 0), (0, -0.6 * half)])
+    else:
+        width = half * (rng.uniform(0.3, 0.8) if shape == "rectangle" else 1.0)
+        points = np.array([(half, width), (-half, width), (-half, -width), (half, -width)])
+    c, s = np.cos(turn), np.sin(turn)
+    return points @ np.array([[c, s], [-s, c]])
+
+
+def wall_lines(grid: OccupancyGrid, config: RoseConfig) -> NDArray[np.float64]:
+    """Wall segments float64 (n, 4) of a (decluttered) grid, turned to its dominant directions."""
+    segments = raw_lines(grid)
+    directions = find_structure(grid.occupied, grid.resolution, config).directions
+    if not len(directions) or not len(segments):
+        return segments
+    aligned, _ = align(segments, directions, np.pi)
+    c, s = np.cos(directions)[aligned.direction], np.sin(directions)[aligned.direction]
+    ends = [(at * c - aligned.offset * s, at * s + aligned.offset * c) for at in (aligned.start, aligned.end)]
+    return np.stack((*ends[0], *ends[1]), axis=1)
+
+
+def raw_lines(grid: OccupancyGrid) -> NDArray[np.float64]:
+    """Hough segments float64 (n, 4) of a grid's occupied cells, in metres."""
+    return find_segments(grid.occupied, grid.resolution, SegmentConfig())
+
+
+def line_error(found: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
+    """Mean over the found segments of the cost theta |T| / 2 of moving them onto the best true segment, in rad m.
+
+    theta is the angle between the two, T the shortest way from the midpoint of the one to the other. Infinite where nothing
+    was found.
+
+    Example:
+        >>> truth = np.array([[0.0, 0.0, 4.0, 0.0]])
+        >>> round(line_error(np.array([[1.0, 1.0, 1.0, 3.0]]), truth) / np.pi, 6)  # a right angle, 2 m away
+        0.5
+    """
+    if not len(found) or not len(truth):
+        return float("inf")
+    return float(np.mean([_cost(segment, truth) for segment in found]))
+
+
+def _cost(segment: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
+    turn = segment_angles(segment[None]) - segment_angles(truth)
+    theta = np.abs(np.mod(turn + np.pi / 2, np.pi) - np.pi / 2)
+    middle, start = (segment[:2] + segment[2:]) / 2, truth[:, :2]
+    along = truth[:, 2:] - start
+    reach = np.clip(((middle - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12), 0, 1)
+    way = np.linalg.norm(start + reach[:, None] * along - middle, axis=1)
+    return float((theta * way / 2).min())
+
+
+def table(trials: Iterable[ClutterTrial], key: str) -> dict[str, tuple[int, float, float, float]]:
+    """Number of trials, median precision, recall and W by the values of "map", "shape", "count" or "size"."""
+    groups: dict[str, list[ClutterTrial]] = {}
+    for trial in trials:
+        groups.setdefault(str(getattr(trial, key)), []).append(trial)
+    return {
+        name: (
+            len(group),
+            *(float(np.median([getattr(t, k) for t in group])) for k in ("precision", "recall", "score")),
+        )
+        for name, group in groups.items()
+    }
