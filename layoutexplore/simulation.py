@@ -17,9 +17,9 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.coverage import Coverage, union
 from layoutexplore.decision import STOP, Choice, Decision, Frontier, Path, Predictor, Privileged, Truth
 from layoutexplore.errors import ConfigError
 from layoutexplore.floorplan import FloorPlan, PlanRaster
@@ -118,8 +118,7 @@ class Simulation:
         self._witness = Mapper(shape, resolution, origin) if self._drifts else self.mapper
         self._detector = FrontierDetector(shape)
         self._changed = (0, 0, 0, 0)
-        self._unseen = self.truth.target.copy()
-        self._target_count = self._unseen_count = int(np.count_nonzero(self._unseen))
+        self._coverage = Coverage(self.truth.target)
         self._bumped = np.zeros(shape, np.bool_)
         self._exhausted = np.zeros(shape, np.bool_)
         self._curve: list[tuple[float, float, float]] = []
@@ -203,7 +202,7 @@ class Simulation:
     @property
     def coverage(self) -> float:
         """The share of the target area that has been seen, 0..1."""
-        return 1.0 - self._unseen_count / self._target_count
+        return self._coverage.share
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -213,7 +212,7 @@ class Simulation:
     @property
     def target_area(self) -> float:
         """Square metres that an exploration from this start can be asked to see."""
-        return self._target_count * self.raster.resolution**2
+        return self._coverage.target_count * self.raster.resolution**2
 
     @property
     def distance(self) -> float:
@@ -372,7 +371,7 @@ class Simulation:
             if self._drifts:
                 seen = self._witness.integrate(pose, ranges, self.lidar.config, full_turn=full_turn)
         self._note(update)
-        self._unseen_count -= _count_seen(self._witness.grid.cells, self._unseen, *seen.box)
+        self._coverage.update(self._witness.grid.cells, seen.box)
         self.scans += 1
         self._curve.append((self.distance, self.coverage, float(self.scans)))
         if self.coverage >= self.config.coverage_goal:
@@ -382,7 +381,7 @@ class Simulation:
         return update
 
     def _note(self, update: ScanUpdate) -> None:
-        self._changed = _union(self._changed, update.box)
+        self._changed = union(self._changed, update.box)
 
 
 _LIDARS: WeakKeyDictionary[PlanRaster, dict[LidarConfig, Lidar]] = WeakKeyDictionary()
@@ -394,24 +393,3 @@ def _shared_lidar(raster: PlanRaster, config: LidarConfig) -> Lidar:
     if config not in lidars:
         lidars[config] = Lidar(config, raster.occupied, raster.resolution, raster.origin)
     return lidars[config]
-
-
-def _union(a: tuple[int, int, int, int], b: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
-    """The smallest half-open box around two; an empty one does not count."""
-    if a[0] >= a[1]:
-        return b
-    if b[0] >= b[1]:
-        return a
-    return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])
-
-
-@njit(cache=True, nogil=True)
-def _count_seen(cells: NDArray[np.int8], unseen: NDArray[np.bool_], row0: int, row1: int, col0: int, col1: int) -> int:
-    """How many unseen cells of the target are known now; they are struck from `unseen`."""
-    count = 0
-    for row in range(row0, row1):
-        for col in range(col0, col1):
-            if unseen[row, col] and cells[row, col] != -1:
-                unseen[row, col] = False
-                count += 1
-    return count
