@@ -21,7 +21,8 @@ from layoutexplore.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.lidar import LidarConfig, around
 from layoutexplore.mapping import Mapper
 from layoutexplore.planning import geodesic_distances
-from layoutexplore.simulation import Simulation, SimulationConfig
+from layoutexplore.simulation import Simulation
+from layoutexplore.simulation_config import SimulationConfig
 
 REQUIRED = [
     "random",
@@ -104,7 +105,8 @@ def chosen(spec: str, decision: Decision) -> tuple[int, int]:
     agent.reset(0)
     index = agent.act(decision)
     assert isinstance(index, int) and index != STOP
-    return tuple(decision.frontiers[index].viewpoint)
+    viewpoint = decision.frontiers[index].viewpoint
+    return viewpoint.row, viewpoint.col
 
 
 CORRIDOR = "#################### #......R...........# ####################"

@@ -20,7 +20,8 @@ def plane(seed: int, count: int) -> NDArray[np.float64]:
     """Distances between a start and `count` places on a plane; places on a coarse grid, so that there are ties."""
     rng = np.random.default_rng(seed)
     points = np.round(rng.uniform(0, 10, (count + 1, 2)), int(rng.integers(0, 3)))
-    return np.linalg.norm(points[:, None] - points[None], axis=2)
+    distances: NDArray[np.float64] = np.linalg.norm(points[:, None] - points[None], axis=2)
+    return distances
 
 
 def shortest(distances: NDArray[np.float64]) -> float:
