@@ -156,7 +156,7 @@ class DistanceAdvantage(Greedy[DistanceAdvantageOptions]):
         """The weighted mean path length from the other frontiers less the path length from the robot, in metres."""
         if len(chosen) == 1:
             return -lengths
-        between = decision.tour_distances[np.ix_(chosen + 1, chosen + 1)].astype(np.float64)
+        between = decision.path_lengths(chosen)[1:, 1:].astype(np.float64)
         remoteness: NDArray[np.float64] = between.sum(axis=0) / (len(chosen) - 1)
         return self.options.weight * remoteness - lengths
 

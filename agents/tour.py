@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from layoutexplore.agents.base import Heuristic, option, register
 from layoutexplore.agents.greedy import GreedyOptions, sizeable
-from layoutexplore.agents.local_search import open_tour
 from layoutexplore.decision import Choice, Decision
+from layoutexplore.tours import open_tour
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +40,7 @@ def plan_tour(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.int64
     """
     if len(chosen) < 2:
         return chosen
-    places = np.concatenate([[0], chosen + 1])
-    order = open_tour(decision.tour_distances[np.ix_(places, places)])
+    order = open_tour(decision.path_lengths(chosen))
     return chosen[order - 1]
 
 

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.agents.local_search import improve_tour
 from layoutexplore.agents.route import Leg, Route, Stop, cheapest_gaps
 from layoutexplore.agents.sight import Bits, Sight, added_sizes, size
 from layoutexplore.decision import Truth
 from layoutexplore.grid import Cell
 from layoutexplore.planning import descend, geodesic_distances
+from layoutexplore.tours import improve_tour
 
 _SAVING = 1e-3
 """A change of the route must save more than this many (weighted) metres."""

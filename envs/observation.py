@@ -19,6 +19,7 @@ from layoutexplore.envs import map_images
 from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS, MapFrame, Trail, draw_global_map, draw_local_map
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import UNKNOWN, Pose
+from layoutexplore.tours import open_tour
 
 Observation = dict[str, NDArray[np.generic]]
 """Arrays by name."""
@@ -251,9 +252,7 @@ def detours(decision: Decision) -> NDArray[np.float64]:
     The tour is greedy, then improved by 2-opt and Or-opt. Taking frontier i out of it and visiting it first costs
     d(robot, i) + d(i, first) - d(robot, first), less what is saved where it was taken out.
     """
-    from layoutexplore.agents.local_search import open_tour
-
-    distances = np.minimum(decision.tour_distances.astype(np.float64), 1e6)
+    distances = np.minimum(decision.path_lengths(range(len(decision.frontiers))).astype(np.float64), 1e6)
     stops = np.concatenate([[0], open_tour(distances)])
     extra = np.zeros(len(stops))
     for k in range(2, len(stops)):

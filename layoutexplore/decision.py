@@ -7,8 +7,8 @@ the clairvoyant agent are handed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -69,7 +69,6 @@ class Decision:
         grid: What the robot knows.
         pose: Where the robot believes it is.
         frontiers: Reachable frontiers, nearest first by path length.
-        traversable: bool (rows, cols), cells the robot may plan through.
         distances: float32 (rows, cols), geodesic distance from the robot in metres, inf where it cannot go.
         distance: Metres travelled so far.
         sensor: The lidar's configuration.
@@ -81,18 +80,28 @@ class Decision:
     grid: OccupancyGrid
     pose: Pose
     frontiers: tuple[Frontier, ...]
-    traversable: NDArray[np.bool_]
     distances: NDArray[np.float32]
     distance: float
     sensor: LidarConfig
     robot_radius: float
     layout: Any = None
 
-    @cached_property
-    def tour_distances(self) -> NDArray[np.float32]:
-        """float32 (n + 1, n + 1): path lengths in metres between the robot (index 0) and the n viewpoints."""
+    @property
+    def traversable(self) -> NDArray[np.bool_]:
+        """Bool (rows, cols): the cells the robot can plan to."""
+        return np.isfinite(self.distances)
+
+    def path_lengths(self, chosen: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float32]:
+        """Path lengths between the robot and some frontiers' viewpoints, and among these.
+
+        Args:
+            chosen: k indices into `frontiers`.
+
+        Returns:
+            float32 (k + 1, k + 1) in metres, symmetric; index 0 is the robot.
+        """
         here = self.grid.world_to_cell(self.pose.x, self.pose.y)
-        cells = np.array([here, *(f.viewpoint for f in self.frontiers)], np.int32)
+        cells = np.array([here, *(self.frontiers[int(k)].viewpoint for k in chosen)], np.int32)
         return distance_matrix(self.traversable, cells, self.grid.resolution)
 
 

@@ -119,7 +119,7 @@ class Simulation:
         self._detector = FrontierDetector(shape)
         self._changed = (0, 0, 0, 0)
         self._coverage = Coverage(self.truth.target)
-        self._bumped = np.zeros(shape, np.bool_)
+        self._bumped: list[Cell] = []
         self._exhausted = np.zeros(shape, np.bool_)
         self._curve: list[tuple[float, float, float]] = []
         self.stop_reason = ""
@@ -207,7 +207,7 @@ class Simulation:
     @property
     def seen(self) -> NDArray[np.bool_]:
         """Bool (rows, cols): the part of the target area that has been seen."""
-        return self.truth.target & ~self._unseen
+        return self.truth.target & ~self._coverage.unseen
 
     @property
     def target_area(self) -> float:
@@ -254,7 +254,10 @@ class Simulation:
 
     def _traversable(self) -> NDArray[np.bool_]:
         grid = self.mapper.grid
-        return grid.free & ~inflate(grid.cells == OCCUPIED, self.config.robot_radius, grid.resolution) & ~self._bumped
+        traversable = grid.free & ~inflate(grid.cells == OCCUPIED, self.config.robot_radius, grid.resolution)
+        for cell in self._bumped:
+            traversable[cell] = False
+        return traversable
 
     def _here(self) -> Cell:
         """The robot's cell; with odometry noise it may believe to be outside of its grid: then the nearest cell."""
@@ -273,7 +276,6 @@ class Simulation:
             grid=grid,
             pose=self.robot.believed,
             frontiers=list_frontiers(grid, self.robot.believed, distances, clusters, self._exhausted, self.config),
-            traversable=traversable,
             distances=distances,
             distance=self.distance,
             sensor=self.config.lidar,
@@ -343,7 +345,7 @@ class Simulation:
         here = self.robot.believed
         _, collided = self._translate(x - here.x, y - here.y)
         if collided:
-            self._bumped[cell] = True
+            self._bumped.append(cell)
             self._scan()
         return not collided and not self.done
 

@@ -96,7 +96,7 @@ def decide(drawing: str, *frontiers: tuple[int, int, float, float]) -> Decision:
             )
         )
     found.sort(key=lambda frontier: frontier.path_length)
-    return Decision(0, grid, pose, tuple(found), grid.free, distances, 0.0, LidarConfig(range_max=8.0, fov=6.28, beams=8), 0.2)
+    return Decision(0, grid, pose, tuple(found), distances, 0.0, LidarConfig(range_max=8.0, fov=6.28, beams=8), 0.2)
 
 
 def chosen(spec: str, decision: Decision) -> tuple[int, int]:

@@ -86,14 +86,18 @@ def slow_global(grid: OccupancyGrid, marks: NDArray[np.uint8], size: int, min_sp
     low, high = (known.min(axis=0), known.max(axis=0) + 1) if len(known) else (np.zeros(2), np.zeros(2))
     span = max(*(high - low), min_span / grid.resolution, size)
     corner = (low + high - span) / 2
+    pixels_per_cell = 1.0 / (span / size)
+
+    def holds(pixel: int, cell: int, first: float) -> bool:
+        return first + pixel / pixels_per_cell - 0.5 <= cell < first + (pixel + 1) / pixels_per_cell - 0.5
+
     for i in range(size):
         for j in range(size):
             inside = [
                 (r, c)
                 for r in range(grid.shape[0])
                 for c in range(grid.shape[1])
-                if math.floor((r + 0.5 - corner[0]) * size / span) == size - 1 - i
-                and math.floor((c + 0.5 - corner[1]) * size / span) == j
+                if holds(size - 1 - i, r, corner[0]) and holds(j, c, corner[1])
             ]
             paint(
                 image,
@@ -233,7 +237,7 @@ def test_the_detour_is_the_cost_of_going_there_first() -> None:
     """On a line with the robot at 0 and frontiers at 1, 3 and -4 the tours 1, 3, -4 and 3, 1, -4 take 10 m; -4, 1, 3 takes 11."""
     where = np.array([0.0, 1.0, 3.0, -4.0])
     frontiers = tuple(frontier_at(x) for x in where[1:])
-    stand_in: Any = SimpleNamespace(tour_distances=np.abs(where[:, None] - where).astype(np.float32), frontiers=frontiers)
+    stand_in: Any = SimpleNamespace(path_lengths=lambda _: np.abs(where[:, None] - where).astype(np.float32), frontiers=frontiers)
     assert detours(stand_in).tolist() == [0.0, 0.0, 1.0]
 
 

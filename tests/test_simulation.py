@@ -145,7 +145,7 @@ def test_frontiers_come_nearest_first_and_can_be_reached() -> None:
     for frontier in decision.frontiers:
         assert decision.traversable[frontier.viewpoint] and decision.distances[frontier.viewpoint] == frontier.path_length
         assert frontier.size >= 0.4 and frontier.visible_area >= 0
-    tour = decision.tour_distances
+    tour = decision.path_lengths(range(len(decision.frontiers)))
     assert np.allclose(tour, tour.T) and np.allclose(tour[0, 1:], lengths)
 
 

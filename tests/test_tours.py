@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from layoutexplore.agents.local_search import improve_tour, open_tour, tour_length
 from layoutexplore.errors import ConfigError
+from layoutexplore.tours import improve_tour, open_tour, tour_length
 
 seeds = st.integers(0, 100_000)
 
