@@ -84,17 +84,17 @@ class OccupancyGrid:
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """bool (rows, cols): cells known to be free (value 0)."""
+        """Bool (rows, cols): cells known to be free (value 0)."""
         return self.cells == FREE
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
-        """bool (rows, cols): cells known to be occupied (value 100)."""
+        """Bool (rows, cols): cells known to be occupied (value 100)."""
         return self.cells == OCCUPIED
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
-        """bool (rows, cols): cells of which nothing is known (value -1)."""
+        """Bool (rows, cols): cells of which nothing is known (value -1)."""
         return self.cells == UNKNOWN
 
     @property
