@@ -16,6 +16,9 @@ class Coverage:
     Args:
         target: bool (rows, cols), the cells that have to be seen.
 
+    Attributes:
+        unseen: bool (rows, cols), the cells of the target that have not been seen.
+
     Example:
         >>> coverage = Coverage(np.array([[True, True], [False, True]]))
         >>> coverage.update(np.array([[0, -1], [0, -1]], np.int8), (0, 2, 0, 1))
@@ -24,7 +27,7 @@ class Coverage:
     """
 
     def __init__(self, target: NDArray[np.bool_]) -> None:
-        self._unseen = target.copy()
+        self.unseen = target.copy()
         self.target_count = self._unseen_count = int(np.count_nonzero(target))
 
     @property
@@ -34,7 +37,7 @@ class Coverage:
 
     def update(self, cells: NDArray[np.int8], box: Box) -> None:
         """Count the target's cells that are known now, inside the box of the grid int8 (rows, cols) that changed."""
-        self._unseen_count -= _strike_seen(cells, self._unseen, *box)
+        self._unseen_count -= _strike_seen(cells, self.unseen, *box)
 
 
 def union(a: Box, b: Box) -> Box:

@@ -145,6 +145,7 @@ def _fill(
     if missing:
         report("compiling and loading the kernels (slow only the first time)")
         warm_up(config)
+        report(f"exploring: {len(missing)} runs, {jobs} at a time" if jobs > 1 else f"exploring: {len(missing)} runs")
     work = sum(task.plan.reachable_area for task in missing)
     areas, done = {plan.name: plan.reachable_area for plan in plans}, 0.0
     try:

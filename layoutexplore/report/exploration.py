@@ -283,13 +283,16 @@ def _pictures(
         here.sort(key=lambda row: (math.isnan(row.d95), row.d95, row.agent))
         honest = [row for row in here if row.agent not in knowing]
         picks = {
-            "best": next((row for row in honest if row.agent != baseline), None),
-            "baseline": next((row for row in here if row.agent == baseline), None),
-            "worst": next((row for row in reversed(honest) if row.agent != baseline), None),
-            "knows the floor plan": next((row for row in here if row.agent in knowing), None),
+            "best": honest[:1],
+            "baseline": [row for row in here if row.agent == baseline],
+            "worst": honest[-1:],
+            "knows the plan": [row for row in here if row.agent in knowing][:1],
         }
-        distinct = {row.key: (caption, row) for caption, row in reversed(picks.items()) if row is not None}
-        found.append((f"{plan}, start {start}, {sensor}", [_picture(folder, c, r) for c, r in reversed(distinct.values())]))
+        captions: dict[Row, list[str]] = {}
+        for caption, picked in picks.items():
+            for row in picked:
+                captions.setdefault(row, []).append(caption)
+        found.append((f"{plan}, start {start}, {sensor}", [_picture(folder, ", ".join(c), row) for row, c in captions.items()]))
     return found
 
 
