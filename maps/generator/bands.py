@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from layoutexplore.maps.generator.bays import Bay, Piece, plain, shaft
+from layoutexplore.maps.generator.bays import Bay, Piece, plain
 from layoutexplore.maps.generator.frame import Frame
 from layoutexplore.maps.generator.programme import Programme, RoomType
 from layoutexplore.maps.generator.sketch import Sketch
@@ -80,9 +80,10 @@ def furnish_plots(
     bright = [plot for plot in plots if not plot.dark]
     _deal_specials(bright, programme, area, rng)
     _deal_cores(plots, programme, style, rng)
+    turn = 0
     for plot in plots:
         if plot.dark:
-            _fill_dark(sketch, plot, programme, style, rng)
+            turn = _fill_dark(sketch, plot, programme, style, turn, rng)
         else:
             _fill_bright(sketch, plot, programme, style, rng)
 
@@ -123,21 +124,21 @@ def _deal_cores(plots: Sequence[Plot], programme: Programme, style: Style, rng: 
         host.wanted.append(group if rng.random() < 0.5 else group[::-1])
 
 
-def _fill_dark(sketch: Sketch, plot: Plot, programme: Programme, style: Style, rng: np.random.Generator) -> None:
-    """Core rooms in turn, from the inner corner outwards."""
+def _fill_dark(sketch: Sketch, plot: Plot, programme: Programme, style: Style, turn: int, rng: np.random.Generator) -> int:
+    """Core rooms in turn, as many as fit; returns whose turn it is in the building's next dark zone."""
     slots: list[Slot] = []
-    left, turn = plot.length, int(rng.integers(0, len(programme.core)))
-    while left > 1.6:
+    left, misses = plot.length, 0
+    while misses < len(programme.core):
         kind = programme.core[turn % len(programme.core)]
         turn += 1
         width = min(float(rng.uniform(*kind.width)), left)
         if width < kind.width[0] - 0.4:
-            if all(k.width[0] - 0.4 > left for k in programme.core):
-                break
+            misses += 1
             continue
         slots.append((kind, width))
-        left -= width
+        left, misses = left - width, 0
     _place(sketch, plot, _stretched(slots, plot.length), style, rng)
+    return turn
 
 
 def _fill_bright(sketch: Sketch, plot: Plot, programme: Programme, style: Style, rng: np.random.Generator) -> None:
@@ -199,7 +200,7 @@ def _place(sketch: Sketch, plot: Plot, slots: list[Slot], style: Style, rng: np.
         flip = not flip if rng.random() < 0.65 else flip
         bay = Bay(plot.frame, x, x + width, plot.near, far, plot.corridors, flip)
         room = kind.build(sketch, bay, kind.label, rng)
-        if previous and previous[0] is kind and kind.build is not shaft and rng.random() < style.connecting:
+        if previous and previous[0] is kind and rng.random() < style.connecting:
             at = x, plot.near + (far - plot.near) * 0.75
             (point,) = plot.frame.points(np.array([at]))
             sketch.link(previous[1], room, near=(float(point[0]), float(point[1])), optional=True)

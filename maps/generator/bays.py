@@ -221,22 +221,14 @@ def beside(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> in
 
 
 def shaft(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
-    """A closed lift or service shaft on the corridor; the rest of the bay is a store behind or beside it."""
+    """A closed lift on the corridor, with a store beside and behind it; just a store where there is no room for both."""
     w, d = bay.width, bay.depth
-    deep = min(d, float(rng.uniform(1.8, 2.4)))
-    lift = min(w, 2.2)
-    if w - lift < 1.3 and d - deep < 1.3:
-        sketch.solid(bay.frame, bay.box(0.0, w, 0.0, d))
-        return bay.corridor()
-    if w - lift < 1.3:
-        sketch.solid(bay.frame, bay.box(0.0, w, 0.0, d))
-        return bay.corridor()
+    deep, lift = float(rng.uniform(1.8, 2.4)), min(w - 1.4, 2.2)
+    if lift < 1.5 or d - deep < 1.3:
+        return plain(sketch, bay, label, rng)
     sketch.solid(bay.frame, bay.box(w - lift, w, 0.0, deep))
     outline = [(0.0, 0.0), (w - lift, 0.0), (w - lift, deep), (w, deep), (w, d), (0.0, d)]
-    if d - deep < 1.3:
-        sketch.solid(bay.frame, bay.box(w - lift, w, deep, d)) if d - deep > 0.05 else None
-        outline = [(0.0, 0.0), (w - lift, 0.0), (w - lift, d), (0.0, d)]
-    room = sketch.room(bay.frame, bay.shape(outline), "storage")
+    room = sketch.room(bay.frame, bay.shape(outline), label)
     sketch.link(bay.corridor(0.0, w - lift), room, "narrow", near=bay.world(0.0, 0.0))
     return room
 

@@ -30,21 +30,24 @@ ANGLES = (30.0, 36.0, 40.0, 45.0, 45.0, 50.0, 60.0)
 """Turns between two wings, degrees."""
 
 SHORTEST_WING = 9.0
-"""Least length of a wing, m."""
+"""Least length of a wing, m; two thirds of it in a small building."""
+
+SMALL = 300.0
+"""Gross area up to which a building is small, m2."""
 
 Face = tuple[Frame, float, int]
 """Where a wing meets a hub: its frame, the local x of its end, and the corridor's id there."""
 
 
-def _pick(rng: np.random.Generator) -> Programme:
-    """What kind of building it is."""
-    return (OFFICE, OFFICE, SCHOOL, HOSPITAL)[int(rng.integers(0, 4))]
+def _pick(gross: float, rng: np.random.Generator) -> Programme:
+    """What kind of building it is; small ones are offices."""
+    return OFFICE if gross < SMALL else (OFFICE, OFFICE, SCHOOL, HOSPITAL)[int(rng.integers(0, 4))]
 
 
 def angled(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
     """Wings around one hub of three, or a chain of two to four."""
-    sketch, programme = Sketch(), _pick(rng)
-    section = draw_section(programme, gross, 0.1, rng)
+    sketch, programme = Sketch(), _pick(gross, rng)
+    section = draw_section(programme, gross, 0.3 if gross < SMALL else 0.04, rng)
     run = gross / section.width
     star = run > 4.5 * SHORTEST_WING and rng.random() < 0.35
     wings = (_star if star else _chain)(sketch, run, section, programme, rng)
@@ -55,6 +58,7 @@ def angled(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketc
 
 def _chain(sketch: Sketch, run: float, section: Section, programme: Programme, rng: np.random.Generator) -> list[Wing]:
     """Wings one after the other with a hub at every bend."""
+    shortest = SHORTEST_WING if run * section.width > SMALL else SHORTEST_WING / 1.5
     most = int(run // (2.2 * SHORTEST_WING))
     count = max(2, min(int(rng.integers(2, 5)), most))
     shares = rng.dirichlet(np.full(count, 5.0))
@@ -62,7 +66,7 @@ def _chain(sketch: Sketch, run: float, section: Section, programme: Programme, r
     sign = float(rng.choice([-1.0, 1.0]))
     frame, wings, last = Straight(), list[Wing](), None
     for k, share in enumerate(shares):
-        length = max(SHORTEST_WING, float(share) * (run - (count - 1) * 0.6 * section.width))
+        length = max(shortest, float(share) * (run - (count - 1) * 0.6 * section.width))
         end = draw_end(programme, length, rng) if k in (0, count - 1) else None
         ends = (end if k == 0 else None, end if k == count - 1 and count > 1 else None)
         wing = draw_wing(sketch, frame, length, section, rng, ends=ends, front=(count == 2, count == 2))
@@ -109,7 +113,8 @@ def _hub(sketch: Sketch, faces: Sequence[Face], section: Section, rng: np.random
         join(sketch, middle, corridor, rng)
     for wedge in sorted(_parts(whole.difference(knee)), key=lambda p: (-p.area, p.bounds)):
         if wedge.area > 6.0 and not wedge.buffer(-0.75).is_empty:
-            room = sketch.room(world, wedge, str(rng.choice(["stairs", "storage", "office", "meeting"])))
+            uses = ["stairs", "storage", "office", "meeting"] if wedge.area < 30.0 else ["office", "meeting", "open office"]
+            room = sketch.room(world, wedge, str(rng.choice(uses)))
             sketch.link(middle, room)
         else:
             sketch.solid(world, wedge)
@@ -131,7 +136,7 @@ def _parts(geometry: shapely.geometry.base.BaseGeometry) -> list[Polygon]:
 
 def curved(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
     """A wing on an arc, with straight wings before and after it where there is length for them."""
-    sketch, programme = Sketch(), _pick(rng)
+    sketch, programme = Sketch(), _pick(gross, rng)
     fan = rng.random() < 0.4
     section = draw_section(programme, gross, 0.0, rng)
     if fan:

@@ -18,7 +18,7 @@ import numpy as np
 
 from layoutexplore.errors import ConfigError, unknown_name
 
-TOPOLOGIES = ("I", "L", "T", "Z", "U", "H", "comb", "ring", "eight")
+TOPOLOGIES = ("I", "L", "T", "Z", "U", "H", "comb", "fishbone", "ring", "eight")
 """Corridor skeletons of the right-angled families; see `skeleton.py` for what each looks like."""
 
 AREA_RANGES: Mapping[str, tuple[float, float]] = {

@@ -40,7 +40,7 @@ def wall_runs(a: Polygon, b: BaseGeometry) -> list[NDArray[np.float64]]:
 
     Example:
         >>> (run,) = wall_runs(shapely.box(0, 0, 4, 3), shapely.box(4, 1, 6, 5))
-        >>> float(np.hypot(*(run[-1] - run[0])))
+        >>> round(float(np.hypot(*(run[-1] - run[0]))), 2)
         2.03
     """
     shared = a.exterior.intersection(b.buffer(TOLERANCE, join_style="mitre"))

@@ -18,7 +18,7 @@ from layoutexplore.maps.generator.programme import HOSPITAL, OFFICE, OFFICE_DEEP
 from layoutexplore.maps.generator.sketch import Sketch, SketchError
 from layoutexplore.maps.generator.wings import Port, Section, Wing, draw_skeleton, draw_wing, join, plan_skeleton
 
-POPULARITY = {"I": 1.0, "L": 2.0, "T": 1.6, "Z": 1.2, "U": 1.8, "H": 1.2, "comb": 1.0, "ring": 1.6, "eight": 1.0}
+POPULARITY = {"I": 1.0, "L": 2.0, "T": 1.6, "Z": 1.2, "U": 1.8, "H": 1.2, "comb": 1.3, "fishbone": 1.3, "ring": 1.6, "eight": 1.0}
 """How often a topology is tried first, where none is asked for."""
 
 DEEP_ROOMS = (6.5, 10.0)

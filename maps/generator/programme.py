@@ -70,7 +70,7 @@ TOILETS = RoomType(label="toilet", width=(2.6, 4.2), build=bays.toilets)
 LIFT = RoomType(label="storage", width=(3.6, 4.6), build=bays.shaft)
 STORE = RoomType(label="storage", width=(1.8, 3.2))
 WASHROOM = RoomType(label="toilet", width=(3.0, 4.5), build=bays.enfilade)
-CORE = (STAIRS, TOILETS, TOILETS, LIFT, STORE)
+CORE = (STAIRS, TOILETS, LIFT, STORE, RoomType(label="office", width=(2.7, 4.2)))
 
 OFFICE = Programme(
     facade=(

@@ -1,8 +1,8 @@
 """Wings: a corridor with a band of rooms on one or both sides, and the right-angled skeletons made of them.
 
 A skeleton is a spine with teeth: wings that stand on the spine's north or south side and whose corridors run through its
-band to the spine's corridor; a bar may close the teeth into courtyards. I, L, T, Z, U, H, comb, ring and eight are
-choices of teeth. The parts of the spine's band beside such a passage have no facade: there the cores go.
+band to the spine's corridor; a bar may close the teeth into courtyards. I, L, T, Z, U, H, comb, fishbone, ring
+and eight are choices of teeth. The parts of the spine's band beside such a passage have no facade: there the cores go.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ COURT = 7.0
 """Least width of a courtyard or of the gap between two teeth, m."""
 
 LONGEST_WING = 68.0
-"""A wing is longer than this only in very large buildings, and never twice as long, m."""
+"""A wing is longer than this only when it is very wide or when its topology was asked for, m."""
 
 FIRE_SECTION = (22.0, 34.0)
 """Length of corridor between fire doors, m."""
@@ -203,6 +203,7 @@ def teeth_of(topology: str, comb: int) -> tuple[tuple[float, ...], tuple[int, ..
         "U": ((0.0, 1.0), (1, 1), False),
         "H": ((0.0, 0.0, 1.0, 1.0), (1, -1, 1, -1), False),
         "comb": (tuple(k / (comb - 1) for k in range(comb)), (1,) * comb, False),
+        "fishbone": (tuple(k / (comb - 1) for k in range(comb)) * 2, (1,) * comb + (-1,) * comb, False),
         "ring": ((0.0, 1.0), (1, 1), True),
         "eight": ((0.0, 0.5, 1.0), (1, 1, 1), True),
     }
@@ -219,27 +220,27 @@ def plan_skeleton(topology: str, run: float, width: float, asked: bool, rng: np.
         asked: Whether just this topology is wanted, so that long wings are accepted.
         rng: Proportions.
     """
-    comb = max(3, min(7, round(run / (5.0 * width))))
+    comb = max(3, min(8, round(run / ((6.0 if topology == "fishbone" else 3.4) * width))))
     places, sides, bar = teeth_of(topology, comb)
-    columns = len(set(places))
+    columns, bars = len(set(places)), 2 if bar else 1
     least = max(columns * width + (columns - 1) * COURT, width + COURT) if places else 6.0
-    bars = 2 if bar else 1
-    shortest = width * 0.5 if not bar else COURT
+    shortest = COURT if bar else 0.5 * width
     room = run - bars * least - len(places) * shortest
-    if room < 0:
+    limit = max(LONGEST_WING, 4.5 * width, 2 * LONGEST_WING * asked)
+    if room < 0 or (not places and run > limit):
         return None
-    share = float(rng.uniform(0.2, 0.6)) if places else 1.0
-    spine = least + room * share / bars
-    lengths = np.full(len(places), shortest)
-    if places:
-        mix = np.ones(len(places)) if bar else rng.dirichlet(np.full(len(places), 6.0)) * len(places)
-        lengths = lengths + room * (1 - share) / len(places) * mix
+    if not places:
+        return Skeleton(spine=run)
+    low = max(0.15, 1.0 - (0.85 * limit - shortest) * len(places) / max(room, 1.0))
+    high = min(0.65, (max(limit, 1.35 * least) - least) * bars / max(room, 1.0))
+    if low > high:
+        return None
+    share = float(rng.uniform(low, high))
+    mix = np.ones(len(places)) if bar else rng.dirichlet(np.full(len(places), 6.0)) * len(places)
+    lengths = shortest + room * (1 - share) / len(places) * mix
     flip = bool(rng.random() < 0.5)
     spots = [1.0 - p if flip else p + float(rng.uniform(-0.15, 0.15)) * (0.0 < p < 1.0 and columns == 1) for p in places]
-    longest = max([spine, *lengths.tolist()])
-    if longest > max(min(max(LONGEST_WING, 0.3 * run), 2 * LONGEST_WING), 1.15 * least, 2 * LONGEST_WING * asked):
-        return None
-    return Skeleton(spine=spine, teeth=tuple(zip(spots, sides, lengths.tolist(), strict=True)), bar=bar)
+    return Skeleton(spine=least + room * share / bars, teeth=tuple(zip(spots, sides, lengths.tolist(), strict=True)), bar=bar)
 
 
 def draw_skeleton(
