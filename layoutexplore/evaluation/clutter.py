@@ -198,18 +198,18 @@ def _corners(shape: str, size: int, rng: np.random.Generator) -> NDArray[np.floa
     turn = rng.uniform(0, np.pi / 2)
     if shape == "circle":
         angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-        return half * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+        return np.asarray(half * np.stack((np.cos(angle), np.sin(angle)), axis=1))
     if shape == "star":
         angle = np.arange(10) * np.pi / 5 + turn
         radius = np.where(np.arange(10) % 2 == 0, half, 0.45 * half)[:, None]
-        return radius * np.stack((np.cos(angle), np.sin(angle)), axis=1)
+        return np.asarray(radius * np.stack((np.cos(angle), np.sin(angle)), axis=1))
     if shape == "diamond":
         points = np.array([(half, 0), (0, 0.6 * half), (-half, 0), (0, -0.6 * half)])
     else:
         width = half * (rng.uniform(0.3, 0.8) if shape == "rectangle" else 1.0)
         points = np.array([(half, width), (-half, width), (-half, -width), (half, -width)])
     c, s = np.cos(turn), np.sin(turn)
-    return points @ np.array([[c, s], [-s, c]])
+    return np.asarray(points @ np.array([[c, s], [-s, c]]))
 
 
 def wall_lines(grid: OccupancyGrid, config: RoseConfig) -> NDArray[np.float64]:
@@ -263,7 +263,9 @@ def table(trials: Iterable[ClutterTrial], key: str) -> dict[str, tuple[int, floa
     return {
         name: (
             len(group),
-            *(float(np.median([getattr(t, k) for t in group])) for k in ("precision", "recall", "score")),
+            float(np.median([t.precision for t in group])),
+            float(np.median([t.recall for t in group])),
+            float(np.median([t.score for t in group])),
         )
         for name, group in groups.items()
     }

@@ -20,7 +20,6 @@ from layoutexplore.grid_io import load_grid
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
 
-
 SCHOOL_RESOLUTION = 0.1
 """Metres a pixel assumed for the school maps: at the scale fitted to their truth a pixel is about 0.12 m."""
 

@@ -93,7 +93,7 @@ def find_structure(occupied: NDArray[np.bool_], resolution: float, config: Declu
     crop = occupied[box]
     side = scipy.fft.next_fast_len(max(*crop.shape, 8), real=True)
     side += side % 2
-    spectrum = scipy.fft.rfft2(crop.astype(np.float32), s=(side, side))
+    spectrum = np.asarray(scipy.fft.rfft2(crop.astype(np.float32), s=(side, side)), np.complex64)
     profile = _angle_profile(spectrum, side, resolution, config)
     directions, score = dominant_directions(profile, config)
     if len(directions):
@@ -104,7 +104,7 @@ def find_structure(occupied: NDArray[np.bool_], resolution: float, config: Declu
 
 
 def wall_surface(grid: OccupancyGrid, depth: float) -> NDArray[np.bool_]:
-    """bool (rows, cols): occupied cells within `depth` metres of free space: of solid masses and thick walls, the surface.
+    """Occupied cells within `depth` metres of free space, bool (rows, cols): of solid masses, the surface.
 
     Args:
         grid: The grid.
@@ -114,7 +114,7 @@ def wall_surface(grid: OccupancyGrid, depth: float) -> NDArray[np.bool_]:
     free = (grid.cells == FREE).view(np.uint8)
     reach = max(round(depth / grid.resolution), 1)
     near = cv2.dilate(free, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
-    return occupied & near.view(np.bool_)
+    return np.asarray(occupied & near.view(np.bool_))
 
 
 def bounding_box(mask: NDArray[np.bool_]) -> tuple[slice, slice] | None:

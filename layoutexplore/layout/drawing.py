@@ -92,7 +92,7 @@ class _Canvas:
         c, s = np.cos(origin.theta), np.sin(origin.theta)
         local = (points - (origin.x, origin.y)) @ np.array([[c, -s], [s, c]])
         at = (local / self.grid.resolution - self.low[::-1]) * self.scale - 0.5
-        return np.rint(at * 16).astype(np.int32)
+        return np.asarray(np.rint(at * 16), np.int32)
 
     def line(self, image: Image, start: NDArray[np.float64], end: NDArray[np.float64], colour: Colour, width: int) -> None:
         a, b = self.pixels(np.stack((start, end))).tolist()

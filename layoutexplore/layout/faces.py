@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from layoutexplore.layout.segments import AlignedSegments
+from layoutexplore.layout.walls import sums
 
 Box = tuple[float, float, float, float]
 """x0, y0, x1, y1 in metres of the local frame."""
@@ -129,7 +130,7 @@ def arrange(lines: LineSet) -> Arrangement:
         connection="weak",
     )
     a, b = vertices[origin], vertices[origin[np.arange(len(origin)) ^ 1]]
-    area = np.bincount(cycle, (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2)
+    area = sums(cycle.astype(np.int64), (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2)
     bounded = area > 0
     rank = np.where(bounded, np.cumsum(bounded) - 1, -1)
     return Arrangement(
@@ -183,7 +184,7 @@ def _next_half_edges(origin: NDArray[np.int64], angle: NDArray[np.float64]) -> N
     last = np.searchsorted(sorted_origin, sorted_origin, side="right") - 1
     twin_place = place[np.arange(len(origin)) ^ 1]
     previous = np.where(twin_place == first[twin_place], last[twin_place], twin_place - 1)
-    return order[previous]
+    return np.asarray(order[previous])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,9 +19,9 @@ def to_world(points: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:
         [[2.0, 4.0]]
     """
     if not origin.theta:
-        return points + (origin.x, origin.y)
+        return points + np.array((origin.x, origin.y))
     c, s = np.cos(origin.theta), np.sin(origin.theta)
-    return np.asarray(points @ np.array([[c, s], [-s, c]]) + (origin.x, origin.y))
+    return np.asarray(points @ np.array([[c, s], [-s, c]]) + np.array((origin.x, origin.y)))
 
 
 def angles_to_world(angles: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:

@@ -15,16 +15,8 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
-from layoutexplore.layout.assembly import (
-    FaceConfig,
-    FaceModel,
-    WallModel,
-    assemble,
-    build_faces,
-    clean_grid,
-    find_rooms,
-    with_lines,
-)
+from layoutexplore.layout.assembly import assemble, clean_grid
+from layoutexplore.layout.face_model import FaceConfig, FaceModel, WallModel, build_faces, find_rooms, with_lines
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.segments import SegmentConfig, angle_between, find_segments, project, segment_angles
 from layoutexplore.layout.timing import StageTimer
@@ -195,14 +187,14 @@ def without_islands(walls: NDArray[np.bool_], resolution: float, gap: float, siz
     count, part = cv2.connectedComponents(grown, connectivity=8, ltype=cv2.CV_32S)
     part[~walls] = 0
     rows, cols = np.nonzero(part)
-    of = part[rows, cols]
-    span = np.zeros(count)
+    group = np.asarray(part[rows, cols], np.int64)
+    span = np.zeros(count, np.int64)
     for at in (rows, cols):
-        low, high = np.full(count, np.inf), np.full(count, -np.inf)
-        np.minimum.at(low, of, at)
-        np.maximum.at(high, of, at)
+        low, high = np.full(count, part.size, np.int64), np.zeros(count, np.int64)
+        np.minimum.at(low, group, at)
+        np.maximum.at(high, group, at)
         span = np.maximum(span, high - low + 1)
-    return walls & (span * resolution > size)[part]
+    return np.asarray(walls & (span * resolution > size)[part])
 
 
 def _closing_lines(grid: OccupancyGrid, model: WallModel, faces: FaceModel, room: NDArray[np.int64]) -> list[tuple[int, float]]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.layout.faces import Arrangement
-from layoutexplore.layout.walls import components
+from layoutexplore.layout.walls import components, sums
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,12 +59,12 @@ def face_graph(arrangement: Arrangement, covered: NDArray[np.float64], group: ND
     low, high = np.minimum(a, b)[differ], np.maximum(a, b)[differ]
     pair, inverse = np.unique(low * count + high, return_inverse=True)
     inverse = inverse.reshape(-1)
-    length = np.bincount(inverse, arrangement.edge_length[between][differ], len(pair))
+    length = sums(inverse, arrangement.edge_length[between][differ], len(pair))
     return FaceGraph(
         first=pair // max(count, 1),
         second=pair % max(count, 1),
         length=length,
-        covered=np.bincount(inverse, covered[between][differ], len(pair)),
+        covered=sums(inverse, covered[between][differ], len(pair)),
     )
 
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import OccupancyGrid
-from layoutexplore.layout.assembly import FaceConfig, WallModel, assemble, build_faces, clean_grid, find_rooms
+from layoutexplore.layout.assembly import assemble, clean_grid
 from layoutexplore.layout.declutter import DeclutterConfig, Structure, find_structure, wall_surface
+from layoutexplore.layout.face_model import FaceConfig, WallModel, build_faces, find_rooms
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.segments import SegmentConfig, align, find_segments
 from layoutexplore.layout.timing import StageTimer
@@ -86,7 +87,8 @@ def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
     if config.split and room.max(initial=-1) >= 0:
         with timer("topology"):
             model, faces, room = split_rooms(grid, model, faces, room, config, config)
-    return assemble("rose2", grid, model, faces, room, timer)
+    doubts = (f"structure score {structure.score:.2f} is above 0.4: do not trust the layout",) if structure.score > 0.4 else ()
+    return assemble("rose2", grid, model, faces, room, timer, doubts)
 
 
 def with_perpendicular(structure: Structure) -> Structure:

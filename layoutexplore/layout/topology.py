@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OccupancyGrid
-from layoutexplore.layout.assembly import FaceConfig, FaceModel, WallModel, arrange_lines, face_model, line_weights, with_lines
+from layoutexplore.layout.face_model import FaceConfig, FaceModel, WallModel, arrange_lines, face_model, line_weights, with_lines
 from layoutexplore.layout.faces import Arrangement
 from layoutexplore.layout.rooms import merge_small, renumber
 from layoutexplore.layout.walls import components
@@ -105,7 +105,7 @@ def _find_cuts(
     large = size * grid.resolution**2 >= options.split_area
     at = np.flatnonzero(part.reshape(-1) >= 0)
     at = at[large[part.reshape(-1)[at]]]
-    part_of, room_of = part.reshape(-1)[at], labels.reshape(-1)[at]
+    part_of, room_of = part.reshape(-1)[at].astype(np.int64), labels.reshape(-1)[at]
     owner = np.full(len(size), -1, np.int64)
     owner[part_of] = room_of
     parts_in_room = np.bincount(owner[owner >= 0], minlength=1)

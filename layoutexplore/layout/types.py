@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import shapely
@@ -148,6 +148,13 @@ class LayoutRoom:
         return float(self.polygon.area)
 
 
+class FaceSource(Protocol):
+    """The arrays of a method, from which the faces can be built."""
+
+    def build(self) -> list[Face]:
+        """The faces, in order."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Layout:
     """The reconstructed layout of a grid, with every intermediate result that the method computes.
@@ -165,6 +172,7 @@ class Layout:
         lines: Representative lines, the box's border last.
         timings: Seconds a stage, in the order in which they ran.
         warnings: What went wrong or is missing, in words.
+        face_source: What builds `faces` when they are asked for; None for methods without faces.
     """
 
     method: str
@@ -179,7 +187,7 @@ class Layout:
     lines: tuple[Line, ...] = ()
     timings: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-    face_source: Any = None
+    face_source: FaceSource | None = None
 
     @cached_property
     def faces(self) -> tuple[Face, ...]:

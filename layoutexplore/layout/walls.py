@@ -93,7 +93,7 @@ def summarise(segments: AlignedSegments, group: NDArray[np.int64]) -> WallGroups
         offset=grouped_median(segments.offset, segments.length, group, count),
         start=start,
         end=end,
-        length=np.bincount(group, segments.length, count),
+        length=sums(group, segments.length, count),
     )
 
 
@@ -116,14 +116,19 @@ def grouped_median(
     return values[first] if count else np.zeros(0)
 
 
+def sums(index: NDArray[np.int64], weights: NDArray[np.float64], count: int = 0) -> NDArray[np.float64]:
+    """Sum of the weights (n,) of each index (n,), float64 (count or more,)."""
+    return np.asarray(np.bincount(index, weights, count), np.float64)
+
+
 def components(first: NDArray[np.int64], second: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Connected components int64 (count,) of an undirected graph, numbered by their first member."""
     graph = scipy.sparse.coo_array((np.ones(len(first), np.int8), (first, second)), shape=(count, count))
     _, label = connected_components(graph, directed=False)
-    _, first_member, label = np.unique(label, return_index=True, return_inverse=True)
+    _, first_member, inverse = np.unique(label, return_index=True, return_inverse=True)
     rank = np.empty(len(first_member), np.int64)
     rank[np.argsort(first_member)] = np.arange(len(first_member))
-    return rank[label.reshape(-1)]
+    return rank[inverse.reshape(-1)]
 
 
 def _pairs_within(
