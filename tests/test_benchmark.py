@@ -19,6 +19,7 @@ from layoutexplore.benchmark.config import BenchmarkConfig, read_config
 from layoutexplore.benchmark.episode import (
     TIMING_COLUMNS,
     Row,
+    _Timed,
     corners,
     knows_the_plan,
     play,
@@ -440,4 +441,12 @@ def test_table_by_plan() -> None:
 
 
 def test_who_knows_the_plan() -> None:
-    assert knows_the_plan("clairvoyant") and not knows_the_plan("nearest")
+    assert knows_the_plan("clairvoyant") and knows_the_plan("layout-tour") and not knows_the_plan("nearest")
+
+
+def test_predicting_is_part_of_deciding(plans: Path) -> None:
+    simulation, agent = prepare(str(plans / "house.geojson"), SimulationConfig(), "layout-nearest:predictor=oracle")
+    episode = play(simulation, agent)
+    timed = simulation.predictor
+    assert simulation.stop_reason == "coverage" and isinstance(timed, _Timed)
+    assert timed.ms > 0 and timed.name == "oracle" and len(episode.decision_ms) == simulation.decisions

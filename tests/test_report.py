@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutexplore.benchmark.analysis import Comparison
+from layoutexplore.benchmark.analysis import Comparison, compare
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
 from layoutexplore.benchmark.episode import Row
 from layoutexplore.benchmark.runner import run_benchmark
@@ -123,23 +123,23 @@ def test_the_tables_are_read_by_pandas(folder: ResultsFolder) -> None:
 def test_a_report_without_the_baseline(folder: ResultsFolder) -> None:
     html = write_report(folder, baseline="tour")[0].read_text()
     assert "The agent tour did not run" in html and "Mean metres" in html
-    assert headline(folder.rows(), "tour")[0] == ("agent", "metres to 90 %", "metres to 95 %", "metres to 99 %")
+    assert headline(folder.rows(), "tour", [])[0] == ("agent", "metres to 90 %", "metres to 95 %", "metres to 99 %")
     write_report(folder)
 
 
 def test_failed_runs_are_listed(folder: ResultsFolder) -> None:
     rows = folder.rows()
     rows[0] = Row(**{f: getattr(rows[0], f) for f in ("plan", "start", "sensor", "agent", "seed")}, error="Boom: <b>no</b>")
-    html = render("exploration.html", **build(folder, rows, folder.manifest(), "nearest"))
+    html = render("exploration.html", **build(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest")))
     assert "Failed runs" in html and "Boom: &lt;b&gt;no&lt;/b&gt;" in html and "<b>1</b>failed" in html
 
 
 def test_nothing_ended_well(folder: ResultsFolder) -> None:
     rows = [dataclasses.replace(row, error="Boom: no") for row in folder.rows()]
-    view = build(folder, rows, folder.manifest(), "nearest")
+    view = build(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
     assert "No run has ended well" in render("exploration.html", **view)
     assert "Boom: no" in render("exploration.md", **view)
-    assert headline(rows, "nearest") == [("agent",)]
+    assert headline(rows, "nearest", []) == [("agent",)]
 
 
 def test_a_folder_without_a_benchmark(tmp_path: Path) -> None:

@@ -132,11 +132,13 @@ def _command_line() -> str:
 
 
 def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig) -> None:
+    from layoutexplore.benchmark.analysis import compare
     from layoutexplore.report.exploration import headline, write_report
 
-    paths = write_report(outcome.folder, baseline=config.baseline)
+    comparisons = compare(outcome.rows, config.baseline)
+    paths = write_report(outcome.folder, baseline=config.baseline, comparisons=comparisons)
     console.print()
-    console.print(_table(headline(outcome.rows, config.baseline)))
+    console.print(_table(headline(outcome.rows, config.baseline, comparisons)))
     for row in outcome.failed[:5]:
         console.print(f"failed: {row.plan}, start {row.start}, {row.sensor}, {row.agent}: {row.error}", soft_wrap=True)
     if len(outcome.failed) > 5:

@@ -83,13 +83,21 @@ class Picture:
     height: int
     way: Way
 
+    @property
+    def wide(self) -> bool:
+        """Whether the plan needs a wide frame to be seen."""
+        return self.width > 2.2 * self.height
 
-def write_report(folder: ResultsFolder, *, baseline: str | None = None) -> list[Path]:
+
+def write_report(
+    folder: ResultsFolder, *, baseline: str | None = None, comparisons: list[Comparison] | None = None
+) -> list[Path]:
     """Write report.html, report.md, summary.csv and results.parquet into a results folder.
 
     Args:
         folder: What `layoutexplore benchmark` left.
         baseline: The agent to compare with; None for the one of the run.
+        comparisons: Its comparisons, where they are known already.
 
     Returns:
         The files written, the page first.
@@ -99,7 +107,8 @@ def write_report(folder: ResultsFolder, *, baseline: str | None = None) -> list[
     """
     manifest = folder.manifest()
     rows = sorted(folder.rows(), key=lambda row: row.key)
-    view = build(folder, rows, manifest, baseline or str(manifest["baseline"]))
+    baseline = baseline or str(manifest["baseline"])
+    view = build(folder, rows, manifest, baseline, compare(rows, baseline) if comparisons is None else comparisons)
     written = []
     for name, template in (("report.html", "exploration.html"), ("report.md", "exploration.md")):
         with atomic(folder.path / name) as temporary:
@@ -108,10 +117,11 @@ def write_report(folder: ResultsFolder, *, baseline: str | None = None) -> list[
     return [*written, *_write_tables(folder.path, rows, view["comparisons"])]
 
 
-def build(folder: ResultsFolder, rows: list[Row], manifest: dict[str, Any], baseline: str) -> dict[str, Any]:
+def build(
+    folder: ResultsFolder, rows: list[Row], manifest: dict[str, Any], baseline: str, comparisons: list[Comparison]
+) -> dict[str, Any]:
     """Everything that the templates show."""
     curves = functools.cache(lambda row: folder.episode(row)[0])
-    comparisons = compare(rows, baseline)
     summaries = summarise(rows, baseline, curves)
     parts = groups(rows)
     shown = []
@@ -146,13 +156,13 @@ def build(folder: ResultsFolder, rows: list[Row], manifest: dict[str, Any], base
     }
 
 
-def headline(rows: Sequence[Row], baseline: str) -> list[tuple[str, ...]]:
+def headline(rows: Sequence[Row], baseline: str, comparisons: Sequence[Comparison]) -> list[tuple[str, ...]]:
     """The table for the terminal: a header, then a row an agent, best first."""
     parts = groups(rows)
     if not parts:
         return [("agent",)]
     name, part = next(iter(parts.items()))
-    comparisons = [c for c in compare(rows, baseline) if c.sensor == name]
+    comparisons = [c for c in comparisons if c.sensor == name]
     levels = [(m, f"{m[1:]} %") for m in METRICS]
     if not comparisons:
         table = _table(part, [], summarise(part, baseline, lambda row: (_ for _ in ()).throw(LookupError(row))))
