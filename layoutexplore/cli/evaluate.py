@@ -1,0 +1,179 @@
+"""`layoutexplore evaluate`: the layout methods against ground truth."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from layoutexplore.evaluation.segmentation import MapScore
+
+group = typer.Typer(name="evaluate", help="Score the layout methods against ground truth.", no_args_is_help=True)
+
+Methods = Annotated[list[str] | None, typer.Option("--method", "-m", help="Method; repeat for several side by side.")]
+Resolution = Annotated[float, typer.Option(help="Metres a pixel.")]
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Processes; compare times with 1 only.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add `evaluate` to the command line."""
+    app.add_typer(group)
+
+
+@group.command("segmentation", epilog="Example: layoutexplore evaluate segmentation maps/ -m default -m rose2 --out report")
+def segmentation(
+    folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
+    method: Methods = None,
+    protocol: Annotated[str, typer.Option(help="rose2, or bormann: segments and rooms up to 100 pixels are dropped.")] = "rose2",
+    folds: Annotated[int, typer.Option(help="Cross-validate the default method over so many folds of buildings.")] = 0,
+    buildings: Annotated[
+        Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME), for the folds.")
+    ] = None,
+    simulated: Annotated[int, typer.Option(min=0, help="Simulated maps each fold is trained on besides.")] = 120,
+    resolution: Resolution = 0.05,
+    json_file: JsonFile = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for report.html, results.csv and a picture per map.")] = None,
+    jobs: Jobs = 1,
+) -> None:
+    """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all."""
+    from layoutexplore.errors import ConfigError
+    from layoutexplore.evaluation.segmentation import evaluate_cases, find_cases, summarise
+    from layoutexplore.layout.registry import layout_method
+    from layoutexplore.segmentation_metrics import PROTOCOLS
+
+    if protocol not in PROTOCOLS:
+        raise ConfigError(f"unknown protocol {protocol!r}: known are {', '.join(PROTOCOLS)}")
+    methods = list(dict.fromkeys(method or ["default"]))
+    for name in methods:
+        layout_method(name)
+    cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
+    if folds:
+        if methods != ["default"]:
+            raise ConfigError("--folds cross-validates the default method, the only one that is trained")
+        from layoutexplore.evaluation.cross_validation import cross_validate
+
+        results = cross_validate(cases, folds, protocol=protocol, resolution=resolution, simulated=simulated)
+    else:
+        results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
+    collected = []
+    for case, row, labels in results:
+        collected.append((case, row, labels))
+        typer.echo(_line(row))
+    rows = [row for _, row, _ in collected]
+    _print_summary(summarise(rows))
+    if json_file is not None:
+        numbers = {"protocol": protocol, "resolution": resolution, "folds": folds, "maps": [asdict(r) for r in rows]}
+        _write_json(json_file, numbers | {"summary": summarise(rows)})
+    if out is not None:
+        from layoutexplore.evaluation.segmentation_report import write_report
+
+        title = "Room segmentation" + (f", {folds} folds of buildings" if folds else "")
+        for path in write_report(out, collected, title=title, protocol=protocol, resolution=resolution):
+            typer.echo(f"written: {path}")
+
+
+def _line(row: MapScore) -> str:
+    from layoutexplore.segmentation_metrics import MEASURES
+
+    values = " ".join(f"{100 * getattr(row, m):5.1f}" for m in MEASURES)
+    note = f"  ({row.warnings})" if row.warnings else ""
+    return f"{row.folder}/{row.map} {row.method}: {values}  {row.segments}/{row.rooms} rooms  {row.ms:.0f} ms{note}"
+
+
+def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from layoutexplore.segmentation_metrics import MEASURES
+
+    names = ("P", "R", "IoU_s", "IoU_g", "1-1", "A_FC", "A_BC")
+    table = Table("set", "method", "maps", *names, "segments/rooms", "ms", box=None)
+    for line in lines:
+        values = [f"{100 * line[m]:.1f}±{100 * line[m + '_std']:.1f}" for m in MEASURES]
+        counts = f"{line['segments']:.1f}/{line['rooms']:.1f}"
+        table.add_row(
+            line["folder"], line["method"], str(line["maps"]), *values, counts, f"{line['ms']:.0f}±{line['ms_std']:.0f}"
+        )
+    console = Console()
+    (console if console.is_terminal else Console(width=200)).print(table)
+
+
+def _read_buildings(path: Path) -> dict[str, str]:
+    from layoutexplore.errors import ConfigError
+
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        return {row["map"]: row["building"] for row in rows}
+    except (OSError, KeyError, csv.Error, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: a CSV with the columns map and building is needed: {error!r}") from error
+
+
+def _write_json(path: Path, data: dict[str, Any]) -> None:
+    from layoutexplore.grid_io import write_atomically
+
+    write_atomically(path, (json.dumps(data, indent=1) + "\n").encode())
+    typer.echo(f"written: {path}")
+
+
+@group.command("layout", epilog="Example: layoutexplore evaluate layout schools/ -m default -m ias15")
+def layout(
+    folder: Annotated[Path, typer.Argument(help="Folder with NAME.png and NAME_gt.xml.")],
+    method: Methods = None,
+    resolution: Resolution = 0.1,
+    json_file: JsonFile = None,
+) -> None:
+    """Layouts of grid maps against floor plans, stretched onto the walls: A_FC and A_BC (IAS-15)."""
+    import numpy as np
+
+    from layoutexplore.errors import MapError
+    from layoutexplore.evaluation.schools import read_outlines, score_layout
+    from layoutexplore.grid_io import load_grid
+    from layoutexplore.layout.pipeline import reconstruct
+
+    pairs = [(p, p.with_name(f"{p.stem}_gt.xml")) for p in sorted(folder.glob("*.png"))]
+    pairs = [(image, truth) for image, truth in pairs if truth.is_file()]
+    if not pairs:
+        raise MapError(f"{folder}: no map NAME.png with its floor plan NAME_gt.xml")
+    rows: list[dict[str, Any]] = []
+    for name in dict.fromkeys(method or ["default"]):
+        for image, truth in pairs:
+            found = reconstruct(load_grid(image, resolution=resolution), name)
+            row = {"map": image.stem, "method": name} | asdict(score_layout(found, read_outlines(truth)))
+            rows.append(row | {"ms": 1000 * found.seconds})
+            typer.echo(
+                f"{image.stem} {name}: A_FC {100 * row['a_fc']:.1f} A_BC {100 * row['a_bc']:.1f} "
+                f"P {100 * row['precision']:.1f} R {100 * row['recall']:.1f}  {row['rooms']}/{row['true_rooms']} rooms"
+            )
+        part = [r for r in rows if r["method"] == name]
+        means = [f"{key} {np.mean([100 * r[key] for r in part]):.1f}±{np.std([100 * r[key] for r in part]):.1f}"
+                 for key in ("a_fc", "a_bc", "precision", "recall")]  # fmt: skip
+        typer.echo(f"{name}, {len(part)} maps: {', '.join(means)}")
+    if json_file is not None:
+        _write_json(json_file, {"resolution": resolution, "maps": rows})
+
+
+@group.command("clutter", epilog="Example: layoutexplore evaluate clutter maps/*.png")
+def clutter(
+    maps: Annotated[list[Path], typer.Argument(help="Clean grid maps, images or ROS YAML; or folders of images.")],
+    resolution: Resolution = 0.05,
+    json_file: JsonFile = None,
+) -> None:
+    """ROSE on clean maps with clutter added: precision, recall, W against precision, wall-line error with and without it."""
+    from layoutexplore.evaluation.clutter import run_study
+    from layoutexplore.grid_io import load_grid
+
+    files = [f for path in maps for f in (sorted(path.glob("*.png")) if path.is_dir() else [path])]
+    files = [f for f in files if not f.stem.endswith("_gt")]
+    summary, trials = run_study({f.stem: load_grid(f, resolution=resolution) for f in files})
+    for key, value in asdict(summary).items():
+        typer.echo(f"{key.replace('_', ' ')}: {value}")
+    if json_file is not None:
+        _write_json(json_file, {"summary": asdict(summary), "trials": [asdict(t) for t in trials]})

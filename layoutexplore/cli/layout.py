@@ -1,0 +1,94 @@
+"""`layoutexplore layout`: rooms, walls and lines of grid maps, as label images, GeoJSON and pictures."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+
+def register(app: typer.Typer) -> None:
+    """Add `layout` to the command line."""
+    app.command("layout", epilog="Example: layoutexplore layout floor.yaml --out layouts")(layout)
+
+
+def layout(
+    maps: Annotated[list[Path], typer.Argument(help="ROS map YAML files or images.")],
+    method: Annotated[
+        str, typer.Option("--method", "-m", help="default, rose2, ias15, rose, morphological, distance or voronoi.")
+    ] = "default",
+    resolution: Annotated[float | None, typer.Option(help="Metres a pixel of plain images (0.05 without).")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path(),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a map instead of a line.")] = False,
+    jobs: Annotated[int, typer.Option(min=1, help="Maps done at the same time.")] = 1,
+) -> None:
+    """Reconstruct the layout of grid maps.
+
+    Writes NAME_labels.png (16-bit room ids in the image's own orientation, 0 for none), NAME_layout.geojson and
+    NAME_overview.png for each map.
+    """
+    from layoutexplore.errors import ConfigError
+    from layoutexplore.layout.registry import layout_method
+
+    layout_method(method)
+    names = [path.stem for path in maps]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigError(f"several maps are called {', '.join(twice)}: their results would overwrite each other")
+    out.mkdir(parents=True, exist_ok=True)
+    work = [(path, method, resolution, out) for path in maps]
+    if jobs == 1 or len(work) == 1:
+        for item in work:
+            _say(_reconstruct(item), as_json)
+        return
+    with ProcessPoolExecutor(min(jobs, len(work)), mp_context=get_context("spawn")) as pool:
+        for summary in pool.map(_reconstruct, work):
+            _say(summary, as_json)
+
+
+def _say(summary: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps(summary))
+        return
+    note = f"  warning: {'; '.join(summary['warnings'])}" if summary["warnings"] else ""
+    score = "" if summary["structure_score"] is None else f", W {summary['structure_score']:.2f}"
+    typer.echo(
+        f"{summary['map']}: {summary['rooms']} rooms, {summary['room_area']:.0f} m2{score}, {summary['ms']:.0f} ms"
+        f" -> {summary['labels']}{note}"
+    )
+
+
+def _reconstruct(item: tuple[Path, str, float | None, Path]) -> dict[str, Any]:
+    """Reconstruct one map, write its files, and sum up."""
+    import cv2
+    import numpy as np
+
+    from layoutexplore.grid_io import load_grid, write_atomically
+    from layoutexplore.layout.pipeline import reconstruct
+
+    path, method, resolution, out = item
+    grid = load_grid(path, resolution=resolution)
+    found = reconstruct(grid, method)
+    labels = out / f"{path.stem}_labels.png"
+    overview = out / f"{path.stem}_overview.png"
+    geojson = out / f"{path.stem}_layout.geojson"
+    write_atomically(labels, cv2.imencode(".png", found.room_labels().astype(np.uint16)[::-1])[1].tobytes())
+    write_atomically(overview, cv2.imencode(".png", found.draw(grid)[:, :, ::-1])[1].tobytes())
+    write_atomically(geojson, (json.dumps(found.to_geojson()) + "\n").encode())
+    return {
+        "map": str(path),
+        "method": method,
+        "rooms": len(found.rooms),
+        "room_area": round(sum(room.area for room in found.rooms), 3),
+        "structure_score": None if np.isnan(found.structure_score) else round(found.structure_score, 4),
+        "ms": round(1000 * found.seconds, 2),
+        "timings": {stage: round(1000 * seconds, 3) for stage, seconds in found.timings.items()},
+        "warnings": list(found.warnings),
+        "labels": str(labels),
+        "overview": str(overview),
+        "geojson": str(geojson),
+    }

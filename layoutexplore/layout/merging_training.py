@@ -1,0 +1,163 @@
+"""Training the judge of the default method on maps whose rooms are known.
+
+A map's pieces are labelled by the room most of their cells lie in. The pieces are merged in the order in which the judge
+trained so far would merge them, but only where that is right, and every pair looked at on the way is a sample: so the
+judge learns from the very unions it meets. Every building weighs the same, and the simulated maps together as much as
+all real ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.grid import FREE
+from layoutexplore.layout.default import DefaultConfig, find_pieces
+from layoutexplore.layout.default_turn import turn_back
+from layoutexplore.layout.merging import FEATURES, Forest, judge_with_truth
+from layoutexplore.layout.merging_graph import PieceGraph
+from layoutexplore.layout.timing import StageTimer
+
+SIMULATED = "simulated"
+"""Building of the simulated maps."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingConfig:
+    """How the judge is trained.
+
+    Attributes:
+        rounds: Times the samples are collected, each with the judge of the round before.
+        trees: Trees of the forest.
+        leaves: Leaves of a tree.
+        rate: Learning rate.
+        simulated_weight: Weight of all simulated maps together over that of all real ones.
+    """
+
+    rounds: int = 2
+    trees: int = 80
+    leaves: int = 10
+    rate: float = 0.12
+    simulated_weight: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """A map to learn from.
+
+    Attributes:
+        graph: Its pieces.
+        rooms: float64 (pieces + 1, rooms + 1), known free cells of each piece in each true room, column 0 in none.
+        building: Maps of one building are trained on together or not at all.
+        kind: Maps of one kind and building share one weight.
+    """
+
+    graph: PieceGraph
+    rooms: NDArray[np.float64]
+    building: str
+    kind: str
+
+
+def make_example(
+    cells: NDArray[np.int8],
+    truth: NDArray[np.int32],
+    resolution: float,
+    *,
+    building: str,
+    kind: str,
+    config: DefaultConfig | None = None,
+) -> Example:
+    """Cut a map into pieces and count whose they are.
+
+    Args:
+        cells: int8 (rows, cols), the map.
+        truth: int32 (rows, cols), true room of each cell, 0 for none.
+        resolution: Metres a cell.
+        building: Name of the building.
+        kind: Kind of map, such as "empty".
+        config: Options of the default method.
+    """
+    pieces = find_pieces(cells, resolution, config or DefaultConfig(), StageTimer())
+    labels = turn_back(pieces.labels, pieces.turned, (cells.shape[0], cells.shape[1]))
+    free = cells == FREE
+    columns = int(truth.max(initial=0)) + 1
+    keys = labels[free].astype(np.int64) * columns + truth[free]
+    counts = np.bincount(keys, minlength=len(pieces.graph.nodes) * columns).reshape(-1, columns).astype(np.float64)
+    return Example(pieces.graph, counts, building, kind)
+
+
+def first_forest() -> Forest:
+    """The judge of the first round: merge wide passes between pieces that are open to each other."""
+    feature = [FEATURES.index("pass_ratio_small"), -1, -1, FEATURES.index("openness"), -1, -1]
+    threshold = [0.8, -1.0, 1.0, 0.8, -1.0, 1.0]
+    left, right, roots = [1, 0, 0, 4, 0, 0], [2, 0, 0, 5, 0, 0], [0, 3]
+    return Forest(*(np.array(v, t) for v, t in ((feature, np.int32), (threshold, np.float64), (left, np.int32))),
+                  np.array(right, np.int32), np.array(roots, np.int32), 0.0)  # fmt: skip
+
+
+def train_forest(examples: Sequence[Example], config: TrainingConfig | None = None) -> Forest:
+    """Train a judge.
+
+    Args:
+        examples: Maps of at least one building.
+        config: The options.
+    """
+    config = config or TrainingConfig()
+    forest, samples, keys = first_forest(), [], []
+    for _ in range(config.rounds):
+        for example in examples:
+            samples.append(judge_with_truth(example.graph, forest, example.rooms))
+            keys.append((example.building, example.kind))
+        forest = _fit(samples, keys, config)
+    return forest
+
+
+def _fit(samples: list[NDArray[np.float64]], keys: list[tuple[str, str]], config: TrainingConfig) -> Forest:
+    from sklearn.ensemble import HistGradientBoostingClassifier
+
+    totals: dict[tuple[str, str], float] = {}
+    for part, key in zip(samples, keys, strict=True):
+        totals[key] = totals.get(key, 0.0) + float(part[:, -1].sum())
+    real = max(sum(building != SIMULATED for building, _ in totals), 1)
+    simulated = max(len(totals) - sum(building != SIMULATED for building, _ in totals), 1)
+    scale = {key: config.simulated_weight * real / simulated if key[0] == SIMULATED else 1.0 for key in totals}
+    weights = np.concatenate([p[:, -1] * scale[k] / max(totals[k], 1e-9) for p, k in zip(samples, keys, strict=True)])
+    table = np.vstack(samples)
+    model = HistGradientBoostingClassifier(
+        max_iter=config.trees,
+        learning_rate=config.rate,
+        max_leaf_nodes=config.leaves,
+        min_samples_leaf=30,
+        l2_regularization=5.0,
+        early_stopping=False,
+        random_state=0,
+    )
+    model.fit(table[:, : len(FEATURES)], table[:, -2], sample_weight=weights * len(weights) / weights.sum())
+    return _as_forest(model)
+
+
+def _as_forest(model: object) -> Forest:
+    """The trees of scikit-learn's histogram boosting as plain arrays."""
+    parts, roots, begin = [], [], 0
+    for (predictor,) in model._predictors:  # type: ignore[attr-defined]
+        nodes = predictor.nodes
+        leaf = nodes["is_leaf"].astype(bool)
+        parts.append(
+            np.stack(
+                [
+                    np.where(leaf, -1.0, nodes["feature_idx"]),
+                    np.where(leaf, nodes["value"], nodes["num_threshold"]),
+                    np.where(leaf, 0, nodes["left"] + begin),
+                    np.where(leaf, 0, nodes["right"] + begin),
+                ]
+            )
+        )
+        roots.append(begin)
+        begin += len(nodes)
+    feature, threshold, left, right = np.hstack(parts)
+    ints = [v.astype(np.int32) for v in (feature, left, right)]
+    bias = float(np.ravel(model._baseline_prediction)[0])  # type: ignore[attr-defined]
+    return Forest(ints[0], threshold.round(6), ints[1], ints[2], np.array(roots, np.int32), round(bias, 6))
