@@ -33,7 +33,7 @@ class FaceConfig:
         edge_weight: An edge of a dropped line stays when at least this share of it is covered.
         edge_length: ... and when it is at least so long, in metres.
         inside_share: A face with a smaller share inside the contour is external.
-        partial_weight: A face next to an external one over an edge of smaller weight is partial.
+        partial_weight: A face next to an external one over an edge of smaller weight is partial; so is one at the border.
         sigma: Scale of an edge's weight in the affinity of the faces on its sides.
         affinity: Least normalised affinity of two faces of one room (1 - eps of DBSCAN).
         room_area: Rooms with less free space, in square metres, join a neighbour.
@@ -178,6 +178,7 @@ def face_model(
     np.add.at(sums, group, totals)
     cells = np.maximum(sums[:, 0], 1)
     external = sums[:, 1] / cells < config.inside_share
+    at_border = _at_border(arrangement, group, count)
     return FaceModel(
         arrangement=arrangement,
         covered=covered,
@@ -190,8 +191,8 @@ def face_model(
         free_area=sums[:, 3] * grid.resolution**2,
         painted=painted,
         region=region,
-        kind=_kinds(graph, external, config.partial_weight),
-        at_border=_at_border(arrangement, group, count),
+        kind=_kinds(graph, external, at_border, config.partial_weight),
+        at_border=at_border,
     )
 
 
@@ -242,8 +243,11 @@ def line_weights(arrangement: Arrangement, model: WallModel) -> tuple[NDArray[np
     return np.minimum(covered, arrangement.edge_length), np.minimum(weight, 1.0)
 
 
-def _kinds(graph: FaceGraph, external: NDArray[np.bool_], partial_weight: float) -> NDArray[np.int64]:
-    kind = np.where(external, 0, 2)
+def _kinds(
+    graph: FaceGraph, external: NDArray[np.bool_], at_border: NDArray[np.bool_], partial_weight: float
+) -> NDArray[np.int64]:
+    """External 0, partial 1 (open towards an external face or the border of the box), internal 2."""
+    kind = np.where(at_border, 1, 2)
     opens = graph.weight < partial_weight
     kind[graph.first[opens & external[graph.second]]] = 1
     kind[graph.second[opens & external[graph.first]]] = 1

@@ -170,6 +170,10 @@ def _edges(
     order = np.lexsort((along, on_line))
     on_line, on_vertex, along = on_line[order], on_vertex[order], along[order]
     step = np.flatnonzero((np.diff(on_line) == 0) & (np.diff(on_vertex) != 0))
+    # Lines that coincide (a wall on the border of the box) share their edges: the first line keeps them.
+    ends = np.sort(np.stack((on_vertex[step], on_vertex[step + 1]), axis=1), axis=1)
+    _, first_edge = np.unique(ends[:, 0] * len(points) + ends[:, 1], return_index=True)
+    step = step[np.sort(first_edge)]
     edges = np.stack((on_vertex[step], on_vertex[step + 1]), axis=1)
     return points, edges, on_line[step], np.stack((along[step], along[step + 1]), axis=1)
 

@@ -19,7 +19,7 @@ def to_world(points: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:
         [[2.0, 4.0]]
     """
     if not origin.theta:
-        return points + np.array((origin.x, origin.y))
+        return np.asarray(points + np.array((origin.x, origin.y)))
     c, s = np.cos(origin.theta), np.sin(origin.theta)
     return np.asarray(points @ np.array([[c, s], [-s, c]]) + np.array((origin.x, origin.y)))
 
