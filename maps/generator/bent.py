@@ -32,6 +32,12 @@ ANGLES = (30.0, 36.0, 40.0, 45.0, 45.0, 50.0, 60.0)
 SHORTEST_WING = 9.0
 """Least length of a wing, m; two thirds of it in a small building."""
 
+LONG = 160.0
+"""Length of all wings from which a building closes up, as a star or as a ring of nearly a full turn, m."""
+
+LARGEST_FAN = 1500.0
+"""Gross area up to which a curved building has rooms on one side and a hall inside its bend, m2."""
+
 SMALL = 300.0
 """Gross area up to which a building is small, m2."""
 
@@ -45,11 +51,11 @@ def _pick(gross: float, rng: np.random.Generator) -> Programme:
 
 
 def angled(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
-    """Wings around one hub of three, or a chain of two to four."""
+    """Three or more wings around one hub, or a chain of two to four."""
     sketch, programme = Sketch(), _pick(gross, rng)
     section = draw_section(programme, gross, 0.3 if gross < SMALL else 0.04, rng)
     run = gross / section.width
-    star = run > 4.5 * SHORTEST_WING and rng.random() < 0.35
+    star = run > 4.5 * SHORTEST_WING and rng.random() < (0.35 if run < LONG else 1.0)
     wings = (_star if star else _chain)(sketch, run, section, programme, rng)
     style = draw_style(programme, config.scale, rng)
     furnish_plots(sketch, [plot for wing in wings for plot in wing.plots], programme, style, gross, rng)
@@ -81,12 +87,13 @@ def _chain(sketch: Sketch, run: float, section: Section, programme: Programme, r
 
 
 def _star(sketch: Sketch, run: float, section: Section, programme: Programme, rng: np.random.Generator) -> list[Wing]:
-    """Three wings around one hub."""
-    spread = math.radians(120.0) + np.radians(rng.uniform(-15.0, 15.0, 2))
-    headings = [0.0, float(spread[0]), float(spread[0] + spread[1])]
-    tightest = min(spread[0], spread[1], 2 * math.pi - spread.sum())
+    """Three to six wings around one hub."""
+    count = max(3, min(6, round(run / 70.0)))
+    spread = 2 * math.pi / count + np.radians(rng.uniform(-15.0, 15.0, count - 1)) * 3 / count
+    headings = [0.0, *np.cumsum(spread).tolist()]
+    tightest = min(float(spread.min()), 2 * math.pi - float(spread.sum()))
     reach = max(section.left, -section.right) / math.tan(tightest / 2) + 0.8
-    lengths = np.maximum(rng.dirichlet(np.full(3, 6.0)) * (run - 1.2 * section.width), SHORTEST_WING)
+    lengths = np.maximum(rng.dirichlet(np.full(count, 6.0)) * (run - 1.2 * section.width), SHORTEST_WING)
     wings, faces = list[Wing](), list[Face]()
     for heading, length in zip(headings, lengths.tolist(), strict=True):
         frame = Straight(0.0, 0.0, heading).ahead(reach)
@@ -98,7 +105,7 @@ def _star(sketch: Sketch, run: float, section: Section, programme: Programme, rn
 
 
 def _hub(sketch: Sketch, faces: Sequence[Face], section: Section, rng: np.random.Generator) -> None:
-    """The space between the end faces of two or three wings: one lobby, or a corridor with rooms in the wedges."""
+    """The space between the end faces of two or more wings: one lobby, or a corridor with rooms in the wedges."""
     half = section.corridor / 2
     whole = _hull(faces, section.right, section.left)
     world = Straight()
@@ -108,9 +115,13 @@ def _hub(sketch: Sketch, faces: Sequence[Face], section: Section, rng: np.random
             sketch.link(corridor, lobby, "open" if rng.random() < 0.6 else "double")
         return
     knee = _hull(faces, -half, half)
-    middle = sketch.room(world, knee, "corridor")
+    wide = knee.area > 60.0
+    middle = sketch.room(world, knee, "lobby" if wide else "corridor")
     for _, _, corridor in faces:
-        join(sketch, middle, corridor, rng)
+        if wide:
+            sketch.link(corridor, middle, "open")
+        else:
+            join(sketch, middle, corridor, rng)
     for wedge in sorted(_parts(whole.difference(knee)), key=lambda p: (-p.area, p.bounds)):
         if wedge.area > 6.0 and not wedge.buffer(-0.75).is_empty:
             uses = ["stairs", "storage", "office", "meeting"] if wedge.area < 30.0 else ["office", "meeting", "open office"]
@@ -137,7 +148,7 @@ def _parts(geometry: shapely.geometry.base.BaseGeometry) -> list[Polygon]:
 def curved(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
     """A wing on an arc, with straight wings before and after it where there is length for them."""
     sketch, programme = Sketch(), _pick(gross, rng)
-    fan = rng.random() < 0.4
+    fan = rng.random() < 0.4 and gross < LARGEST_FAN
     section = draw_section(programme, gross, 0.0, rng)
     if fan:
         section = replace(section, north=0.0, south=max(section.south, section.north))
@@ -146,7 +157,10 @@ def curved(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketc
     spare = 0.85 if fan else 1.0
     run = spare * gross / section.width
     arc_length = run * (1.0 if run < 35.0 or rng.random() < 0.3 else float(rng.uniform(0.45, 0.75)))
-    radius = max(arc_length / math.radians(float(rng.uniform(50.0, 190.0))), inside + (9.0 if fan else 6.0))
+    sweep = float(rng.uniform(50.0, 190.0))
+    if run > LONG:
+        arc_length, sweep = run, 190.0 + sweep / 2
+    radius = max(arc_length / math.radians(sweep), inside + (9.0 if fan else 6.0))
     before = (run - arc_length) * float(rng.choice([0.0, 0.0, 0.3, 0.5]))
     lengths = [length if length >= 6.0 else 0.0 for length in (before, arc_length, run - arc_length - before)]
     wings = _path(sketch, lengths, radius, left, section, programme, rng)
