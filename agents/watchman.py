@@ -31,6 +31,7 @@ _LEAST_DETOUR = 0.3
 _SAMPLING_MARGIN = 3e-4
 """What is planned for beyond a quota, because coverage is counted on a sample of the target."""
 _BATCH = 32
+_STOPS_PLANNED_ANEW = 1200
 _KEPT_LEGS = 4000
 
 
@@ -44,7 +45,7 @@ class RouteConfig:
         early_weight: What a metre before the mark costs more than one after it.
         lattice: Metres between the cells that may become stops.
         scan_spacing: Metres between scans while walking.
-        rounds: How many stretches are planned anew.
+        rounds: How many stretches are planned anew; fewer where more than 40 stops make a round dear.
         stretch: Greatest share of the stops that a round takes out.
         noise: Standard deviation of the logarithm of a factor on each place's detours in a round, for variety.
     """
@@ -87,7 +88,7 @@ class WatchmanPlanner:
         # What no stop shows cannot be asked for.
         self._quotas = [min(q, n) for q, n in zip(self._quotas, self._counts(route), strict=True)]
         self._polish(route)
-        for _ in range(self.config.rounds):
+        for _ in range(min(self.config.rounds, _STOPS_PLANNED_ANEW // len(route.stops))):
             changed = self._ruined(route, rng)
             self._complete(changed, np.exp(self.config.noise * rng.standard_normal(len(self.cells))))
             if self._cost(changed) < 1.05 * self._cost(route):
