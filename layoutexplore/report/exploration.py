@@ -327,7 +327,7 @@ def _columns() -> list[tuple[str, str]]:
 
 def _versions() -> list[tuple[str, str]]:
     found = [("layoutexplore", layoutexplore.__version__), ("Python", platform.python_version())]
-    installed = {name: next(metadata.distributions(name=name), None) for name in PACKAGES}
+    installed = {name: next(iter(metadata.distributions(name=name)), None) for name in PACKAGES}
     found += [(name, package.version) for name, package in installed.items() if package]
     return [*found, ("system", f"{platform.system()} {platform.machine()}")]
 
