@@ -16,12 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
-from layoutexplore.grid_io import load_grid
-from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
-
-SCHOOL_RESOLUTION = 0.1
-"""Metres a pixel assumed for the school maps: at the scale fitted to their truth a pixel is about 0.12 m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,40 +38,6 @@ class LayoutScores:
     recall: float
     rooms: int
     true_rooms: int
-
-
-def evaluate_schools(
-    folder: str | Path, methods: Sequence[str], *, resolution: float = SCHOOL_RESOLUTION
-) -> dict[str, dict[str, LayoutScores]]:
-    """Scores by method and map of every NAME.png of a folder that has a NAME_gt.xml.
-
-    Args:
-        folder: Where the maps lie.
-        methods: Layout methods.
-        resolution: Metres a pixel to assume: the maps are not metric.
-
-    Raises:
-        MapError: The folder has no such pair.
-    """
-    pairs = [(p, p.with_name(f"{p.stem}_gt.xml")) for p in sorted(Path(folder).glob("*.png"))]
-    pairs = [(image, truth) for image, truth in pairs if truth.is_file()]
-    if not pairs:
-        raise MapError(f"{folder}: no NAME.png with a NAME_gt.xml beside it")
-    scores: dict[str, dict[str, LayoutScores]] = {method: {} for method in methods}
-    for image, truth in pairs:
-        grid, rooms = load_grid(image, resolution=resolution), read_outlines(truth)
-        for method in methods:
-            scores[method][image.stem] = score_layout(reconstruct(grid, method), rooms)
-    return scores
-
-
-def mean_scores(scores: dict[str, LayoutScores]) -> dict[str, tuple[float, float]]:
-    """Mean and standard deviation (ddof 0) of each measure over maps."""
-    return {
-        name: (float(np.mean(values)), float(np.std(values)))
-        for name in ("a_bc", "a_fc", "recall", "precision")
-        for values in [[getattr(s, name) for s in scores.values()]]
-    }
 
 
 def read_outlines(path: str | Path) -> list[shapely.Polygon]:
