@@ -288,7 +288,7 @@ def slug(name: str) -> str:
 
     Example:
         >>> slug("tour"), slug("office:12")
-        ('tour', 'office_12-2b9b0bf5')
+        ('tour', 'office_12-41d6e872')
     """
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)
     return name if plain == name and name not in (".", "..") else f"{plain}-{zlib.crc32(name.encode()):08x}"
