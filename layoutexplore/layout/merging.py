@@ -40,9 +40,13 @@ FEATURES = (
     "door_share", "door_width", "door_long_run", "door_short_run",
     "fill_small", "fill_large", "fill_union", "fill_change", "aspect_small", "aspect_large", "aspect_union", "misalignment",
     "line_near", "line_near_min", "line_far", "unknown_small", "unknown_large", "clutter_small", "clutter_large",
-    "wall_small", "wall_large", "straightness", "through", "overhang",
+    "wall_small", "wall_large", "straightness", "through", "facing_small", "facing_large",
+    "only_way_small", "only_way_large", "map_clutter", "map_unknown", "map_radius",
 )  # fmt: skip
 """What is known of a pair of touching pieces, in this order; the small one is the one of less known free space."""
+
+
+FEATURE_COUNT = len(FEATURES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +77,12 @@ def _aspect(rows: float, cols: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _features(
-    a: NDArray[np.float64], b: NDArray[np.float64], e: NDArray[np.float64], resolution: float, out: NDArray[np.float64]
+    a: NDArray[np.float64],
+    b: NDArray[np.float64],
+    e: NDArray[np.float64],
+    resolution: float,
+    world: NDArray[np.float64],
+    out: NDArray[np.float64],
 ) -> None:
     s, t = (a, b) if (a[AREA], a[SPACE]) <= (b[AREA], b[SPACE]) else (b, a)
     n = max(e[OPEN], 1.0)
@@ -117,7 +126,25 @@ def _features(
     out[31] = t[WALL_SIDES] / max(t[SIDES], 1.0)
     out[32] = abs(2 * e[ACROSS_ROWS] - e[OPEN]) / n
     out[33] = e[THROUGH] * resolution
-    out[34] = max(e[OPEN] * resolution, 0.0) / max(min(max(hs, ws), max(ht, wt)) * resolution, 0.05)
+    lying = e[ACROSS_ROWS] / n  # share of the contact that runs along the rows
+    out[34] = e[OPEN] / max(lying * ws + (1 - lying) * hs, 1.0)
+    out[35] = e[OPEN] / max(lying * wt + (1 - lying) * ht, 1.0)
+    out[36] = e[OPEN] / max(s[SIDES] - s[WALL_SIDES] - s[OPEN_END], e[OPEN], 1.0)
+    out[37] = e[OPEN] / max(t[SIDES] - t[WALL_SIDES] - t[OPEN_END], e[OPEN], 1.0)
+    out[38] = world[0]
+    out[39] = world[1]
+    out[40] = world[2]
+
+
+@njit(cache=True, nogil=True)
+def _surroundings(nodes: NDArray[np.float64], resolution: float) -> NDArray[np.float64]:
+    """What is typical of a map: clutter and unknown borders over its space, and the mean radius of its pieces by area."""
+    space = max(nodes[:, SPACE].sum(), 1.0)
+    out = np.empty(3)
+    out[0] = nodes[:, CLUTTER].sum() / space
+    out[1] = nodes[:, OPEN_END].sum() / max(nodes[:, OPEN_END].sum() + nodes[:, WALL_SIDES].sum(), 1.0)
+    out[2] = (nodes[:, PEAK] * nodes[:, SPACE]).sum() / space * resolution
+    return out
 
 
 @njit(cache=True, nogil=True)
@@ -160,7 +187,8 @@ def _agglomerate(
     for e in range(len(ends)):
         slots[ends[e, 0], ends[e, 1]] = e
         slots[ends[e, 1], ends[e, 0]] = e
-    x = np.empty(35)
+    x = np.empty(FEATURE_COUNT)
+    world = _surroundings(nodes, resolution)
     written = 0
     while True:
         best, best_odds = -1, -1e9
@@ -168,18 +196,16 @@ def _agglomerate(
             if gone[e]:
                 continue
             if stale[e]:
-                _features(nodes[ends[e, 0]], nodes[ends[e, 1]], edges[e], resolution, x)
+                _features(nodes[ends[e, 0]], nodes[ends[e, 1]], edges[e], resolution, world, x)
                 odds[e] = _log_odds(x, feature, threshold, left, right, roots, bias)
                 stale[e] = False
                 if learning and written < len(samples):
-                    samples[written, :35] = x
-                    samples[written, 35] = ends[e, 0]
-                    samples[written, 36] = ends[e, 1]
+                    samples[written, :FEATURE_COUNT] = x
                     a, b = truth[ends[e, 0]], truth[ends[e, 1]]
-                    samples[written, 37] = 1.0 if _same_room(a, b) else 0.0
+                    samples[written, FEATURE_COUNT] = 1.0 if _same_room(a, b) else 0.0
                     ra, rb = a.argmax(), b.argmax()
                     pure = min(a[ra] / max(a.sum(), 1.0), b[rb] / max(b.sum(), 1.0))
-                    samples[written, 38] = pure * (0.2 if ra == 0 and rb == 0 else 1.0)
+                    samples[written, FEATURE_COUNT + 1] = pure * (0.2 if ra == 0 and rb == 0 else 1.0)
                     written += 1
             if odds[e] > best_odds:
                 best, best_odds = e, odds[e]
@@ -248,3 +274,25 @@ def merge_pieces(graph: PieceGraph, forest: Forest, *, level: float = 0.0) -> ND
         graph.nodes.copy(), graph.ends.copy(), graph.edges.copy(), graph.resolution, numbers, level, nothing, nothing
     )
     return into
+
+
+def judge_with_truth(graph: PieceGraph, forest: Forest, rooms: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Samples for training: merge as the forest would, but only where it is right.
+
+    Args:
+        graph: The pieces; not changed.
+        forest: The judge that gives the order.
+        rooms: float64 (k + 1, rooms + 1), known free cells of each piece in each true room, column 0 in none.
+
+    Returns:
+        float64 (n, features + 2): the features of a pair, 1 where both belong to one room, and the sample's weight; the
+        first look at each pair and as many of the later ones, evenly spaced.
+    """
+    numbers = (forest.feature, forest.threshold, forest.left, forest.right, forest.roots, forest.bias)
+    pairs = len(graph.ends)
+    samples = np.zeros((min(80 * pairs + 100, 400_000), FEATURE_COUNT + 2))
+    nodes, ends, edges = graph.nodes.copy(), graph.ends.copy(), graph.edges.copy()
+    _, n = _agglomerate(nodes, ends, edges, graph.resolution, numbers, 0.0, rooms.copy(), samples)
+    later = np.linspace(pairs, n - 1, min(pairs, max(n - pairs, 0))).astype(np.int64)
+    chosen = np.concatenate([np.arange(min(pairs, n)), later])
+    return np.asarray(samples[chosen])

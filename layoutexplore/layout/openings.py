@@ -122,6 +122,47 @@ def _mark(
             c += n
 
 
+@njit(cache=True, nogil=True)
+def _mark_mouths(
+    blocked: NDArray[np.bool_],
+    narrowest: int,
+    widest: int,
+    widening: int,
+    depth: int,
+    width: NDArray[np.int32],
+    longer: NDArray[np.int32],
+    shorter: NDArray[np.int32],
+) -> None:
+    """Mark where a passage that runs across the rows for `depth` cells ends in a wider space; doors keep their marks."""
+    rows, cols = blocked.shape
+    runs = _free_runs(blocked)
+    for r in range(1, rows - 1):
+        c = 0
+        while c < cols:
+            n = runs[r, c]
+            if n == 0:
+                c += 1
+                continue
+            if narrowest <= n <= widest and c > 0 and c + n < cols:
+                middle = c + n // 2
+                for step in (-1, 1):
+                    if blocked[r + step, middle] or runs[r + step, middle] < n + widening:
+                        continue
+                    steady = True
+                    for k in range(1, depth + 1):
+                        rr = r - step * k
+                        if rr < 0 or rr >= rows or blocked[rr, middle] or abs(runs[rr, middle] - n) > max(2, n // 6):
+                            steady = False
+                            break
+                    if steady:
+                        for k in range(c, c + n):
+                            if width[r, k] == 0:
+                                width[r, k] = n
+                                longer[r, k] = depth
+                                shorter[r, k] = 0
+            c += n
+
+
 def find_openings(
     blocked: NDArray[np.bool_],
     resolution: float,
@@ -132,6 +173,8 @@ def find_openings(
     widening: float = 0.4,
     reach: float = 0.6,
     slack: float = 0.1,
+    mouth_max: float = 4.0,
+    mouth_depth: float = 1.0,
 ) -> Openings:
     """Gaps along rows and columns that may be doors.
 
@@ -154,6 +197,16 @@ def find_openings(
     _mark(np.ascontiguousarray(blocked.T), *sizes, step, *turned)
     other = [t.T for t in turned]
     take = (other[0] > 0) & ((marks[0] == 0) | (other[0] < marks[0]))
+    mouths = [np.zeros(shape, np.int32) for _ in range(3)]
+    mouths_turned = [np.zeros(shape[::-1], np.int32) for _ in range(3)]
+    long = max(round(mouth_depth / resolution), 1)
+    wider = max(round(2 * widening / resolution), 1)
+    widest = max(round(mouth_max / resolution), 1)
+    _mark_mouths(np.ascontiguousarray(blocked), sizes[0], widest, wider, long, *mouths)
+    _mark_mouths(np.ascontiguousarray(blocked.T), sizes[0], widest, wider, long, *mouths_turned)
+    for found in (mouths, [m.T for m in mouths_turned]):
+        free_yet = (found[0] > 0) & (marks[0] == 0) & (other[0] == 0)
+        marks = [np.where(free_yet, f, m) for f, m in zip(found, marks, strict=True)]
     merged = [
         np.ascontiguousarray(np.where(take, o, m)).astype(np.float32) * np.float32(resolution)
         for o, m in zip(other, marks, strict=True)
