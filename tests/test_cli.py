@@ -191,7 +191,9 @@ def test_the_readme_opens_with_the_two_commands() -> None:
     assert second.endswith("pip install -q -e '.[all,test]' -c tests/constraints.txt && .venv/bin/pytest -q")
 
 
-@pytest.mark.parametrize("block", re.findall(r"```python\n(.*?)```", README, re.DOTALL), ids=["gymnasium", "simulation", "layout"])
+@pytest.mark.parametrize(
+    "block", re.findall(r"```python\n(.*?)```", README, re.DOTALL), ids=["gymnasium", "simulation", "layout"]
+)
 def test_the_readme_runs(block: str, capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block, "README.md", "exec"), {})
     assert capsys.readouterr().out
