@@ -1,0 +1,89 @@
+"""Blueprints: walls stay, symbols, door swings and words go."""
+
+from __future__ import annotations
+
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+
+from layoutexplore.errors import ConfigError, MapError, MissingExtraError
+from layoutexplore.layout import blueprint
+from layoutexplore.layout.blueprint import BlueprintConfig, find_words, grid_from_blueprint, load_blueprint
+from layoutexplore.layout.pipeline import reconstruct
+
+SILENT = BlueprintConfig(words=False)
+
+
+def plan():
+    """Two rooms of 10 x 8 m with a door between them and one to the outside, an extinguisher, a swing and an arrow."""
+    image = np.full((220, 460, 3), 255, np.uint8)
+    cv2.rectangle(image, (30, 30), (430, 190), (90, 90, 90), 6)
+    cv2.line(image, (230, 30), (230, 190), (90, 90, 90), 6)
+    image[100:118, 225:236] = 255
+    image[184:196, 60:78] = 255
+    cv2.ellipse(image, (230, 118), (18, 18), 0, 180, 270, (120, 120, 120), 1)
+    cv2.rectangle(image, (300, 60), (318, 84), (200, 30, 30), -1)
+    cv2.arrowedLine(image, (350, 150), (400, 150), (40, 160, 80), 5)
+    cv2.circle(image, (120, 150), 6, (20, 20, 20), -1)
+    return image
+
+
+def test_walls_stay_and_symbols_go():
+    grid = grid_from_blueprint(plan(), 0.05, config=SILENT)
+    cells = grid.cells[::-1]
+    assert (cells[30, 60:400] == 100).all()
+    for row, col in ((72, 309), (150, 375), (150, 120), (105, 215)):
+        assert cells[row, col] == 0
+    assert cells[5, 5] == -1 and cells[215, 455] == -1
+    assert cells[109, 230] == 0
+    assert len(reconstruct(grid, "rose2").rooms) == 2
+
+
+def test_templates_are_erased():
+    image = plan()
+    cv2.rectangle(image, (340, 80), (380, 100), (10, 10, 10), -1)
+    mark = image[75:106, 335:386].copy()
+    assert grid_from_blueprint(image, 0.05, config=SILENT).cells[::-1][90, 360] == 100
+    assert grid_from_blueprint(image, 0.05, config=SILENT, templates=[mark]).cells[::-1][90, 360] == 0
+
+
+def test_a_missing_ocr_is_named(monkeypatch):
+    def absent(module, extra):
+        raise MissingExtraError(f"{module} is not installed: pip install 'layoutexplore[{extra}]'")
+
+    monkeypatch.setattr(blueprint, "require", absent)
+    with pytest.raises(MissingExtraError, match=r"layoutexplore\[blueprint\]"):
+        grid_from_blueprint(plan(), 0.05)
+
+
+def test_words_are_found_and_erased():
+    pytest.importorskip("pytesseract")
+    if shutil.which("tesseract") is None:
+        pytest.skip("tesseract is not installed")
+    image = plan()
+    cv2.putText(image, "Reading", (255, 130), cv2.FONT_HERSHEY_SIMPLEX, 0.9, (20, 20, 20), 3, cv2.LINE_AA)
+    boxes = find_words(image, BlueprintConfig())
+    assert any(left < 300 < left + width and top < 120 < top + height for top, left, height, width in boxes)
+    cells = grid_from_blueprint(image, 0.05).cells[::-1]
+    assert (cells[108:132, 260:360] == 0).all()
+
+
+def test_unusable_pictures_are_refused(tmp_path):
+    with pytest.raises(MapError, match="no walls"):
+        grid_from_blueprint(np.full((50, 50, 3), 255, np.uint8), 0.05, config=SILENT)
+    with pytest.raises(MapError, match="RGB"):
+        grid_from_blueprint(np.zeros((5, 5), np.uint8), 0.05, config=SILENT)
+    with pytest.raises(MapError, match="cannot read"):
+        load_blueprint(tmp_path / "missing.png")
+    (tmp_path / "text.png").write_text("no picture")
+    with pytest.raises(MapError, match="not an image"):
+        load_blueprint(tmp_path / "text.png")
+    with pytest.raises(ConfigError):
+        BlueprintConfig(magnification=0)
+
+
+def test_evacuation_plans_have_rooms(data_dir):
+    for path in sorted((data_dir / "blueprints").glob("*.png")):
+        assert len(reconstruct(load_blueprint(path, config=SILENT), "rose2").rooms) >= 8
