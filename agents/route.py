@@ -18,13 +18,13 @@ class Stop:
 
     Attributes:
         cell: Where it is.
-        distances: float32 (rows, cols), path lengths from it in metres.
-        lattice: float32 (n,), those to the cells that may become stops.
+        index: Its number among the cells that may become stops; -1 when it is none of them.
+        lattice: float32 (n,), path lengths in metres to the cells that may become stops.
         seen: What a full turn there shows.
     """
 
     cell: Cell
-    distances: NDArray[np.float32]
+    index: int
     lattice: NDArray[np.float32]
     seen: Bits
 

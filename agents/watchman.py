@@ -9,10 +9,12 @@ is improved by 2-opt and Or-opt, and stretches are taken out and planned anew, k
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections import OrderedDict
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +34,7 @@ _SAMPLING_MARGIN = 3e-4
 """What is planned for beyond a quota, because coverage is counted on a sample of the target."""
 _BATCH = 32
 _STOPS_PLANNED_ANEW = 1200
-_KEPT_LEGS = 4000
+_KEPT_LEGS, _KEPT_STOPS, _KEPT_FIELDS = 4000, 1000, 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +78,8 @@ class WatchmanPlanner:
         self.cells = _lattice(self.traversable, max(1, round(self.config.lattice / self.resolution)))
         self.views = self.sight.turning(self.cells)
         self._weight = 1.0 + self.config.early_weight
+        self._fields: OrderedDict[Cell, NDArray[np.float32]] = OrderedDict()
+        self._stops: OrderedDict[int, Stop] = OrderedDict()
         self._legs: OrderedDict[tuple[Cell, Cell], Leg] = OrderedDict()
 
     def plan(self, start: Cell) -> NDArray[np.int32]:
@@ -101,16 +105,36 @@ class WatchmanPlanner:
     # Parts of a route.
 
     def _stop(self, cell: Cell, seen: Bits) -> Stop:
-        distances = geodesic_distances(self.traversable, cell, self.resolution)
-        return Stop(cell, distances, distances[self.cells[:, 0], self.cells[:, 1]], seen)
+        return Stop(cell, -1, self._field(cell)[self.cells[:, 0], self.cells[:, 1]], seen)
+
+    def _lattice_stop(self, index: int) -> Stop:
+        """The stop in a cell of the lattice, kept: the same ones come and go."""
+        if index not in self._stops:
+            stop = self._stop(Cell(*map(int, self.cells[index])), self.views[index])
+            _keep(self._stops, index, dataclasses.replace(stop, index=index), _KEPT_STOPS)
+        return self._stops[index]
+
+    def _field(self, cell: Cell) -> NDArray[np.float32]:
+        """Path lengths float32 (rows, cols) from a cell in metres. They are large: only the last few are kept."""
+        if cell not in self._fields:
+            _keep(self._fields, cell, geodesic_distances(self.traversable, cell, self.resolution), _KEPT_FIELDS)
+        return self._fields[cell]
+
+    def _apart(self, a: Stop, b: Stop) -> float:
+        """Path length between two stops in metres."""
+        if b.index >= 0:
+            return float(a.lattice[b.index])
+        return float(b.lattice[a.index]) if a.index >= 0 else float(self._field(a.cell)[b.cell])
 
     def _leg(self, start: Stop, end: Stop) -> Leg:
         key = (start.cell, end.cell)
         if key not in self._legs:
-            path = descend(start.distances, self.traversable, end.cell)
-            self._legs[key] = Leg(float(start.distances[end.cell]), self.sight.walking(path))
-            if len(self._legs) > _KEPT_LEGS:
-                self._legs.popitem(last=False)
+            distances = self._fields.get(start.cell)
+            if distances is None:
+                stop_at = np.array([end.cell], np.int32)
+                distances = geodesic_distances(self.traversable, start.cell, self.resolution, stop_at=stop_at)
+            path = descend(distances, self.traversable, end.cell)
+            _keep(self._legs, key, Leg(float(distances[end.cell]), self.sight.walking(path)), _KEPT_LEGS)
         return self._legs[key]
 
     def _linked(self, stops: list[Stop], mark: int) -> Route:
@@ -155,7 +179,7 @@ class WatchmanPlanner:
                 break
             gap = int(gaps[best])
             route.mark += early or gap < route.mark
-            seen = seen | self._insert(route, gap, self._stop(Cell(*map(int, self.cells[best])), self.views[best]))
+            seen = seen | self._insert(route, gap, self._lattice_stop(best))
             inserted = True
         return inserted
 
@@ -209,12 +233,19 @@ class WatchmanPlanner:
 
     def _reorder(self, route: Route) -> None:
         """Improve the order of the stops on each side of the mark, if that pays with what has to be added for the quotas."""
-        head = _shortened(route.stops[: route.mark + 1])
-        tail = _shortened([head[-1], *route.stops[route.mark + 1 :]])
+        head = self._shortened(route.stops[: route.mark + 1])
+        tail = self._shortened([head[-1], *route.stops[route.mark + 1 :]])
         changed = self._linked(head + tail[1:], route.mark)
         self._complete(changed)
         if self._is_better(changed, route):
             route.stops, route.legs, route.mark = changed.stops, changed.legs, changed.mark
+
+    def _shortened(self, stops: list[Stop]) -> list[Stop]:
+        """The same stops from the same first one, in a short order."""
+        if len(stops) < 3:
+            return stops
+        matrix = np.array([[self._apart(a, b) for b in stops] for a in stops], np.float64)
+        return [stops[0], *(stops[i] for i in improve_tour(matrix, np.arange(1, len(stops))))]
 
     def _drop(self, route: Route) -> None:
         """Leave out stops, the most costly detour first, as long as the quotas are met without them."""
@@ -249,7 +280,7 @@ class WatchmanPlanner:
         saved = to * route.legs[i - 1].length
         if i + 1 < len(route.stops):
             on = self._weight if i < route.mark else 1.0
-            saved += on * (route.legs[i].length - float(route.stops[i - 1].distances[route.stops[i + 1].cell]))
+            saved += on * (route.legs[i].length - self._apart(route.stops[i - 1], route.stops[i + 1]))
         return saved
 
     def _shift(self, route: Route, *, fine: bool) -> None:
@@ -260,51 +291,45 @@ class WatchmanPlanner:
             total = head | tails[i + 1] if i + 1 < len(route.stops) else head
             early = head | early_tails[i + 1] if i < route.mark else head
             limits = [(total, self._quotas[1])] + ([(early, self._quotas[0])] if i <= route.mark else [])
-            self._shift_to(route, i, self.cells, self.views, limits)
+            ends = [route.stops[i - 1], *route.stops[i + 1 : i + 2]]
+            rows = self._cheaper(route, i, [stop.lattice for stop in ends])
+            if len(rows := _enough(self.views, rows, limits)):
+                self._replace(route, i, self._lattice_stop(int(rows[0])))
             if fine:
-                self._shift_to(route, i, self._around(route.stops[i].cell), None, limits)
+                self._shift_finely(route, i, ends, limits)
             head = head | route.legs[i - 1].seen | route.stops[i].seen
 
-    def _shift_to(
-        self,
-        route: Route,
-        i: int,
-        cells: NDArray[np.int32],
-        views: NDArray[np.uint64] | None,
-        limits: list[tuple[Bits, int]],
-    ) -> None:
-        """Move stop i to the best of some cells int32 (n, 2) with their views uint64 (n, words), computed where None.
-
-        `limits` holds pairs of what is seen without the stop and its ways, and how much must be seen with it.
-        """
-        before, after = route.stops[i - 1], route.stops[i + 1 : i + 2]
-        to, on = (self._weight if i <= route.mark else 1.0), (self._weight if i < route.mark else 1.0)
-        costs = to * before.distances[cells[:, 0], cells[:, 1]].astype(np.float64)
-        now = to * route.legs[i - 1].length
-        for stop in after:
-            costs += on * stop.distances[cells[:, 0], cells[:, 1]]
-            now += on * route.legs[i].length
-        cheaper = np.flatnonzero(costs < now - _SAVING)
-        if views is None:
-            views, rows = self.sight.turning(cells[cheaper]), np.arange(len(cheaper))
-        else:
-            rows = cheaper
-        for others, quota in limits:
-            enough = added_sizes(views, rows, others) >= quota - size(others)
-            cheaper, rows = cheaper[enough], rows[enough]
-        if len(cheaper):
-            best = int(np.argmin(costs[cheaper]))
-            stop = self._stop(Cell(*map(int, cells[cheaper[best]])), views[rows[best]])
-            route.stops[i] = stop
-            route.legs[i - 1 : i + 1] = [self._leg(before, stop), *(self._leg(stop, b) for b in after)]
-
-    def _around(self, cell: Cell) -> NDArray[np.int32]:
-        """Traversable cells int32 (n, 2) within a lattice step."""
+    def _shift_finely(self, route: Route, i: int, ends: list[Stop], limits: list[tuple[Bits, int]]) -> None:
+        """Move stop i between its neighbours `ends` to the best traversable cell within a lattice step."""
         step = max(1, round(self.config.lattice / self.resolution))
-        row, col = max(0, cell.row - step), max(0, cell.col - step)
-        window = self.traversable[row : cell.row + step + 1, col : cell.col + step + 1]
-        cells: NDArray[np.int32] = (np.argwhere(window) + np.array([row, col])).astype(np.int32)
-        return cells
+        row, col = (max(0, at - step) for at in route.stops[i].cell)
+        window = self.traversable[row : row + 2 * step + 1, col : col + 2 * step + 1]
+        cells = (np.argwhere(window) + np.array([row, col])).astype(np.int32)
+        near = [self._field(stop.cell)[cells[:, 0], cells[:, 1]] for stop in ends]
+        cells = cells[self._cheaper(route, i, near)]
+        views = self.sight.turning(cells)
+        if len(rows := _enough(views, np.arange(len(cells)), limits)):
+            self._replace(route, i, self._stop(Cell(*map(int, cells[rows[0]])), views[rows[0]]))
+
+    def _cheaper(self, route: Route, i: int, near: list[NDArray[np.float32]]) -> NDArray[np.int64]:
+        """The candidates that cost less than stop i in its place, int64 (k,), the one that costs least first.
+
+        `near` holds metres float32 (n,) to each candidate from the stop before and, if there is one, the stop after.
+        """
+        weights = [self._weight if i <= route.mark else 1.0, self._weight if i < route.mark else 1.0]
+        costs = np.zeros(len(near[0]))
+        now = 0.0
+        for weight, lengths, leg in zip(weights, near, route.legs[i - 1 : i + 1], strict=False):
+            costs += weight * lengths.astype(np.float64)
+            now += weight * leg.length
+        rows = np.flatnonzero(costs < now - _SAVING)
+        return rows[np.argsort(costs[rows], kind="stable")]
+
+    def _replace(self, route: Route, i: int, stop: Stop) -> None:
+        """Put another stop in the place of stop i."""
+        route.stops[i] = stop
+        legs = [self._leg(a, b) for a, b in itertools.pairwise(route.stops[i - 1 : i + 2])]
+        route.legs[i - 1 : i + 1] = legs
 
     def _ruined(self, route: Route, rng: np.random.Generator) -> Route:
         """The route without a random stretch, or without the stops around a random one."""
@@ -316,18 +341,27 @@ class WatchmanPlanner:
         if rng.random() < 0.5:
             gone = set(range(middle, middle + few))
         else:
-            away = np.array([route.stops[middle].distances[stop.cell] for stop in route.stops[1:]])
+            away = np.array([self._apart(route.stops[middle], stop) for stop in route.stops[1:]])
             gone = {int(i) + 1 for i in np.argsort(away, kind="stable")[:few]}
         kept = [i for i in range(count + 1) if i not in gone]
         return self._linked([route.stops[i] for i in kept], sum(i <= route.mark for i in kept) - 1)
 
 
-def _shortened(stops: list[Stop]) -> list[Stop]:
-    """The same stops from the same first one, in a short order."""
-    if len(stops) < 3:
-        return stops
-    matrix = np.array([[a.distances[b.cell] for b in stops] for a in stops], np.float64)
-    return [stops[0], *(stops[i] for i in improve_tour(matrix, np.arange(1, len(stops))))]
+def _enough(views: NDArray[np.uint64], rows: NDArray[np.int64], limits: list[tuple[Bits, int]]) -> NDArray[np.int64]:
+    """Those of some rows int64 (k,) of the views that add enough, in their order.
+
+    `limits` holds pairs of what is seen without the stop and its ways, and how much must be seen with it.
+    """
+    for others, quota in limits:
+        rows = rows[added_sizes(views, rows, others) >= quota - size(others)]
+    return rows
+
+
+def _keep(store: OrderedDict[Any, Any], key: Any, value: Any, most: int) -> None:
+    """Put a value into a store that forgets its oldest one when there are too many."""
+    store[key] = value
+    if len(store) > most:
+        store.popitem(last=False)
 
 
 def _lattice(traversable: NDArray[np.bool_], step: int) -> NDArray[np.int32]:
