@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from layoutexplore.errors import ConfigError, MapError, UnknownNameError
 from layoutexplore.grid import OccupancyGrid, Pose
 from layoutexplore.layout.ias15 import Ias15Config, mean_shift_directions, without_islands
-from layoutexplore.layout.pipeline import reconstruct
+from layoutexplore.layout.pipeline import LayoutCache, reconstruct
 from layoutexplore.layout.rose2 import Rose2Config
 from layoutexplore.layout.types import BORDER, FaceKind
 
@@ -277,3 +277,16 @@ def test_islands_are_dropped_and_walls_stay():
     walls[10, 5:95] = True
     walls[50:54, 50:54] = True
     assert np.array_equal(np.flatnonzero(without_islands(walls, 0.05, 0.15, 1.0).any(axis=1)), [10])
+
+
+def test_cache_keeps_the_layout_while_the_walls_stay():
+    grid = building(0.1)
+    cache, exact = LayoutCache("rose2"), LayoutCache("rose2", exact=True)
+    layouts = cache(grid), exact(grid)
+    assert (cache(grid), exact(grid)) == layouts
+    grid.cells[0, 0] = 0  # the mapper writes into the same array
+    assert cache(grid) is layouts[0]
+    assert exact(grid) is not layouts[1]
+    grid.cells[0, 0] = 100
+    assert cache(grid) is not layouts[0]
+    assert cache(OccupancyGrid(grid.cells, 0.2)).clean_grid.resolution == 0.2

@@ -82,7 +82,7 @@ def split_rooms(
     """
     free = (grid.cells == FREE).astype(np.uint8)
     distance = cv2.distanceTransform(np.pad(free, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
-    open_cells = distance * grid.resolution > options.split_clearance
+    open_cells = np.flatnonzero(distance * grid.resolution > options.split_clearance)
     for _ in range(options.split_rounds):
         cuts = _find_cuts(grid, model, faces, room, open_cells, options)
         if not cuts:
@@ -96,15 +96,16 @@ def _find_cuts(
     model: WallModel,
     faces: FaceModel,
     room: NDArray[np.int64],
-    open_cells: NDArray[np.bool_],
+    open_cells: NDArray[np.int64],
     options: TopologyConfig,
 ) -> list[Cut]:
-    labels = np.append(room[faces.group], -1)[faces.painted].astype(np.int32)
-    labels[~open_cells] = -1
+    # Only the open cells are looked at: they are a small part of most grids.
+    labels = np.full(grid.shape, -1, np.int32)
+    labels.reshape(-1)[open_cells] = np.append(room[faces.group], -1)[faces.painted.reshape(-1)[open_cells]]
     part, size = label_components(labels)
-    large = size * grid.resolution**2 >= options.split_area
-    at = np.flatnonzero(part.reshape(-1) >= 0)
-    at = at[large[part.reshape(-1)[at]]]
+    part_of = part.reshape(-1)[open_cells]
+    large = np.append(size * grid.resolution**2 >= options.split_area, False)
+    at = open_cells[large[part_of]]
     part_of, room_of = part.reshape(-1)[at].astype(np.int64), labels.reshape(-1)[at]
     owner = np.full(len(size), -1, np.int64)
     owner[part_of] = room_of
@@ -230,8 +231,9 @@ def label_components(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDAr
     """
     part = np.full(labels.shape, -1, np.int32)
     parent = np.empty(labels.size + 1, np.int32)
-    count = _label_components(np.ascontiguousarray(labels, np.int32), part, parent)
-    return part, np.bincount(part[part >= 0], minlength=count)
+    size = np.zeros(labels.size + 1, np.int64)
+    count = _label_components(np.ascontiguousarray(labels, np.int32), part, parent, size)
+    return part, size[:count].copy()
 
 
 @njit(cache=True, nogil=True)
@@ -243,7 +245,9 @@ def _root(parent: NDArray[np.int32], i: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _label_components(labels: NDArray[np.int32], part: NDArray[np.int32], parent: NDArray[np.int32]) -> int:
+def _label_components(
+    labels: NDArray[np.int32], part: NDArray[np.int32], parent: NDArray[np.int32], size: NDArray[np.int64]
+) -> int:
     rows, cols = labels.shape
     used = 0
     for row in range(rows):
@@ -274,4 +278,5 @@ def _label_components(labels: NDArray[np.int32], part: NDArray[np.int32], parent
         for col in range(cols):
             if part[row, col] >= 0:
                 part[row, col] = parent[part[row, col]]
+                size[part[row, col]] += 1
     return count
