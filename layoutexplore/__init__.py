@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from layoutexplore.floorplan import FloorPlan as FloorPlan
     from layoutexplore.grid import OccupancyGrid as OccupancyGrid
     from layoutexplore.grid import Pose as Pose
+    from layoutexplore.layout.pipeline import reconstruct as reconstruct
+    from layoutexplore.layout.types import Layout as Layout
     from layoutexplore.simulation import Simulation as Simulation
     from layoutexplore.simulation import SimulationConfig as SimulationConfig
 
@@ -34,8 +36,10 @@ _HOMES = {
     "Frontier": "decision",
     "LayoutExploreError": "errors",
     "FloorPlan": "floorplan",
+    "Layout": "layout.types",
     "OccupancyGrid": "grid",
     "Pose": "grid",
+    "reconstruct": "layout.pipeline",
     "Simulation": "simulation",
     "SimulationConfig": "simulation",
 }
