@@ -32,6 +32,8 @@ from layoutexplore.robot import PERFECT_ODOMETRY, Robot, check_start, disc_offse
 from layoutexplore.simulation_config import SimulationConfig
 from layoutexplore.viewpoints import facing, list_frontiers, looked_at, remaining_share
 
+__all__ = ["Motion", "Simulation", "SimulationConfig"]
+
 
 class Motion(NamedTuple):
     """What a motion primitive did: metres moved, whether a wall stopped it, and cells newly known."""
