@@ -94,7 +94,7 @@ def classify_frontiers(
     share[room == 0] = 1.0
     remaining = np.where(room > 0, (total - seen)[room], beyond) * cell_area
     is_open = (share < config.entrance_share) | (other * cell_area >= config.beyond_area)
-    return FrontierClasses(~is_open, room, remaining, share, beyond * cell_area)
+    return FrontierClasses(~is_open, room, remaining, share, (beyond * cell_area).astype(np.float64))
 
 
 @njit(cache=True, nogil=True)
@@ -142,7 +142,7 @@ def _label(cells: NDArray[np.int8], members: NDArray[np.int32], passable: NDArra
 
 @njit(cache=True, nogil=True)
 def _unknown_at(cells: NDArray[np.int8], passable: NDArray[np.bool_], r: int, c: int) -> bool:
-    return 0 <= r < cells.shape[0] and 0 <= c < cells.shape[1] and cells[r, c] == -1 and passable[r, c]
+    return bool(0 <= r < cells.shape[0] and 0 <= c < cells.shape[1] and cells[r, c] == -1 and passable[r, c])
 
 
 @njit(cache=True, nogil=True)

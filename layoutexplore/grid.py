@@ -85,17 +85,17 @@ class OccupancyGrid:
     @property
     def free(self) -> NDArray[np.bool_]:
         """Bool (rows, cols): cells known to be free (value 0)."""
-        return self.cells == FREE
+        return np.equal(self.cells, FREE)
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
         """Bool (rows, cols): cells known to be occupied (value 100)."""
-        return self.cells == OCCUPIED
+        return np.equal(self.cells, OCCUPIED)
 
     @property
     def unknown(self) -> NDArray[np.bool_]:
         """Bool (rows, cols): cells of which nothing is known (value -1)."""
-        return self.cells == UNKNOWN
+        return np.equal(self.cells, UNKNOWN)
 
     @property
     def free_area(self) -> float:
@@ -123,17 +123,20 @@ class OccupancyGrid:
         rc = np.asarray(cells, np.float64).reshape(-1, 2)
         local = (rc[:, ::-1] + 0.5) * self.resolution
         c, s = math.cos(self.origin.theta), math.sin(self.origin.theta)
-        return local @ np.array([[c, s], [-s, c]]) + np.array([self.origin.x, self.origin.y])
+        points: NDArray[np.float64] = local @ np.array([[c, s], [-s, c]]) + np.array([self.origin.x, self.origin.y])
+        return points
 
     def world_to_cells(self, points: ArrayLike) -> NDArray[np.int64]:
         """Cells int64 (n, 2) as (row, col) that hold world points (n, 2) as (x, y)."""
         local = np.asarray(points, np.float64).reshape(-1, 2) - np.array([self.origin.x, self.origin.y])
         c, s = math.cos(self.origin.theta), math.sin(self.origin.theta)
-        return np.floor(local @ np.array([[c, -s], [s, c]]) / self.resolution).astype(np.int64)[:, ::-1]
+        cells: NDArray[np.int64] = np.floor(local @ np.array([[c, -s], [s, c]]) / self.resolution).astype(np.int64)[:, ::-1]
+        return cells
 
     def contains(self, row: int, col: int) -> bool:
         """Whether the cell lies inside the grid."""
-        return 0 <= row < self.cells.shape[0] and 0 <= col < self.cells.shape[1]
+        rows, cols = self.shape
+        return 0 <= row < rows and 0 <= col < cols
 
     @classmethod
     def load(cls, path: str | Path, *, resolution: float | None = None) -> OccupancyGrid:

@@ -138,7 +138,7 @@ class Robot:
         disc = disc[((disc >= 0) & (disc < np.array(raster.shape))).all(axis=1)]
         walls = disc[raster.occupied[disc[:, 0], disc[:, 1]]]
         believed_cell = raster.world_to_cell(self.believed.x, self.believed.y)
-        return (walls + np.array(believed_cell, np.int32) - np.array(here, np.int32)).astype(np.int32)
+        return np.asarray(walls + np.array(believed_cell) - np.array(here), np.int32)
 
     def _drifted(self, dx: float, dy: float, length: float) -> tuple[float, float, float]:
         """The true displacement for a believed one, and the drift of the heading."""

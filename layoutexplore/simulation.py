@@ -127,8 +127,9 @@ class Simulation:
         self.stop_reason = ""
         self.scans = self.decisions = 0
         self._decision: Decision | None = None
-        if isinstance(self.predictor, Privileged):
-            self.predictor.reveal(self.truth)
+        predictor: object = self.predictor
+        if isinstance(predictor, Privileged):
+            predictor.reveal(self.truth)
         self._scan(full_turn=True)
         return self._next()
 
