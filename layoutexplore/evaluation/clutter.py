@@ -19,7 +19,7 @@ from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.declutter import find_structure
 from layoutexplore.layout.rose import RoseConfig, rose
-from layoutexplore.layout.segments import SegmentConfig, align, find_segments, segment_angles
+from layoutexplore.layout.segments import SegmentConfig, align, angle_between, find_segments, segment_angles
 
 SHAPES = ("square", "rectangle", "circle", "diamond", "star")
 """Shapes of clutter that can be added."""
@@ -242,17 +242,17 @@ def line_error(found: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
     """
     if not len(found) or not len(truth):
         return float("inf")
-    return float(np.mean([_cost(segment, truth) for segment in found]))
+    return float(np.concatenate([_costs(part, truth) for part in np.array_split(found, -(-len(found) // 256))]).mean())
 
 
-def _cost(segment: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
-    turn = segment_angles(segment[None]) - segment_angles(truth)
-    theta = np.abs(np.mod(turn + np.pi / 2, np.pi) - np.pi / 2)
-    middle, start = (segment[:2] + segment[2:]) / 2, truth[:, :2]
-    along = truth[:, 2:] - start
-    reach = np.clip(((middle - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12), 0, 1)
-    way = np.linalg.norm(start + reach[:, None] * along - middle, axis=1)
-    return float((theta * way / 2).min())
+def _costs(found: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cost float64 (n,) of moving each found segment (n, 4) onto the best of the true ones (m, 4)."""
+    theta = angle_between(segment_angles(found)[:, None], segment_angles(truth)[None, :])
+    middle, along = (found[:, :2] + found[:, 2:]) / 2, truth[:, 2:] - truth[:, :2]
+    from_start = middle[:, None] - truth[None, :, :2]
+    reach = (from_start * along).sum(axis=2) / np.maximum((along**2).sum(axis=1), 1e-12)
+    way = np.hypot(*np.moveaxis(from_start - np.clip(reach, 0, 1)[..., None] * along, 2, 0))
+    return np.asarray((theta * way / 2).min(axis=1))
 
 
 def table(trials: Iterable[ClutterTrial], key: str) -> dict[str, tuple[int, float, float, float]]:
