@@ -1,0 +1,65 @@
+"""What a predictor is: a map of rooms over the grid, from which every frontier gets its class and the area behind it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.decision import Decision
+from layoutexplore.frontier_classes import FrontierClasses, classify_frontiers
+
+
+@dataclass(frozen=True, eq=False)
+class RoomMap:
+    """Predicted rooms.
+
+    Attributes:
+        room_ids: int32 (rows, cols), the room of each cell, 0 for none.
+        passable: bool (rows, cols), cells that are free, known or predicted.
+    """
+
+    room_ids: NDArray[np.int32]
+    passable: NDArray[np.bool_]
+
+
+class RoomPredictor(Protocol):
+    """A predictor that says what the rooms look like."""
+
+    name: str
+
+    def rooms(self, decision: Decision) -> RoomMap:
+        """The predicted rooms of a decision with at least one frontier."""
+
+    def predict(self, decision: Decision) -> Decision:
+        """The decision with a class and an expected area for every frontier."""
+
+
+def classes_in(rooms: RoomMap, decision: Decision) -> FrontierClasses:
+    """The classes of a decision's frontiers against predicted rooms, by the rule that holds for the true ones."""
+    cells, clusters = decision.grid.cells, [f.cells for f in decision.frontiers]
+    return classify_frontiers(cells, clusters, rooms.room_ids, rooms.passable, decision.grid.resolution)
+
+
+def with_classes(decision: Decision, classes: FrontierClasses, confidence: NDArray[np.float64] | None = None) -> Decision:
+    """The decision with classes, areas and rooms written into its frontiers.
+
+    Args:
+        decision: The decision.
+        classes: One entry a frontier.
+        confidence: float64 (k,), probability that each class is right; 1 when None.
+    """
+    frontiers = tuple(
+        dataclasses.replace(
+            frontier,
+            is_closed=bool(classes.is_closed[k]),
+            expected_area=float(classes.remaining_area[k]),
+            confidence=1.0 if confidence is None else float(confidence[k]),
+            room=int(classes.room[k]),
+        )
+        for k, frontier in enumerate(decision.frontiers)
+    )
+    return dataclasses.replace(decision, frontiers=frontiers)
