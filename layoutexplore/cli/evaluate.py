@@ -36,7 +36,10 @@ def segmentation(
     buildings: Annotated[
         Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME), for the folds.")
     ] = None,
-    simulated: Annotated[int, typer.Option(min=0, help="Simulated maps each fold is trained on besides.")] = 120,
+    simulated: Annotated[int, typer.Option(min=0, help="Simulated maps each fold is trained on besides.")] = 150,
+    plans: Annotated[
+        list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
+    ] = None,
     resolution: Resolution = 0.05,
     json_file: JsonFile = None,
     out: Annotated[Path | None, typer.Option(help="Folder for report.html, results.csv and a picture per map.")] = None,
@@ -59,7 +62,7 @@ def segmentation(
             raise ConfigError("--folds cross-validates the default method, the only one that is trained")
         from layoutexplore.evaluation.cross_validation import cross_validate
 
-        results = cross_validate(cases, folds, protocol=protocol, resolution=resolution, simulated=simulated)
+        results = cross_validate(cases, folds, protocol=protocol, resolution=resolution, simulated=simulated, plans=_plans(plans))
     else:
         results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
     collected = []
@@ -121,6 +124,35 @@ def _write_json(path: Path, data: dict[str, Any]) -> None:
 
     write_atomically(path, (json.dumps(data, indent=1) + "\n").encode())
     typer.echo(f"written: {path}")
+
+
+def _plans(folders: Sequence[str] | None) -> list[str]:
+    from layoutexplore.maps import expand_plans
+
+    return [plan for folder in folders or () for plan in expand_plans(folder)]
+
+
+@group.command("train", epilog="Example: layoutexplore evaluate train maps/ --plans schools/ --out merging_model.json")
+def train(
+    folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
+    out: Annotated[Path, typer.Option(help="File for the numbers of the judge.")],
+    buildings: Annotated[Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")] = None,
+    simulated: Annotated[int, typer.Option(min=0, help="Simulated maps to train on besides.")] = 150,
+    plans: Annotated[
+        list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
+    ] = None,
+    resolution: Resolution = 0.05,
+) -> None:
+    """Train the judge of the default method, which decides what pieces of a map are one room."""
+    from layoutexplore.evaluation.cross_validation import train_judge
+    from layoutexplore.evaluation.segmentation import find_cases
+    from layoutexplore.layout.merging_model import save_forest
+
+    cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
+    forest = train_judge(cases, resolution=resolution, simulated=simulated, plans=_plans(plans))
+    note = f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} simulated ones"
+    save_forest(forest, out, note=note)
+    typer.echo(f"written: {out}, {len(forest.roots)} trees")
 
 
 @group.command("layout", epilog="Example: layoutexplore evaluate layout schools/ -m default -m ias15")

@@ -49,7 +49,7 @@ def training_examples(cases: Sequence[Case], resolution: float) -> list[Example]
 
 
 def cross_validate(
-    cases: Sequence[Case], folds: int, *, protocol: str, resolution: float, simulated: int
+    cases: Sequence[Case], folds: int, *, protocol: str, resolution: float, simulated: int, plans: Sequence[str] = ()
 ) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
     """Score the default method on every map with a judge that has not seen its building.
 
@@ -59,9 +59,10 @@ def cross_validate(
         protocol: Of `layoutexplore.segmentation_metrics.PROTOCOLS`.
         resolution: Metres a pixel.
         simulated: Number of simulated maps to train on besides.
+        plans: Floor plans to simulate maps of, besides generated ones.
     """
     dealt = deal_folds(cases, folds)
-    extra = simulated_examples(simulated)
+    extra = simulated_examples(simulated, tuple(plans))
     examples = training_examples(cases, resolution)
     for fold in range(folds):
         forest = train_forest([*(e for e in examples if dealt[e.building] != fold), *extra])
@@ -73,3 +74,8 @@ def cross_validate(
             if dealt[case.building] == fold:
                 row, layout = score_case(case, "default", protocol=protocol, resolution=resolution, run=run)
                 yield case, MapScore(**{**row.__dict__, "fold": fold}), layout.labels
+
+
+def train_judge(cases: Sequence[Case], *, resolution: float, simulated: int, plans: Sequence[str] = ()) -> Forest:
+    """The judge that ships: trained on all given maps and on simulated ones."""
+    return train_forest([*training_examples(cases, resolution), *simulated_examples(simulated, tuple(plans))])

@@ -1,4 +1,4 @@
-"""Grid maps with known rooms to train on: generated floor plans, furnished at random, seen whole or while being explored."""
+"""Grid maps with known rooms to train on: floor plans, furnished at random, seen whole or while being explored."""
 
 from __future__ import annotations
 
@@ -114,22 +114,25 @@ def simulated_example(plan: FloorPlan, rng: np.random.Generator) -> Example | No
 
 
 @lru_cache(maxsize=2)
-def simulated_examples(count: int, seed: int = 1) -> tuple[Example, ...]:
-    """Maps of generated floor plans of all families in turn; the same for the same seed.
+def simulated_examples(count: int, plans: tuple[str, ...] = (), seed: int = 1) -> tuple[Example, ...]:
+    """Maps of floor plans: every third of a given one in turn, the others generated, of all families in turn.
 
     Args:
-        count: Plans drawn; a few are left out as too large.
-        seed: Of furniture, scans and plans.
+        count: Maps; a few are left out where the plan is too large.
+        plans: Files of floor plans, or names that `layoutexplore.maps.load_plan` knows.
+        seed: Of furniture, scans and plans; the same seed gives the same maps.
     """
+    from layoutexplore.maps import load_plan
     from layoutexplore.maps.generator import FAMILIES, generate
 
     families, out = sorted(FAMILIES), []
     for k in range(count):
         try:
-            plan = generate(families[k % len(families)], 1000 * seed + k)
+            given = plans and k % 3 == 0
+            plan = load_plan(plans[k // 3 % len(plans)]) if given else generate(families[k % len(families)], 1000 * seed + k)
+            example = simulated_example(plan, np.random.default_rng([seed, k]))
         except LayoutExploreError:
             continue
-        example = simulated_example(plan, np.random.default_rng([seed, k]))
         if example is not None:
             out.append(example)
     return tuple(out)

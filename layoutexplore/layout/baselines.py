@@ -69,13 +69,13 @@ def regions_with_areas(mask: NDArray[np.uint8]) -> tuple[Contours, list[int], ND
         All contours, the indices of the outer ones, and the area of each outer one in cells squared.
     """
     contours, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    if tree is None:
+    if not contours:
         return (), [], np.zeros(0)
-    parents = tree.reshape(-1, 4)[:, 3]
-    areas = np.array([cv2.contourArea(c) for c in contours])
+    parents = np.reshape(tree, (-1, 4))[:, 3]
+    areas = np.array([cv2.contourArea(c) for c in contours], np.float64)
     net = areas.copy()
     holes = parents >= 0
-    np.subtract.at(net, parents[holes], areas[holes])
+    np.subtract.at(net, parents[holes].astype(np.int64), areas[holes])
     outer = np.flatnonzero(~holes)
     return cast(Contours, contours), outer.tolist(), net[outer]
 

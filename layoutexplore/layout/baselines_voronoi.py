@@ -91,7 +91,7 @@ def _degree(graph: NDArray[np.uint8], r: int, c: int) -> int:
     for rr in range(r - 1, r + 2):
         for cc in range(c - 1, c + 2):
             count += graph[rr, cc]
-    return count - graph[r, c]
+    return int(count - graph[r, c])
 
 
 @njit("void(uint8[:,::1], int64)", cache=True, nogil=True)
@@ -168,7 +168,7 @@ def voronoi_graph(free: NDArray[np.bool_]) -> NDArray[np.uint8]:
 def critical_lines(
     free: NDArray[np.bool_], points: NDArray[np.int32], distance: NDArray[np.uint8], spacing: float
 ) -> list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]:
-    """The lines that cut the free space: for each critical point that stays, the point and its two basis points, as (row, col)."""
+    """The lines that cut the free space: each critical point that stays with its two basis points, as (row, col)."""
     ring = free & (cv2.erode(np.pad(free, 1).astype(np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1] == 0)
     walls = np.argwhere(ring)
     if len(walls) == 0 or len(points) == 0:
@@ -209,7 +209,7 @@ def _nearest(
         good = np.hypot(*(walls[indices] - away_from).T) > apart if apart > 0 else np.ones(len(indices), bool)
         if good.any():
             nearest = distances[good].min()
-            return walls[indices[good & (distances <= nearest + 1e-9)].min()]
+            return np.asarray(walls[indices[good & (distances <= nearest + 1e-9)].min()])
         if count >= len(walls):
             return None
         count *= 8

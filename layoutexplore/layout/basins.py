@@ -102,7 +102,7 @@ def distance_basins(blocked: NDArray[np.bool_], resolution: float, *, share: flo
         int32 (rows, cols), numbered from 1 in raster order; 0 on obstacles.
     """
     padded = cv2.copyMakeBorder((~blocked).astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
     levels = np.rint(distance * np.float32(8)).astype(np.int32)
     return _flood(np.ascontiguousarray(levels), share, round(wide / resolution * 8))
 
@@ -121,6 +121,6 @@ def closed_space(cells: NDArray[np.int8], resolution: float, radius: float) -> N
         return np.asarray(free)
     pad = int(np.ceil(steps)) + 1
     wide = cv2.copyMakeBorder(free.astype(np.uint8), pad, pad, pad, pad, cv2.BORDER_CONSTANT, value=0)
-    grown = cv2.distanceTransform(1 - wide, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= steps
-    inner = cv2.distanceTransform(grown.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) > steps
+    grown = cv2.distanceTransform(1 - wide, cv2.DIST_L2, cv2.DIST_MASK_5) <= steps
+    inner = cv2.distanceTransform(grown.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5) > steps
     return np.asarray(free | (inner[pad:-pad, pad:-pad] & (cells == UNKNOWN)))

@@ -14,8 +14,8 @@ What varies from map to map is in the features; there is one set of parameters.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
@@ -23,28 +23,29 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.layout.assembly import _walls
 from layoutexplore.layout.basins import closed_space, distance_basins
-from layoutexplore.layout.declutter import DeclutterConfig, find_structure
+from layoutexplore.layout.declutter import DeclutterConfig, Structure, find_structure
 from layoutexplore.layout.default_turn import Turned, main_direction, surfaces, trinary_part, turn, turn_back
+from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.merging import Forest, merge_pieces
-from layoutexplore.layout.merging_graph import PieceGraph, piece_graph
+from layoutexplore.layout.merging_graph import PieceGraph, piece_graph, spread_into
 from layoutexplore.layout.merging_model import load_forest
-from layoutexplore.layout.openings import find_openings
+from layoutexplore.layout.openings import OpeningConfig, find_openings
 from layoutexplore.layout.outlines import number_rooms, rooms_of_labels
 from layoutexplore.layout.registry import register_method
+from layoutexplore.layout.rose2 import Rose2Config, find_wall_model, with_perpendicular
+from layoutexplore.layout.segments import find_segments
 from layoutexplore.layout.timing import StageTimer
-from layoutexplore.layout.types import Layout, empty_layout, has_free_space
+from layoutexplore.layout.types import Layout, LayoutRoom, Wall, empty_layout, has_free_space
 from layoutexplore.layout.wavefront import grow_labels
 
 
 @dataclass(frozen=True, kw_only=True)
-class DefaultConfig:
-    """Options of the default method; lengths in metres.
+class DefaultConfig(OpeningConfig):
+    """Options of the default method, those of the openings among them; lengths in metres.
 
     Attributes:
-        door_min: Narrowest gap that may be a door.
-        door_max: Widest gap that may be one; the judge decides.
-        door_run: A wall beside a door is at least this long.
         clutter_area: Obstacles that float freely are clutter below this occupied area [m2] ...
         clutter_length: ... unless they are this long: a curved or diagonal wall hangs on nothing.
         chink: Unseen space between seen space narrower than twice this is taken as free.
@@ -52,28 +53,26 @@ class DefaultConfig:
         basin_wide: ... or so far from all obstacles.
         merge_level: Pieces merge while the log-odds of belonging together are at least this.
         room_area: Smallest room [m2].
+        wall_half: A room's polygon reaches so far into its walls, to the middle of those between two rooms.
     """
 
-    door_min: float = 0.45
-    door_max: float = 3.0
-    door_run: float = 0.3
     clutter_area: float = 1.0
     clutter_length: float = 2.0
     chink: float = 0.25
     basin_share: float = 0.85
     basin_wide: float = 1.5
-    merge_level: float = 0.25
+    merge_level: float = 0.0
     room_area: float = 1.5
+    wall_half: float = 0.3
 
     def __post_init__(self) -> None:
         if not 0 < self.door_min <= self.door_max:
             raise ConfigError("door_min must be above 0 and at most door_max")
+        if min(self.door_run, self.widening, self.reach, self.slack) <= 0:
+            raise ConfigError("lengths of openings must be above 0")
         if not 0 < self.basin_share <= 1:
             raise ConfigError(f"basin_share must lie in (0, 1], got {self.basin_share}")
-        if (
-            min(self.door_run, self.clutter_area, self.clutter_length, self.basin_wide) <= 0
-            or min(self.chink, self.room_area) < 0
-        ):
+        if min(self.clutter_area, self.clutter_length, self.basin_wide) <= 0 or min(self.chink, self.room_area) < 0:
             raise ConfigError("lengths and areas must be above 0 (chink and room_area may be 0)")
 
 
@@ -86,16 +85,14 @@ class Pieces:
         labels: int32 of the shape of `turned.cells`, the pieces.
         clutter: bool, occupied cells that are no wall.
         graph: What the pieces are like.
-        structure_score: ROSE's W.
-        directions: Dominant directions of the walls in the frame of the grid, in radians.
+        structure: What ROSE knows of the map, in the frame of its known part.
     """
 
     turned: Turned
     labels: NDArray[np.int32]
     clutter: NDArray[np.bool_]
     graph: PieceGraph
-    structure_score: float
-    directions: NDArray[np.float64]
+    structure: Structure
 
 
 def split_clutter(
@@ -126,36 +123,34 @@ def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfi
         turned = turn(part, main_direction(structure.profile), corner)
     with timer("openings"):
         occupied = turned.cells == OCCUPIED
-        openings = find_openings(
-            occupied, resolution, width_min=config.door_min, width_max=config.door_max, run_min=config.door_run
-        )
-        building = split_clutter(occupied, openings.width > 0, resolution, config)
+        openings = find_openings(occupied, resolution, config)
+        building = split_clutter(occupied, openings.gap > 0, resolution, config)
         wall = occupied & building
     with timer("basins"):
         inside = ~wall & (closed_space(turned.cells, resolution, config.chink) | (turned.cells != UNKNOWN))
         basins = distance_basins(
-            ~inside | ((openings.width > 0) & building), resolution, share=config.basin_share, wide=config.basin_wide
+            ~inside | ((openings.gap > 0) & building), resolution, share=config.basin_share, wide=config.basin_wide
         )
         labels = grow_labels(basins, inside)
     with timer("graph"):
         padded = cv2.copyMakeBorder(inside.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-        distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+        distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
         graph = piece_graph(
             labels,
             free=turned.cells == FREE,
             clutter=occupied & ~wall,
             wall=wall,
             distance=np.ascontiguousarray(distance),
-            doors=(openings.width, openings.long_run, openings.short_run),
+            openings=openings,
             resolution=resolution,
         )
-    return Pieces(turned, labels, occupied & ~wall, graph, structure.score, structure.directions)
+    return Pieces(turned, labels, occupied & ~wall, graph, structure)
 
 
 def merge_into_rooms(
     pieces: Pieces, grid: OccupancyGrid, config: DefaultConfig, forest: Forest
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Room labels of the grid's cells that are not occupied, and the rooms' footprints with the furniture in them."""
+    """Room labels of the grid's cells that are not occupied, and the rooms' footprints: with the furniture and half the walls."""
     into = merge_pieces(pieces.graph, forest, level=config.merge_level)
     footprint = turn_back(into[pieces.labels], pieces.turned, grid.shape)
     if pieces.turned.angle:
@@ -164,7 +159,9 @@ def merge_into_rooms(
     keep = area >= config.room_area
     keep[0] = False
     footprint = number_rooms(np.where(keep[footprint], footprint, np.int32(0)))
-    return np.where(grid.occupied, np.int32(0), footprint), footprint
+    labels = np.where(grid.occupied, np.int32(0), footprint)
+    steps = max(round(config.wall_half / grid.resolution), 1)
+    return labels, spread_into(footprint, grid.occupied, steps)
 
 
 @register_method("default", DefaultConfig)
@@ -183,24 +180,51 @@ def reconstruct_with(grid: OccupancyGrid, config: DefaultConfig, forest: Forest)
         labels, footprint = merge_into_rooms(pieces, grid, config, forest)
     with timer("outlines"):
         rooms = rooms_of_labels(labels, grid, footprint)
-    with timer("clean grid"):
+    with timer("walls"):
         clean = clean_grid(pieces, grid)
-    warnings: list[str] = []
-    if not rooms:
-        warnings.append("no room found: the free space is too small or too narrow")
-    if not len(pieces.directions):
-        warnings.append("no dominant direction: the map has no straight walls")
-    extra: dict[str, Any] = {"directions": np.mod(np.asarray(pieces.directions) + grid.origin.theta, np.pi)}
+        segments, walls = find_walls_of(clean, pieces.structure, timer)
     return Layout(
         method="default",
         clean_grid=clean,
         labels=labels,
         rooms=rooms,
-        structure_score=pieces.structure_score,
+        directions=angles_to_world(pieces.structure.directions, grid.origin),
+        structure_score=pieces.structure.score,
+        cell_scores=_in_frame(pieces, grid.shape),
+        segments=segments,
+        walls=walls,
         timings=timer.seconds,
-        warnings=tuple(warnings),
-        **extra,
+        warnings=tuple(_doubts(rooms, pieces.structure)),
     )
+
+
+def _doubts(rooms: tuple[LayoutRoom, ...], structure: Structure) -> Iterator[str]:
+    if not rooms:
+        yield "no room found: the free space is too small or too narrow"
+    if not len(structure.directions):
+        yield "no dominant direction: the map has no straight walls"
+    elif structure.score > 0.4:
+        yield f"structure score {structure.score:.2f} is above 0.4: do not trust the walls"
+
+
+def _in_frame(pieces: Pieces, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """ROSE's scores of the known part in the frame of the whole grid."""
+    scores = np.zeros(shape, np.float32)
+    (row, col), (rows, cols) = pieces.turned.corner, pieces.turned.shape
+    scores[row : row + rows, col : col + cols] = pieces.structure.cell_scores
+    return scores
+
+
+def find_walls_of(clean: OccupancyGrid, structure: Structure, timer: StageTimer) -> tuple[NDArray[np.float64], tuple[Wall, ...]]:
+    """Segments float64 (n, 4) and walls of a map without clutter, in the world frame, by the stages of ROSE2."""
+    config = Rose2Config()
+    mask = surfaces(clean.cells)
+    segments = find_segments(mask, clean.resolution, config)
+    model = find_wall_model(clean, with_perpendicular(structure), mask, segments, config, timer)
+    if model is None:
+        return np.zeros((0, 4)), ()
+    ends = to_world(model.segments.reshape(-1, 2), clean.origin).reshape(-1, 4)
+    return ends, _walls(clean, model, angles_to_world(model.aligned.directions, clean.origin))
 
 
 def clean_grid(pieces: Pieces, grid: OccupancyGrid) -> OccupancyGrid:

@@ -161,7 +161,7 @@ def _log_odds(x: NDArray[np.float64], feature: NDArray[np.int32], threshold: NDA
 
 @njit(cache=True, nogil=True)
 def _same_room(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    return a.argmax() == b.argmax()
+    return int(a.argmax()) == int(b.argmax())
 
 
 @njit(cache=True, nogil=True)

@@ -11,6 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.layout.openings import Openings, thicken
+
 # Columns of the node table. AREA: known free cells; SPACE: all cells; SIDES: sides shared with anything else;
 # OPEN_END: sides towards unknown space; ROWS..: bounding box, half open; PEAK: largest distance to the obstacles [cells].
 AREA, SPACE, CLUTTER, SIDES, OPEN_END, WALL_SIDES, ROW0, ROW1, COL0, COL1, PEAK = range(11)
@@ -47,31 +49,26 @@ class PieceGraph:
 
 
 @njit(cache=True, nogil=True)
-def _row_sums(wall: NDArray[np.bool_], slack: int) -> NDArray[np.int32]:
-    """Prefix sums along the rows of the walls, thickened by `slack` across them; (rows, cols + 1)."""
-    rows, cols = wall.shape
-    out = np.zeros((rows, cols + 1), np.int32)
-    for r in range(rows):
-        for c in range(cols):
-            hit = 0
-            for k in range(max(r - slack, 0), min(r + slack + 1, rows)):
-                if wall[k, c]:
-                    hit = 1
-                    break
-            out[r, c + 1] = out[r, c] + hit
-    return out
+def _share(thick: NDArray[np.uint8], r: int, begin: int, end: int) -> float:
+    """Share of wall among the cells begin <= c < end of a row; what lies outside the grid is no wall."""
+    hits = 0
+    for c in range(max(begin, 0), min(end, thick.shape[1])):
+        hits += thick[r, c]
+    return hits / (end - begin)
 
 
 @njit(cache=True, nogil=True)
-def _share(sums: NDArray[np.int32], r: int, begin: int, end: int, reach: int) -> float:
-    begin, end = max(begin, 0), min(end, sums.shape[1] - 1)
-    if end <= begin:
-        return 0.0
-    return (sums[r, end] - sums[r, begin]) / reach
+def _add_lines(edge: NDArray[np.float64], thick: NDArray[np.uint8], r: int, c: int, near: int, far: int) -> None:
+    """Add the walls in line with a contact between cells (r, c) and (r + 1, c) of `thick`."""
+    before = max(_share(thick, r, c - near, c), _share(thick, r + 1, c - near, c))
+    after = max(_share(thick, r, c + 1, c + 1 + near), _share(thick, r + 1, c + 1, c + 1 + near))
+    edge[NEAR] += before + after
+    edge[NEAR_MIN] += min(before, after)
+    edge[FAR] += max(_share(thick, r, c - far, c + 1 + far), _share(thick, r + 1, c - far, c + 1 + far))
 
 
-@njit(cache=True, nogil=True)
-def _spread_into(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: int) -> NDArray[np.int32]:
+@njit("int32[:,::1](int32[:,::1], boolean[:,::1], int64)", cache=True, nogil=True)
+def spread_into(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: int) -> NDArray[np.int32]:
     """Labels spread into the walls by 4-neighbours, at most `steps` cells deep."""
     rows, cols = labels.shape
     out = labels.copy()
@@ -107,9 +104,45 @@ def _edge(a: int, b: int, index: NDArray[np.int32], heads: NDArray[np.int32], li
     e = heads[a]
     while e >= 0:
         if index[e, 1] == b:
-            return e
+            return int(e)
         e = links[e]
     return -1
+
+
+@njit(cache=True, nogil=True)
+def _add_run(
+    node: NDArray[np.float64],
+    free: NDArray[np.bool_],
+    clutter: NDArray[np.bool_],
+    distance: NDArray[np.float32],
+    r: int,
+    begin: int,
+    end: int,
+) -> None:
+    """Add the cells begin <= c < end of row r to a piece."""
+    known = furniture = 0
+    peak = np.float32(0)
+    for c in range(begin, end):
+        known += free[r, c]
+        furniture += clutter[r, c]
+        peak = max(peak, distance[r, c])
+    node[SPACE] += end - begin
+    node[AREA] += known
+    node[CLUTTER] += furniture
+    node[PEAK] = max(node[PEAK], peak)
+    node[ROW0] = min(node[ROW0], r)
+    node[ROW1] = max(node[ROW1], r + 1)
+    node[COL0] = min(node[COL0], begin)
+    node[COL1] = max(node[COL1], end)
+
+
+@njit(cache=True, nogil=True)
+def _add_side(nodes: NDArray[np.float64], label: int, other: int, blocked: bool) -> None:
+    """Add a side of a cell of a piece; behind it lies another piece, or a wall, or nothing seen."""
+    if label > 0:
+        nodes[label, SIDES] += 1
+        if other == 0:
+            nodes[label, WALL_SIDES if blocked else OPEN_END] += 1
 
 
 @njit(cache=True, nogil=True)
@@ -120,9 +153,10 @@ def _build(
     clutter: NDArray[np.bool_],
     wall: NDArray[np.bool_],
     distance: NDArray[np.float32],
-    doors: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
-    row_sums: NDArray[np.int32],
-    col_sums: NDArray[np.int32],
+    gap: NDArray[np.int32],
+    gaps: NDArray[np.float64],
+    thick: NDArray[np.uint8],
+    thick_turned: NDArray[np.uint8],
     near: int,
     far: int,
     count: int,
@@ -137,32 +171,32 @@ def _build(
     heads = np.full(count + 1, -1, np.int32)
     m = 0
     for r in range(rows):
-        for c in range(cols):
-            a = labels[r, c]
+        begin = 0
+        while begin < cols:  # runs of one label in a row
+            a = labels[r, begin]
+            end = begin + 1
+            while end < cols and labels[r, end] == a:
+                end += 1
             if a > 0:
-                node = nodes[a]
-                node[SPACE] += 1
-                node[AREA] += free[r, c]
-                node[CLUTTER] += clutter[r, c]
-                node[ROW0] = min(node[ROW0], r)
-                node[ROW1] = max(node[ROW1], r + 1)
-                node[COL0] = min(node[COL0], c)
-                node[COL1] = max(node[COL1], c + 1)
-                node[PEAK] = max(node[PEAK], distance[r, c])
+                _add_run(nodes[a], free, clutter, distance, r, begin, end)
+            begin = end
+        for c in range(cols):
+            a, p = int(labels[r, c]), int(spread[r, c])
+            inner = r + 1 < rows and c + 1 < cols
+            if inner and p == spread[r + 1, c] == spread[r, c + 1] and a == labels[r + 1, c] == labels[r, c + 1]:
+                continue  # nothing ends here, as nearly everywhere
             for d in range(2):
-                rr, cc = r + (d == 0), c + (d == 1)
+                rr, cc = (r + 1, c) if d == 0 else (r, c + 1)
                 inside = rr < rows and cc < cols
-                b = labels[rr, cc] if inside else np.int32(0)
+                b = int(labels[rr, cc]) if inside else 0
+                q = int(spread[rr, cc]) if inside else 0
+                if a == b and p == q:
+                    continue
                 if a != b:
-                    for who, other in ((a, b), (b, a)):
-                        if who > 0:
-                            nodes[who, SIDES] += 1
-                            if other == 0:
-                                blocked = inside and (wall[rr, cc] if who == a else wall[r, c])
-                                nodes[who, WALL_SIDES if blocked else OPEN_END] += 1
+                    _add_side(nodes, a, b, inside and wall[rr, cc])
+                    _add_side(nodes, b, a, wall[r, c])
                 if not inside:
                     continue
-                p, q = spread[r, c], spread[rr, cc]
                 if p == q or p == 0 or q == 0:
                     continue
                 lo, hi = min(p, q), max(p, q)
@@ -184,28 +218,17 @@ def _build(
                     continue
                 edge[OPEN] += 1
                 edge[PASS] = max(edge[PASS], min(distance[r, c], distance[rr, cc]))
-                width = max(doors[0][r, c], doors[0][rr, cc])
-                if width > 0:
+                door = max(gap[r, c], gap[rr, cc])
+                if door > 0:
                     edge[DOOR] += 1
-                    edge[WIDTH] += width
-                    edge[LONG] += max(doors[1][r, c], doors[1][rr, cc])
-                    edge[SHORT] += max(doors[2][r, c], doors[2][rr, cc])
+                    edge[WIDTH] += gaps[door, 0]
+                    edge[LONG] += gaps[door, 1]
+                    edge[SHORT] += gaps[door, 2]
                 if d == 0:  # the contact runs along the row
                     edge[ACROSS_ROWS] += 1
-                    before = max(_share(row_sums, r, c - near, c, near), _share(row_sums, rr, c - near, c, near))
-                    after = max(_share(row_sums, r, c + 1, c + 1 + near, near), _share(row_sums, rr, c + 1, c + 1 + near, near))
-                    wide = max(
-                        _share(row_sums, r, c - far, c + 1 + far, 2 * far), _share(row_sums, rr, c - far, c + 1 + far, 2 * far)
-                    )
+                    _add_lines(edge, thick, r, c, near, far)
                 else:
-                    before = max(_share(col_sums, c, r - near, r, near), _share(col_sums, cc, r - near, r, near))
-                    after = max(_share(col_sums, c, r + 1, r + 1 + near, near), _share(col_sums, cc, r + 1, r + 1 + near, near))
-                    wide = max(
-                        _share(col_sums, c, r - far, r + 1 + far, 2 * far), _share(col_sums, cc, r - far, r + 1 + far, 2 * far)
-                    )
-                edge[NEAR] += before + after
-                edge[NEAR_MIN] += min(before, after)
-                edge[FAR] += wide
+                    _add_lines(edge, thick_turned, c, r, near, far)
     # sides on the lower and left border of the grid
     for r in range(rows):
         if labels[r, 0] > 0:
@@ -225,7 +248,7 @@ def piece_graph(
     clutter: NDArray[np.bool_],
     wall: NDArray[np.bool_],
     distance: NDArray[np.float32],
-    doors: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]],
+    openings: Openings,
     resolution: float,
 ) -> PieceGraph:
     """The graph of a map's pieces.
@@ -236,7 +259,7 @@ def piece_graph(
         clutter: bool (rows, cols), occupied cells that are no walls.
         wall: bool (rows, cols), occupied cells that are.
         distance: float32 (rows, cols), distance to the walls in cells.
-        doors: float32 (rows, cols) each: width, longer and shorter run of the openings [m], 0 where there is none.
+        openings: The candidate openings.
         resolution: Metres a cell.
     """
     steps = max(round(WALL_THICKNESS / resolution), 1)
@@ -244,14 +267,15 @@ def piece_graph(
     near, far = max(round(NEAR_REACH / resolution), 1), max(round(FAR_REACH / resolution), 1)
     nodes, ends, edges = _build(
         labels,
-        _spread_into(labels, wall, steps),
+        spread_into(labels, wall, steps),
         free,
         clutter,
         wall,
         distance,
-        doors,
-        _row_sums(wall, slack),
-        _row_sums(np.ascontiguousarray(wall.T), slack),
+        openings.gap,
+        openings.table.astype(np.float64) * resolution,
+        thicken(wall, slack, across_rows=True),
+        np.ascontiguousarray(thicken(wall, slack, across_rows=False).T),
         near,
         far,
         int(labels.max(initial=0)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ def save_forest(forest: Forest, path: Path, *, note: str = "") -> None:
     """Write a forest: one list of [feature, threshold, left, right] a tree, a leaf as [-1, log-odds, 0, 0]."""
     trees = []
     bounds = [*forest.roots.tolist(), len(forest.feature)]
-    for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
+    for begin, end in pairwise(bounds):
         trees.append(
             [
                 [int(forest.feature[i]), float(forest.threshold[i]), *(int(v - begin) for v in (forest.left[i], forest.right[i]))]

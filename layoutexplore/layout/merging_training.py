@@ -2,8 +2,8 @@
 
 A map's pieces are labelled by the room most of their cells lie in. The pieces are merged in the order in which the judge
 trained so far would merge them, but only where that is right, and every pair looked at on the way is a sample: so the
-judge learns from the very unions it meets. Every building weighs the same, and the simulated maps together as much as
-all real ones.
+judge learns from the very unions it meets. Every building weighs the same for each kind of map of it, and the simulated maps
+together half as much as all real ones.
 """
 
 from __future__ import annotations
@@ -21,6 +21,11 @@ from layoutexplore.layout.merging import FEATURES, Forest, judge_with_truth
 from layoutexplore.layout.merging_graph import PieceGraph
 from layoutexplore.layout.timing import StageTimer
 
+RISING = ("openness", "contact_share_small", "contact_share_large", "pass", "pass_ratio_small", "pass_ratio_large",
+          "facing_small", "facing_large")  # fmt: skip
+FALLING = ("line_near", "line_near_min", "line_far", "through", "door_share", "misalignment")
+"""Features of which more can only speak for one room, or only against it: what keeps the judge sane on unseen buildings."""
+
 SIMULATED = "simulated"
 """Building of the simulated maps."""
 
@@ -34,14 +39,16 @@ class TrainingConfig:
         trees: Trees of the forest.
         leaves: Leaves of a tree.
         rate: Learning rate.
+        features: Share of the features a split may choose from.
         simulated_weight: Weight of all simulated maps together over that of all real ones.
     """
 
     rounds: int = 2
-    trees: int = 80
-    leaves: int = 10
+    trees: int = 130
+    leaves: int = 16
     rate: float = 0.12
-    simulated_weight: float = 1.0
+    features: float = 0.5
+    simulated_weight: float = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +98,14 @@ def make_example(
 
 def first_forest() -> Forest:
     """The judge of the first round: merge wide passes between pieces that are open to each other."""
-    feature = [FEATURES.index("pass_ratio_small"), -1, -1, FEATURES.index("openness"), -1, -1]
-    threshold = [0.8, -1.0, 1.0, 0.8, -1.0, 1.0]
-    left, right, roots = [1, 0, 0, 4, 0, 0], [2, 0, 0, 5, 0, 0], [0, 3]
-    return Forest(*(np.array(v, t) for v, t in ((feature, np.int32), (threshold, np.float64), (left, np.int32))),
-                  np.array(right, np.int32), np.array(roots, np.int32), 0.0)  # fmt: skip
+    return Forest(
+        feature=np.array([FEATURES.index("pass_ratio_small"), -1, -1, FEATURES.index("openness"), -1, -1], np.int32),
+        threshold=np.array([0.8, -1.0, 1.0, 0.8, -1.0, 1.0]),
+        left=np.array([1, 0, 0, 4, 0, 0], np.int32),
+        right=np.array([2, 0, 0, 5, 0, 0], np.int32),
+        roots=np.array([0, 3], np.int32),
+        bias=0.0,
+    )
 
 
 def train_forest(examples: Sequence[Example], config: TrainingConfig | None = None) -> Forest:
@@ -110,7 +120,7 @@ def train_forest(examples: Sequence[Example], config: TrainingConfig | None = No
     for _ in range(config.rounds):
         for example in examples:
             samples.append(judge_with_truth(example.graph, forest, example.rooms))
-            keys.append((example.building, example.kind))
+            keys.append((example.building, "" if example.building == SIMULATED else example.kind))
         forest = _fit(samples, keys, config)
     return forest
 
@@ -132,6 +142,8 @@ def _fit(samples: list[NDArray[np.float64]], keys: list[tuple[str, str]], config
         max_leaf_nodes=config.leaves,
         min_samples_leaf=30,
         l2_regularization=5.0,
+        max_features=config.features,
+        monotonic_cst=[int(f in RISING) - int(f in FALLING) for f in FEATURES],
         early_stopping=False,
         random_state=0,
     )

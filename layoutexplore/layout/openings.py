@@ -1,16 +1,44 @@
-"""Openings in walls: short gaps in line with a run of wall, behind which the free space widens on both sides.
+"""Openings in walls, on a grid whose walls run along rows and columns: candidates for doors.
 
-Works on a grid whose walls run along rows and columns. Every candidate cell knows how wide its gap is and how long the
-walls on either side of it are; what is a door is decided later.
+A candidate is a short gap in line with a run of wall, behind which the free space widens on both sides. Every gap knows its
+width and the length of the walls beside it; whether it parts two rooms is decided later.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+WIDTH, LONG, SHORT = range(3)
+"""Columns of the table of gaps: width, longer and shorter run of wall beside it, all in cells."""
+
+LONGEST_RUN = 5.0
+"""A wall beside a gap is followed no farther than this [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpeningConfig:
+    """What counts as a candidate; lengths in metres.
+
+    Attributes:
+        door_min: Narrowest gap.
+        door_max: Widest door.
+        door_run: The wall on at least one side of a door is this long.
+        widening: The space behind a door widens by this much ...
+        reach: ... within this distance, on both sides.
+        slack: A wall may step aside by this much.
+    """
+
+    door_min: float = 0.45
+    door_max: float = 3.0
+    door_run: float = 0.3
+    widening: float = 0.4
+    reach: float = 0.6
+    slack: float = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,64 +46,50 @@ class Openings:
     """Candidate openings.
 
     Attributes:
-        width: float32 (rows, cols), width of the gap in metres on its cells, 0 elsewhere; of two the narrower.
-        long_run: float32 (rows, cols), length in metres of the longer of the walls beside the gap.
-        short_run: float32 (rows, cols), length of the shorter one.
+        gap: int32 (rows, cols), row of the table for the cells of a gap, 0 elsewhere.
+        table: int32 (n, 3), WIDTH, LONG and SHORT of each gap in cells; row 0 is empty.
     """
 
-    width: NDArray[np.float32]
-    long_run: NDArray[np.float32]
-    short_run: NDArray[np.float32]
+    gap: NDArray[np.int32]
+    table: NDArray[np.int32]
 
 
-@njit(cache=True, nogil=True)
-def _free_runs(blocked: NDArray[np.bool_]) -> NDArray[np.int32]:
+def thicken(mask: NDArray[np.bool_], slack: int, *, across_rows: bool) -> NDArray[np.uint8]:
+    """A mask grown by `slack` cells up and down (`across_rows`) or left and right, uint8 (rows, cols)."""
+    size = 2 * slack + 1
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((size, 1) if across_rows else (1, size), np.uint8)), np.uint8)
+
+
+@njit("int16[:,::1](boolean[:,::1])", cache=True, nogil=True)
+def _free_runs(blocked: NDArray[np.bool_]) -> NDArray[np.int16]:
     """Length of the run of cells that are not blocked in its row, for each cell; 0 for blocked ones."""
     rows, cols = blocked.shape
-    out = np.zeros((rows, cols), np.int32)
+    out = np.zeros((rows, cols), np.int16)
     for r in range(rows):
         begin = 0
         for c in range(cols + 1):
             if c == cols or blocked[r, c]:
+                n = min(c - begin, 32767)
                 for k in range(begin, c):
-                    out[r, k] = c - begin
+                    out[r, k] = n
                 begin = c + 1
     return out
 
 
 @njit(cache=True, nogil=True)
-def _wall_runs(blocked: NDArray[np.bool_], slack: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Length of the run of wall that ends at each cell, coming from the left and from the right.
-
-    A run follows the wall where it steps aside by up to `slack` cells from the row it ends in.
-    """
-    rows, cols = blocked.shape
-    left = np.zeros((rows, cols), np.int32)
-    right = np.zeros((rows, cols), np.int32)
-    thick = np.zeros(cols, np.bool_)
-    for r in range(rows):
-        for c in range(cols):
-            thick[c] = False
-            for k in range(max(r - slack, 0), min(r + slack + 1, rows)):
-                if blocked[k, c]:
-                    thick[c] = True
-                    break
-        run = 0
-        for c in range(cols):
-            run = run + 1 if thick[c] else 0
-            left[r, c] = run
-        run = 0
-        for c in range(cols - 1, -1, -1):
-            run = run + 1 if thick[c] else 0
-            right[r, c] = run
-    return left, right
+def _run_length(thick: NDArray[np.uint8], r: int, c: int, step: int, longest: int) -> int:
+    n = 0
+    while 0 <= c < thick.shape[1] and thick[r, c] and n < longest:
+        n += 1
+        c += step
+    return n
 
 
 @njit(cache=True, nogil=True)
-def _widens(runs: NDArray[np.int32], blocked: NDArray[np.bool_], r: int, c: int, step: int, reach: int, wanted: int) -> bool:
+def _widens(runs: NDArray[np.int16], r: int, c: int, step: int, reach: int, wanted: int) -> bool:
     for k in range(1, reach + 1):
         rr = r + step * k
-        if rr < 0 or rr >= runs.shape[0] or blocked[rr, c]:
+        if rr < 0 or rr >= runs.shape[0] or runs[rr, c] == 0:
             return False
         if runs[rr, c] >= wanted:
             return True
@@ -84,131 +98,72 @@ def _widens(runs: NDArray[np.int32], blocked: NDArray[np.bool_], r: int, c: int,
 
 @njit(cache=True, nogil=True)
 def _mark(
-    blocked: NDArray[np.bool_],
-    narrowest: int,
-    widest: int,
-    run_min: int,
-    widening: int,
-    reach: int,
-    slack: int,
-    width: NDArray[np.int32],
-    longer: NDArray[np.int32],
-    shorter: NDArray[np.int32],
-) -> None:
-    """Mark the gaps of the rows; a cell of two gaps belongs to the narrower."""
-    rows, cols = blocked.shape
-    runs = _free_runs(blocked)
-    left, right = _wall_runs(blocked, slack)
-    for r in range(rows):
-        c = 0
-        while c < cols:
-            n = runs[r, c]
-            if n == 0:
-                c += 1
-                continue
-            if narrowest <= n <= widest and c > 0 and c + n < cols:
-                a, b = left[r, c - 1], right[r, c + n]
-                middle = c + n // 2
-                if (
-                    max(a, b) >= run_min
-                    and _widens(runs, blocked, r, middle, -1, reach, n + widening)
-                    and _widens(runs, blocked, r, middle, 1, reach, n + widening)
-                ):
-                    for k in range(c, c + n):
-                        if width[r, k] == 0 or n < width[r, k]:
-                            width[r, k] = n
-                            longer[r, k] = max(a, b)
-                            shorter[r, k] = min(a, b)
-            c += n
-
-
-@njit(cache=True, nogil=True)
-def _mark_mouths(
-    blocked: NDArray[np.bool_],
-    narrowest: int,
-    widest: int,
-    widening: int,
-    depth: int,
-    width: NDArray[np.int32],
-    longer: NDArray[np.int32],
-    shorter: NDArray[np.int32],
-) -> None:
-    """Mark where a passage that runs across the rows for `depth` cells ends in a wider space; doors keep their marks."""
-    rows, cols = blocked.shape
-    runs = _free_runs(blocked)
+    runs: NDArray[np.int16], thick: NDArray[np.uint8], sizes: NDArray[np.int64], gap: NDArray[np.int32], table: NDArray[np.int32]
+) -> NDArray[np.int32]:
+    """Mark the gaps along the rows and add them to the table."""
+    narrowest, widest, run_min, widening, reach, longest = (
+        int(sizes[0]), int(sizes[1]), int(sizes[2]), int(sizes[3]), int(sizes[4]), int(sizes[5]))  # fmt: skip
+    rows, cols = runs.shape
+    count = len(table)
+    new = np.empty((256, 3), np.int32)
+    n_new = 0
     for r in range(1, rows - 1):
         c = 0
         while c < cols:
-            n = runs[r, c]
+            n = int(runs[r, c])
             if n == 0:
                 c += 1
                 continue
-            if narrowest <= n <= widest and c > 0 and c + n < cols:
-                middle = c + n // 2
-                for step in (-1, 1):
-                    if blocked[r + step, middle] or runs[r + step, middle] < n + widening:
-                        continue
-                    steady = True
-                    for k in range(1, depth + 1):
-                        rr = r - step * k
-                        if rr < 0 or rr >= rows or blocked[rr, middle] or abs(runs[rr, middle] - n) > max(2, n // 6):
-                            steady = False
-                            break
-                    if steady:
-                        for k in range(c, c + n):
-                            if width[r, k] == 0:
-                                width[r, k] = n
-                                longer[r, k] = depth
-                                shorter[r, k] = 0
+            middle = c + n // 2
+            if (
+                narrowest <= n <= widest
+                and c > 0
+                and c + n < cols
+                and _widens(runs, r, middle, -1, reach, n + widening)
+                and _widens(runs, r, middle, 1, reach, n + widening)
+            ):
+                one, other = _run_length(thick, r, c - 1, -1, longest), _run_length(thick, r, c + n, 1, longest)
+                if max(one, other) >= run_min:
+                    if n_new >= len(new):
+                        new = np.concatenate((new, np.empty_like(new)))
+                    new[n_new, 0], new[n_new, 1], new[n_new, 2] = n, max(one, other), min(one, other)
+                    n_new += 1
+                    for k in range(c, c + n):
+                        gap[r, k] = count + n_new - 1
             c += n
+    return np.concatenate((table, new[:n_new]))
 
 
-def find_openings(
-    blocked: NDArray[np.bool_],
-    resolution: float,
-    *,
-    width_min: float,
-    width_max: float,
-    run_min: float,
-    widening: float = 0.4,
-    reach: float = 0.6,
-    slack: float = 0.1,
-    mouth_max: float = 4.0,
-    mouth_depth: float = 1.0,
-) -> Openings:
-    """Gaps along rows and columns that may be doors.
+@njit("void(int32[:,::1], int32[:,::1], int32[:,::1])", cache=True, nogil=True)
+def _join(gap: NDArray[np.int32], turned: NDArray[np.int32], table: NDArray[np.int32]) -> None:
+    """Add the gaps of the transposed grid; a cell of two belongs to the narrower."""
+    rows, cols = gap.shape
+    for c in range(cols):
+        for r in range(rows):
+            other = turned[c, r]
+            if other == 0:
+                continue
+            mine = gap[r, c]
+            if mine == 0 or table[other, WIDTH] < table[mine, WIDTH]:
+                gap[r, c] = other
+
+
+def find_openings(blocked: NDArray[np.bool_], resolution: float, config: OpeningConfig) -> Openings:
+    """Gaps along rows and columns that may part rooms.
 
     Args:
         blocked: bool (rows, cols), the obstacles.
         resolution: Metres a cell.
-        width_min: Narrowest gap [m].
-        width_max: Widest gap [m].
-        run_min: The wall on at least one side is this long [m].
-        widening: The free run grows by this much [m] ...
-        reach: ... within this distance [m], on both sides.
-        slack: A wall may step aside by this much [m].
+        config: What counts.
     """
-    shape = blocked.shape
-    marks = [np.zeros(shape, np.int32) for _ in range(3)]
-    turned = [np.zeros(shape[::-1], np.int32) for _ in range(3)]
-    sizes = [max(round(v / resolution), 1) for v in (width_min, width_max, run_min, widening, reach)]
-    step = max(round(slack / resolution), 1)
-    _mark(np.ascontiguousarray(blocked), *sizes, step, *marks)
-    _mark(np.ascontiguousarray(blocked.T), *sizes, step, *turned)
-    other = [t.T for t in turned]
-    take = (other[0] > 0) & ((marks[0] == 0) | (other[0] < marks[0]))
-    mouths = [np.zeros(shape, np.int32) for _ in range(3)]
-    mouths_turned = [np.zeros(shape[::-1], np.int32) for _ in range(3)]
-    long = max(round(mouth_depth / resolution), 1)
-    wider = max(round(2 * widening / resolution), 1)
-    widest = max(round(mouth_max / resolution), 1)
-    _mark_mouths(np.ascontiguousarray(blocked), sizes[0], widest, wider, long, *mouths)
-    _mark_mouths(np.ascontiguousarray(blocked.T), sizes[0], widest, wider, long, *mouths_turned)
-    for found in (mouths, [m.T for m in mouths_turned]):
-        free_yet = (found[0] > 0) & (marks[0] == 0) & (other[0] == 0)
-        marks = [np.where(free_yet, f, m) for f, m in zip(found, marks, strict=True)]
-    merged = [
-        np.ascontiguousarray(np.where(take, o, m)).astype(np.float32) * np.float32(resolution)
-        for o, m in zip(other, marks, strict=True)
-    ]
-    return Openings(*merged)
+    lengths = (config.door_min, config.door_max, config.door_run, config.widening, config.reach, LONGEST_RUN)
+    sizes = np.array([max(round(v / resolution), 1) for v in lengths], np.int64)
+    slack = max(round(config.slack / resolution), 1)
+    upright = np.ascontiguousarray(blocked)
+    lying = np.ascontiguousarray(blocked.T)
+    table = np.zeros((1, 3), np.int32)
+    gap, turned = np.zeros(upright.shape, np.int32), np.zeros(lying.shape, np.int32)
+    table = _mark(_free_runs(upright), thicken(upright, slack, across_rows=True), sizes, gap, table)
+    table = _mark(_free_runs(lying), thicken(lying, slack, across_rows=True), sizes, turned, table)
+    _join(gap, turned, np.ascontiguousarray(table))
+    return Openings(gap, table)

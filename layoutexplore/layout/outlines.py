@@ -7,7 +7,7 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, LayoutRoom
 
@@ -19,7 +19,7 @@ _STEP_C = np.array([1, 0, -1, 0], np.int64)
 def _at(labels: NDArray[np.int32], r: int, c: int) -> int:
     if r < 0 or c < 0 or r >= labels.shape[0] or c >= labels.shape[1]:
         return 0
-    return labels[r, c]
+    return int(labels[r, c])
 
 
 @njit("int32(int32[:,::1], int64, int64, int64)", cache=True, nogil=True)
@@ -51,9 +51,15 @@ def _trace(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int
     for r0 in range(rows):
         for c0 in range(cols):
             label = labels[r0, c0]
+            if label == 0:
+                continue
+            below = r0 > 0 and labels[r0 - 1, c0] == label
+            above = r0 + 1 < rows and labels[r0 + 1, c0] == label
             for side in (0, 2):  # every ring has a lower and an upper side
+                if (below and side == 0) or (above and side == 2):
+                    continue
                 r1, c1 = (r0, c0) if side == 0 else (r0 + 1, c0 + 1)
-                if label == 0 or _right(labels, r1, c1, side) == label or seen[r1, c1] & (1 << side):
+                if seen[r1, c1] & (1 << side):
                     continue
                 if k + 1 >= len(starts):
                     starts = np.append(starts, np.empty(len(starts), np.int64))
@@ -98,29 +104,40 @@ def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
         2.0
     """
     corners, starts, owners = _trace(np.ascontiguousarray(labels, np.int32))
-    shells: dict[int, list[NDArray[np.float64]]] = {}
-    holes: dict[int, list[NDArray[np.float64]]] = {}
     points = corners[:, ::-1].astype(np.float64)
-    for begin, end, owner in zip(starts[:-1], starts[1:], owners, strict=True):
+    twice = np.cumsum(points[:, 0] * np.roll(points[:, 1], -1) - points[:, 1] * np.roll(points[:, 0], -1))
+    shells: dict[int, tuple[float, NDArray[np.float64]]] = {}
+    holes: dict[int, list[NDArray[np.float64]]] = {}
+    for begin, end, owner in zip(starts[:-1].tolist(), starts[1:].tolist(), owners.tolist(), strict=True):
         ring = points[begin:end]
-        x, y = ring[:, 0], ring[:, 1]
-        signed = float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
-        (shells if signed > 0 else holes).setdefault(int(owner), []).append(ring)
-    return {label: _polygon(shells[label], holes.get(label, [])) for label in sorted(shells)}
+        inner = twice[end - 2] - (twice[begin - 1] if begin else 0.0)
+        double = inner + ring[-1, 0] * ring[0, 1] - ring[-1, 1] * ring[0, 0]
+        if double < 0:
+            holes.setdefault(owner, []).append(ring)
+        elif owner not in shells or double > shells[owner][0]:
+            shells[owner] = (double, ring)
+    return {label: _polygon(shells[label][1], holes.get(label, [])) for label in sorted(shells)}
 
 
-def _polygon(shells: list[NDArray[np.float64]], holes: list[NDArray[np.float64]]) -> shapely.Polygon:
-    outer = max((shapely.Polygon(s) for s in shells), key=lambda p: p.area)
-    if not outer.is_valid:
-        outer = _largest(shapely.make_valid(outer))
-    inner = [h for h in (shapely.Polygon(h) for h in holes) if outer.covers(h.representative_point())]
-    whole = shapely.Polygon(outer.exterior.coords, [*(i.coords for i in outer.interiors), *(h.exterior.coords for h in inner)])
-    return whole if whole.is_valid else _largest(outer.difference(shapely.union_all([h.buffer(0) for h in inner])))
+def _polygon(shell: NDArray[np.float64], holes: list[NDArray[np.float64]]) -> shapely.Polygon:
+    outer = shapely.Polygon(shell)
+    if holes:
+        # the cell to the left of a ring's first side belongs to the label
+        beside = np.array([_left_cell(hole) for hole in holes])
+        own = shapely.contains_xy(outer, beside[:, 0], beside[:, 1])
+        outer = shapely.Polygon(shell, [hole for hole, inside in zip(holes, own, strict=True) if inside])
+    return outer if outer.is_valid else _largest(shapely.make_valid(outer))
+
+
+def _left_cell(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Centre of the cell to the left of the first side of a ring."""
+    along = np.sign(ring[1] - ring[0])
+    return np.asarray(ring[0] + 0.5 * along + 0.5 * np.array([-along[1], along[0]]))
 
 
 def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
     parts = [p for p in shapely.get_parts(geometry, return_index=False) if isinstance(p, shapely.Polygon) and not p.is_empty]
-    return max(parts, key=lambda p: p.area)
+    return max(parts, key=lambda p: float(p.area))
 
 
 def to_world(polygon: shapely.Polygon, grid: OccupancyGrid) -> shapely.Polygon:
@@ -136,13 +153,28 @@ def to_world(polygon: shapely.Polygon, grid: OccupancyGrid) -> shapely.Polygon:
 
 def number_rooms(labels: NDArray[np.int32]) -> NDArray[np.int32]:
     """Renumber labels 1, 2, ... in the order of their first cell in raster order."""
-    flat = labels.ravel()
-    values, first = np.unique(flat, return_index=True)
-    order = values[np.argsort(first)]
-    order = order[order > 0]
-    table = np.zeros(int(values.max(initial=0)) + 1, np.int32)
-    table[order] = np.arange(1, len(order) + 1, dtype=np.int32)
-    return table[labels]
+    return _number(np.ascontiguousarray(labels, np.int32))
+
+
+@njit("int32[:,::1](int32[:,::1])", cache=True, nogil=True)
+def _number(labels: NDArray[np.int32]) -> NDArray[np.int32]:
+    rows, cols = labels.shape
+    top = 0
+    for r in range(rows):
+        for c in range(cols):
+            top = max(top, labels[r, c])
+    table = np.zeros(top + 1, np.int32)
+    out = np.zeros((rows, cols), np.int32)
+    count = 0
+    for r in range(rows):
+        for c in range(cols):
+            label = labels[r, c]
+            if label > 0:
+                if table[label] == 0:
+                    count += 1
+                    table[label] = count
+                out[r, c] = table[label]
+    return out
 
 
 def rooms_of_labels(
@@ -156,26 +188,47 @@ def rooms_of_labels(
         footprint: int32 (rows, cols), the cells each room's polygon covers, with the furniture inside; the labels when None.
     """
     shapes = label_polygons(labels if footprint is None else footprint)
-    seen = np.bincount(labels[grid.cells != UNKNOWN], minlength=len(shapes) + 1)
-    total = np.bincount(labels.ravel(), minlength=len(shapes) + 1)
+    total, seen, frontier = _count_cells(
+        np.ascontiguousarray(labels), np.ascontiguousarray(grid.cells), max(shapes, default=0) + 1
+    )
     touching = set(np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])).tolist())
-    open_ids = set(np.unique(labels[_beside_unknown(grid)]).tolist())
     return tuple(
         LayoutRoom(
             id=label,
             polygon=to_world(shape, grid),
             seen_share=float(seen[label] / max(total[label], 1)),
-            is_partial=label in open_ids,
+            is_partial=bool(frontier[label]),
             is_closed=label not in touching,
         )
         for label, shape in shapes.items()
     )
 
 
-def _beside_unknown(grid: OccupancyGrid) -> NDArray[np.bool_]:
-    unknown = np.pad(grid.unknown, 1, constant_values=False)
-    beside = unknown[:-2, 1:-1] | unknown[2:, 1:-1] | unknown[1:-1, :-2] | unknown[1:-1, 2:]
-    return np.asarray(beside & grid.free)
+@njit(cache=True, nogil=True)
+def _count_cells(
+    labels: NDArray[np.int32], cells: NDArray[np.int8], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Cells of each label, the known ones among them, and whether it has a free cell beside an unknown one."""
+    rows, cols = labels.shape
+    total, seen = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    frontier = np.zeros(count, np.bool_)
+    for r in range(rows):
+        for c in range(cols):
+            k = labels[r, c]
+            if k == 0:
+                continue
+            total[k] += 1
+            if cells[r, c] == UNKNOWN:
+                continue
+            seen[k] += 1
+            if cells[r, c] == FREE and not frontier[k]:
+                frontier[k] = (
+                    (r > 0 and cells[r - 1, c] == UNKNOWN)
+                    or (r + 1 < rows and cells[r + 1, c] == UNKNOWN)
+                    or (c > 0 and cells[r, c - 1] == UNKNOWN)
+                    or (c + 1 < cols and cells[r, c + 1] == UNKNOWN)
+                )
+    return total, seen, frontier
 
 
 def layout_of_labels(name: str, grid: OccupancyGrid, labels: NDArray[np.int32], timer: StageTimer) -> Layout:

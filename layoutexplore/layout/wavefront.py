@@ -18,9 +18,14 @@ def _grow(seeds: NDArray[np.int32], mask: NDArray[np.bool_]) -> NDArray[np.int32
     n = 0
     for r in range(rows):
         for c in range(cols):
-            if labels[r, c] > 0:
-                front[n] = r * cols + c
-                n += 1
+            if not mask[r, c] or labels[r, c] > 0:
+                continue
+            for rr in range(max(r - 1, 0), min(r + 2, rows)):
+                for cc in range(max(c - 1, 0), min(c + 2, cols)):
+                    if labels[rr, cc] > 0 and not queued[rr, cc]:
+                        queued[rr, cc] = True
+                        front[n] = rr * cols + cc
+                        n += 1
     while n > 0:
         m = 0
         for k in range(n):
