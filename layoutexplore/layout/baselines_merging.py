@@ -103,7 +103,9 @@ def _target(borders: Borders, piece: int, area: float, merge_area: float) -> int
     for other in neighbours:
         mine = shares[other] / perimeter
         theirs = borders.shares[other].get(piece, 0) / max(sum(borders.shares[other].values()), 1)
-        if (mine > 0.2 or (mine > 0.1 and 0.95 - 2 * mine < wall < 1 - mine)) and theirs > 0.1:
+        # counted, not divided: a room with one neighbour has exactly 1 - border of wall
+        between = 0.95 - 2 * mine < wall and shares.get(0, 0) < perimeter - shares[other]
+        if (mine > 0.2 or (mine > 0.1 and between)) and theirs > 0.1:
             return other
     return largest if border > 0.4 else 0
 

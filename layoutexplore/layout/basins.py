@@ -10,6 +10,20 @@ from numpy.typing import NDArray
 from layoutexplore.grid import FREE, UNKNOWN
 
 
+STEPS = 8
+"""Heights a cell: distances are compared in eighths of a cell, so that equal ones stay equal wherever they are."""
+
+
+@njit("int32[:,::1](float32[:,::1])", cache=True, nogil=True)
+def _levels(distance: NDArray[np.float32]) -> NDArray[np.int32]:
+    rows, cols = distance.shape
+    out = np.empty((rows, cols), np.int32)
+    for r in range(rows):
+        for c in range(cols):
+            out[r, c] = np.int32(distance[r, c] * STEPS + np.float32(0.5))
+    return out
+
+
 @njit(cache=True, nogil=True)
 def _find(parent: NDArray[np.int32], i: int) -> int:
     while parent[i] != i:
@@ -102,9 +116,9 @@ def distance_basins(blocked: NDArray[np.bool_], resolution: float, *, share: flo
         int32 (rows, cols), numbered from 1 in raster order; 0 on obstacles.
     """
     padded = cv2.copyMakeBorder((~blocked).astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
-    levels = np.rint(distance * np.float32(8)).astype(np.int32)
-    return _flood(np.ascontiguousarray(levels), share, round(wide / resolution * 8))
+    distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)
+    levels = _levels(np.ascontiguousarray(distance[1:-1, 1:-1]))
+    return np.asarray(_flood(levels, share, round(wide / resolution * STEPS)))
 
 
 def closed_space(cells: NDArray[np.int8], resolution: float, radius: float) -> NDArray[np.bool_]:
@@ -116,11 +130,10 @@ def closed_space(cells: NDArray[np.int8], resolution: float, radius: float) -> N
         radius: Of the disc [m].
     """
     free = cells == FREE
-    steps = radius / resolution
+    steps = round(radius / resolution)
     if steps < 1:
         return np.asarray(free)
-    pad = int(np.ceil(steps)) + 1
-    wide = cv2.copyMakeBorder(free.astype(np.uint8), pad, pad, pad, pad, cv2.BORDER_CONSTANT, value=0)
-    grown = cv2.distanceTransform(1 - wide, cv2.DIST_L2, cv2.DIST_MASK_5) <= steps
-    inner = cv2.distanceTransform(grown.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5) > steps
-    return np.asarray(free | (inner[pad:-pad, pad:-pad] & (cells == UNKNOWN)))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * steps + 1, 2 * steps + 1))
+    wide = cv2.copyMakeBorder(free.astype(np.uint8), steps, steps, steps, steps, cv2.BORDER_CONSTANT, value=0)
+    closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, disc)[steps:-steps, steps:-steps] > 0
+    return np.asarray(free | (closed & (cells == UNKNOWN)))
