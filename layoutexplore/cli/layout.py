@@ -13,7 +13,10 @@ import typer
 
 def register(app: typer.Typer) -> None:
     """Add `layout` to the command line."""
-    app.command("layout", epilog="Example: layoutexplore layout floor.yaml --out layouts")(layout)
+    app.command(
+        "layout",
+        epilog="Examples: layoutexplore layout floor.yaml --out layouts   |   layoutexplore layout evacuation.png --blueprint",
+    )(layout)
 
 
 def layout(
@@ -22,6 +25,10 @@ def layout(
         str, typer.Option("--method", "-m", help="default, rose2, ias15, rose, morphological, distance or voronoi.")
     ] = "default",
     resolution: Annotated[float | None, typer.Option(help="Metres a pixel of plain images (0.05 without).")] = None,
+    blueprint: Annotated[
+        bool,
+        typer.Option("--blueprint", help="Floor plans and evacuation plans: erase words and symbols first (needs tesseract)."),
+    ] = False,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path(),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a map instead of a line.")] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Maps done at the same time.")] = 1,
@@ -40,7 +47,7 @@ def layout(
     if twice:
         raise ConfigError(f"several maps are called {', '.join(twice)}: their results would overwrite each other")
     out.mkdir(parents=True, exist_ok=True)
-    work = [(path, method, resolution, out) for path in maps]
+    work = [(path, method, resolution, blueprint, out) for path in maps]
     if jobs == 1 or len(work) == 1:
         for item in work:
             _say(_reconstruct(item), as_json)
@@ -62,16 +69,17 @@ def _say(summary: dict[str, Any], as_json: bool) -> None:
     )
 
 
-def _reconstruct(item: tuple[Path, str, float | None, Path]) -> dict[str, Any]:
+def _reconstruct(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, Any]:
     """Reconstruct one map, write its files, and sum up."""
     import cv2
     import numpy as np
 
     from layoutexplore.grid_io import load_grid, write_atomically
+    from layoutexplore.layout.blueprint import load_blueprint
     from layoutexplore.layout.pipeline import reconstruct
 
-    path, method, resolution, out = item
-    grid = load_grid(path, resolution=resolution)
+    path, method, resolution, blueprint, out = item
+    grid = load_blueprint(path, resolution=resolution or 0.05) if blueprint else load_grid(path, resolution=resolution)
     found = reconstruct(grid, method)
     labels = out / f"{path.stem}_labels.png"
     overview = out / f"{path.stem}_overview.png"
