@@ -13,10 +13,8 @@ import typer
 
 def register(app: typer.Typer) -> None:
     """Add `layout` to the command line."""
-    app.command(
-        "layout",
-        epilog="Examples: layoutexplore layout floor.yaml --out layouts   |   layoutexplore layout evacuation.png --blueprint",
-    )(layout)
+    examples = ("layoutexplore layout floor.yaml --out layouts", "layoutexplore layout evacuation.png --blueprint")
+    app.command("layout", epilog="Examples: " + "; ".join(examples))(layout)
 
 
 def layout(
@@ -27,7 +25,7 @@ def layout(
     resolution: Annotated[float | None, typer.Option(help="Metres a pixel of plain images (0.05 without).")] = None,
     blueprint: Annotated[
         bool,
-        typer.Option("--blueprint", help="Floor plans and evacuation plans: erase words and symbols first (needs tesseract)."),
+        typer.Option("--blueprint", help="Evacuation plans: erase words and symbols first (needs tesseract)."),
     ] = False,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path(),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a map instead of a line.")] = False,
@@ -75,11 +73,13 @@ def _reconstruct(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, 
     import numpy as np
 
     from layoutexplore.grid_io import load_grid, write_atomically
-    from layoutexplore.layout.blueprint import load_blueprint
+    from layoutexplore.layout.blueprint import DEFAULT_RESOLUTION, load_blueprint
     from layoutexplore.layout.pipeline import reconstruct
 
     path, method, resolution, blueprint, out = item
-    grid = load_blueprint(path, resolution=resolution or 0.05) if blueprint else load_grid(path, resolution=resolution)
+    grid = (
+        load_blueprint(path, resolution=resolution or DEFAULT_RESOLUTION) if blueprint else load_grid(path, resolution=resolution)
+    )
     found = reconstruct(grid, method)
     labels = out / f"{path.stem}_labels.png"
     overview = out / f"{path.stem}_overview.png"
