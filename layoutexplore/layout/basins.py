@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from layoutexplore.grid import FREE, UNKNOWN
 
-
 STEPS = 8
 """Heights a cell: distances are compared in eighths of a cell, so that equal ones stay equal wherever they are."""
 
