@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from layoutexplore.agents.base import Heuristic, option, register
 from layoutexplore.agents.greedy import GreedyOptions, best_index, sizeable
 from layoutexplore.agents.tour import plan_tour
-from layoutexplore.decision import Choice, Decision
+from layoutexplore.decision import STOP, Choice, Decision, Frontier
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,28 +23,48 @@ class LayoutOptions(GreedyOptions):
     """Parameters of the strategies that use the layout."""
 
     area: float = option(1.0, "square metres; closed frontiers with less left in their room wait", low=0.0)
-    predictor: str = option("oracle", "where classes and areas come from")
+    stop_area: float = option(0.0, "square metres; stop when every frontier has less left behind it (0: never)", low=0.0)
+    predictor: str = option("layout", "where classes and areas come from")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayoutGainOptions(LayoutOptions):
+    """Parameters of `LayoutGain`."""
+
+    rate: float = option(0.2, "lambda in 1/m: how fast far gains fade", low=0.0)
 
 
 class _LayoutHeuristic(Heuristic[LayoutOptions]):
-    """A heuristic whose decisions are completed by a predictor."""
+    """A heuristic whose decisions are completed by a predictor, and that stops early where nothing is left to find."""
 
     @property
     def predictor(self) -> str:
         """The predictor that the simulation has to run for this agent."""
         return self.options.predictor
 
+    def act(self, decision: Decision) -> Choice:
+        """The frontier to go to, or `STOP` when there is none or less than `stop_area` behind each."""
+        if all(area_left(frontier) < self.options.stop_area for frontier in decision.frontiers):
+            return STOP
+        return super().act(decision)
+
+
+def area_left(frontier: Frontier) -> float:
+    """Expected area behind a frontier in square metres; behind an open one there is no end to it."""
+    return (frontier.expected_area or 0.0) if frontier.is_closed else np.inf
+
 
 def ready(decision: Decision, options: LayoutOptions) -> NDArray[np.int64]:
     """int64 (k,): indices of the sizeable frontiers that need not wait; of all sizeable ones when all would wait."""
     chosen = sizeable(decision, options.min_size)
-    goes = np.array([not _is_leftover(decision, int(i), options.area) for i in chosen])
+    goes = np.array([area_left(decision.frontiers[i]) >= options.area for i in chosen])
     return chosen[goes] if goes.any() else chosen
 
 
-def _is_leftover(decision: Decision, index: int, area: float) -> bool:
-    frontier = decision.frontiers[index]
-    return bool(frontier.is_closed) and (frontier.expected_area or 0.0) < area
+def nearest_of(decision: Decision, chosen: NDArray[np.int64]) -> int:
+    """The nearest of some frontiers int64 (k,), by path length."""
+    lengths = np.array([decision.frontiers[i].path_length for i in chosen])
+    return int(chosen[best_index(-lengths, lengths)])
 
 
 class LayoutNearest(_LayoutHeuristic):
@@ -52,9 +72,7 @@ class LayoutNearest(_LayoutHeuristic):
 
     def choose(self, decision: Decision) -> Choice:
         """The index of the nearest frontier that does not wait."""
-        chosen = ready(decision, self.options)
-        lengths = np.array([decision.frontiers[i].path_length for i in chosen])
-        return int(chosen[best_index(-lengths, lengths)])
+        return nearest_of(decision, ready(decision, self.options))
 
 
 class LayoutTour(_LayoutHeuristic):
@@ -65,5 +83,43 @@ class LayoutTour(_LayoutHeuristic):
         return int(plan_tour(decision, ready(decision, self.options))[0])
 
 
+class LayoutGain(_LayoutHeuristic):
+    """Expected area against path length: A exp(-lambda d) (Luperto and Amigoni, AAMAS 2021)."""
+
+    def choose(self, decision: Decision) -> Choice:
+        """The index of the frontier with the highest score."""
+        chosen = sizeable(decision, self.options.min_size)
+        areas = np.array([decision.frontiers[i].expected_area or 0.0 for i in chosen])
+        lengths = np.array([decision.frontiers[i].path_length for i in chosen])
+        rate = getattr(self.options, "rate", 0.0)
+        return int(chosen[best_index(areas * np.exp(-rate * (lengths - lengths.min())), lengths)])
+
+
+class ClosedFirst(_LayoutHeuristic):
+    """The nearest closed frontier; an open one only when no closed one is left."""
+
+    def choose(self, decision: Decision) -> Choice:
+        """The index of the nearest frontier of the class that goes first."""
+        return _nearest_of_class(decision, self.options, closed=True)
+
+
+class OpenFirst(_LayoutHeuristic):
+    """The nearest open frontier; a closed one only when no open one is left."""
+
+    def choose(self, decision: Decision) -> Choice:
+        """The index of the nearest frontier of the class that goes first."""
+        return _nearest_of_class(decision, self.options, closed=False)
+
+
+def _nearest_of_class(decision: Decision, options: LayoutOptions, *, closed: bool) -> int:
+    chosen = sizeable(decision, options.min_size)
+    first = chosen[[bool(decision.frontiers[i].is_closed) == closed for i in chosen]]
+    return nearest_of(decision, first if len(first) else chosen)
+
+
 register("layout-nearest", "the nearest frontier; closed ones with little left wait", LayoutNearest, LayoutOptions())
+register("layout-nearest-4", "the same; closed ones with less than 4 m2 left wait", LayoutNearest, LayoutOptions(area=4.0))
 register("layout-tour", "a short tour over frontiers; closed ones with little left wait", LayoutTour, LayoutOptions())
+register("layout-gain", "expected area x exp(-0.2 x path length)", LayoutGain, LayoutGainOptions())
+register("closed-first", "the nearest closed frontier, then open ones (a negative control)", ClosedFirst, LayoutOptions())
+register("open-first", "the nearest open frontier, then closed ones (a negative control)", OpenFirst, LayoutOptions())

@@ -441,7 +441,7 @@ def test_table_by_plan() -> None:
 
 
 def test_who_knows_the_plan() -> None:
-    assert knows_the_plan("clairvoyant") and knows_the_plan("layout-tour") and not knows_the_plan("nearest")
+    assert knows_the_plan("clairvoyant") and knows_the_plan("layout-tour:predictor=oracle") and not knows_the_plan("nearest")
 
 
 def test_predicting_is_part_of_deciding(plans: Path) -> None:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from layoutexplore.cli.partial_rooms import partial_rooms
+
 if TYPE_CHECKING:
     from layoutexplore.evaluation.segmentation import MapScore
 
@@ -25,6 +27,10 @@ Jobs = Annotated[int, typer.Option(min=1, help="Processes; compare times with 1 
 def register(app: typer.Typer) -> None:
     """Add `evaluate` to the command line."""
     app.add_typer(group)
+
+
+EXAMPLE = "Example: layoutexplore evaluate partial-rooms office-01 school-01 -p layout -p hull --snapshots kept/"
+group.command("partial-rooms", epilog=EXAMPLE)(partial_rooms)
 
 
 @group.command("segmentation", epilog="Example: layoutexplore evaluate segmentation maps/ -m default -m rose2 --out report")

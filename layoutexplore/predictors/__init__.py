@@ -1,15 +1,26 @@
 """Predictors: what a decision is told about rooms. Pluggable by name.
 
 `none` tells nothing, `oracle` tells the truth (the ceiling of prediction), and `oracle:flip=0.1` tells it with a share of
-the rooms judged wrongly, for the question how good a prediction has to be.
+the rooms judged wrongly, for the question how good a prediction has to be. `layout` is the one to use; `rectangle`, `hull`,
+`parallel-wall` and `face-subset` are what the literature offers.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from layoutexplore.decision import Predictor
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.predictors.layout import LayoutPredictor
 from layoutexplore.predictors.oracle import FALSE_CLOSED_AREA, OraclePredictor
 from layoutexplore.predictors.protocol import RoomMap, RoomPredictor, with_classes
+from layoutexplore.predictors.shapes import (
+    FaceSubsetPredictor,
+    ShapePredictor,
+    hull_outline,
+    parallel_outline,
+    rectangle_outline,
+)
 
 __all__ = [
     "FALSE_CLOSED_AREA",
@@ -17,14 +28,25 @@ __all__ = [
     "RoomMap",
     "RoomPredictor",
     "make_predictor",
+    "make_room_predictor",
     "predictor_names",
     "with_classes",
 ]
 
+_BUILDERS: dict[str, Callable[[], RoomPredictor]] = {
+    "none": lambda: ShapePredictor("none", None),
+    "rectangle": lambda: ShapePredictor("rectangle", rectangle_outline),
+    "hull": lambda: ShapePredictor("hull", hull_outline),
+    "parallel-wall": lambda: ShapePredictor("parallel-wall", parallel_outline),
+    "face-subset": FaceSubsetPredictor,
+    "oracle": OraclePredictor,
+    "layout": LayoutPredictor,
+}
+
 
 def predictor_names() -> list[str]:
     """The names that `make_predictor` knows."""
-    return ["none", "oracle"]
+    return list(_BUILDERS)
 
 
 def make_predictor(spec: str) -> Predictor | None:
@@ -39,13 +61,21 @@ def make_predictor(spec: str) -> Predictor | None:
         'oracle:flip=0.25'
         >>> make_predictor("none")
     """
+    return None if spec == "none" else make_room_predictor(spec)
+
+
+def make_room_predictor(spec: str) -> RoomPredictor:
+    """Like `make_predictor`, but "none" is a predictor too: rooms are what is seen of them.
+
+    Raises:
+        UnknownNameError: There is no predictor of that name.
+        ConfigError: It has no such parameter, or the value makes no sense.
+    """
     name, _, text = spec.partition(":")
-    if name not in predictor_names():
+    if name not in _BUILDERS:
         raise unknown_name("predictor", name, predictor_names())
-    if name == "none" and not text:
-        return None
     if not text:
-        return OraclePredictor()
+        return _BUILDERS[name]()
     key, _, value = text.partition("=")
     if name != "oracle" or key != "flip":
         raise ConfigError(f"predictor {spec!r}: only oracle:flip=SHARE takes a parameter")

@@ -19,7 +19,7 @@ from layoutexplore.predictors.frontier_probes import (
     wall_extensions,
     walls_in_line,
 )
-from layoutexplore.predictors.regions import Regions
+from layoutexplore.predictors.regions import Regions, region_boxes
 
 RAY_REACH = 12.0
 """Metres that rays look."""
@@ -162,7 +162,7 @@ def _region_features(
     out[:, 1] = np.minimum(np.minimum.reduceat(clear[members[:, 0], members[:, 1]], offsets[:-1]) * resolution, 10.0)
     out[:, 2] = np.maximum.reduceat(width, offsets[:-1])
     home = home_regions(regions, members, offsets)
-    boxes = _boxes(regions.labels, regions.count)
+    boxes = region_boxes(regions)
     owners = regions.labels[members[:, 0], members[:, 1]]
     box = boxes[home]
     out[:, 3] = box[:, 0] * resolution**2
@@ -192,21 +192,3 @@ def home_regions(regions: Regions, members: NDArray[np.int32], offsets: NDArray[
     order = np.lexsort((pairs, -counts, pairs // (regions.count + 1)))
     _, first = np.unique(pairs[order] // (regions.count + 1), return_index=True)
     return np.asarray(pairs[order][first] % (regions.count + 1))
-
-
-@njit(cache=True, nogil=True)
-def _boxes(labels: NDArray[np.int32], count: int) -> NDArray[np.int64]:
-    """Per region int64 (count + 1, 5): cells, and the half-open box (row0, col0, row1, col1) around them."""
-    boxes = np.zeros((count + 1, 5), np.int64)
-    for r in range(labels.shape[0]):
-        for c in range(labels.shape[1]):
-            label = labels[r, c]
-            if label == 0:
-                continue
-            box = boxes[label]
-            if box[0] == 0:
-                box[1], box[2], box[3], box[4] = r, c, r, c
-            box[0] += 1
-            box[1], box[2] = min(box[1], r), min(box[2], c)
-            box[3], box[4] = max(box[3], r + 1), max(box[4], c + 1)
-    return boxes

@@ -68,6 +68,11 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
     return Regions(labels, count - 1, door_width)
 
 
+def region_boxes(regions: Regions) -> NDArray[np.int64]:
+    """Per region int64 (count + 1, 5): number of cells, and the half-open box (row0, col0, row1, col1) around them."""
+    return _boxes(regions.labels, regions.count)
+
+
 def find_doors(occupied: NDArray[np.bool_], resolution: float) -> NDArray[np.float32]:
     """Gaps along rows and columns that may be doors: float32 (rows, cols), their width in metres, 0 elsewhere."""
     lengths = (*DOOR_WIDTHS, DOOR_WALL, WIDENING, WIDENING_DEPTH)
@@ -165,3 +170,20 @@ def _spread(labels: NDArray[np.int32], free: NDArray[np.bool_], queue: NDArray[n
                 queue[last] = r, c
                 last += 1
     return last
+
+
+@njit(cache=True, nogil=True)
+def _boxes(labels: NDArray[np.int32], count: int) -> NDArray[np.int64]:
+    boxes = np.zeros((count + 1, 5), np.int64)
+    for r in range(labels.shape[0]):
+        for c in range(labels.shape[1]):
+            label = labels[r, c]
+            if label == 0:
+                continue
+            box = boxes[label]
+            if box[0] == 0:
+                box[1], box[2], box[3], box[4] = r, c, r, c
+            box[0] += 1
+            box[1], box[2] = min(box[1], r), min(box[2], c)
+            box[3], box[4] = max(box[3], r + 1), max(box[4], c + 1)
+    return boxes

@@ -1,0 +1,65 @@
+"""`layoutexplore evaluate partial-rooms`: how well half-seen rooms and frontiers are predicted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+ROOM_COLUMNS = ("rooms", "hidden_iou", "hidden_low", "hidden_high", "iou", "log_area", "boundary_m", "spearman", "mae_m2")
+FRONTIER_COLUMNS = ("frontiers", "mcc", "f1_closed", "f1_open", "leftover_accuracy", "leftover_mcc", "calibration_error")
+
+
+def partial_rooms(
+    plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
+    predictor: Annotated[list[str] | None, typer.Option("--predictor", "-p", help="Predictor; all when none is named.")] = None,
+    sensor: Annotated[
+        list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
+    ] = None,
+    starts: Annotated[int, typer.Option(min=1, help="Explorations per floor plan and sensor.")] = 1,
+    snapshots: Annotated[Path | None, typer.Option(help="Folder that keeps the explorations, to ask again later.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")] = None,
+) -> None:
+    """Half-seen rooms: hidden IoU, room IoU, areas; closed or open frontiers; every predictor on the same snapshots."""
+    from layoutexplore.benchmark.plans import find_plans
+    from layoutexplore.evaluation.partial_rooms import score
+    from layoutexplore.evaluation.partial_rooms_summary import summarise
+    from layoutexplore.evaluation.snapshots import explore
+    from layoutexplore.floorplan import FloorPlan
+    from layoutexplore.grid_io import write_atomically
+    from layoutexplore.predictors import make_room_predictor, predictor_names
+
+    predictors = [make_room_predictor(name) for name in dict.fromkeys(predictor or predictor_names())]
+    taken = (
+        snapshot
+        for source in find_plans(plans)
+        for plan in [FloorPlan.load(source)]
+        for name in sensor or ["stage", "indoor"]
+        for seed in range(starts)
+        for snapshot in explore(plan, sensor=name, seed=seed, store=snapshots)
+    )
+    scores = score(taken, predictors)
+    summary = summarise(scores)
+    _print("rooms", "explored", summary, ROOM_COLUMNS)
+    _print("frontiers", "coverage", summary, FRONTIER_COLUMNS)
+    typer.echo("median ms a decision: " + ", ".join(f"{name} {part['ms']:.1f}" for name, part in summary.items()))
+    if json_file is not None:
+        data = {"summary": summary, "rooms": [asdict(r) for r in scores.rooms], "ms": scores.milliseconds}
+        frontiers = [asdict(f) for f in scores.frontiers]
+        write_atomically(json_file, (json.dumps(data | {"frontiers": frontiers}) + "\n").encode())
+        typer.echo(f"written: {json_file}")
+
+
+def _print(what: str, stratum: str, summary: dict[str, Any], columns: Sequence[str]) -> None:
+    """One line a stratum and predictor, the predictors of a stratum below each other."""
+    lines = [(line[stratum], name, line) for name, part in summary.items() for line in part[what]]
+    order = list(dict.fromkeys(name for name, _, _ in lines))
+    typer.echo(f"{stratum:<10}{'predictor':<15}" + "".join(f"{column:>19}" for column in columns))
+    for level, name, line in sorted(lines, key=lambda entry: order.index(entry[0])):
+        values = (f"{line[c]:>19d}" if isinstance(line[c], int) else f"{line[c]:>19.3f}" for c in columns)
+        typer.echo(f"{level:<10}{name:<15}" + "".join(values))
+    typer.echo("")

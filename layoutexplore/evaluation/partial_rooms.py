@@ -1,0 +1,227 @@
+"""How well half-seen rooms and frontiers are predicted (Luperto, Arcerito and Amigoni 2019; Luperto and Amigoni 2021).
+
+Every predictor answers the same snapshots of explorations. Items are true rooms seen to 5-95 % that hold a frontier of half a
+metre or more; the predicted room is the one that holds most of the room's frontier cells, so nothing is stretched. A
+room without a prediction counts as its seen part. Frontiers are compared by class, and by the decision that saves
+metres: closed, with less than 1 m2 left.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from layoutexplore.decision import Decision, Privileged
+from layoutexplore.evaluation.snapshots import Snapshot
+from layoutexplore.frontier_classes import classify_frontiers
+from layoutexplore.grid import UNKNOWN
+from layoutexplore.predictors.protocol import RoomMap, RoomPredictor
+
+SEEN = (0.05, 0.95)
+"""Shares of a room that make it an item."""
+
+FRONTIER_MIN = 0.5
+"""Metres of frontier that an item holds at least."""
+
+LEFTOVER = 1.0
+"""Square metres: closed frontiers with less left can wait."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoomScore:
+    """One predicted room.
+
+    Attributes:
+        plan: Floor plan.
+        building: Floors of one building share it.
+        sensor: Sensor.
+        coverage: Of the snapshot.
+        predictor: Who predicted.
+        room: Id of the true room.
+        explored: Share of the room that was seen, 0..1.
+        iou: Of the room, what is seen included.
+        hidden_iou: Of predicted minus seen against true minus seen.
+        log_area: ln(predicted area / true area): above 0 is too large.
+        boundary: Mean distance in metres between the outlines, both ways.
+        remaining: Predicted unseen area in square metres.
+        true_remaining: True unseen area.
+    """
+
+    plan: str
+    building: str
+    sensor: str
+    coverage: float
+    predictor: str
+    room: int
+    explored: float
+    iou: float
+    hidden_iou: float
+    log_area: float
+    boundary: float
+    remaining: float
+    true_remaining: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrontierScore:
+    """One judged frontier; areas in square metres, `confidence` is the stated probability that the class is right."""
+
+    plan: str
+    building: str
+    sensor: str
+    coverage: float
+    predictor: str
+    closed: bool
+    true_closed: bool
+    area: float
+    true_area: float
+    confidence: float
+
+    @property
+    def leftover(self) -> bool:
+        """Judged closed with less than 1 m2 left."""
+        return self.closed and self.area < LEFTOVER
+
+    @property
+    def true_leftover(self) -> bool:
+        """Closed with less than 1 m2 left."""
+        return self.true_closed and self.true_area < LEFTOVER
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """All rooms and frontiers, and the milliseconds of every prediction by predictor."""
+
+    rooms: list[RoomScore]
+    frontiers: list[FrontierScore]
+    milliseconds: dict[str, list[float]]
+
+
+def score(snapshots: Iterable[Snapshot], predictors: Sequence[RoomPredictor]) -> Scores:
+    """Ask every predictor about every snapshot."""
+    scores = Scores([], [], {p.name: [] for p in predictors})
+    for snapshot in snapshots:
+        items = find_items(snapshot)
+        for predictor in predictors:
+            if isinstance(predictor, Privileged):
+                predictor.reveal(snapshot.truth)
+            begin = time.perf_counter()
+            judged = predictor.predict(snapshot.decision)
+            scores.milliseconds[predictor.name].append(1000 * (time.perf_counter() - begin))
+            scores.frontiers.extend(_score_frontiers(snapshot, judged, predictor.name))
+            rooms = predictor.rooms(snapshot.decision)
+            scores.rooms.extend(_score_room(snapshot, item, rooms, predictor.name) for item in items)
+    return scores
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """A true room seen in part.
+
+    Attributes:
+        room: Its id.
+        mask: bool (rows, cols), its free cells.
+        seen: bool (rows, cols), those that are known.
+        frontier: int32 (n, 2), its frontier cells.
+    """
+
+    room: int
+    mask: NDArray[np.bool_]
+    seen: NDArray[np.bool_]
+    frontier: NDArray[np.int32]
+
+
+def find_items(snapshot: Snapshot) -> list[Item]:
+    """The true rooms of a snapshot that are seen in part and hold a frontier."""
+    cells, raster = snapshot.decision.grid.cells, snapshot.truth.raster
+    ids = np.where(raster.free, raster.room_ids, 0)
+    total = np.bincount(ids.ravel())
+    share = np.bincount(ids[cells != UNKNOWN], minlength=len(total)) / np.maximum(total, 1)
+    members = np.concatenate([f.cells for f in snapshot.decision.frontiers])
+    owners = raster.room_ids[members[:, 0], members[:, 1]]
+    length = np.bincount(owners, minlength=len(total)) * raster.resolution
+    partial = (share >= SEEN[0]) & (share <= SEEN[1]) & (length >= FRONTIER_MIN - 1e-9)
+    items = []
+    for room in np.flatnonzero(partial[1:]) + 1:
+        mask = ids == room
+        items.append(Item(int(room), mask, mask & (cells != UNKNOWN), members[owners == room]))
+    return items
+
+
+def _score_room(snapshot: Snapshot, item: Item, rooms: RoomMap, predictor: str) -> RoomScore:
+    resolution = snapshot.truth.raster.resolution
+    found = _predicted_hidden(snapshot.decision.grid.cells, item, rooms)
+    hidden = item.mask & ~item.seen
+    whole = item.seen | found
+    return RoomScore(
+        plan=snapshot.plan,
+        building=snapshot.building,
+        sensor=snapshot.sensor,
+        coverage=snapshot.coverage,
+        predictor=predictor,
+        room=item.room,
+        explored=float(item.seen.sum() / item.mask.sum()),
+        iou=_iou(whole, item.mask),
+        hidden_iou=_iou(found, hidden),
+        log_area=float(np.log(whole.sum() / item.mask.sum())),
+        boundary=boundary_distance(whole, item.mask) * resolution,
+        remaining=float(found.sum()) * resolution**2,
+        true_remaining=float(hidden.sum()) * resolution**2,
+    )
+
+
+def _predicted_hidden(cells: NDArray[np.int8], item: Item, rooms: RoomMap) -> NDArray[np.bool_]:
+    """Unknown cells of the predicted room that holds most of the item's frontier cells."""
+    owners = rooms.room_ids[item.frontier[:, 0], item.frontier[:, 1]]
+    owners = owners[owners > 0]
+    if len(owners) == 0:
+        return np.zeros(cells.shape, np.bool_)
+    room = np.bincount(owners).argmax()
+    return np.asarray((rooms.room_ids == room) & rooms.passable & (cells == UNKNOWN))
+
+
+def _iou(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
+    return float(np.count_nonzero(a & b) / max(np.count_nonzero(a | b), 1))
+
+
+def boundary_distance(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
+    """Mean distance in cells from the outline of each mask to that of the other, averaged over both.
+
+    Example:
+        >>> a, b = np.zeros((9, 9), bool), np.zeros((9, 9), bool)
+        >>> a[2:5, 2:5], b[2:5, 3:6] = True, True
+        >>> boundary_distance(a, a), 0.3 < boundary_distance(a, b) < 1.0
+        (0.0, True)
+    """
+    rows, cols = np.nonzero(a | b)
+    window = np.s_[max(rows.min() - 1, 0) : rows.max() + 2, max(cols.min() - 1, 0) : cols.max() + 2]
+    edges = [m & ~ndimage.binary_erosion(m) for m in (a[window], b[window])]
+    away = [ndimage.distance_transform_edt(~edge) for edge in edges]
+    return float((away[1][edges[0]].mean() + away[0][edges[1]].mean()) / 2)
+
+
+def _score_frontiers(snapshot: Snapshot, judged: Decision, predictor: str) -> list[FrontierScore]:
+    decision, raster = snapshot.decision, snapshot.truth.raster
+    true = classify_frontiers(
+        decision.grid.cells, [f.cells for f in decision.frontiers], raster.room_ids, raster.free, raster.resolution
+    )
+    return [
+        FrontierScore(
+            plan=snapshot.plan,
+            building=snapshot.building,
+            sensor=snapshot.sensor,
+            coverage=snapshot.coverage,
+            predictor=predictor,
+            closed=bool(frontier.is_closed),
+            true_closed=bool(true.is_closed[k]),
+            area=float(frontier.expected_area or 0.0),
+            true_area=float(true.remaining_area[k]),
+            confidence=float(frontier.confidence or 0.0),
+        )
+        for k, frontier in enumerate(judged.frontiers)
+    ]

@@ -1,0 +1,106 @@
+"""Tables of the evaluation of half-seen rooms: by predictor and stratum, with intervals over buildings."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import spearmanr
+
+from layoutexplore.evaluation.partial_rooms import FrontierScore, RoomScore, Scores
+from layoutexplore.statistics import cluster_bootstrap
+
+EXPLORED = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Ends of the strata of explored share."""
+
+BINS = 10
+"""Bins of stated confidence for the calibration error."""
+
+
+def summarise(scores: Scores) -> dict[str, Any]:
+    """Rooms, frontiers and times of every predictor."""
+    return {
+        name: {
+            "rooms": summarise_rooms([r for r in scores.rooms if r.predictor == name]),
+            "frontiers": summarise_frontiers([f for f in scores.frontiers if f.predictor == name]),
+            "ms": float(np.median(times)) if times else float("nan"),
+        }
+        for name, times in scores.milliseconds.items()
+    }
+
+
+def summarise_rooms(rooms: Sequence[RoomScore]) -> list[dict[str, Any]]:
+    """One line for all rooms and one for each stratum of explored share that has rooms."""
+    strata = [("all", list(rooms))]
+    for low, high in itertools.pairwise(EXPLORED):
+        strata.append((f"{low:.0%}-{high:.0%}", [r for r in rooms if low <= r.explored < high]))
+    return [{"explored": name} | _room_line(part) for name, part in strata if part]
+
+
+def _room_line(rooms: Sequence[RoomScore]) -> dict[str, Any]:
+    buildings = [r.building for r in rooms]
+    hidden = cluster_bootstrap([r.hidden_iou for r in rooms], buildings)
+    whole = cluster_bootstrap([r.iou for r in rooms], buildings)
+    predicted, true = np.array([(r.remaining, r.true_remaining) for r in rooms]).T
+    varied = len(rooms) > 2 and predicted.std() > 0 and true.std() > 0
+    return {
+        "rooms": len(rooms),
+        "hidden_iou": hidden.estimate,
+        "hidden_low": hidden.low,
+        "hidden_high": hidden.high,
+        "iou": whole.estimate,
+        "iou_low": whole.low,
+        "iou_high": whole.high,
+        "log_area": float(np.mean([r.log_area for r in rooms])),
+        "boundary_m": float(np.median([r.boundary for r in rooms])),
+        "spearman": float(spearmanr(predicted, true).statistic) if varied else float("nan"),
+        "mae_m2": float(np.abs(predicted - true).mean()),
+    }
+
+
+def summarise_frontiers(frontiers: Sequence[FrontierScore]) -> list[dict[str, Any]]:
+    """One line for all frontiers and one for each coverage."""
+    shares = sorted({f.coverage for f in frontiers})
+    strata = [("all", list(frontiers)), *((f"{share:.0%}", [f for f in frontiers if f.coverage == share]) for share in shares)]
+    return [{"coverage": name} | _frontier_line(part) for name, part in strata if part]
+
+
+def _frontier_line(frontiers: Sequence[FrontierScore]) -> dict[str, Any]:
+    closed, truth = np.array([(f.closed, f.true_closed) for f in frontiers]).T
+    leftover, true_leftover = np.array([(f.leftover, f.true_leftover) for f in frontiers]).T
+    return {
+        "frontiers": len(frontiers),
+        "mcc": matthews(closed, truth),
+        "f1_closed": f1(closed, truth),
+        "f1_open": f1(~closed, ~truth),
+        "leftover_accuracy": float((leftover == true_leftover).mean()),
+        "leftover_mcc": matthews(leftover, true_leftover),
+        "calibration_error": calibration_error(np.array([f.confidence for f in frontiers]), closed == truth),
+    }
+
+
+def matthews(found: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
+    """Matthews' correlation of two classes, bool (n,); 0 where one of them never varies.
+
+    Example:
+        >>> matthews(np.array([True, False, True]), np.array([True, False, True]))
+        1.0
+    """
+    if found.all() or truth.all() or not found.any() or not truth.any():
+        return 0.0
+    return float(np.corrcoef(found, truth)[0, 1])
+
+
+def f1(found: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
+    """Harmonic mean of precision and recall of the class True; 0 where it is neither found nor there."""
+    return float(2 * (found & truth).sum() / max(int(found.sum() + truth.sum()), 1))
+
+
+def calibration_error(confidence: NDArray[np.float64], right: NDArray[np.bool_]) -> float:
+    """Expected calibration error: mean distance of stated and observed probability over bins of equal width."""
+    which = np.minimum((confidence * BINS).astype(int), BINS - 1)
+    gaps = np.bincount(which, weights=confidence - right, minlength=BINS)
+    return float(np.abs(gaps).sum() / len(right))
