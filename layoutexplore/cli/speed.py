@@ -54,8 +54,9 @@ def _table(rows: list[Row]) -> Table:
         table.columns[index].justify = "right"
     for row in rows:
         reference = "" if row.reference is None else f"{_number(row.reference)} {row.reference_name}"
-        ratio = "" if row.ratio is None else f"{row.ratio:.1f}x"
-        table.add_row(row.name, f"{_number(row.ours)} {row.unit}", reference, ratio, row.goal, _verdict(row))
+        ratio = "" if row.ratio is None else f"{row.ratio:.{1 if row.ratio >= 1 else 2}f}x"
+        name = f"{row.name}\n[dim]{row.note}[/dim]" if row.note else row.name
+        table.add_row(name, f"{_number(row.ours)} {row.unit}", reference, ratio, row.goal, _verdict(row))
     return table
 
 

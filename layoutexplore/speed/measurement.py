@@ -25,6 +25,7 @@ class Row:
         ratio: How many times better than the reference; None without one.
         goal: The goal, in words.
         reached: Share of the goal that is reached; 1 or more is good. None where there is no goal.
+        note: Where the time goes, or the like.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Row:
     ratio: float | None = None
     goal: str = ""
     reached: float | None = None
+    note: str = ""
 
     @property
     def missed(self) -> bool:

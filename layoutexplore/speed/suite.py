@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import cv2
 
 from layoutexplore.errors import unknown_name
-from layoutexplore.speed import environment, kernels
+from layoutexplore.speed import environment, kernels, layout
 from layoutexplore.speed.measurement import Measurement, Row
 
 
@@ -24,6 +24,7 @@ def measurements(only: Sequence[str] = ()) -> list[Measurement]:
             Measurement("mapping", kernels.mapping),
             Measurement("frontiers", kernels.frontiers),
             Measurement("geodesics", kernels.geodesics),
+            Measurement("layout", layout.layouts),
             Measurement("steps", environment.frontier_steps),
             Measurement("motion", environment.motion_steps),
             Measurement("reset", environment.resets),
