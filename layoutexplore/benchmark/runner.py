@@ -14,6 +14,7 @@ import cv2
 
 import layoutexplore
 from layoutexplore.agents import make_agent
+from layoutexplore.benchmark.cluster import check_cluster, run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.episode import Row, play, prepare, run_seed, score
 from layoutexplore.benchmark.plans import PlanEntry, check_names, entry, find_plans, load, start_pose
@@ -94,6 +95,7 @@ def run_benchmark(
     out: Path,
     *,
     jobs: int = 1,
+    cluster: str = "",
     force: bool = False,
     extend: bool = False,
     command: str = "",
@@ -106,6 +108,7 @@ def run_benchmark(
         config: What to run.
         out: The results folder; finished runs in it are kept.
         jobs: Worker processes.
+        cluster: A Dask or Ray cluster instead of local processes, see `layoutexplore.benchmark.cluster`.
         force: Delete another benchmark's results in `out` first.
         extend: Add to a benchmark with the same settings.
         command: Noted in the folder.
@@ -118,6 +121,8 @@ def run_benchmark(
     """
     if jobs < 1:
         raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
+    if cluster:
+        check_cluster(cluster)
     for name in config.agents:
         make_agent(name)  # an unknown name or parameter is better told now than in every run
     plans = _loaded(config, report)
@@ -125,7 +130,7 @@ def run_benchmark(
         folder = open_results(out, config, plans, force=force, extend=extend, command=command)
         for plan in plans:
             folder.save_raster(plan.name, load(plan.source).rasterize(config.simulation.resolution))
-        return _fill(folder, config, plans, jobs, report, on_progress)
+        return _fill(folder, config, plans, jobs, cluster, report, on_progress)
 
 
 def _fill(
@@ -133,6 +138,7 @@ def _fill(
     config: BenchmarkConfig,
     plans: list[PlanEntry],
     jobs: int,
+    cluster: str,
     report: Callable[[str], None],
     on_progress: Callable[[Progress], None],
 ) -> Outcome:
@@ -149,7 +155,7 @@ def _fill(
     work = sum(task.plan.reachable_area for task in missing)
     areas, done = {plan.name: plan.reachable_area for plan in plans}, 0.0
     try:
-        for count, row in enumerate(_results(config, folder, missing, jobs), len(tasks) - len(missing) + 1):
+        for count, row in enumerate(_results(config, folder, missing, jobs, cluster), len(tasks) - len(missing) + 1):
             folder.append(row)
             rows[row.key] = row
             done += areas[row.plan]
@@ -217,9 +223,11 @@ def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[Plan
     return plans
 
 
-def _results(config: BenchmarkConfig, folder: ResultsFolder, tasks: list[Task], jobs: int) -> Iterator[Row]:
+def _results(config: BenchmarkConfig, folder: ResultsFolder, tasks: list[Task], jobs: int, cluster: str) -> Iterator[Row]:
     function = functools.partial(run_task, config=config, folder=folder)
     lost = functools.partial(_lost_row, config=config)
+    if cluster:
+        return run_on_cluster(function, tasks, cluster=cluster, jobs=jobs, lost=lost)
     return run_all(function, tasks, jobs=jobs, lost=lost, initializer=warm_up, arguments=(config,))
 
 

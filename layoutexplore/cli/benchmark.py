@@ -59,6 +59,7 @@ def benchmark(
     seed: Annotated[int | None, typer.Option(help="Seed of starts, noise and agents. Default: 0.")] = None,
     baseline: Annotated[str | None, typer.Option(help="Agent to compare with. Default: nearest.")] = None,
     jobs: Annotated[int | None, typer.Option(help="Worker processes. Default: one per core.")] = None,
+    cluster: Annotated[str, typer.Option(help="Run on Dask or Ray: dask, ray, dask:ADDRESS or ray:ADDRESS.")] = "",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = DEFAULT_OUT,
     config: Annotated[
         Path | None, typer.Option(help="TOML file with any of these options, and the tables \\[simulation] and \\[lidars.NAME].")
@@ -95,6 +96,7 @@ def benchmark(
                 settings,
                 out,
                 jobs=usable_cores() if jobs is None else jobs,
+                cluster=cluster,
                 force=force,
                 extend=extend,
                 command=_command_line(),
