@@ -85,7 +85,7 @@ def save_forests(path: Path, forests: dict[str, Forest], features: Sequence[str]
 def _tree(forest: Forest, begin: int, end: int) -> list[list[float]]:
     """Nodes as [feature, threshold, left, right] and leaves as [value]."""
     return [
-        [int(forest.feature[i]), float(f"{forest.threshold[i]:.6g}"), int(forest.left[i]) - begin, int(forest.right[i]) - begin]
+        [int(forest.feature[i]), float(f"{forest.threshold[i]:.9g}"), int(forest.left[i]) - begin, int(forest.right[i]) - begin]
         if forest.feature[i] >= 0
         else [float(f"{forest.threshold[i]:.5g}")]
         for i in range(begin, end)

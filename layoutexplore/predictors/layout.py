@@ -1,83 +1,133 @@
-"""The predictor that ships: a room's seen part completed, its frontiers judged by trees.
+"""The predictor that ships: seen rooms completed and frontiers judged, both by trees.
 
-Rooms are the seen regions, completed by `layoutexplore.predictors.completion`. Whether a frontier is closed and how much is
-left behind it is judged by boosted trees on features of its surroundings; they were trained on simulated explorations
-of other buildings (`layoutexplore.predictors.training`).
+Rooms are the seen regions; unknown cells near them belong to their rooms where trees say so (`cell_features`). Whether a
+frontier is closed and how much is left behind it is judged by trees on features of its surroundings (`frontier_features`).
+All were trained on simulated explorations (`layoutexplore.predictors.training`). Rooms are completed only when somebody
+looks at them: a strategy that asks for classes does not pay for shapes.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.decision import Decision
 from layoutexplore.frontier_classes import FrontierClasses
-from layoutexplore.predictors.completion import complete_regions
+from layoutexplore.predictors import cell_features
+from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.forest import FOLDER, Forest, load_forests
-from layoutexplore.predictors.frontier_features import FEATURES, frontier_features
-from layoutexplore.predictors.protocol import RoomMap, classes_in, with_classes
-from layoutexplore.predictors.regions import Regions, seen_regions
-from layoutexplore.predictors.shapes import draw_shapes, parallel_outline
+from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions
+from layoutexplore.predictors.protocol import RoomMap, with_classes
+from layoutexplore.predictors.regions import Regions, region_boxes, seen_regions
 
 LEFTOVER = 1.0
 """Square metres: closed frontiers with less left are what strategies put off."""
 
-MODEL = FOLDER / "frontier_model.json"
+INSIDE = 0.5
+"""Probability from which an unknown cell belongs to a room."""
+
+FRONTIER_MODEL, CELL_MODEL = FOLDER / "frontier_model.json", FOLDER / "cell_model.json"
+
+
+class PredictedLayout:
+    """The rooms that are predicted at a decision, completed when they are first asked for.
+
+    Args:
+        cells: int8 (rows, cols), what is known; not copied.
+        regions: The seen rooms.
+        resolution: Metres per cell.
+        forest: Says whether an unknown cell belongs to a room.
+    """
+
+    def __init__(self, cells: NDArray[np.int8], regions: Regions, resolution: float, forest: Forest) -> None:
+        self._cells, self._regions, self._resolution, self._forest = cells, regions, resolution, forest
+
+    @cached_property
+    def rooms(self) -> RoomMap:
+        """The completed rooms, and the unseen rest of the building as one more."""
+        shapes = _judged_shapes(self._cells, self._regions, self._resolution, self._forest)
+        return complete_regions(self._cells, self._regions, shapes)
+
+    @property
+    def labels(self) -> NDArray[np.int32]:
+        """int32 (rows, cols): the predicted room of each cell, seen or not, 0 for none."""
+        ids = self.rooms.room_ids
+        return np.where(ids > self._regions.count, np.int32(0), ids)
 
 
 class LayoutPredictor:
     """Completed rooms, and frontiers judged by trees.
 
     Args:
-        forests: "closed", "leftover" and "area"; those that ship when None.
+        frontier_forests: "closed", "leftover" and "area"; those that ship when None.
+        cell_forest: Whether a cell belongs to a room; the one that ships when None.
     """
 
     name = "layout"
 
-    def __init__(self, forests: dict[str, Forest] | None = None) -> None:
-        self._forests = forests or load_forests(MODEL, FEATURES)
+    def __init__(self, frontier_forests: dict[str, Forest] | None = None, cell_forest: Forest | None = None) -> None:
+        self._frontiers = frontier_forests or load_forests(FRONTIER_MODEL, FEATURES)
+        self._inside = cell_forest or load_forests(CELL_MODEL, cell_features.FEATURES)["inside"]
 
     def rooms(self, decision: Decision) -> RoomMap:
         """The seen regions with what is thought to lie behind their frontiers."""
-        return self._complete(decision, seen_regions(decision.grid.cells, decision.grid.resolution))
+        cells, resolution = decision.grid.cells, decision.grid.resolution
+        return PredictedLayout(cells, seen_regions(cells, resolution), resolution, self._inside).rooms
 
     def predict(self, decision: Decision) -> Decision:
-        """The decision with class, area and confidence judged by the trees, and the predicted rooms as its layout."""
+        """The decision with class, area and confidence judged by the trees, and a `PredictedLayout`."""
         if not decision.frontiers:
             return decision
-        grid = decision.grid
-        regions = seen_regions(grid.cells, grid.resolution)
-        rooms = self._complete(decision, regions)
-        visible = np.array([f.visible_area for f in decision.frontiers])
+        cells, resolution = decision.grid.cells, decision.grid.resolution
+        regions = seen_regions(cells, resolution)
         clusters = [f.cells for f in decision.frontiers]
-        features = frontier_features(grid.cells, clusters, visible, regions, grid.resolution)
-        classes, confidence = judge(features, self._forests, classes_in(rooms, decision))
-        return dataclasses.replace(with_classes(decision, classes, confidence), layout=rooms)
-
-    def _complete(self, decision: Decision, regions: Regions) -> RoomMap:
-        cells = decision.grid.cells
-        return complete_regions(cells, regions, draw_shapes(cells, regions, parallel_outline))
+        visible = np.array([f.visible_area for f in decision.frontiers])
+        features = frontier_features(cells, clusters, visible, regions, resolution)
+        offsets = np.cumsum([0, *(len(c) for c in clusters)])
+        homes = home_regions(regions, np.concatenate(clusters), offsets)
+        classes, confidence = judge(features, self._frontiers, homes.astype(np.int32))
+        layout = PredictedLayout(cells, regions, resolution, self._inside)
+        return dataclasses.replace(with_classes(decision, classes, confidence), layout=layout)
 
 
 def judge(
-    features: NDArray[np.float32], forests: dict[str, Forest], classes: FrontierClasses
+    features: NDArray[np.float32], forests: dict[str, Forest], rooms: NDArray[np.int32]
 ) -> tuple[FrontierClasses, NDArray[np.float64]]:
     """Classes and areas by the trees, and the probability that each class is right.
 
     Args:
         features: float32 (k, features).
         forests: "closed" and "leftover" (log-odds) and "area" (log of 1 + square metres).
-        classes: What the predicted rooms say; of these the rooms are kept.
+        rooms: int32 (k,), the room that each frontier lies in.
     """
-    closed, leftover = forests["closed"].probability(features), forests["leftover"].probability(features)
-    closed = np.maximum(closed, leftover)
+    leftover = forests["leftover"].probability(features)
+    closed = np.maximum(forests["closed"].probability(features), leftover)
     area = np.maximum(np.expm1(forests["area"].score(features)), 0.0)
-    little = leftover > 0.5
-    below = math.nextafter(LEFTOVER, 0.0)
-    area = np.where(little, np.minimum(area, below), np.maximum(area, LEFTOVER))
+    area = np.where(leftover > 0.5, np.minimum(area, math.nextafter(LEFTOVER, 0.0)), np.maximum(area, LEFTOVER))
     is_closed = closed > 0.5
-    judged = dataclasses.replace(classes, is_closed=is_closed, remaining_area=area)
-    return judged, np.where(is_closed, closed, 1.0 - closed)
+    classes = FrontierClasses(is_closed, rooms, area, np.ones(len(rooms)), area)
+    return classes, np.where(is_closed, closed, 1.0 - closed)
+
+
+def _judged_shapes(cells: NDArray[np.int8], regions: Regions, resolution: float, forest: Forest) -> dict[int, Shape]:
+    """By region the squares around the lattice cells that belong to its room."""
+    candidates = cell_features.find_candidates(cells, regions, resolution)
+    claims = np.zeros(cells.shape, np.int32)
+    inside = forest.probability(candidates.features) > INSIDE
+    half = candidates.stride // 2
+    rows, cols = (candidates.cells[inside] - half).T
+    for dr in range(candidates.stride):
+        for dc in range(candidates.stride):
+            r, c = rows + dr, cols + dc
+            fits = (r < cells.shape[0]) & (c < cells.shape[1])
+            claims[r[fits], c[fits]] = candidates.region[inside][fits]
+    boxes = region_boxes(Regions(claims, regions.count, regions.door_width))
+    shapes = {}
+    for region in np.unique(candidates.region[inside]).tolist():
+        _, row0, col0, row1, col1 = boxes[region].tolist()
+        shapes[region] = Shape(row0, col0, claims[row0:row1, col0:col1] == region)
+    return shapes

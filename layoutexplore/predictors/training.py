@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from layoutexplore.frontier_classes import classify_frontiers
 from layoutexplore.predictors.forest import Forest, save_forests
 from layoutexplore.predictors.frontier_features import FEATURES, frontier_features
-from layoutexplore.predictors.layout import LEFTOVER, MODEL
+from layoutexplore.predictors.layout import FRONTIER_MODEL, LEFTOVER
 from layoutexplore.predictors.regions import seen_regions
 
 AGENTS = ("nearest", "layout-tour:predictor=oracle", "layout-tour:area=4,predictor=oracle", "wait-8")
@@ -163,7 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Train the trees that judge frontiers.")
     parser.add_argument("plans", nargs="+", help="names, FAMILY:FIRST-LAST, files or folders")
     parser.add_argument("--folds", type=int, default=0, help="also cross-validate over so many folds of buildings")
-    parser.add_argument("--out", type=Path, default=MODEL)
+    parser.add_argument("--out", type=Path, default=FRONTIER_MODEL)
     options = parser.parse_args(arguments)
     sources = [source for spec in options.plans for source in expand_plans(spec)]
     samples = collect(sources)

@@ -1,0 +1,207 @@
+"""Predictors: seen regions, shapes that never take from what is seen, trees as numbers, and the layout strategies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from layoutexplore.agents import make_agent
+from layoutexplore.decision import STOP, Decision
+from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.floorplan import floorplan_from_ascii
+from layoutexplore.frontiers import find_frontiers
+from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
+from layoutexplore.predictors.completion import Shape, complete_regions
+from layoutexplore.predictors.forest import FOLDER, Forest, load_forests, save_forests
+from layoutexplore.predictors.frontier_features import FEATURES, frontier_features
+from layoutexplore.predictors.frontier_probes import ALONG_COLS, ALONG_ROWS, wall_extensions
+from layoutexplore.predictors.oracle import OraclePredictor
+from layoutexplore.predictors.regions import region_boxes, seen_regions
+from layoutexplore.predictors.shapes import main_angle
+from layoutexplore.predictors.training import Samples, TrainingConfig, fit_forests
+from layoutexplore.simulation import Simulation, SimulationConfig
+
+PLAN = """
+#########################
+#aaaaaaaa#bbbbbbb#cccccc#
+#aaaaaaaa#bbbbbbb#cccccc#
+#aaaaaaaa#bbbbbbb#cccccc#
+####.########.#######.###
+#dddddddddddddddddddddddd#
+#dddddddddddddddddddddddd#
+#########################
+""".replace("#dddddddddddddddddddddddd#", "#ddddddddddddddddddddddd#")
+
+
+@pytest.fixture(scope="module")
+def decision() -> Decision:
+    plan = floorplan_from_ascii(PLAN, resolution=0.9)
+    return Simulation(plan, SimulationConfig(sensor="short")).reset(seed=2)
+
+
+def test_every_predictor_by_name() -> None:
+    assert predictor_names()[0] == "none" and {"rectangle", "hull", "parallel-wall", "face-subset", "oracle", "layout"} < set(
+        predictor_names()
+    )
+    assert make_predictor("none") is None and make_room_predictor("none").name == "none"
+    with pytest.raises(UnknownNameError, match="layout"):
+        make_predictor("layuot")
+    with pytest.raises(ConfigError, match="flip"):
+        make_predictor("layout:flip=1")
+
+
+@pytest.mark.parametrize("name", predictor_names())
+def test_rooms_hold_what_is_seen_and_nothing_in_walls(name: str, decision: Decision) -> None:
+    predictor = make_room_predictor(name)
+    if isinstance(predictor, OraclePredictor):
+        return
+    cells = decision.grid.cells
+    rooms = predictor.rooms(decision)
+    regions = seen_regions(cells, decision.grid.resolution)
+    assert rooms.room_ids.dtype == np.int32 and rooms.passable.dtype == np.bool_
+    assert (rooms.room_ids[cells == 0] == regions.labels[cells == 0]).all()
+    assert not rooms.room_ids[cells == 100].any() and not rooms.passable[cells == 100].any()
+    assert rooms.passable[cells == 0].all()
+    judged = predictor.predict(decision)
+    for frontier in judged.frontiers:
+        assert isinstance(frontier.is_closed, bool) and (frontier.expected_area or 0.0) >= 0.0
+        assert 0.0 <= (frontier.confidence or 0.0) <= 1.0 and frontier.room is not None
+
+
+def test_the_layout_is_completed_when_somebody_looks(decision: Decision) -> None:
+    predictor = make_predictor("layout")
+    assert predictor is not None
+    judged = predictor.predict(decision)
+    labels = judged.layout.labels
+    assert labels.shape == decision.grid.shape and labels.dtype == np.int32
+    seen = seen_regions(decision.grid.cells, decision.grid.resolution)
+    assert labels.max() <= seen.count and (labels > 0).sum() >= (seen.labels > 0).sum()
+    again = make_predictor("layout")
+    assert again is not None
+    assert [f.expected_area for f in again.predict(decision).frontiers] == [f.expected_area for f in judged.frontiers]
+
+
+def test_regions_part_at_doors() -> None:
+    raster = floorplan_from_ascii(PLAN, resolution=0.9).rasterize(0.1)
+    cells = np.where(raster.occupied, 100, 0).astype(np.int8)
+    regions = seen_regions(cells, 0.1)
+    assert regions.count == 4
+    for room in range(1, 5):
+        owners = regions.labels[(raster.room_ids == room) & raster.free]
+        assert (owners == np.bincount(owners).argmax()).mean() > 0.98
+    boxes = region_boxes(regions)
+    for region in range(1, 5):
+        rows, cols = np.nonzero(regions.labels == region)
+        assert boxes[region].tolist() == [len(rows), rows.min(), cols.min(), rows.max() + 1, cols.max() + 1]
+
+
+@settings(max_examples=50, deadline=None)
+@given(cells=hnp.arrays(np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 100])))
+def test_every_free_cell_has_a_region_and_features_are_finite(cells: NDArray[np.int8]) -> None:
+    regions = seen_regions(cells, 0.2)
+    assert ((regions.labels > 0) == (cells == 0)).all()
+    clusters = find_frontiers(cells)
+    if len(clusters):
+        frontiers = [clusters.cluster(k) for k in range(len(clusters))]
+        features = frontier_features(cells, frontiers, np.zeros(len(frontiers)), regions, 0.2)
+        assert features.shape == (len(frontiers), len(FEATURES)) and np.isfinite(features).all()
+
+
+def test_mirrored_and_turned_frontiers_look_the_same() -> None:
+    cells = np.full((60, 60), -1, np.int8)
+    cells[10:40, 10:40] = 100
+    cells[12:38, 12:38] = 0
+    cells[20:29, 38:40] = 0
+    cells[15:20, 40] = -1
+    expected = None
+    for turns in range(4):
+        for mirrored in (False, True):
+            seen = np.ascontiguousarray(np.rot90(cells[:, ::-1] if mirrored else cells, turns))
+            clusters = find_frontiers(seen)
+            features = frontier_features(seen, [clusters.cluster(0)], np.zeros(1), seen_regions(seen, 0.1), 0.1)
+            names = [k for k, name in enumerate(FEATURES) if name.startswith(("open_", "doors_", "size", "width", "region"))]
+            expected = features[:, names] if expected is None else expected
+            np.testing.assert_allclose(features[:, names], expected, rtol=1e-5)
+
+
+def test_walls_go_on_through_the_unknown() -> None:
+    cells = np.full((9, 9), -1, np.int8)
+    cells[4, :3] = 100
+    cells[4, 7] = 0
+    bits = wall_extensions(cells, 3, 10)
+    assert np.argwhere(bits & ALONG_ROWS).tolist() == [[4, 3], [4, 4], [4, 5], [4, 6]]
+    assert not (bits & ALONG_COLS).any()
+
+
+def test_a_shape_is_filled_up_to_walls_and_other_rooms() -> None:
+    cells = np.full((6, 12), -1, np.int8)
+    cells[:, :3] = 0
+    cells[:, 9] = 100
+    regions = seen_regions(cells, 0.5)
+    rooms = complete_regions(cells, regions, {1: Shape(0, 2, np.ones((6, 10), np.bool_))})
+    assert (rooms.room_ids[:, :9] == 1).all() and (rooms.room_ids[:, 10:] != 1).all()
+
+
+def test_main_angle() -> None:
+    rows, cols = np.mgrid[:120, :120]
+    along, across = cols * np.cos(0.3) + rows * np.sin(0.3), rows * np.cos(0.3) - cols * np.sin(0.3)
+    walls = ((along % 40) < 2) | ((across % 40) < 2)
+    assert main_angle(np.where(walls, 100, 0).astype(np.int8)) == pytest.approx(0.3, abs=0.03)
+
+
+def test_forests_are_what_was_trained(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    features = rng.normal(size=(600, len(FEATURES))).astype(np.float32)
+    closed = features[:, 3] > 0
+    area = np.abs(features[:, 5]).astype(float) * 3
+    samples = Samples(features, closed, area, np.where(rng.random(600) < 0.5, "a", "b"))
+    forests = fit_forests(samples, TrainingConfig(trees=15, rate=0.3, feature_share=1.0))
+    assert ((forests["closed"].probability(features) > 0.5) == closed).mean() > 0.95
+    path = tmp_path / "model.json"
+    save_forests(path, forests, FEATURES, "a test")
+    again = load_forests(path, FEATURES)
+    np.testing.assert_allclose(again["area"].score(features), forests["area"].score(features), rtol=1e-3, atol=1e-3)
+    with pytest.raises(ConfigError, match="train it again"):
+        load_forests(path, ("size",))
+
+
+def test_a_forest_by_hand() -> None:
+    numbers = [np.array(v, np.int32) for v in ([1, -1, -1], [1, 0, 0], [2, 0, 0], [0])]
+    forest = Forest(numbers[0], np.array([0.5, -1.0, 2.0], np.float32), numbers[1], numbers[2], numbers[3], 0.25)
+    assert forest.score(np.array([[9.0, 0.5], [0.0, 0.6]], np.float32)).tolist() == [-0.75, 2.25]
+
+
+def test_the_models_that_ship_are_small() -> None:
+    assert sum(path.stat().st_size for path in FOLDER.glob("*.json")) < 3_000_000
+
+
+@pytest.mark.parametrize("name", ["layout-nearest", "layout-tour", "layout-gain", "closed-first", "open-first"])
+def test_layout_strategies_finish_with_predicted_rooms(name: str) -> None:
+    plan = floorplan_from_ascii(PLAN, resolution=0.9)
+    agent = make_agent(name)
+    agent.reset(0)
+    simulation = Simulation(plan, SimulationConfig(sensor="indoor"), make_predictor("layout"))
+    decision = simulation.reset(seed=1)
+    while not simulation.done:
+        decision = simulation.step(agent.act(decision))
+    assert simulation.stop_reason == "coverage"
+
+
+def test_an_early_stop_saves_metres() -> None:
+    plan = floorplan_from_ascii(PLAN, resolution=0.9)
+    runs = []
+    for spec in ("layout-tour", "layout-tour:stop_area=4"):
+        agent = make_agent(f"{spec}{',' if ':' in spec else ':'}predictor=oracle")
+        simulation = Simulation(plan, SimulationConfig(sensor="indoor", coverage_goal=1.0), make_predictor("oracle"))
+        decision = simulation.reset(seed=1)
+        while not simulation.done:
+            decision = simulation.step(agent.act(decision))
+        runs.append((simulation.distance, simulation.coverage, simulation.stop_reason))
+    assert runs[1][0] < runs[0][0] and runs[1][1] > 0.8 and runs[1][2] == "agent"
+    assert make_agent("layout-tour").act(decision) == STOP or decision.frontiers
