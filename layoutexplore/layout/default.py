@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
@@ -32,7 +33,7 @@ from layoutexplore.layout.merging import Forest, merge_pieces
 from layoutexplore.layout.merging_graph import PieceGraph, piece_graph, spread_into
 from layoutexplore.layout.merging_model import load_forest
 from layoutexplore.layout.openings import OpeningConfig, find_openings
-from layoutexplore.layout.outlines import number_rooms, rooms_of_labels
+from layoutexplore.layout.outlines import rooms_of_labels
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.rose2 import Rose2Config, find_wall_model, with_perpendicular
 from layoutexplore.layout.segments import find_segments
@@ -152,16 +153,48 @@ def merge_into_rooms(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Room labels of the grid's cells that are not occupied, and the rooms' footprints: with the furniture and half the walls."""
     into = merge_pieces(pieces.graph, forest, level=config.merge_level)
-    footprint = turn_back(into[pieces.labels], pieces.turned, grid.shape)
+    footprint = turn_back(pieces.labels, pieces.turned, grid.shape)
     if pieces.turned.angle:
         footprint = grow_labels(footprint, grid.free)
-    area = np.bincount(footprint[grid.free], minlength=len(into)) * grid.resolution**2
-    keep = area >= config.room_area
-    keep[0] = False
-    footprint = number_rooms(np.where(keep[footprint], footprint, np.int32(0)))
-    labels = np.where(grid.occupied, np.int32(0), footprint)
+    labels = _number_large(footprint, into, np.ascontiguousarray(grid.cells), grid.resolution**2, config.room_area)
     steps = max(round(config.wall_half / grid.resolution), 1)
-    return labels, spread_into(footprint, grid.occupied, steps)
+    return labels, spread_into(footprint, np.ascontiguousarray(grid.occupied), steps)
+
+
+@njit("int32[:,::1](int32[:,::1], int32[::1], int8[:,::1], float64, float64)", cache=True, nogil=True)
+def _number_large(
+    pieces: NDArray[np.int32], into: NDArray[np.int32], cells: NDArray[np.int8], cell_area: float, room_area: float
+) -> NDArray[np.int32]:
+    """Turn pieces into rooms in place, without the small ones, numbered in raster order; without occupied cells as result."""
+    rows, cols = pieces.shape
+    counts = np.zeros(len(into), np.int64)
+    for r in range(rows):
+        for c in range(cols):
+            counts[pieces[r, c]] += cells[r, c] == FREE
+    known = np.zeros(len(into), np.int64)
+    for k in range(len(into)):
+        known[into[k]] += counts[k]
+    room = np.full(len(into), -1, np.int32)  # of each piece; -1 until it is met
+    room[0] = 0
+    number = np.full(len(into), -1, np.int32)
+    out = np.zeros((rows, cols), np.int32)
+    count = 0
+    for r in range(rows):
+        for c in range(cols):
+            piece = pieces[r, c]
+            if piece == 0:
+                continue
+            if room[piece] < 0:
+                whole = into[piece]
+                if number[whole] < 0:
+                    large = whole > 0 and known[whole] * cell_area >= room_area
+                    count += large
+                    number[whole] = count if large else 0
+                room[piece] = number[whole]
+            pieces[r, c] = room[piece]
+            if cells[r, c] != OCCUPIED:
+                out[r, c] = room[piece]
+    return out
 
 
 @register_method("default", DefaultConfig)
@@ -229,5 +262,7 @@ def find_walls_of(clean: OccupancyGrid, structure: Structure, timer: StageTimer)
 
 def clean_grid(pieces: Pieces, grid: OccupancyGrid) -> OccupancyGrid:
     """The grid with its clutter turned free."""
-    clutter = turn_back(pieces.clutter.astype(np.int32), pieces.turned, grid.shape) > 0
-    return OccupancyGrid(np.where(clutter & grid.occupied, np.int8(FREE), grid.cells), grid.resolution, grid.origin)
+    clutter = turn_back(pieces.clutter, pieces.turned, grid.shape)
+    cells = grid.cells.copy()
+    cells[clutter & grid.occupied] = FREE
+    return OccupancyGrid(cells, grid.resolution, grid.origin)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -16,8 +17,15 @@ from numpy.typing import NDArray
 
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
 
+_TRINARY = np.full(256, UNKNOWN, np.int8)
+_TRINARY[FREE] = FREE
+_TRINARY[51:128] = OCCUPIED
+
 STRAIGHT = math.radians(0.6)
 """A map whose walls lie closer to the axes than this is left as it is: turning costs more than it brings."""
+
+
+T = TypeVar("T", np.int32, np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,17 +45,34 @@ class Turned:
     shape: tuple[int, int]
 
 
+@njit(cache=True, nogil=True)
+def _known_box(cells: NDArray[np.int8]) -> tuple[int, int, int, int]:
+    rows, cols = cells.shape
+    row0, row1, col0, col1 = rows, 0, cols, 0
+    for r in range(rows):
+        first = 0
+        while first < cols and cells[r, first] == UNKNOWN:
+            first += 1
+        if first == cols:
+            continue
+        row0, row1, col0 = min(row0, r), r + 1, min(col0, first)
+        last = cols
+        while last > col1 and cells[r, last - 1] == UNKNOWN:
+            last -= 1
+        col1 = max(col1, last)
+    return row0, row1, col0, col1
+
+
 def known_box(cells: NDArray[np.int8], margin: int = 2) -> tuple[int, int, int, int]:
     """Half-open box (row0, row1, col0, col1) of the known cells with a margin, clipped to the grid; all 0 when none is known."""
-    known = cells != UNKNOWN
-    rows, cols = np.flatnonzero(known.any(1)), np.flatnonzero(known.any(0))
-    if len(rows) == 0:
+    row0, row1, col0, col1 = _known_box(np.ascontiguousarray(cells, np.int8))
+    if row1 == 0:
         return 0, 0, 0, 0
     return (
-        max(int(rows[0]) - margin, 0),
-        min(int(rows[-1]) + 1 + margin, cells.shape[0]),
-        max(int(cols[0]) - margin, 0),
-        min(int(cols[-1]) + 1 + margin, cells.shape[1]),
+        max(row0 - margin, 0),
+        min(row1 + margin, cells.shape[0]),
+        max(col0 - margin, 0),
+        min(col1 + margin, cells.shape[1]),
     )
 
 
@@ -91,19 +116,17 @@ def _turn(cells: NDArray[np.int8], angle: float, rows: int, cols: int) -> NDArra
     return out
 
 
-@njit("int32[:,::1](int32[:,::1], float64, int64, int64)", cache=True, nogil=True)
-def _turn_back(labels: NDArray[np.int32], angle: float, rows: int, cols: int) -> NDArray[np.int32]:
+@njit(cache=True, nogil=True)
+def _turn_back(labels: NDArray[Any], angle: float, rows: int, cols: int, out: NDArray[Any]) -> None:
     c, s = np.cos(angle), np.sin(angle)
     r0, c0 = 0.5 * (rows - 1), 0.5 * (cols - 1)
     r1, c1 = 0.5 * (labels.shape[0] - 1), 0.5 * (labels.shape[1] - 1)
-    out = np.zeros((rows, cols), np.int32)
     for y in range(rows):
         for x in range(cols):
             j = int(np.floor(c1 + c * (x - c0) + s * (y - r0) + 0.5))
             i = int(np.floor(r1 - s * (x - c0) + c * (y - r0) + 0.5))
             if 0 <= i < labels.shape[0] and 0 <= j < labels.shape[1]:
                 out[y, x] = labels[i, j]
-    return out
 
 
 def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:
@@ -113,9 +136,8 @@ def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, 
         cells: int8 (rows, cols), -1 unknown, 0 free ... 100 occupied.
     """
     row0, row1, col0, col1 = known_box(cells)
-    part = cells[row0:row1, col0:col1]
-    trinary = np.where(part == FREE, FREE, np.where(part > 50, OCCUPIED, UNKNOWN)).astype(np.int8)
-    return np.ascontiguousarray(trinary), (row0, col0)
+    part = np.ascontiguousarray(cells[row0:row1, col0:col1])
+    return np.asarray(_TRINARY[part.view(np.uint8)]), (row0, col0)
 
 
 def surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
@@ -139,16 +161,19 @@ def turn(cells: NDArray[np.int8], angle: float, corner: tuple[int, int]) -> Turn
     return Turned(cells, angle, corner, (h, w))
 
 
-def turn_back(labels: NDArray[np.int32], turned: Turned, shape: tuple[int, int]) -> NDArray[np.int32]:
-    """Labels of the turned part as int32 labels of the whole grid, looked up cell by cell.
+def turn_back(labels: NDArray[T], turned: Turned, shape: tuple[int, int]) -> NDArray[T]:
+    """Labels of the turned part as labels of the whole grid, looked up cell by cell; 0 outside the part.
 
     Args:
-        labels: int32, of the shape of `turned.cells`.
+        labels: int32 or bool, of the shape of `turned.cells`.
         turned: What `turn` returned.
         shape: Rows and columns of the whole grid.
     """
-    part = _turn_back(np.ascontiguousarray(labels), turned.angle, *turned.shape) if turned.angle else labels
-    out = np.zeros(shape, np.int32)
-    row, col = turned.corner
-    out[row : row + turned.shape[0], col : col + turned.shape[1]] = part
+    out = np.zeros(shape, labels.dtype)
+    (row, col), (rows, cols) = turned.corner, turned.shape
+    part = out[row : row + rows, col : col + cols]
+    if turned.angle:
+        _turn_back(np.ascontiguousarray(labels), turned.angle, rows, cols, part)
+    else:
+        part[:] = labels
     return out
