@@ -16,15 +16,16 @@ from layoutexplore.decision import STOP, Decision
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.floorplan import floorplan_from_ascii
 from layoutexplore.frontiers import find_frontiers
-from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
+from layoutexplore.predictors import cell_features, make_predictor, make_room_predictor, predictor_names
 from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.forest import FOLDER, Forest, load_forests, save_forests
 from layoutexplore.predictors.frontier_features import FEATURES, frontier_features
 from layoutexplore.predictors.frontier_probes import ALONG_COLS, ALONG_ROWS, wall_extensions
+from layoutexplore.predictors.layout import LayoutPredictor
 from layoutexplore.predictors.oracle import OraclePredictor
 from layoutexplore.predictors.regions import region_boxes, seen_regions
 from layoutexplore.predictors.shapes import main_angle
-from layoutexplore.predictors.training import Samples, TrainingConfig, fit_forests
+from layoutexplore.predictors.training import Samples, TrainingConfig, fit_forests, main
 from layoutexplore.simulation import Simulation, SimulationConfig
 
 PLAN = """
@@ -157,18 +158,32 @@ def test_main_angle() -> None:
 
 def test_forests_are_what_was_trained(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
-    features = rng.normal(size=(600, len(FEATURES))).astype(np.float32)
+    names = tuple("abcdefgh")
+    features = rng.normal(size=(600, len(names))).astype(np.float32)
     closed = features[:, 3] > 0
     area = np.abs(features[:, 5]).astype(float) * 3
-    samples = Samples(features, closed, area, np.where(rng.random(600) < 0.5, "a", "b"))
+    none = np.zeros((0, 2), np.float32), np.zeros(0, np.bool_)
+    samples = Samples(features, closed, area, np.where(rng.random(600) < 0.5, "a", "b"), *none)
     forests = fit_forests(samples, TrainingConfig(trees=15, rate=0.3, feature_share=1.0))
     assert ((forests["closed"].probability(features) > 0.5) == closed).mean() > 0.95
     path = tmp_path / "model.json"
-    save_forests(path, forests, FEATURES, "a test")
-    again = load_forests(path, FEATURES)
+    save_forests(path, forests, names, "a test")
+    again = load_forests(path, names)
     np.testing.assert_allclose(again["area"].score(features), forests["area"].score(features), rtol=1e-3, atol=1e-3)
     with pytest.raises(ConfigError, match="train it again"):
         load_forests(path, ("size",))
+
+
+def test_training_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("one", "two"):
+        floorplan_from_ascii(PLAN, resolution=0.9, name=name).save(tmp_path / f"{name}.geojson")
+    main([str(tmp_path / "one.geojson"), str(tmp_path / "two.geojson"), "--folds", "2", "--out", str(tmp_path / "models")])
+    assert "held out" in capsys.readouterr().out
+    judges = load_forests(tmp_path / "models" / "frontier_model.json", FEATURES)
+    inside = load_forests(tmp_path / "models" / "cell_model.json", cell_features.FEATURES)["inside"]
+    plan = floorplan_from_ascii(PLAN, resolution=0.9)
+    decision = Simulation(plan, SimulationConfig(sensor="short"), LayoutPredictor(judges, inside)).reset(seed=2)
+    assert all(f.is_closed is not None for f in decision.frontiers)
 
 
 def test_a_forest_by_hand() -> None:

@@ -186,7 +186,7 @@ def _predicted_hidden(cells: NDArray[np.int8], item: Item, rooms: RoomMap) -> ND
 
 
 def _iou(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
-    return float(np.count_nonzero(a & b) / max(np.count_nonzero(a | b), 1))
+    return int(np.count_nonzero(a & b)) / max(int(np.count_nonzero(a | b)), 1)
 
 
 def boundary_distance(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
@@ -202,7 +202,8 @@ def boundary_distance(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
     window = np.s_[max(rows.min() - 1, 0) : rows.max() + 2, max(cols.min() - 1, 0) : cols.max() + 2]
     edges = [m & ~ndimage.binary_erosion(m) for m in (a[window], b[window])]
     away = [ndimage.distance_transform_edt(~edge) for edge in edges]
-    return float((away[1][edges[0]].mean() + away[0][edges[1]].mean()) / 2)
+    there, back = float(np.mean(away[1][edges[0]])), float(np.mean(away[0][edges[1]]))
+    return (there + back) / 2
 
 
 def _score_frontiers(snapshot: Snapshot, judged: Decision, predictor: str) -> list[FrontierScore]:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grid import UNKNOWN
 from layoutexplore.predictors.frontier_probes import wall_extensions
 from layoutexplore.predictors.regions import Regions, region_boxes
 
-STRIDE = 0.4
+STRIDE = 0.3
 """Metres between the cells that are judged; each stands for the square around it."""
 
-REACH = 8.0
+REACH = 12.0
 """Metres of way through the unknown up to which a cell can belong to a region."""
 
 WALL_MIN, EXTENSION_REACH = 0.4, 10.0
@@ -22,8 +24,9 @@ WALL_MIN, EXTENSION_REACH = 0.4, 10.0
 
 FEATURES: tuple[str, ...] = (
     "way", "crossed", "outside_long", "outside_short", "box_long", "box_short", "area", "fill",
-    *(f"{side}_{what}" for side in ("inward", "outward", "left", "right") for what in ("distance", "kind", "crossed")),
-    "finished_room",
+    *(f"{side}_{what}" for side in ("inward", "outward", "left", "right") for what in ("distance", "kind", "crossed", "line")),
+    *(f"diagonal{k}_{what}" for k in range(4) for what in ("distance", "kind")),
+    "typical_room", "typical_long", "typical_short", "rooms",
 )  # fmt: skip
 """Names of the features. `long` is the axis along which the cell lies further outside of the region's box."""
 
@@ -56,11 +59,9 @@ def find_candidates(cells: NDArray[np.int8], regions: Regions, resolution: float
     stride = max(round(STRIDE / resolution), 1)
     extensions = wall_extensions(cells, max(round(WALL_MIN / resolution), 1), round(EXTENSION_REACH / resolution))
     boxes = region_boxes(regions)
-    areas = boxes[1:, 0] * resolution**2
-    typical = float(np.median(areas[areas > 2.0])) if (areas > 2.0).any() else 0.0
     owner, way, crossed = _reach(cells, regions.labels, extensions, round(REACH / resolution))
-    found = np.argwhere(owner[stride // 2 :: stride, stride // 2 :: stride] > 0) * stride + stride // 2
-    found = found.astype(np.int32)
+    lattice = np.argwhere(owner[stride // 2 :: stride, stride // 2 :: stride] > 0) * stride + stride // 2
+    found: NDArray[np.int32] = lattice.astype(np.int32)
     region = owner[found[:, 0], found[:, 1]]
     features = np.zeros((len(found), len(FEATURES)), np.float32)
     _describe(cells, regions.labels, extensions, boxes, found, region, round(EXTENSION_REACH / resolution), features)
@@ -68,8 +69,23 @@ def find_candidates(cells: NDArray[np.int8], regions: Regions, resolution: float
     for k, name in enumerate(FEATURES):
         if not name.endswith(("crossed", "kind", "fill")):
             features[:, k] *= resolution**2 if name == "area" else resolution
-    features[:, -1] = typical
+    features[:, -4:] = _typical_room(cells, regions, boxes, resolution)
     return Candidates(found, region, features, stride)
+
+
+def _typical_room(
+    cells: NDArray[np.int8], regions: Regions, boxes: NDArray[np.int64], resolution: float
+) -> tuple[float, float, float, float]:
+    """Median area, longer and shorter side of the rooms that are seen whole, and how many there are."""
+    beside = cv2.dilate((cells == UNKNOWN).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    edge = np.bincount(regions.labels[beside], minlength=regions.count + 1)
+    area = boxes[:, 0] * resolution**2
+    whole = (area > 2.0) & (edge * resolution < 0.3)
+    whole[0] = False
+    if not whole.any():
+        return 0.0, 0.0, 0.0, 0.0
+    sides = np.sort(boxes[whole, 3:5] - boxes[whole, 1:3], axis=1) * resolution
+    return float(np.median(area[whole])), float(np.median(sides[:, 1])), float(np.median(sides[:, 0])), float(whole.sum())
 
 
 @njit(cache=True, nogil=True)
@@ -121,7 +137,7 @@ def _describe(
     out: NDArray[np.float32],
 ) -> None:
     """Where each cell lies to the box of its region, and what is first known in the four directions."""
-    rows, cols = cells.shape
+    seen = np.zeros(4, np.float32)
     for k in range(len(found)):
         r, c = found[k]
         box = boxes[region[k]]
@@ -137,21 +153,45 @@ def _describe(
             dr, dc = (ur, uc) if side < 2 else (vr, vc)
             if side % 2:
                 dr, dc = -dr, -dc
-            across = 2 if dc != 0 else 1
-            row, col, kind, crossings, inside = r, c, 0, 0, False
-            distance = 0
-            while distance < reach:
-                distance += 1
-                row, col = row + dr, col + dc
-                if not (0 <= row < rows and 0 <= col < cols):
-                    break
-                if cells[row, col] == 100:
-                    kind = 3
-                    break
-                if cells[row, col] == 0:
-                    kind = 1 if labels[row, col] == region[k] else 2
-                    break
-                extended = extensions[row, col] & across != 0
-                crossings += extended and not inside
-                inside = extended
-            out[k, 8 + 3 * side], out[k, 9 + 3 * side], out[k, 10 + 3 * side] = distance, kind, crossings
+            _look(cells, labels, extensions, r, c, dr, dc, region[k], reach, out[k, 8 + 4 * side : 12 + 4 * side])
+        for turn in range(4):
+            dr, dc = ur + vr * (1 - 2 * (turn % 2)), uc + vc * (1 - 2 * (turn % 2))
+            if turn >= 2:
+                dr, dc = -dr, -dc
+            _look(cells, labels, extensions, r, c, dr, dc, region[k], reach, seen)
+            out[k, 24 + 2 * turn], out[k, 25 + 2 * turn] = seen[0], seen[1]
+
+
+@njit(cache=True, nogil=True)
+def _look(
+    cells: NDArray[np.int8],
+    labels: NDArray[np.int32],
+    extensions: NDArray[np.uint8],
+    row: int,
+    col: int,
+    dr: int,
+    dc: int,
+    region: int,
+    reach: int,
+    out: NDArray[np.float32],
+) -> None:
+    """Steps to the first known cell, its kind (0 none, 1 own room, 2 other room, 3 wall), lines crossed, steps to the first."""
+    across = 3 if dr != 0 and dc != 0 else (2 if dc != 0 else 1)
+    kind, crossings, inside, distance, line = 0, 0, False, 0, reach
+    while distance < reach:
+        distance += 1
+        row, col = row + dr, col + dc
+        if not (0 <= row < cells.shape[0] and 0 <= col < cells.shape[1]):
+            break
+        if cells[row, col] == 100:
+            kind = 3
+            break
+        if cells[row, col] == 0:
+            kind = 1 if labels[row, col] == region else 2
+            break
+        extended = extensions[row, col] & across != 0
+        if extended and not inside:
+            crossings += 1
+            line = min(line, distance)
+        inside = extended
+    out[0], out[1], out[2], out[3] = distance, kind, crossings, line

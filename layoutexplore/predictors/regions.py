@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grid import FREE, OCCUPIED
+from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
 
 DOOR_WIDTHS = (0.45, 2.2)
 """Metres: narrowest and widest gap that counts as a door."""
@@ -58,14 +58,26 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
         >>> regions.count, round(float(regions.door_width.max()), 1)
         (2, 0.8)
     """
-    occupied = cells == OCCUPIED
-    door_width = find_doors(occupied, resolution)
-    distance = cv2.distanceTransform((~occupied & (door_width == 0)).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
-    free = cells == FREE
+    labels, door_width = np.zeros(cells.shape, np.int32), np.zeros(cells.shape, np.float32)
+    box = _known_box(cells, round((DOOR_WIDTHS[1] + WIDENING) / resolution) + 1)
+    part = np.ascontiguousarray(cells[box])
+    occupied, free = part == OCCUPIED, part == FREE
+    doors = find_doors(occupied, resolution)
+    distance = cv2.distanceTransform((~occupied & (doors == 0)).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
     core = (free & (distance * resolution > CORE)).astype(np.uint8)
-    count, labels = cv2.connectedComponents(core, connectivity=4, ltype=cv2.CV_32S)
-    labels, count = _grow(labels.astype(np.int32), free, int(count))
+    count, cores = cv2.connectedComponents(core, connectivity=4, ltype=cv2.CV_32S)
+    labels[box], count = _grow(cores.astype(np.int32), free, int(count))
+    door_width[box] = doors
     return Regions(labels, count - 1, door_width)
+
+
+def _known_box(cells: NDArray[np.int8], margin: int) -> tuple[slice, slice]:
+    """Where something is known, with a margin; the whole grid when nothing is."""
+    known = cells != UNKNOWN
+    rows, cols = np.flatnonzero(known.any(1)), np.flatnonzero(known.any(0))
+    if len(rows) == 0:
+        return np.s_[:, :]
+    return np.s_[max(rows[0] - margin, 0) : rows[-1] + margin + 1, max(cols[0] - margin, 0) : cols[-1] + margin + 1]
 
 
 def region_boxes(regions: Regions) -> NDArray[np.int64]:
@@ -86,7 +98,7 @@ def find_doors(occupied: NDArray[np.bool_], resolution: float) -> NDArray[np.flo
 @njit(cache=True, nogil=True)
 def _gaps(occupied: NDArray[np.bool_], sizes: NDArray[np.int64]) -> NDArray[np.int32]:
     """Widths in cells of the doors along the rows."""
-    narrowest, widest, wall, widening, depth = sizes
+    narrowest, widest, wall, widening, depth = int(sizes[0]), int(sizes[1]), int(sizes[2]), int(sizes[3]), int(sizes[4])
     rows, cols = occupied.shape
     runs = np.zeros((rows, cols), np.int32)
     for r in range(rows):
@@ -99,7 +111,7 @@ def _gaps(occupied: NDArray[np.bool_], sizes: NDArray[np.int64]) -> NDArray[np.i
     for r in range(rows):
         c = 1
         while c < cols:
-            n = np.int64(runs[r, c])
+            n = int(runs[r, c])
             if n >= narrowest and n <= widest and c + n < cols and occupied[r, c - 1]:
                 middle = c + n // 2
                 if (
