@@ -10,12 +10,14 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.layout.face_model import FaceModel, WallModel
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.regions import outline
+from layoutexplore.layout.segments import AlignedSegments
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import BORDER, OUTSIDE, Face, FaceEdge, FaceKind, Layout, LayoutRoom, Line, Wall
+from layoutexplore.layout.walls import WallGroups
 
 KINDS = (FaceKind.EXTERNAL, FaceKind.PARTIAL, FaceKind.INTERNAL)
 
@@ -38,7 +40,7 @@ def assemble(
         if not rooms:
             warnings = (*warnings, "no room: no face of the wall lines lies inside the seen space")
         angle = angles_to_world(model.aligned.directions, grid.origin)
-        walls, lines = _walls(grid, model, angle), _lines(grid, model, faces, angle)
+        walls, lines = place_walls(model.aligned, model.walls, model.lines, grid.origin), _lines(grid, model, faces, angle)
         ends = to_world(model.segments.reshape(-1, 2), grid.origin).reshape(-1, 4)
     return Layout(
         method=method,
@@ -134,21 +136,29 @@ def _rooms(grid: OccupancyGrid, faces: FaceModel, room: NDArray[np.int64]) -> tu
     )
 
 
-def _walls(grid: OccupancyGrid, model: WallModel, angle: NDArray[np.float64]) -> tuple[Wall, ...]:
-    walls = model.walls
+def place_walls(aligned: AlignedSegments, walls: WallGroups, lines: WallGroups, origin: Pose) -> tuple[Wall, ...]:
+    """The walls in the world frame.
+
+    Args:
+        aligned: The segments.
+        walls: Which of them make a wall.
+        lines: Which of them share a representative line.
+        origin: Of the grid.
+    """
+    angle = angles_to_world(aligned.directions, origin)
     line = np.zeros(len(walls), np.int64)
-    line[walls.group] = model.lines.group
-    c, s = np.cos(model.aligned.directions)[walls.direction], np.sin(model.aligned.directions)[walls.direction]
+    line[walls.group] = lines.group
+    c, s = np.cos(aligned.directions)[walls.direction], np.sin(aligned.directions)[walls.direction]
     ends = [
-        to_world(np.stack((at * c - walls.offset * s, at * s + walls.offset * c), axis=1), grid.origin).tolist()
+        to_world(np.stack((at * c - walls.offset * s, at * s + walls.offset * c), axis=1), origin).tolist()
         for at in (walls.start, walls.end)
     ]
     order = np.argsort(walls.group, kind="stable").astype(np.int32)
     members = np.split(order, np.cumsum(np.bincount(walls.group, minlength=len(walls)))[:-1]) if len(walls) else []
-    directions, lines, angles = walls.direction.tolist(), line.tolist(), angle.tolist()
+    directions, angles = walls.direction.tolist(), angle.tolist()
     return tuple(
         Wall(direction=d, angle=angles[d], start=tuple(a), end=tuple(b), segments=m, line=k)
-        for d, a, b, m, k in zip(directions, *ends, members, lines, strict=True)
+        for d, a, b, m, k in zip(directions, *ends, members, line.tolist(), strict=True)
     )
 
 

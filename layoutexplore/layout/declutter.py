@@ -10,6 +10,7 @@ where the building lies in the grid nor on how much unknown space surrounds it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -61,20 +62,49 @@ class DeclutterConfig:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Structure:
-    """What ROSE knows of a map.
+class Directions:
+    """The directions of a map's walls.
 
     Attributes:
         directions: float64 (k,), dominant directions of walls in the grid's frame, radians in [0, pi), rising.
         score: W (equation 2): near 0 is structured, near 1 is not; 1.0 where there is no direction.
-        cell_scores: float32 (rows, cols), score of the occupied cells over the largest one; 0 elsewhere.
         profile: float64 (n,), cumulative amplitude for wall directions 0 <= angle < pi at equal steps.
     """
 
     directions: NDArray[np.float64]
     score: float
-    cell_scores: NDArray[np.float32]
     profile: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Structure(Directions):
+    """What ROSE knows of a map.
+
+    Attributes:
+        cell_scores: float32 (rows, cols), score of the occupied cells over the largest one; 0 elsewhere.
+    """
+
+    cell_scores: NDArray[np.float32]
+
+
+def find_directions(occupied: NDArray[np.bool_], resolution: float, config: DeclutterConfig) -> Directions:
+    """What `find_structure` finds, without the cells' scores.
+
+    Args:
+        occupied: bool (rows, cols).
+        resolution: Metres a cell.
+        config: The options.
+    """
+    box = bounding_box(occupied)
+    if box is None:
+        return Directions(directions=np.zeros(0), score=1.0, profile=np.zeros(_steps(config)))
+    crop = occupied[box]
+    side = _fast_side(crop)
+    rows = np.asarray(scipy.fft.rfft(crop.astype(np.float32), n=side, axis=1), np.complex64)
+    columns = scipy.fft.fft(rows[:, : _reach(side, resolution, config) + 1], n=side, axis=0)
+    profile = _angle_profile(np.asarray(columns, np.complex64), side, resolution, config)
+    directions, score = dominant_directions(profile, config)
+    return Directions(directions=directions, score=score, profile=profile)
 
 
 def find_structure(occupied: NDArray[np.bool_], resolution: float, config: DeclutterConfig) -> Structure:
@@ -87,12 +117,10 @@ def find_structure(occupied: NDArray[np.bool_], resolution: float, config: Declu
     """
     scores = np.zeros(occupied.shape, np.float32)
     box = bounding_box(occupied)
-    steps = round(180 / config.angle_step)
     if box is None:
-        return Structure(directions=np.zeros(0), score=1.0, cell_scores=scores, profile=np.zeros(steps))
+        return Structure(directions=np.zeros(0), score=1.0, cell_scores=scores, profile=np.zeros(_steps(config)))
     crop = occupied[box]
-    side = scipy.fft.next_fast_len(max(*crop.shape, 8), real=True)
-    side += side % 2
+    side = _fast_side(crop)
     spectrum = np.asarray(scipy.fft.rfft2(crop.astype(np.float32), s=(side, side)), np.complex64)
     profile = _angle_profile(spectrum, side, resolution, config)
     directions, score = dominant_directions(profile, config)
@@ -101,6 +129,28 @@ def find_structure(occupied: NDArray[np.bool_], resolution: float, config: Declu
         values = np.abs(image[: crop.shape[0], : crop.shape[1]]) * crop
         scores[box] = values / max(float(values.max()), 1e-9)
     return Structure(directions=directions, score=score, cell_scores=scores, profile=profile)
+
+
+def _steps(config: DeclutterConfig) -> int:
+    return round(180 / config.angle_step)
+
+
+def _fast_side(crop: NDArray[np.bool_]) -> int:
+    """Side of the square that occupied cells are padded to: even, and fast to transform."""
+    side = int(scipy.fft.next_fast_len(max(*crop.shape, 8), real=True))
+    return side + side % 2
+
+
+def _radii(side: int, resolution: float, config: DeclutterConfig) -> tuple[float, float]:
+    """Lowest and highest frequency that count for the directions."""
+    extent = side * resolution
+    highest = min(extent / config.wavelength_min, side / 2 - 1)
+    return min(max(extent / config.wavelength_max, 1.0), highest), highest
+
+
+def _reach(side: int, resolution: float, config: DeclutterConfig) -> int:
+    """No frequency above this is looked at for the directions."""
+    return min(math.ceil(_radii(side, resolution, config)[1]) + 2, side // 2)
 
 
 def wall_surface(grid: OccupancyGrid, depth: float) -> NDArray[np.bool_]:
@@ -150,24 +200,33 @@ def dominant_directions(profile: NDArray[np.float64], config: DeclutterConfig) -
 
 
 @lru_cache(maxsize=8)
-def _polar_maps(side: int, steps: int, radius_min: float, radius_max: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Sampling positions (cols, rows) float32 (steps, radii) in the shifted half spectrum, by wall direction."""
+def _polar_maps(
+    side: int, steps: int, radius_min: float, radius_max: float, reach: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Sampling positions (cols, rows) float32 (steps, radii) among the frequencies from -reach, by wall direction."""
     normal = np.arange(steps) * np.pi / steps + np.pi / 2
     radii = np.arange(radius_min, radius_max + 1e-9)
     u, v = np.cos(normal)[:, None] * radii, np.sin(normal)[:, None] * radii
     flip = np.where(u < 0, -1.0, 1.0)
-    return (u * flip).astype(np.float32), (v * flip + side // 2).astype(np.float32)
+    return (u * flip).astype(np.float32), (v * flip + side // 2).astype(np.float32) - np.float32(side // 2 - reach)
 
 
 def _angle_profile(spectrum: NDArray[np.complex64], side: int, resolution: float, config: DeclutterConfig) -> NDArray[np.float64]:
-    """Cumulative amplitude by wall direction: the spectrum unfolded about its centre and summed over the radius."""
-    extent = side * resolution
-    radius_max = min(extent / config.wavelength_min, side / 2 - 1)
-    radius_min = min(max(extent / config.wavelength_max, 1.0), radius_max)
-    amplitude = np.abs(scipy.fft.fftshift(spectrum, axes=0))
+    """Cumulative amplitude by wall direction: the spectrum unfolded about its centre and summed over the radius.
+
+    Args:
+        spectrum: complex64 (side, at least reach + 1), the half spectrum.
+        side: Of the transformed square.
+        resolution: Metres a cell.
+        config: The options.
+    """
+    reach = _reach(side, resolution, config)
+    amplitude = np.empty((2 * reach, reach + 1), np.float32)
+    np.abs(spectrum[-reach:, : reach + 1], out=amplitude[:reach])
+    np.abs(spectrum[:reach, : reach + 1], out=amplitude[reach:])
     if config.floor:
-        amplitude[amplitude < config.floor * float(spectrum[0, 0].real)] = 0.0
-    cols, rows = _polar_maps(side, round(180 / config.angle_step), radius_min, radius_max)
+        amplitude *= amplitude >= config.floor * float(spectrum[0, 0].real)
+    cols, rows = _polar_maps(side, _steps(config), *_radii(side, resolution, config), reach)
     polar = cv2.remap(amplitude, cols, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(polar.sum(axis=1, dtype=np.float64))
 

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.layout.assembly import _walls
+from layoutexplore.layout.assembly import place_walls
 from layoutexplore.layout.basins import closed_space, distance_basins
-from layoutexplore.layout.declutter import DeclutterConfig, Structure, find_structure
+from layoutexplore.layout.declutter import DeclutterConfig, Directions, find_directions
 from layoutexplore.layout.default_turn import Turned, main_direction, surfaces, trinary_part, turn, turn_back
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.merging import Forest, merge_pieces
@@ -35,7 +35,7 @@ from layoutexplore.layout.merging_model import load_forest
 from layoutexplore.layout.openings import OpeningConfig, find_openings
 from layoutexplore.layout.outlines import rooms_of_labels
 from layoutexplore.layout.registry import register_method
-from layoutexplore.layout.rose2 import Rose2Config, find_wall_model, with_perpendicular
+from layoutexplore.layout.rose2 import Rose2Config, chain_walls, with_perpendicular
 from layoutexplore.layout.segments import find_segments
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, LayoutRoom, Wall, empty_layout, has_free_space
@@ -86,14 +86,14 @@ class Pieces:
         labels: int32 of the shape of `turned.cells`, the pieces.
         clutter: bool, occupied cells that are no wall.
         graph: What the pieces are like.
-        structure: What ROSE knows of the map, in the frame of its known part.
+        structure: The directions of its walls, in the frame of its known part.
     """
 
     turned: Turned
     labels: NDArray[np.int32]
     clutter: NDArray[np.bool_]
     graph: PieceGraph
-    structure: Structure
+    structure: Directions
 
 
 def split_clutter(
@@ -120,7 +120,7 @@ def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfi
     """
     with timer("directions"):
         part, corner = trinary_part(cells)
-        structure = find_structure(surfaces(part), resolution, DeclutterConfig())
+        structure = find_directions(surfaces(part), resolution, DeclutterConfig())
         turned = turn(part, main_direction(structure.profile), corner)
     with timer("openings"):
         occupied = turned.cells == OCCUPIED
@@ -170,7 +170,8 @@ def _number_large(
     counts = np.zeros(len(into), np.int64)
     for r in range(rows):
         for c in range(cols):
-            counts[pieces[r, c]] += cells[r, c] == FREE
+            if pieces[r, c] > 0 and cells[r, c] == FREE:
+                counts[pieces[r, c]] += 1
     known = np.zeros(len(into), np.int64)
     for k in range(len(into)):
         known[into[k]] += counts[k]
@@ -215,7 +216,7 @@ def reconstruct_with(grid: OccupancyGrid, config: DefaultConfig, forest: Forest)
         rooms = rooms_of_labels(labels, grid, footprint)
     with timer("walls"):
         clean = clean_grid(pieces, grid)
-        segments, walls = find_walls_of(clean, pieces.structure, timer)
+        segments, walls = find_walls_of(clean, pieces.structure)
     return Layout(
         method="default",
         clean_grid=clean,
@@ -223,7 +224,6 @@ def reconstruct_with(grid: OccupancyGrid, config: DefaultConfig, forest: Forest)
         rooms=rooms,
         directions=angles_to_world(pieces.structure.directions, grid.origin),
         structure_score=pieces.structure.score,
-        cell_scores=_in_frame(pieces, grid.shape),
         segments=segments,
         walls=walls,
         timings=timer.seconds,
@@ -231,7 +231,7 @@ def reconstruct_with(grid: OccupancyGrid, config: DefaultConfig, forest: Forest)
     )
 
 
-def _doubts(rooms: tuple[LayoutRoom, ...], structure: Structure) -> Iterator[str]:
+def _doubts(rooms: tuple[LayoutRoom, ...], structure: Directions) -> Iterator[str]:
     if not rooms:
         yield "no room found: the free space is too small or too narrow"
     if not len(structure.directions):
@@ -240,24 +240,16 @@ def _doubts(rooms: tuple[LayoutRoom, ...], structure: Structure) -> Iterator[str
         yield f"structure score {structure.score:.2f} is above 0.4: do not trust the walls"
 
 
-def _in_frame(pieces: Pieces, shape: tuple[int, int]) -> NDArray[np.float32]:
-    """ROSE's scores of the known part in the frame of the whole grid."""
-    scores = np.zeros(shape, np.float32)
-    (row, col), (rows, cols) = pieces.turned.corner, pieces.turned.shape
-    scores[row : row + rows, col : col + cols] = pieces.structure.cell_scores
-    return scores
-
-
-def find_walls_of(clean: OccupancyGrid, structure: Structure, timer: StageTimer) -> tuple[NDArray[np.float64], tuple[Wall, ...]]:
+def find_walls_of(clean: OccupancyGrid, structure: Directions) -> tuple[NDArray[np.float64], tuple[Wall, ...]]:
     """Segments float64 (n, 4) and walls of a map without clutter, in the world frame, by the stages of ROSE2."""
     config = Rose2Config()
-    mask = surfaces(clean.cells)
-    segments = find_segments(mask, clean.resolution, config)
-    model = find_wall_model(clean, with_perpendicular(structure), mask, segments, config, timer)
-    if model is None:
+    segments = find_segments(surfaces(clean.cells), clean.resolution, config)
+    chained = chain_walls(segments, with_perpendicular(structure), config)
+    if chained is None:
         return np.zeros((0, 4)), ()
-    ends = to_world(model.segments.reshape(-1, 2), clean.origin).reshape(-1, 4)
-    return ends, _walls(clean, model, angles_to_world(model.aligned.directions, clean.origin))
+    aligned, kept, walls, lines = chained
+    ends = to_world(segments[kept].reshape(-1, 2), clean.origin).reshape(-1, 4)
+    return ends, place_walls(aligned, walls, lines, clean.origin)
 
 
 def clean_grid(pieces: Pieces, grid: OccupancyGrid) -> OccupancyGrid:

@@ -7,6 +7,7 @@ of the lines become rooms (III-C), and rooms whose topological graph falls apart
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +15,16 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import OccupancyGrid
 from layoutexplore.layout.assembly import assemble, clean_grid
-from layoutexplore.layout.declutter import DeclutterConfig, Structure, find_structure, wall_surface
+from layoutexplore.layout.declutter import DeclutterConfig, Directions, Structure, find_structure, wall_surface
 from layoutexplore.layout.face_model import FaceConfig, WallModel, build_faces, find_rooms
 from layoutexplore.layout.registry import register_method
-from layoutexplore.layout.segments import SegmentConfig, align, find_segments
+from layoutexplore.layout.segments import AlignedSegments, SegmentConfig, align, find_segments
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.topology import TopologyConfig, split_rooms
 from layoutexplore.layout.types import Layout, empty_layout, has_free_space
-from layoutexplore.layout.walls import find_walls, merge_walls
+from layoutexplore.layout.walls import WallGroups, find_walls, merge_walls
+
+S = TypeVar("S", bound=Directions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +95,7 @@ def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
     return assemble("rose2", grid, model, faces, room, timer, doubts)
 
 
-def with_perpendicular(structure: Structure) -> Structure:
+def with_perpendicular(structure: S) -> S:
     """A single direction closes no room: its perpendicular joins it."""
     if len(structure.directions) != 1:
         return structure
@@ -118,6 +121,19 @@ def clean_map(
         level += config.level_step
 
 
+def chain_walls(
+    segments: NDArray[np.float64], structure: Directions, config: Rose2Config
+) -> tuple[AlignedSegments, NDArray[np.int64], WallGroups, WallGroups] | None:
+    """The aligned segments, their rows in `segments`, walls and representative lines; None when there is no wall."""
+    if not len(structure.directions) or not len(segments):
+        return None
+    aligned, kept = align(segments, structure.directions, np.radians(config.deviation))
+    if not len(aligned):
+        return None
+    walls = find_walls(aligned, config.wall_gap)
+    return aligned, kept, walls, merge_walls(aligned, walls, config.line_distance)
+
+
 def find_wall_model(
     grid: OccupancyGrid,
     structure: Structure,
@@ -127,14 +143,11 @@ def find_wall_model(
     timer: StageTimer,
 ) -> WallModel | None:
     """Walls and representative lines of the clean map; None when there is no wall."""
-    if not len(structure.directions) or not len(segments):
-        return None
     with timer("walls"):
-        aligned, kept = align(segments, structure.directions, np.radians(config.deviation))
-        if not len(aligned):
-            return None
-        walls = find_walls(aligned, config.wall_gap)
-        lines = merge_walls(aligned, walls, config.line_distance)
+        chained = chain_walls(segments, structure, config)
+    if chained is None:
+        return None
+    aligned, kept, walls, lines = chained
     return WallModel(
         clean_grid=clean_grid(grid, mask),
         segments=segments[kept],

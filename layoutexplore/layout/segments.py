@@ -71,7 +71,11 @@ def find_segments(mask: NDArray[np.bool_], resolution: float, config: SegmentCon
         resolution: Metres a cell.
         config: The lengths.
     """
-    image = np.ascontiguousarray(mask).view(np.uint8)
+    rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return np.zeros((0, 4))
+    # nothing lies behind the last occupied row and column; the origin has to stay, for the rounding of the lines
+    image = np.ascontiguousarray(mask[: rows[-1] + 1, : cols[-1] + 1]).view(np.uint8)
     found = cv2.HoughLinesP(
         image,
         1,
