@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from layoutexplore.cli.closed_doors import closed_doors
 from layoutexplore.cli.partial_rooms import partial_rooms
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ def register(app: typer.Typer) -> None:
 
 EXAMPLE = "Example: layoutexplore evaluate partial-rooms office-01 school-01 -p layout -p hull --snapshots kept/"
 group.command("partial-rooms", epilog=EXAMPLE)(partial_rooms)
+group.command("closed-doors", epilog="Example: layoutexplore evaluate closed-doors maps/ --out predicted")(closed_doors)
 
 
 @group.command("segmentation", epilog="Example: layoutexplore evaluate segmentation maps/ -m default -m rose2 --out report")

@@ -1,0 +1,50 @@
+"""`layoutexplore evaluate closed-doors`: how well the rooms behind closed doors are predicted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+COLUMNS = ("before", "free_iou", "iou", "iqm", "iqm_low", "iqm_high", "precision", "recall")
+
+
+def closed_doors(
+    folder: Annotated[Path, typer.Argument(help="Folder with NAME_k_doors_IN.png, NAME_k_doors_OUT.png and NAME_GT.png.")],
+    out: Annotated[Path, typer.Option(help="Folder for NAME_k_doors_pred.png and the pictures of the best and worst.")] = Path(
+        "closed-doors"
+    ),
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    resolution: Annotated[float, typer.Option(help="Metres a pixel.")] = 0.05,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")] = None,
+) -> None:
+    """Rooms behind closed doors: free-space IoU, and IoU, precision and recall on what was never seen, ours and the reference's."""
+    from layoutexplore.evaluation.closed_doors import evaluate, find_triples, summarise, write_pictures
+    from layoutexplore.grid_io import write_atomically
+
+    triples = find_triples(folder)
+    scores = []
+    for triple, score in zip(triples, evaluate(triples, resolution=resolution, out=out, jobs=jobs), strict=True):
+        scores.append(score)
+        theirs = f"  reference {score.reference.iou:.3f}" if score.reference else ""
+        typer.echo(f"{triple.name}: never seen {score.hidden_m2:.0f} m2, IoU {score.ours.iou:.3f}{theirs}")
+    summary = summarise(scores)
+    _print(summary)
+    written = write_pictures(triples, scores, out)
+    typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
+    if json_file is not None:
+        data = {"summary": summary, "maps": [asdict(score) for score in scores]}
+        write_atomically(json_file, (json.dumps(data, indent=1) + "\n").encode())
+        typer.echo(f"written: {json_file}")
+
+
+def _print(summary: Sequence[dict[str, Any]]) -> None:
+    wide = max(len(line["group"]) for line in summary)
+    typer.echo(f"\n{'':<{wide}}  {'method':<10}{'maps':>5}" + "".join(f"{column:>10}" for column in COLUMNS))
+    for line in summary:
+        values = "".join(f"{line[column]:>10.3f}" for column in COLUMNS)
+        typer.echo(f"{line['group']:<{wide}}  {line['method']:<10}{line['maps']:>5}{values}")

@@ -1,0 +1,245 @@
+"""Rooms behind closed doors against the truth: NAME_k_doors_IN.png, NAME_k_doors_OUT.png (a reference's answer), NAME_GT.png.
+
+All three lie in one frame: 0 occupied, 205 unknown, 254 free. *Never seen* is what is free in the truth and not in IN; a
+prediction is what it makes free beyond IN.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.closed_doors.prediction import predict_closed_rooms
+from layoutexplore.errors import MapError
+from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.grid_io import read_image, write_atomically
+from layoutexplore.statistics import cluster_bootstrap, weighted_interquartile_mean, weighted_mean
+
+OCCUPIED_GREY, UNKNOWN_GREY, FREE_GREY = 0, 205, 254
+_NAME = re.compile(r"(?P<building>.+)_(?P<k>\d+)_doors_IN\.png")
+
+
+@dataclass(frozen=True)
+class Triple:
+    """A map with shut rooms, its truth, and the reference's answer where there is one."""
+
+    building: str
+    doors: int
+    seen: Path
+    truth: Path
+    reference: Path | None
+
+    @property
+    def name(self) -> str:
+        """NAME_k_doors."""
+        return f"{self.building}_{self.doors}_doors"
+
+
+@dataclass(frozen=True)
+class Score:
+    """How one prediction agrees with the truth, all 0..1.
+
+    Attributes:
+        free_iou: Intersection over union of the free space.
+        iou: The same on what was never seen.
+        precision: Share of the predicted area that is right.
+        recall: Share of the never seen area that is predicted.
+    """
+
+    free_iou: float
+    iou: float
+    precision: float
+    recall: float
+
+
+@dataclass(frozen=True)
+class PairScore:
+    """The scores of one map: the free space before, the reference's, ours."""
+
+    building: str
+    doors: int
+    hidden_m2: float
+    before: float
+    ours: Score
+    reference: Score | None
+    seconds: float
+
+
+def find_triples(folder: Path) -> list[Triple]:
+    """The maps of a folder, by building and number of doors.
+
+    Raises:
+        MapError: No such folder, no maps in it, or a map without its truth.
+    """
+    if not folder.is_dir():
+        raise MapError(f"{folder}: no such folder")
+    triples = []
+    for seen in folder.glob("*_doors_IN.png"):
+        match = _NAME.fullmatch(seen.name)
+        if not match:
+            raise MapError(f"{seen}: the name must be NAME_k_doors_IN.png with a number k")
+        truth = seen.with_name(f"{match['building']}_GT.png")
+        if not truth.is_file():
+            raise MapError(f"{seen}: its truth {truth.name} is missing")
+        reference = seen.with_name(seen.name.replace("_IN.png", "_OUT.png"))
+        triples.append(Triple(match["building"], int(match["k"]), seen, truth, reference if reference.is_file() else None))
+    if not triples:
+        raise MapError(f"{folder}: no map NAME_k_doors_IN.png with its truth NAME_GT.png")
+    return sorted(triples, key=lambda t: (t.building, t.doors))
+
+
+def read_cells(path: Path, shape: tuple[int, int] | None = None) -> NDArray[np.int8]:
+    """The cells int8 (rows, cols) of an image, its rows from the top.
+
+    Raises:
+        MapError: The image is damaged, has other grey levels than the three, or not the expected size.
+    """
+    grey = read_image(path)[0]
+    if shape is not None and grey.shape != shape:
+        raise MapError(f"{path}: {grey.shape[1]} x {grey.shape[0]} pixels, but its map has {shape[1]} x {shape[0]}")
+    free, occupied = grey == FREE_GREY, grey == OCCUPIED_GREY
+    odd = grey[~(free | occupied | (grey == UNKNOWN_GREY))]
+    if odd.size:
+        raise MapError(f"{path}: grey level {odd[0]}: only 0 (occupied), 205 (unknown) and 254 (free) are expected")
+    return np.where(free, FREE, np.where(occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
+
+
+def score_prediction(
+    predicted: NDArray[np.bool_], seen: NDArray[np.bool_], truth: NDArray[np.bool_], *, kept: bool = True
+) -> Score:
+    """Score the free cells of a prediction.
+
+    Args:
+        predicted: Bool (rows, cols), free after the prediction.
+        seen: Bool (rows, cols), free before it.
+        truth: Bool (rows, cols), free in truth.
+        kept: Whether the prediction keeps what was seen; only the free space's IoU depends on it.
+    """
+    new, hidden = predicted & ~seen, truth & ~seen
+    free = predicted | seen if kept else predicted
+    hit = int((new & hidden).sum())
+    return Score(
+        _share(int((free & truth).sum()), int((free | truth).sum())),
+        _share(hit, int((new | hidden).sum())),
+        _share(hit, int(new.sum())),
+        _share(hit, int(hidden.sum())),
+    )
+
+
+def _share(part: int, whole: int) -> float:
+    return part / whole if whole else 1.0
+
+
+def evaluate_triple(triple: Triple, resolution: float, out: Path | None = None) -> PairScore:
+    """Predict one map, score it, and write NAME_k_doors_pred.png into a folder."""
+    import time
+
+    cells = read_cells(triple.seen)
+    shape = (cells.shape[0], cells.shape[1])
+    seen, truth = cells == FREE, read_cells(triple.truth, shape) == FREE
+    begin = time.perf_counter()
+    # rows run downwards here as in the image: the prediction is the same mirrored
+    predicted = predict_closed_rooms(OccupancyGrid(cells, resolution))
+    seconds = time.perf_counter() - begin
+    if out is not None:
+        grey = np.where(predicted.grid.free, FREE_GREY, np.where(predicted.grid.occupied, OCCUPIED_GREY, UNKNOWN_GREY))
+        write_atomically(out / f"{triple.name}_pred.png", _png(grey.astype(np.uint8)))
+    theirs = None
+    if triple.reference is not None:
+        theirs = score_prediction(read_cells(triple.reference, shape) == FREE, seen, truth, kept=False)
+    ours = score_prediction(predicted.grid.free, seen, truth)
+    before = score_prediction(seen, seen, truth).free_iou
+    hidden = float((truth & ~seen).sum()) * resolution**2
+    return PairScore(triple.building, triple.doors, hidden, before, ours, theirs, seconds)
+
+
+def evaluate(triples: Sequence[Triple], *, resolution: float, out: Path | None = None, jobs: int = 1) -> Iterator[PairScore]:
+    """Evaluate maps in order, in several processes where asked to."""
+    if jobs <= 1:
+        yield from (evaluate_triple(triple, resolution, out) for triple in triples)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(evaluate_triple, triples, [resolution] * len(triples), [out] * len(triples))
+
+
+def summarise(scores: Sequence[PairScore]) -> list[dict[str, Any]]:
+    """Means and interquartile means per building and overall, with intervals clustered by building.
+
+    The reference and ours are compared on the maps that have the reference's answer; the last two lines are those maps of all
+    buildings, and all maps.
+    """
+    lines = []
+    answered = [s for s in scores if s.reference]
+    for building in dict.fromkeys(s.building for s in scores):
+        lines += _lines(building, [s for s in answered if s.building == building])
+    lines += _lines("with a reference", answered)
+    return [*lines, _line("all maps", "ours", scores, [s.ours for s in scores])]
+
+
+def _lines(group: str, scores: Sequence[PairScore]) -> list[dict[str, Any]]:
+    if not scores:
+        return []
+    reference = [s.reference for s in scores if s.reference]
+    return [_line(group, "reference", scores, reference), _line(group, "ours", scores, [s.ours for s in scores])]
+
+
+def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[Score]) -> dict[str, Any]:
+    clusters = [p.building for p in pairs]
+    iou = [s.iou for s in scores]
+    line: dict[str, Any] = {"group": group, "method": method, "maps": len(pairs)}
+    line["before"] = float(np.mean([p.before for p in pairs]))
+    for name in ("free_iou", "iou", "precision", "recall"):
+        line[name] = float(np.mean([getattr(s, name) for s in scores]))
+    for name, statistic, values in (
+        ("iqm", weighted_interquartile_mean, iou),
+        ("free", weighted_mean, [s.free_iou for s in scores]),
+    ):
+        interval = cluster_bootstrap(values, clusters, statistic)
+        line |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
+    return line
+
+
+def picture(triple: Triple, folder: Path) -> NDArray[np.uint8]:
+    """What was seen, the reference's answer and ours, uint8 BGR: right in green, wrong in red, missed in blue."""
+    cells = read_cells(triple.seen)
+    truth = read_cells(triple.truth) == FREE
+    seen = cells == FREE
+    sides = []
+    for path in (triple.seen, triple.reference, folder / f"{triple.name}_pred.png"):
+        new = (read_cells(path) == FREE) & ~seen if path else np.zeros_like(seen)
+        side = np.full((*cells.shape, 3), 205, np.uint8)
+        side[seen], side[cells == OCCUPIED] = 255, 0
+        side[truth & ~seen & ~new], side[new & truth], side[new & ~truth] = (230, 170, 110), (120, 190, 90), (90, 90, 230)
+        sides.append(np.pad(side, ((4, 4), (4, 4), (0, 0)), constant_values=255))
+    wide = np.hstack(sides)
+    scale = min(1.0, 1800 / wide.shape[1])
+    size = (max(round(wide.shape[1] * scale), 1), max(round(wide.shape[0] * scale), 1))
+    return np.asarray(cv2.resize(wide, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def write_pictures(triples: Sequence[Triple], scores: Sequence[PairScore], folder: Path, count: int = 3) -> list[Path]:
+    """Write `best.png` and `worst.png`: the maps predicted best and worst by IoU on what was never seen."""
+    order = sorted(range(len(scores)), key=lambda k: scores[k].ours.iou)
+    written = []
+    for name, chosen in (("worst", order[:count]), ("best", order[::-1][:count])):
+        rows = [picture(triples[k], folder) for k in chosen]
+        width = max(row.shape[1] for row in rows)
+        rows = [np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0)), constant_values=255) for row in rows]
+        path = folder / f"{name}.png"
+        write_atomically(path, _png(np.vstack(rows)))
+        written.append(path)
+    return written
+
+
+def _png(pixels: NDArray[np.uint8]) -> bytes:
+    _, data = cv2.imencode(".png", pixels)
+    return bytes(data.tobytes())
