@@ -22,7 +22,7 @@ def closed_doors(
     resolution: Annotated[float, typer.Option(help="Metres a pixel.")] = 0.05,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")] = None,
 ) -> None:
-    """Rooms behind closed doors: free-space IoU, and IoU, precision and recall on what was never seen, ours and the reference's."""
+    """Rooms behind closed doors: free-space IoU; IoU, precision and recall on what was never seen; beside a reference."""
     from layoutexplore.evaluation.closed_doors import evaluate, find_triples, summarise, write_pictures
     from layoutexplore.grid_io import write_atomically
 

@@ -99,7 +99,7 @@ class Scene:
         stops = [*_ends(strip, middle, 1, reach), *_lines(self.faces[1], self.faces[0], -t, middle, 1, reach)]
         shaft = self.possible[:, max(door.start + 3, 0) : max(door.stop - 3, door.start + 4)].mean(1) > 0.6
         tops = [*_ends(shaft, bottom - 1, -1, reach), *_lines(self.faces[2], self.faces[3], t, bottom - 1, -1, reach)]
-        around = self.leaves[max(door.row - 3, 0) : door.row + 4].any(0)
+        around = np.asarray(self.leaves[max(door.row - 3, 0) : door.row + 4].any(axis=0))
         for sign, sides in ((-1, starts), (1, stops)):
             sides += _halfway(around, door, sign, reach, t)
         boxes = np.array(
@@ -111,16 +111,13 @@ class Scene:
         least = 0.6 / self.resolution
         boxes = boxes[(width >= least) & (depth >= least) & (np.maximum(width, depth) <= reach)].astype(np.int64)
         size = (boxes[:, 3] - boxes[:, 1]) * (boxes[:, 2] - boxes[:, 0])
-        return boxes[self.count("possible", boxes) >= 0.75 * size]
+        return np.asarray(boxes[self.count("possible", boxes) >= 0.75 * size])
 
     def features(self, door: Door, boxes: NDArray[np.int64]) -> NDArray[np.float64]:
         """`FEATURES` of rectangles, float64 (n, features); lengths in metres, shares 0..1."""
         top, left, bottom, right = boxes.T
         height, width = bottom - top, right - left
         t, res, reach = self.thickness, self.resolution, self.thickness + 4
-
-        def share(name: str, box: list[NDArray[np.int64]], length: NDArray[np.int64], depth: int) -> NDArray[np.float64]:
-            return np.minimum(self.count(name, np.stack(box, 1)) / np.maximum(length * depth, 1) * depth, 1.0)
 
         contacts = [
             self._contact(boxes, "left", reach), self._contact(boxes, "right", reach),
@@ -227,7 +224,7 @@ def _lines(same: NDArray[np.int64], other: NDArray[np.int64], shift: int, start:
     support = np.convolve(support + moved, [1, 1, 1], "same")
     low, high = (max(start - reach, 0), start - 5) if sign < 0 else (start + 5, min(start + reach, len(support)))
     part = support[low:high].copy()
-    found = []
+    found: list[int] = []
     while len(found) < _LINES and len(part) and part.max() >= 15:
         k = int(part.argmax())
         found.append(low + k + (1 if sign < 0 else 0))

@@ -72,18 +72,18 @@ def find_doors(cells: NDArray[np.int8], resolution: float, config: DoorConfig | 
     leaf[1:] &= unknown[:-1]
     leaf = cv2.morphologyEx(leaf.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((1, _BREAK), np.uint8)) > 0
     found = []
-    for row in np.flatnonzero(leaf[reach + 4 : -reach - 4].any(axis=1)) + reach + 4:
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], leaf[row], [False]])))
+    shift = reach + 4
+    least = config.recess_min / resolution - 0.5
+    for row in (np.flatnonzero(leaf[shift:-shift].any(axis=1)) + shift).tolist():
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], leaf[row], [False]]))).tolist()
         for start, stop in zip(edges[::2], edges[1::2], strict=True):
             if not config.width_min <= (stop - start) * resolution <= config.width_max:
                 continue
             left = _step(occupied, free, row, range(start - 3, start + 2), reach)
             right = _step(occupied, free, row, range(stop - 1, stop + 4), reach)
-            least = config.recess_min / resolution - 0.5
             if max(left, right) < least or not _hides(unknown, row, start, stop, round(config.behind / resolution)):
                 continue
-            shift = reach + 4
-            found.append(Door(int(row - shift), int(start - shift), int(stop - shift), min(left, right), max(left, right)))
+            found.append(Door(row - shift, start - shift, stop - shift, min(left, right), max(left, right)))
     return found
 
 

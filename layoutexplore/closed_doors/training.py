@@ -76,10 +76,8 @@ def fit(samples: Iterable[Samples]) -> Forest:
         max_iter=120, learning_rate=0.06, max_leaf_nodes=12, min_samples_leaf=60, l2_regularization=3.0, max_features=0.4,
         random_state=0, early_stopping=False,
     )  # fmt: skip
-    features, agreement, weight = (
-        np.concatenate([getattr(p, name) for p in parts]) for name in ("features", "agreement", "weight")
-    )
-    return _as_forest(model.fit(features, agreement, weight))
+    columns = (np.concatenate([getattr(p, name) for p in parts]) for name in ("features", "agreement", "weight"))
+    return _as_forest(model.fit(*columns))
 
 
 def save(forest: Forest, note: str) -> None:
