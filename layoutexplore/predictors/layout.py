@@ -2,8 +2,9 @@
 
 Rooms are the seen regions; unknown cells near them belong to their rooms where trees say so (`cell_features`). Whether a
 frontier is closed and how much is left behind it is judged by trees on features of its surroundings (`frontier_features`).
-All were trained on simulated explorations (`layoutexplore.predictors.training`). Rooms are completed only when somebody
-looks at them: a strategy that asks for classes does not pay for shapes.
+All were trained on simulated explorations of generated floor plans, of schools and of university floors
+(`layoutexplore.predictors.training`); how they do on buildings they never saw is for its cross-validation to say.
+Rooms are completed only when somebody looks at them: a strategy that asks for classes does not pay for shapes.
 """
 
 from __future__ import annotations

@@ -63,7 +63,9 @@ def main_angle(cells: NDArray[np.int8]) -> float:
     """Direction of the walls against the grid's columns in radians, in [-pi/4, pi/4], as the fourfold mean of their gradient."""
     blurred = cv2.GaussianBlur((cells == OCCUPIED).astype(np.float32), (5, 5), 1.0)
     gradient = cv2.Sobel(blurred, cv2.CV_32F, 1, 0) + 1j * cv2.Sobel(blurred, cv2.CV_32F, 0, 1)
-    fourfold = complex((gradient**4 / np.maximum(np.abs(gradient) ** 3, 1e-9)).sum())
+    size = np.maximum(np.abs(gradient), 1e-3)
+    unit = gradient / size
+    fourfold = complex((size * (unit * unit) * (unit * unit)).sum())
     return float(np.angle(fourfold) / 4) if abs(fourfold) > 0 else 0.0
 
 

@@ -50,8 +50,8 @@ class TrainingConfig:
     """
 
     trees: int = 200
-    leaves: int = 15
-    rate: float = 0.08
+    leaves: int = 24
+    rate: float = 0.07
     feature_share: float = 0.3
     snapshots: int = 8
     cell_trees: int = 150
