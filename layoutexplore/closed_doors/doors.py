@@ -1,7 +1,7 @@
 """Closed doors in a grid: straight stretches of wall that are set back between two jambs, with nothing known behind.
 
 A shut leaf is seen from one side only. It is a straight, unbroken line of occupied cells, free in front, unknown behind,
-and on its ends the wall's face steps forward by a part of the wall's thickness (Luperto, Amadelli, Amigoni: ECMR 2021).
+and at both ends the wall's face steps forward by a part of the wall's thickness (Luperto, Amadelli, Amigoni: ECMR 2021).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class DoorConfig:
     Attributes:
         width_min: Narrowest leaf.
         width_max: Widest leaf.
-        recess_min: Least depth of the niche it stands in, on one side; on the other any depth will do.
+        recess_min: Least depth of the niche it stands in, at both ends.
         recess_max: Deepest niche; beyond it the ends are corners of a room.
         behind: Least depth of unknown space behind it.
     """
@@ -81,7 +81,7 @@ def find_doors(cells: NDArray[np.int8], resolution: float, config: DoorConfig | 
                 continue
             left = _step(occupied, free, row, range(start - 3, start + 2), reach)
             right = _step(occupied, free, row, range(stop - 1, stop + 4), reach)
-            if max(left, right) < least or not _hides(unknown, row, start, stop, round(config.behind / resolution)):
+            if min(left, right) < least or not _hides(unknown, row, start, stop, round(config.behind / resolution)):
                 continue
             found.append(Door(row - shift, start - shift, stop - shift, min(left, right), max(left, right)))
     return found

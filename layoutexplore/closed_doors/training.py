@@ -16,6 +16,8 @@ from layoutexplore.grid import FREE
 from layoutexplore.predictors.forest import Forest, save_forests
 from layoutexplore.predictors.training import _as_forest
 
+_TEACHES = 0.3  # doors behind which no rectangle agrees better say nothing about which rectangle to choose
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -23,7 +25,7 @@ class Samples:
 
     Attributes:
         features: float32 (n, features).
-        agreement: float32 (n,), intersection over union with the unseen rooms touched, 0 where there is no room.
+        agreement: float32 (n,), intersection over union with the unseen rooms touched.
         weight: float32 (n,), less for each where a door has many.
     """
 
@@ -42,8 +44,11 @@ def collect(cells: NDArray[np.int8], truth: NDArray[np.int8], resolution: float)
         boxes = scene.rectangles(door)
         if not len(boxes):
             continue
+        agreed = _agreement(scene, door, boxes, np.rot90(hidden, turns), np.rot90(rooms, turns))
+        if agreed.max() <= _TEACHES:
+            continue
         features.append(scene.features(door, boxes))
-        agreement.append(_agreement(scene, door, boxes, np.rot90(hidden, turns), np.rot90(rooms, turns)))
+        agreement.append(agreed)
         weight.append(np.full(len(boxes), len(boxes) ** -0.5))
     return Samples(*(np.concatenate(part).astype(np.float32) for part in (features, agreement, weight)))
 
