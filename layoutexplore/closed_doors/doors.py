@@ -1,7 +1,7 @@
 """Closed doors in a grid: straight stretches of wall that are set back between two jambs, with nothing known behind.
 
 A shut leaf is seen from one side only. It is a straight, unbroken line of occupied cells, free in front, unknown behind,
-and at both ends the wall's face steps forward by a part of the wall's thickness (Luperto, Amadelli, Amigoni: ECMR 2021).
+and at both ends the wall's face steps forward by a part of the wall's thickness.
 """
 
 from __future__ import annotations

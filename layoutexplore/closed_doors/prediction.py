@@ -1,8 +1,11 @@
 """Rooms behind closed doors: doors are found, rectangles behind each are judged by trees, and the best are drawn.
 
 The trees estimate how well a rectangle agrees with the unseen rooms it touches; `layoutexplore.closed_doors.training`
-makes them. Follows the task of Luperto, Amadelli, Amigoni, "Completing robot maps by predicting the layout of rooms behind
-closed doors" (ECMR 2021), by another way.
+makes them. The task is that of the ECMR 2021 paper on rooms behind closed doors; the way is another.
+
+The shipped trees were trained on the 8 buildings with a published answer: scores on these are not scores on new buildings.
+With each building withheld in turn, the interquartile mean of the never-seen IoU was 0.46 on 49 of their 78 maps, under that
+of the published answers.
 """
 
 from __future__ import annotations
