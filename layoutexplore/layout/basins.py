@@ -13,16 +13,6 @@ STEPS = 8
 """Heights a cell: distances are compared in eighths of a cell, so that equal ones stay equal wherever they are."""
 
 
-@njit("int32[:,::1](float32[:,::1])", cache=True, nogil=True)
-def _levels(distance: NDArray[np.float32]) -> NDArray[np.int32]:
-    rows, cols = distance.shape
-    out = np.empty((rows, cols), np.int32)
-    for r in range(rows):
-        for c in range(cols):
-            out[r, c] = np.int32(distance[r, c] * STEPS + np.float32(0.5))
-    return out
-
-
 @njit(cache=True, nogil=True)
 def _find(parent: NDArray[np.int32], i: int) -> int:
     while parent[i] != i:
@@ -31,55 +21,71 @@ def _find(parent: NDArray[np.int32], i: int) -> int:
     return i
 
 
-@njit(cache=True, nogil=True)
-def _flood(levels: NDArray[np.int32], share: float, wide: int) -> NDArray[np.int32]:
-    """Label the basins of integer heights, from the highest down; cells of height 0 get none.
+@njit("void(float32[:,::1], int64[::1], int32[:,::1], float64, int64)", cache=True, nogil=True)
+def _flood(distance: NDArray[np.float32], inside: NDArray[np.int64], basins: NDArray[np.int32], share: float, wide: int) -> None:
+    """Label the basins of distances with a border of zeros, from the highest down; heights are rounded to `STEPS` a cell.
 
     Where two basins meet at height h they become one if h is at least `wide`, or `share` of the lower peak.
+
+    Args:
+        distance: float32 (rows, cols), in cells.
+        inside: int64 (n,), the flat indices of the distances above 0, rising.
+        basins: int32 (rows, cols) of zeros; takes the labels.
+        share: As a share of the lower peak.
+        wide: As a height.
     """
-    rows, cols = levels.shape
+    cols = distance.shape[1]
+    heights, labels = distance.reshape(-1), basins.reshape(-1)
+    levels = np.zeros(len(heights), np.int32)
     top = 0
-    for r in range(rows):
-        for c in range(cols):
-            top = max(top, levels[r, c])
+    for i in inside:
+        levels[i] = np.int32(heights[i] * STEPS + np.float32(0.5))
+        top = max(top, levels[i])
     counts = np.zeros(top + 2, np.int64)
-    for r in range(rows):
-        for c in range(cols):
-            counts[top - levels[r, c] + 1] += 1
+    for i in inside:
+        counts[top - levels[i] + 1] += 1
     for k in range(1, top + 2):
         counts[k] += counts[k - 1]
-    order = np.empty(counts[top], np.int32)
-    for r in range(rows):
-        for c in range(cols):
-            v = levels[r, c]
-            if v > 0:
-                order[counts[top - v]] = r * cols + c
-                counts[top - v] += 1
-    labels = np.zeros((rows, cols), np.int32)
+    order = np.empty(len(inside), np.int64)
+    for i in inside:
+        k = top - levels[i]
+        order[counts[k]] = i
+        counts[k] += 1
+    around = np.array((-cols - 1, -cols, -cols + 1, -1, 1, cols - 1, cols, cols + 1))
+    # the cells beside a step: a diagonal one needs both
+    beside = np.array(((-cols, -1), (-cols, -cols), (-cols, 1), (-1, -1), (1, 1), (cols, -1), (cols, cols), (cols, 1)))
     parent = np.empty(1024, np.int32)
     peak = np.empty(1024, np.int32)
     n = 1
-    for k in range(len(order)):
-        r, c = order[k] // cols, order[k] % cols
-        h = levels[r, c]
-        best = 0
-        for dr in range(-1, 2):
-            for dc in range(-1, 2):
-                rr, cc = r + dr, c + dc
-                if rr < 0 or cc < 0 or rr >= rows or cc >= cols or labels[rr, cc] == 0:
-                    continue
-                if dr != 0 and dc != 0 and (levels[r, cc] == 0 or levels[rr, c] == 0):
-                    continue
-                other = _find(parent, labels[rr, cc])
-                if best == 0:
-                    best = other
-                elif other != best:
-                    if h >= wide or h >= share * min(peak[other], peak[best]):
-                        if peak[other] > peak[best] or (peak[other] == peak[best] and other < best):
-                            best, other = other, best
-                        parent[other] = best
-                    elif peak[other] > peak[best] or (peak[other] == peak[best] and other < best):
-                        best = other
+    for i in order:
+        h = levels[i]
+        below, left, right, above = labels[i - cols], labels[i - 1], labels[i + 1], labels[i + cols]
+        a, b, c, d = labels[i - cols - 1], labels[i - cols + 1], labels[i + cols - 1], labels[i + cols + 1]
+        straight = max(max(below, left), max(right, above))
+        alien = (below != 0) & (below != straight) | (left != 0) & (left != straight)
+        alien |= (right != 0) & (right != straight) | (above != 0) & (above != straight)
+        alien |= (a != 0) & (a != straight) | (b != 0) & (b != straight)
+        alien |= (c != 0) & (c != straight) | (d != 0) & (d != straight)
+        if straight > 0 and not alien:  # one label all around, as nearly everywhere
+            labels[i] = _find(parent, straight)
+            continue
+        best = same = 0  # `same` is a label of the basin `best`
+        for k in range(8):
+            label = labels[i + around[k]]
+            if label == same or label == 0 or levels[i + beside[k, 0]] == 0 or levels[i + beside[k, 1]] == 0:
+                continue
+            other = _find(parent, label)
+            if best == 0 or other == best:
+                best = other
+            elif h >= wide or h >= share * min(peak[other], peak[best]):
+                if peak[other] > peak[best] or (peak[other] == peak[best] and other < best):
+                    best, other = other, best
+                parent[other] = best
+            elif peak[other] > peak[best] or (peak[other] == peak[best] and other < best):
+                best = other
+            else:
+                continue
+            same = label
         if best == 0:
             if n >= len(parent):
                 parent = np.concatenate((parent, np.empty_like(parent)))
@@ -88,18 +94,18 @@ def _flood(levels: NDArray[np.int32], share: float, wide: int) -> NDArray[np.int
             peak[n] = h
             best = n
             n += 1
-        labels[r, c] = best
+        labels[i] = best
+    root = np.zeros(n, np.int32)
+    for k in range(1, n):
+        root[k] = _find(parent, k)
     ids = np.zeros(n, np.int32)
     m = 0
-    for r in range(rows):
-        for c in range(cols):
-            if labels[r, c] > 0:
-                root = _find(parent, labels[r, c])
-                if ids[root] == 0:
-                    m += 1
-                    ids[root] = m
-                labels[r, c] = ids[root]
-    return labels
+    for i in inside:
+        label = root[labels[i]]
+        if ids[label] == 0:
+            m += 1
+            ids[label] = m
+        labels[i] = ids[label]
 
 
 def distance_basins(blocked: NDArray[np.bool_], resolution: float, *, share: float, wide: float) -> NDArray[np.int32]:
@@ -116,8 +122,10 @@ def distance_basins(blocked: NDArray[np.bool_], resolution: float, *, share: flo
     """
     padded = cv2.copyMakeBorder((~blocked).astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)
-    levels = _levels(np.ascontiguousarray(distance[1:-1, 1:-1]))
-    return np.asarray(_flood(levels, share, round(wide / resolution * STEPS)))
+    labels = np.zeros(padded.shape, np.int32)
+    inside = np.flatnonzero(padded.view(np.bool_))
+    _flood(np.ascontiguousarray(distance), inside, labels, share, round(wide / resolution * STEPS))
+    return np.ascontiguousarray(labels[1:-1, 1:-1])
 
 
 def closed_space(cells: NDArray[np.int8], resolution: float, radius: float) -> NDArray[np.bool_]:

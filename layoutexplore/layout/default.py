@@ -26,6 +26,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.assembly import place_walls
 from layoutexplore.layout.basins import closed_space, distance_basins
+from layoutexplore.layout.building import building_parts
 from layoutexplore.layout.declutter import DeclutterConfig, Directions, find_directions
 from layoutexplore.layout.default_turn import Turned, main_direction, surfaces, trinary_part, turn, turn_back
 from layoutexplore.layout.frame import angles_to_world, to_world
@@ -96,19 +97,6 @@ class Pieces:
     structure: Directions
 
 
-def split_clutter(
-    occupied: NDArray[np.bool_], doors: NDArray[np.bool_], resolution: float, config: DefaultConfig
-) -> NDArray[np.bool_]:
-    """Obstacles and doors that belong to the building: bool (rows, cols); the rest floats freely and is small."""
-    solid = (occupied | doors).astype(np.uint8)
-    count, parts, stats, _ = cv2.connectedComponentsWithStats(solid, connectivity=8)
-    area = np.bincount(parts[occupied], minlength=count) * resolution**2
-    length = np.maximum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) * resolution
-    building = (area >= config.clutter_area) | (length > config.clutter_length)
-    building[0] = False
-    return np.asarray(building[parts])
-
-
 def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfig, timer: StageTimer) -> Pieces:
     """Cut the free space of a grid into pieces, no piece in two rooms.
 
@@ -125,7 +113,7 @@ def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfi
     with timer("openings"):
         occupied = turned.cells == OCCUPIED
         openings = find_openings(occupied, resolution, config)
-        building = split_clutter(occupied, openings.gap > 0, resolution, config)
+        building = building_parts(occupied, openings.gap, resolution, area=config.clutter_area, length=config.clutter_length)
         wall = occupied & building
     with timer("basins"):
         inside = ~wall & (closed_space(turned.cells, resolution, config.chink) | (turned.cells != UNKNOWN))

@@ -137,7 +137,7 @@ def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, 
     """
     row0, row1, col0, col1 = known_box(cells)
     part = np.ascontiguousarray(cells[row0:row1, col0:col1])
-    return np.asarray(_TRINARY[part.view(np.uint8)]), (row0, col0)
+    return cv2.LUT(part.view(np.uint8), _TRINARY.view(np.uint8)).view(np.int8), (row0, col0)
 
 
 def surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:

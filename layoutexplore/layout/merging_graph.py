@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -67,34 +68,29 @@ def _add_lines(edge: NDArray[np.float64], thick: NDArray[np.uint8], r: int, c: i
     edge[FAR] += max(_share(thick, r, c - far, c + 1 + far), _share(thick, r + 1, c - far, c + 1 + far))
 
 
-@njit("int32[:,::1](int32[:,::1], boolean[:,::1], int64)", cache=True, nogil=True)
-def spread_into(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: int) -> NDArray[np.int32]:
-    """Labels spread into the walls by 4-neighbours, at most `steps` cells deep."""
-    rows, cols = labels.shape
-    out = labels.copy()
-    front = np.empty(rows * cols, np.int32)
-    n = 0
-    for r in range(rows):
-        for c in range(cols):
-            if labels[r, c] > 0:
-                for d in range(4):
-                    rr, cc = r + (d == 0) - (d == 1), c + (d == 2) - (d == 3)
-                    if 0 <= rr < rows and 0 <= cc < cols and wall[rr, cc] and labels[rr, cc] == 0:
-                        front[n] = r * cols + c
-                        n += 1
-                        break
-    fresh = np.empty(rows * cols, np.int32)
+@njit("void(int32[:,::1], boolean[:,::1], int64[::1], int64)", cache=True, nogil=True)
+def _spread(out: NDArray[np.int32], wall: NDArray[np.bool_], front: NDArray[np.int64], steps: int) -> None:
+    """Spread labels in place from the cells of a front."""
+    rows, cols = out.shape
     for _ in range(steps):
+        fresh = np.empty(4 * len(front), np.int64)
         m = 0
-        for k in range(n):
-            r, c = front[k] // cols, front[k] % cols
+        for i in front:
+            r, c = i // cols, i % cols
             for d in range(4):
                 rr, cc = r + (d == 0) - (d == 1), c + (d == 2) - (d == 3)
                 if 0 <= rr < rows and 0 <= cc < cols and wall[rr, cc] and out[rr, cc] == 0:
                     out[rr, cc] = out[r, c]
                     fresh[m] = rr * cols + cc
                     m += 1
-        front, fresh, n = fresh, front, m
+        front = fresh[:m]
+
+
+def spread_into(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: int) -> NDArray[np.int32]:
+    """Labels spread into the walls by 4-neighbours, at most `steps` cells deep."""
+    beside = cv2.dilate(wall.view(np.uint8), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))).view(np.bool_)
+    out = labels.copy()
+    _spread(out, wall, np.flatnonzero(beside & (labels > 0)), steps)
     return out
 
 
@@ -275,7 +271,7 @@ def piece_graph(
         openings.gap,
         openings.table.astype(np.float64) * resolution,
         thicken(wall, slack, across_rows=True),
-        np.ascontiguousarray(thicken(wall, slack, across_rows=False).T),
+        np.asarray(cv2.transpose(thicken(wall, slack, across_rows=False)), np.uint8),
         near,
         far,
         int(labels.max(initial=0)),

@@ -57,7 +57,8 @@ class Openings:
 def thicken(mask: NDArray[np.bool_], slack: int, *, across_rows: bool) -> NDArray[np.uint8]:
     """A mask grown by `slack` cells up and down (`across_rows`) or left and right, uint8 (rows, cols)."""
     size = 2 * slack + 1
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((size, 1) if across_rows else (1, size), np.uint8)), np.uint8)
+    kernel = np.ones((size, 1) if across_rows else (1, size), np.uint8)
+    return np.asarray(cv2.dilate(np.ascontiguousarray(mask).view(np.uint8), kernel), np.uint8)
 
 
 @njit("int16[:,::1](boolean[:,::1])", cache=True, nogil=True)
@@ -160,7 +161,7 @@ def find_openings(blocked: NDArray[np.bool_], resolution: float, config: Opening
     sizes = np.array([max(round(v / resolution), 1) for v in lengths], np.int64)
     slack = max(round(config.slack / resolution), 1)
     upright = np.ascontiguousarray(blocked)
-    lying = np.ascontiguousarray(blocked.T)
+    lying = cv2.transpose(upright.view(np.uint8)).view(np.bool_)
     table = np.zeros((1, 3), np.int32)
     gap, turned = np.zeros(upright.shape, np.int32), np.zeros(lying.shape, np.int32)
     table = _mark(_free_runs(upright), thicken(upright, slack, across_rows=True), sizes, gap, table)

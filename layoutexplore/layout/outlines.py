@@ -40,50 +40,55 @@ def _right(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _trace(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int32]]:
-    """Corners (n, 2) of all rings, the start of each ring (k + 1,), and its label (k,); the label lies to the left."""
+def _trace(labels: NDArray[np.int32], ends: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int32]]:
+    """Corners (n, 2) of all rings, the start of each ring (k + 1,), and its label (k,); the label lies to the left.
+
+    Args:
+        labels: int32 (rows, cols).
+        ends: int64 (m,), rising flat indices of all cells with another label above or below them, or more.
+    """
     rows, cols = labels.shape
     seen = np.zeros((rows + 1, cols + 1), np.uint8)
     corners = np.empty((1024, 2), np.int32)
     starts = np.empty(64, np.int64)
     owners = np.empty(64, np.int32)
     n = k = 0
-    for r0 in range(rows):
-        for c0 in range(cols):
-            label = labels[r0, c0]
-            if label == 0:
+    for i in ends:
+        r0, c0 = i // cols, i % cols
+        label = labels[r0, c0]
+        if label == 0:
+            continue
+        below = r0 > 0 and labels[r0 - 1, c0] == label
+        above = r0 + 1 < rows and labels[r0 + 1, c0] == label
+        for side in (0, 2):  # every ring has a lower and an upper side
+            if (below and side == 0) or (above and side == 2):
                 continue
-            below = r0 > 0 and labels[r0 - 1, c0] == label
-            above = r0 + 1 < rows and labels[r0 + 1, c0] == label
-            for side in (0, 2):  # every ring has a lower and an upper side
-                if (below and side == 0) or (above and side == 2):
-                    continue
-                r1, c1 = (r0, c0) if side == 0 else (r0 + 1, c0 + 1)
-                if seen[r1, c1] & (1 << side):
-                    continue
-                if k + 1 >= len(starts):
-                    starts = np.append(starts, np.empty(len(starts), np.int64))
-                    owners = np.append(owners, np.empty(len(owners), np.int32))
-                starts[k] = n
-                owners[k] = label
-                k += 1
-                r, c, d, last = r1, c1, side, -1
-                while not seen[r, c] & (1 << d):
-                    seen[r, c] |= 1 << d
-                    if d != last:
-                        if n >= len(corners):
-                            corners = np.concatenate((corners, np.empty_like(corners)))
-                        corners[n, 0] = r
-                        corners[n, 1] = c
-                        n += 1
-                    last = d
-                    r += _STEP_R[d]
-                    c += _STEP_C[d]
-                    for turn in (1, 0, 3):  # left first: cells that touch at a corner only stay apart
-                        e = (d + turn) % 4
-                        if _left(labels, r, c, e) == label and _right(labels, r, c, e) != label:
-                            d = e
-                            break
+            r1, c1 = (r0, c0) if side == 0 else (r0 + 1, c0 + 1)
+            if seen[r1, c1] & (1 << side):
+                continue
+            if k + 1 >= len(starts):
+                starts = np.append(starts, np.empty(len(starts), np.int64))
+                owners = np.append(owners, np.empty(len(owners), np.int32))
+            starts[k] = n
+            owners[k] = label
+            k += 1
+            r, c, d, last = r1, c1, side, -1
+            while not seen[r, c] & (1 << d):
+                seen[r, c] |= 1 << d
+                if d != last:
+                    if n >= len(corners):
+                        corners = np.concatenate((corners, np.empty_like(corners)))
+                    corners[n, 0] = r
+                    corners[n, 1] = c
+                    n += 1
+                last = d
+                r += _STEP_R[d]
+                c += _STEP_C[d]
+                for turn in (1, 0, 3):  # left first: cells that touch at a corner only stay apart
+                    e = (d + turn) % 4
+                    if _left(labels, r, c, e) == label and _right(labels, r, c, e) != label:
+                        d = e
+                        break
     starts[k] = n
     return corners[:n], starts[: k + 1], owners[:k]
 
@@ -103,7 +108,13 @@ def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
         >>> label_polygons(np.array([[1, 1], [0, 2]], np.int32))[1].area
         2.0
     """
-    corners, starts, owners = _trace(np.ascontiguousarray(labels, np.int32))
+    labels = np.ascontiguousarray(labels, np.int32)
+    ends = np.zeros(labels.shape, np.bool_)
+    ends[0], ends[-1] = True, True
+    change = labels[1:] != labels[:-1]
+    ends[1:] |= change
+    ends[:-1] |= change
+    corners, starts, owners = _trace(labels, np.flatnonzero(ends))
     points = corners[:, ::-1].astype(np.float64)
     twice = np.cumsum(points[:, 0] * np.roll(points[:, 1], -1) - points[:, 1] * np.roll(points[:, 0], -1))
     shells: dict[int, tuple[float, NDArray[np.float64]]] = {}
@@ -140,14 +151,13 @@ def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
     return max(parts, key=lambda p: float(p.area))
 
 
-def to_world(polygon: shapely.Polygon, grid: OccupancyGrid) -> shapely.Polygon:
-    """A polygon in cells (x = column, y = row) as one in the grid's world frame, in metres."""
+def to_world(polygons: list[shapely.Polygon], grid: OccupancyGrid) -> list[shapely.Polygon]:
+    """Polygons in cells (x = column, y = row) as such in the grid's world frame, in metres."""
 
     def place(xy: NDArray[np.float64]) -> NDArray[np.float64]:
         return grid.cells_to_world(xy[:, ::-1] - 0.5)
 
-    moved = shapely.transform(polygon, place)
-    assert isinstance(moved, shapely.Polygon)
+    moved: list[shapely.Polygon] = shapely.transform(np.array(polygons, object), place).tolist()
     return moved
 
 
@@ -195,12 +205,12 @@ def rooms_of_labels(
     return tuple(
         LayoutRoom(
             id=label,
-            polygon=to_world(shape, grid),
+            polygon=shape,
             seen_share=float(seen[label] / max(total[label], 1)),
             is_partial=bool(frontier[label]),
             is_closed=label not in touching,
         )
-        for label, shape in shapes.items()
+        for label, shape in zip(shapes, to_world(list(shapes.values()), grid), strict=True)
     )
 
 
