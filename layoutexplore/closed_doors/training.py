@@ -14,7 +14,7 @@ from layoutexplore.closed_doors.doors import Door
 from layoutexplore.closed_doors.prediction import AGREEMENT, MODEL, door_scenes
 from layoutexplore.grid import FREE
 from layoutexplore.predictors.forest import Forest, save_forests
-from layoutexplore.predictors.training import _as_forest
+from layoutexplore.predictors.training import as_forest
 
 _TEACHES = 0.3  # doors behind which no rectangle agrees better say nothing about which rectangle to choose
 
@@ -82,7 +82,7 @@ def fit(samples: Iterable[Samples]) -> Forest:
         random_state=0, early_stopping=False,
     )  # fmt: skip
     columns = (np.concatenate([getattr(p, name) for p in parts]) for name in ("features", "agreement", "weight"))
-    return _as_forest(model.fit(*columns))
+    return as_forest(model.fit(*columns))
 
 
 def save(forest: Forest, note: str) -> None:

@@ -102,9 +102,9 @@ def fit_forests(samples: Samples, config: TrainingConfig | None = None) -> dict[
     forests = {}
     for name, target in (("closed", samples.closed), ("leftover", leftover)):
         model = HistGradientBoostingClassifier(**options).fit(samples.features, target, sample_weight=weights)
-        forests[name] = _as_forest(model)
+        forests[name] = as_forest(model)
     model = HistGradientBoostingRegressor(**options).fit(samples.features, np.log1p(samples.area), sample_weight=weights)
-    return forests | {"area": _as_forest(model)}
+    return forests | {"area": as_forest(model)}
 
 
 def fit_cell_forest(samples: Samples, config: TrainingConfig | None = None) -> Forest:
@@ -121,10 +121,10 @@ def fit_cell_forest(samples: Samples, config: TrainingConfig | None = None) -> F
         early_stopping=False,
         random_state=0,
     )
-    return _as_forest(model.fit(samples.cell_features, samples.inside))
+    return as_forest(model.fit(samples.cell_features, samples.inside))
 
 
-def _as_forest(model: object) -> Forest:
+def as_forest(model: object) -> Forest:
     """The trees of scikit-learn's histogram boosting as plain arrays."""
     parts, roots, begin = [], [], 0
     for (predictor,) in model._predictors:  # type: ignore[attr-defined]
