@@ -86,7 +86,7 @@ def matthews(found: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
     """Matthews' correlation of two classes, bool (n,); 0 where one of them never varies.
 
     Example:
-        >>> matthews(np.array([True, False, True]), np.array([True, False, True]))
+        >>> round(matthews(np.array([True, False, True]), np.array([True, False, True])), 6)
         1.0
     """
     if found.all() or truth.all() or not found.any() or not truth.any():
