@@ -34,6 +34,7 @@ def closed_doors(
         typer.echo(f"{triple.name}: never seen {score.hidden_m2:.0f} m2, IoU {score.ours.iou:.3f}{theirs}")
     summary = summarise(scores)
     _print(summary)
+    typer.echo("note: the model that ships was trained on eight school buildings; scores on those are not held out")
     written = write_pictures(triples, scores, out)
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
     if json_file is not None:
