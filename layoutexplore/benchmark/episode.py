@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.agents import make_agent
+from layoutexplore.benchmark.counterfactual import Asides, Counterfactual
 from layoutexplore.decision import Agent, Decision, Predictor, Privileged
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.exploration_metrics import revisit_share, rooms_finished, score_curve
@@ -65,6 +66,10 @@ class Row:
         start_y: Start in metres.
         start_theta: Heading at the start in radians.
         wall_seconds: Seconds that the run took.
+        ms_prediction_median: Milliseconds of the layout prediction, median over the decisions; 0 without a predictor.
+        prediction_seconds: Seconds that all predictions of the run took.
+        layout_changed: Share of the decisions in which the agent chose otherwise than without the layout (not with --no-explain).
+        layout_misled: Share of the decisions in which it would have chosen otherwise with the true rooms.
         error: What went wrong; empty where nothing did.
     """
 
@@ -99,6 +104,10 @@ class Row:
     start_y: float = NAN
     start_theta: float = NAN
     wall_seconds: float = NAN
+    ms_prediction_median: float = NAN
+    prediction_seconds: float = NAN
+    layout_changed: float = NAN
+    layout_misled: float = NAN
     error: str = ""
 
     @property
@@ -107,7 +116,7 @@ class Row:
         return self.plan, self.start, self.sensor, self.agent
 
 
-TIMING_COLUMNS = ("ms_decision_median", "ms_decision_p95", "wall_seconds")
+TIMING_COLUMNS = ("ms_decision_median", "ms_decision_p95", "wall_seconds", "ms_prediction_median", "prediction_seconds")
 """Columns that differ from one execution to the next; every other one is decided by the configuration."""
 
 
@@ -119,13 +128,17 @@ class Episode:
         curve: float64 (n, 2), metres travelled and coverage 0..1, a row a scan.
         track: float64 (n, 3), poses at the corners of the way walked.
         decision_ms: Milliseconds of every choice.
-        seconds: Duration of the whole run.
+        seconds: Duration of the whole run, without the questions asked beside it.
+        prediction_ms: Milliseconds of the prediction at every decision; empty without a predictor.
+        counterfactual: What the layout changed; None where nobody asked.
     """
 
     curve: NDArray[np.float64]
     track: NDArray[np.float64]
     decision_ms: list[float] = field(repr=False)
     seconds: float = 0.0
+    prediction_ms: list[float] = field(default_factory=list, repr=False)
+    counterfactual: Counterfactual | None = None
 
 
 def prepare(plan: FloorPlan | str, config: SimulationConfig, agent: str) -> tuple[Simulation, Agent]:
@@ -174,6 +187,7 @@ def play(
     seed: int = 0,
     start: Pose | None = None,
     on_step: Callable[[Simulation], None] | None = None,
+    explain: bool = False,
 ) -> Episode:
     """Explore until the simulation or the agent ends the run.
 
@@ -183,6 +197,7 @@ def play(
         seed: For both.
         start: Where to begin; drawn from the seed when None.
         on_step: Called after the reset and after every decision.
+        explain: Ask beside the run what the layout changes; only where there is a predictor.
 
     Raises:
         LayoutExploreError: The agent is stuck: it decides and decides and the run does not end.
@@ -194,14 +209,23 @@ def play(
         agent.reveal(simulation.truth)
     took: list[float] = []
     timed = simulation.predictor if isinstance(simulation.predictor, _Timed) else None
+    asides = Asides(simulation) if explain and timed else None
+    predictions: list[float] = []
     predicted = 0.0
     if on_step:
         on_step(simulation)
     while not simulation.done:
+        if asides:
+            asides.before(agent)
         asked = time.perf_counter()
         choice = agent.act(decision)
-        took.append(1000 * (time.perf_counter() - asked) + (timed.ms - predicted if timed else 0.0))
-        predicted = timed.ms if timed else 0.0
+        took.append(1000 * (time.perf_counter() - asked))
+        if timed:
+            predictions.append(timed.ms - predicted)
+            took[-1] += predictions[-1]
+            predicted = timed.ms
+        if asides:
+            asides.note(decision, choice, predictions[-1])
         decision = simulation.step(choice)
         if on_step:
             on_step(simulation)
@@ -210,8 +234,9 @@ def play(
                 f"agent {agent.name!r} is stuck: {MAX_DECISIONS} decisions, {simulation.distance:.0f} m, "
                 f"{100 * simulation.coverage:.1f} % seen"
             )
-    seconds = time.perf_counter() - began
-    return Episode(simulation.curve[:, :2], corners(simulation.track), took, seconds)
+    seconds = time.perf_counter() - began - (asides.seconds if asides else 0.0)
+    counterfactual = asides.end() if asides else None
+    return Episode(simulation.curve[:, :2], corners(simulation.track), took, seconds, predictions, counterfactual)
 
 
 def score(row: Row, simulation: Simulation, episode: Episode) -> Row:
@@ -221,6 +246,8 @@ def score(row: Row, simulation: Simulation, episode: Episode) -> Row:
     finished, rooms = rooms_finished(simulation.raster.room_ids, simulation.truth.target, simulation.seen)
     x, y, theta = episode.track[0]
     median, p95 = np.percentile(episode.decision_ms, [50, 95]) if episode.decision_ms else (0.0, 0.0)
+    told = episode.counterfactual if episode.counterfactual and len(episode.counterfactual.log) else None
+    unasked = NAN if episode.prediction_ms else 0.0
     scored = dataclasses.replace(
         row,
         **dataclasses.asdict(curve),
@@ -241,6 +268,10 @@ def score(row: Row, simulation: Simulation, episode: Episode) -> Row:
         start_y=float(y),
         start_theta=float(theta),
         wall_seconds=episode.seconds,
+        ms_prediction_median=float(np.median(episode.prediction_ms)) if episode.prediction_ms else 0.0,
+        prediction_seconds=sum(episode.prediction_ms) / 1000,
+        layout_changed=float(told.column("changed").mean()) if told else unasked,
+        layout_misled=float(told.column("misled").mean()) if told else unasked,
     )
     return _rounded(scored)
 

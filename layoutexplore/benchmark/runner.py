@@ -188,7 +188,7 @@ def warm_up(config: BenchmarkConfig) -> None:
         for agent in config.agents:
             # An agent that fails here fails again in its runs, where the failure is recorded.
             with contextlib.suppress(Exception):
-                play(*prepare(plan, config.simulation_with(sensor), agent))
+                play(*prepare(plan, config.simulation_with(sensor), agent), explain=config.explain)
 
 
 def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder) -> Row:
@@ -199,7 +199,8 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder) -> Row:
         settings = config.simulation_with(task.sensor)
         start = start_pose(plan, settings, config.seed, task.start)
         simulation, agent = prepare(plan, settings, task.agent)
-        episode = play(simulation, agent, seed=run_seed(config.seed, task.plan.name, task.start), start=start)
+        seed = run_seed(config.seed, task.plan.name, task.start)
+        episode = play(simulation, agent, seed=seed, start=start, explain=config.explain)
         folder.save_episode(row, episode)
         return score(row, simulation, episode)
     except Exception as error:

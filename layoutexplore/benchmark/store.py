@@ -22,7 +22,7 @@ import shutil
 import tempfile
 import tomllib
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -31,12 +31,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
+from layoutexplore.benchmark.counterfactual import Counterfactual, from_arrays, to_arrays
 from layoutexplore.benchmark.episode import Episode, Row
 from layoutexplore.benchmark.plans import PlanEntry
 from layoutexplore.errors import ResultsError
 from layoutexplore.plan_raster import PlanRaster
 
 COLUMNS = tuple(f.name for f in dataclasses.fields(Row))
+
+_REQUIRED = {f.name for f in dataclasses.fields(Row) if f.default is dataclasses.MISSING}
 
 LOCK = ".lock"
 """File that is held while a benchmark writes."""
@@ -56,7 +59,7 @@ class ResultsFolder:
         self.table = path / "results.csv"
 
     def rows(self) -> list[Row]:
-        """The rows of results.csv.
+        """The rows of results.csv; columns that an earlier version did not write are empty.
 
         Raises:
             ResultsError: The file is missing or not one of ours.
@@ -66,10 +69,10 @@ class ResultsFolder:
         except OSError as error:
             raise ResultsError(f"cannot read {self.table}: {error.strerror}") from error
         lines = list(csv.reader(io.StringIO(text)))
-        if not lines or tuple(lines[0]) != COLUMNS:
+        if not lines or not _REQUIRED <= set(lines[0]) <= set(COLUMNS):
             raise ResultsError(f"{self.table} does not have the columns of this version: choose another --out, or --force")
         try:
-            return [_parse(line) for line in lines[1:]]
+            return [_parse(line, lines[0]) for line in lines[1:]]
         except (ValueError, KeyError) as error:
             raise ResultsError(f"{self.table} is damaged: {error}; remove the line, or start again with --force") from error
 
@@ -100,16 +103,23 @@ class ResultsFolder:
         return self.path / "runs" / slug(row.plan) / f"{slug(row.sensor)}-start{row.start}-{slug(row.agent)}.npz"
 
     def save_episode(self, row: Row, episode: Episode) -> None:
-        """Write a run's curve float32 (n, 2) and track float32 (m, 3)."""
+        """Write a run's curve float32 (n, 2), its track float32 (m, 3), and what the layout changed in it."""
         path = self.curve_path(row)
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, curve=episode.curve.astype(np.float32), track=episode.track.astype(np.float32))
+            arrays: dict[str, Any] = {"curve": episode.curve.astype(np.float32), "track": episode.track.astype(np.float32)}
+            arrays |= to_arrays(episode.counterfactual) if episode.counterfactual else {}
+            np.savez_compressed(file, **arrays)
 
     def episode(self, row: Row) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The curve (n, 2) and track (m, 3) of a run."""
         with np.load(self.curve_path(row)) as data:
             return data["curve"].astype(np.float64), data["track"].astype(np.float64)
+
+    def counterfactual(self, row: Row) -> Counterfactual | None:
+        """What the layout changed in a run; None where nobody asked."""
+        with np.load(self.curve_path(row)) as data:
+            return from_arrays(dict(data)) if "log" in data else None
 
     def save_raster(self, name: str, raster: PlanRaster) -> None:
         """Keep a plan's cells for the pictures."""
@@ -319,10 +329,11 @@ def _line(row: Row) -> str:
     return out.getvalue()
 
 
-def _parse(line: list[str]) -> Row:
-    if len(line) != len(COLUMNS):
-        raise ValueError(f"a row has {len(line)} values, not {len(COLUMNS)}")
+def _parse(line: list[str], header: Sequence[str] = COLUMNS) -> Row:
+    if len(line) != len(header):
+        raise ValueError(f"a row has {len(line)} values, not {len(header)}")
     values: dict[str, Any] = {}
-    for f, text in zip(dataclasses.fields(Row), line, strict=True):
+    fields = {f.name: f for f in dataclasses.fields(Row)}
+    for f, text in zip((fields[name] for name in header), line, strict=True):
         values[f.name] = float("nan") if f.type == "float" and not text else _CONVERTERS[str(f.type)](text)
     return Row(**values)

@@ -64,6 +64,12 @@ def benchmark(
     config: Annotated[
         Path | None, typer.Option(help="TOML file with any of these options, and the tables \\[simulation] and \\[lidars.NAME].")
     ] = None,
+    explain: Annotated[
+        bool | None,
+        typer.Option(
+            help="Also note what a layout changed and how right it was: layout agents take twice as long. Default: yes."
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Delete the results in the folder and start again.")] = False,
     extend: Annotated[
         bool, typer.Option("--extend", help="Add plans, starts, sensors or agents to the results in the folder.")
@@ -80,7 +86,7 @@ def benchmark(
 
     for module in ("pandas", "pyarrow", "jinja2"):
         require(module, "bench")
-    given: dict[str, Any] = {"starts": starts, "seed": seed, "baseline": baseline}
+    given: dict[str, Any] = {"starts": starts, "seed": seed, "baseline": baseline, "explain": explain}
     given |= {"plans": plans and tuple(plans), "agents": agents and tuple(agents), "sensors": sensor and tuple(sensor)}
     options = read_config(config) if config else {}
     settings = BenchmarkConfig(**options | {name: value for name, value in given.items() if value is not None})

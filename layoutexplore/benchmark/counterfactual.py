@@ -1,0 +1,326 @@
+"""What a predicted layout changed in a run, and how right it was.
+
+At every decision the same agent, with the same memory, is asked again beside the run: with the layout hidden, and with the
+true rooms. The run itself goes on as if nobody had asked. *Changed* is a decision in which the agent chooses otherwise with
+the layout than without it; *misled* is one in which it would choose otherwise with the true rooms. Why it was misled is
+asked too: do the true classes alone set it right, the true areas alone, only both, or only the true rooms themselves?
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import heapq
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.decision import STOP, Agent, Choice, Decision, Frontier
+from layoutexplore.grid import UNKNOWN
+from layoutexplore.planning import distance_matrix
+from layoutexplore.predictors import OraclePredictor
+from layoutexplore.predictors.layout import LEFTOVER
+from layoutexplore.simulation import Simulation
+from layoutexplore.viewpoints import remaining_share
+
+LOG = (
+    "distance", "coverage", "prediction_ms", "frontiers", "changed", "misled", "class_alone", "area_alone", "both",
+    "closed", "closed_as_open", "open", "open_as_closed", "leftover", "leftover_missed", "leftover_wrong",
+    "largest_left", "total_left", "open_judged", "true_left",
+)  # fmt: skip
+"""Columns of the log, a row a decision. Counts of frontiers: truly `closed` and `closed_as_open` judged open; truly `open` and
+`open_as_closed`; truly `leftover` (closed, less than 1 m2 left), `leftover_missed`, and `leftover_wrong` (judged so and
+not). `largest_left` and `total_left` are the predicted square metres behind closed frontiers, `true_left` the unseen
+target area; `open_judged` counts frontiers judged open."""
+
+MOMENTS = 4
+"""Moments that are kept of a run: those in which most metres were at stake."""
+
+_MARGIN = 12
+"""Cells around what is known that are kept of a moment's grid."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Moment:
+    """A decision in which the layout changed the choice.
+
+    Attributes:
+        distance: Metres walked before.
+        coverage: Share seen before.
+        stake: Metres of the detour over the frontier that was given up, on the way to the chosen one.
+        cells: int8 (rows, cols), the known part of the grid.
+        corner: Row and column of its first cell in the grid.
+        here: Cell of the robot.
+        chosen: Cell that was gone to.
+        given_up: Cell that would have been gone to without the layout.
+        without: Index of the frontier that was given up.
+        judged: float32 (k, 4), a row a frontier: judged closed, expected area, truly closed, true area.
+        members: int32 (n, 2), the frontiers' cells.
+        offsets: int64 (k + 1,), where each frontier's cells begin.
+        seen_after: Metres walked until the frontier that was given up was gone; NaN when it never was.
+        came_back: Whether the robot went to it later.
+    """
+
+    distance: float
+    coverage: float
+    stake: float
+    cells: NDArray[np.int8]
+    corner: tuple[int, int]
+    here: tuple[int, int]
+    chosen: tuple[int, int]
+    given_up: tuple[int, int]
+    without: int
+    judged: NDArray[np.float32]
+    members: NDArray[np.int32]
+    offsets: NDArray[np.int64]
+    seen_after: float = float("nan")
+    came_back: bool = False
+
+    @property
+    def right(self) -> bool:
+        """Whether the truth says the same of the frontier that was given up: put off, or not."""
+        closed, area, true_closed, true_area = self.judged[self.without].tolist()
+        return bool((closed and area < LEFTOVER) == (true_closed and true_area < LEFTOVER))
+
+
+@dataclass(frozen=True, eq=False)
+class Counterfactual:
+    """What was noted in a run.
+
+    Attributes:
+        log: float32 (n, len(LOG)), a row a decision.
+        moments: The most decisive ones, in their order.
+    """
+
+    log: NDArray[np.float32]
+    moments: tuple[Moment, ...]
+
+    def column(self, name: str) -> NDArray[np.float32]:
+        """float32 (n,): a column of the log."""
+        return self.log[:, LOG.index(name)]
+
+
+@dataclass(eq=False)
+class _Pursued:
+    """A moment whose outcome is still open."""
+
+    moment: Moment
+    cells: NDArray[np.int32] = field(repr=False)
+
+
+def to_arrays(counterfactual: Counterfactual) -> dict[str, NDArray[np.generic]]:
+    """As named arrays, for a file."""
+    arrays: dict[str, NDArray[np.generic]] = {"log": counterfactual.log}
+    for k, moment in enumerate(counterfactual.moments):
+        numbers = [moment.distance, moment.coverage, moment.stake, moment.without, moment.seen_after, moment.came_back]
+        places = [moment.corner, moment.here, moment.chosen, moment.given_up]
+        arrays[f"moment{k}_numbers"] = np.array(numbers, np.float64)
+        arrays[f"moment{k}_places"] = np.array(places, np.int32)
+        for name in ("cells", "judged", "members", "offsets"):
+            arrays[f"moment{k}_{name}"] = getattr(moment, name)
+    return arrays
+
+
+def from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Counterfactual:
+    """The inverse of `to_arrays`; other arrays are ignored."""
+    moments: list[Moment] = []
+    while f"moment{len(moments)}_numbers" in arrays:
+        begin = f"moment{len(moments)}_"
+        distance, coverage, stake, without, seen_after, came_back = arrays[begin + "numbers"].tolist()
+        corner, here, chosen, given_up = (tuple(place) for place in arrays[begin + "places"].tolist())
+        moments.append(
+            Moment(
+                distance=distance,
+                coverage=coverage,
+                stake=stake,
+                corner=corner,
+                here=here,
+                chosen=chosen,
+                given_up=given_up,
+                without=int(without),
+                seen_after=seen_after,
+                came_back=bool(came_back),
+                **{name: arrays[begin + name] for name in ("cells", "judged", "members", "offsets")},
+            )
+        )
+    return Counterfactual(arrays["log"], tuple(moments))
+
+
+class Asides:
+    """Asks the agent again beside a run.
+
+    Args:
+        simulation: What is explored; it has been reset.
+
+    Attributes:
+        seconds: Time that asking took.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.seconds = 0.0
+        self._simulation = simulation
+        self._oracle = OraclePredictor()
+        self._oracle.reveal(simulation.truth)
+        self._rows: list[list[float]] = []
+        self._kept: list[tuple[float, int, _Pursued]] = []
+
+    def before(self, agent: Agent) -> None:
+        """Remember the agent as it is before it chooses."""
+        began = time.perf_counter()
+        self._agent = copy.deepcopy(agent)
+        self.seconds += time.perf_counter() - began
+
+    def note(self, decision: Decision, choice: Choice, prediction_ms: float) -> None:
+        """Note a decision and the choice that was made, before the simulation acts on it.
+
+        Args:
+            decision: The decision with its prediction.
+            choice: What the agent chose.
+            prediction_ms: What the prediction took.
+        """
+        began = time.perf_counter()
+        self._pursue(decision, choice)
+        hidden = without_layout(decision)
+        without = self._ask(hidden)
+        truth = self._oracle.predict(hidden)
+        with_truth = choice if _same_judgement(decision, truth) else self._ask(truth)
+        changed, misled = not same_choice(choice, without), not same_choice(choice, with_truth)
+        reasons = self._reasons(decision, truth, with_truth) if misled else (False, False, False)
+        counts = _counts(decision.frontiers, truth.frontiers)
+        unseen = (1 - self._simulation.coverage) * self._simulation.target_area
+        self._rows.append(
+            [decision.distance, self._simulation.coverage, prediction_ms, len(decision.frontiers)]
+            + [float(flag) for flag in (changed, misled, *reasons)]
+            + [*counts, unseen]
+        )
+        if changed:
+            self._keep(decision, truth, choice, without)
+        self.seconds += time.perf_counter() - began
+
+    def end(self) -> Counterfactual:
+        """Everything noted, once the run is over."""
+        self._settle()
+        log = np.array(self._rows, np.float32).reshape(-1, len(LOG))
+        moments = sorted((kept.moment for _, _, kept in self._kept), key=lambda moment: moment.distance)
+        return Counterfactual(log, tuple(moments))
+
+    def _ask(self, decision: Decision) -> Choice:
+        return copy.deepcopy(self._agent).act(decision)
+
+    def _reasons(self, decision: Decision, truth: Decision, with_truth: Choice) -> tuple[bool, bool, bool]:
+        """Whether true classes alone, true areas alone, or only both together lead to the choice that the truth leads to."""
+
+        def mended(*, classes: bool, areas: bool) -> bool:
+            return same_choice(self._ask(_mixed(decision, truth, classes=classes, areas=areas)), with_truth)
+
+        by_classes, by_areas = mended(classes=True, areas=False), mended(classes=False, areas=True)
+        by_both = not (by_classes or by_areas) and mended(classes=True, areas=True)
+        return by_classes, by_areas, by_both
+
+    def _keep(self, decision: Decision, truth: Decision, choice: Choice, without: Choice) -> None:
+        """Keep a changed decision if more is at stake than in those that were kept."""
+        if isinstance(without, np.ndarray) or without == STOP or (not isinstance(choice, np.ndarray) and choice == STOP):
+            return
+        here = decision.grid.world_to_cell(decision.pose.x, decision.pose.y)
+        chosen = tuple(choice[-1].tolist()) if isinstance(choice, np.ndarray) else decision.frontiers[choice].viewpoint
+        given_up = decision.frontiers[without].viewpoint
+        places = np.array([here, given_up, chosen], np.int32)
+        between = distance_matrix(decision.traversable, places, decision.grid.resolution)
+        stake = float(between[0, 1] + between[1, 2] - between[0, 2])
+        if not np.isfinite(stake) or (len(self._kept) >= MOMENTS and stake <= self._kept[0][0]):
+            return
+        cells, corner = _known_part(decision.grid.cells)
+        moment = Moment(
+            distance=decision.distance,
+            coverage=self._simulation.coverage,
+            stake=stake,
+            cells=cells,
+            corner=corner,
+            here=(here.row, here.col),
+            chosen=(int(chosen[0]), int(chosen[1])),
+            given_up=(given_up.row, given_up.col),
+            without=int(without),
+            judged=_judged(decision.frontiers, truth.frontiers),
+            members=np.concatenate([f.cells for f in decision.frontiers]),
+            offsets=np.cumsum([0, *(len(f.cells) for f in decision.frontiers)]),
+        )
+        push = heapq.heappush if len(self._kept) < MOMENTS else heapq.heapreplace
+        push(self._kept, (stake, -decision.step, _Pursued(moment, decision.frontiers[without].cells)))
+
+    def _pursue(self, decision: Decision, choice: Choice) -> None:
+        """See what becomes of the frontiers that were given up."""
+        self._settle()
+        if isinstance(choice, np.ndarray) or choice == STOP:
+            return
+        goal = {(int(row), int(col)) for row, col in decision.frontiers[choice].cells}
+        for _, _, kept in self._kept:
+            if np.isnan(kept.moment.seen_after) and any((int(row), int(col)) in goal for row, col in kept.cells):
+                kept.moment = dataclasses.replace(kept.moment, came_back=True)
+
+    def _settle(self) -> None:
+        cells, gone = self._simulation.mapper.grid.cells, self._simulation.config.gone_share
+        for _, _, kept in self._kept:
+            if np.isnan(kept.moment.seen_after) and remaining_share(cells, kept.cells) < gone:
+                walked = self._simulation.distance - kept.moment.distance
+                kept.moment = dataclasses.replace(kept.moment, seen_after=walked)
+
+
+def without_layout(decision: Decision) -> Decision:
+    """The decision as it is without a predictor."""
+    plain = tuple(
+        dataclasses.replace(f, is_closed=None, expected_area=None, confidence=None, room=None) for f in decision.frontiers
+    )
+    return dataclasses.replace(decision, frontiers=plain, layout=None)
+
+
+def same_choice(a: Choice, b: Choice) -> bool:
+    """Whether two choices are one: the same frontier, both `STOP`, or the same path."""
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return isinstance(a, np.ndarray) and isinstance(b, np.ndarray) and np.array_equal(a, b)
+    return int(a) == int(b)
+
+
+def _same_judgement(a: Decision, b: Decision) -> bool:
+    """Whether two predictions say the same, as far as an agent can see."""
+    pairs = zip(a.frontiers, b.frontiers, strict=True)
+    return a.layout is b.layout and all((f.is_closed, f.expected_area) == (g.is_closed, g.expected_area) for f, g in pairs)
+
+
+def _mixed(decision: Decision, truth: Decision, *, classes: bool, areas: bool) -> Decision:
+    """The decision with the true classes, the true areas, or both."""
+    mixed = []
+    for f, true in zip(decision.frontiers, truth.frontiers, strict=True):
+        changed = dataclasses.replace(f, is_closed=true.is_closed, confidence=true.confidence) if classes else f
+        mixed.append(dataclasses.replace(changed, expected_area=true.expected_area) if areas else changed)
+    return dataclasses.replace(decision, frontiers=tuple(mixed))
+
+
+def _judged(found: tuple[Frontier, ...], true: tuple[Frontier, ...]) -> NDArray[np.float32]:
+    """float32 (k, 4): judged closed, expected area, truly closed, true area."""
+    rows = [(f.is_closed, f.expected_area, t.is_closed, t.expected_area) for f, t in zip(found, true, strict=True)]
+    return np.array(rows, np.float32)
+
+
+def _counts(found: tuple[Frontier, ...], true: tuple[Frontier, ...]) -> list[float]:
+    """The columns from `closed` to `open_judged`."""
+    judged = _judged(found, true)
+    closed, true_closed = judged[:, 0] > 0, judged[:, 2] > 0
+    leftover, true_leftover = closed & (judged[:, 1] < LEFTOVER), true_closed & (judged[:, 3] < LEFTOVER)
+    sums = [
+        true_closed, true_closed & ~closed, ~true_closed, ~true_closed & closed,
+        true_leftover, true_leftover & ~leftover, leftover & ~true_leftover,
+    ]  # fmt: skip
+    areas = np.where(closed, judged[:, 1], 0.0)
+    return [*(float(s.sum()) for s in sums), float(areas.max(initial=0)), float(areas.sum()), float((~closed).sum())]
+
+
+def _known_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:
+    """A copy of the known part of a grid int8 (rows, cols) with a margin, and its first row and column."""
+    known = cells != UNKNOWN
+    rows, cols = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
+    row, col = max(int(rows[0]) - _MARGIN, 0), max(int(cols[0]) - _MARGIN, 0)
+    return cells[row : rows[-1] + _MARGIN, col : cols[-1] + _MARGIN].copy(), (row, col)
