@@ -17,11 +17,14 @@ from numpy.typing import NDArray
 from layoutexplore.decision import Predictor
 from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.plans import PlanSource, PlanSpec, load
-from layoutexplore.envs.rewards import Reward, Transition, reward
+from layoutexplore.envs.rewards import Reward, Transition, reads_rooms, reward
+from layoutexplore.envs.rooms import RoomLedger
 from layoutexplore.envs.viewer import RENDER_MODES, Viewer
 from layoutexplore.errors import ConfigError, StartError
+from layoutexplore.exploration_metrics import distance_to_coverage
 from layoutexplore.grid import Pose
 from layoutexplore.lidar import LidarConfig
+from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation import Simulation
 from layoutexplore.simulation_config import SimulationConfig
 
@@ -52,19 +55,22 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         resolution: float | None,
         robot_radius: float | None,
         simulation: SimulationConfig | None,
-        predictor: Predictor | None,
+        predictor: str | Predictor | None,
         reward_function: str | Reward,
         render_mode: str | None,
         render_size: tuple[int, int],
         shows_frontiers: bool,
+        watches_rooms: bool = False,
     ) -> None:
         given = {"sensor": sensor, "resolution": resolution, "robot_radius": robot_radius}
         changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         self.config = replace(simulation or SimulationConfig(), **changes)
         self.render_mode = render_mode
         self._plans = PlanSource(plan)
-        self._predictor = predictor
+        self._predictor = make_predictor(predictor) if isinstance(predictor, str) else predictor
         self._reward = reward(reward_function)
+        self._watches_rooms = watches_rooms or reads_rooms(self._reward)
+        self._ledger: RoomLedger | None = None
         self._viewer = Viewer(render_mode, render_size, self.metadata["render_fps"], frontiers=shows_frontiers)
         self._simulation: Simulation | None = None
         self._over = True
@@ -102,6 +108,9 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         self._simulation.reset(self._simulation_seed, _start(options.get("start")))
         self.stop_reason = ""
         self._over = False
+        if self._watches_rooms:
+            self._ledger = RoomLedger(self._simulation.truth)
+            self._ledger.update(self._simulation.unseen, self._simulation.robot.track)
         self._remember()
 
     def _remember(self) -> None:
@@ -115,6 +124,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         self.stop_reason = self.stop_reason or simulation.stop_reason
         self._over = bool(self.stop_reason)
         distance, known_free, coverage = self._before
+        finished = self._ledger.update(simulation.unseen, simulation.robot.track) if self._ledger else 0
         transition = Transition(
             metres=simulation.distance - distance,
             new_area=(simulation.mapper.known_free - known_free) * simulation.raster.resolution**2,
@@ -123,10 +133,25 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
             distance=simulation.distance,
             budget=simulation.max_distance,
             stop_reason=self.stop_reason,
+            metres_before_95=self._metres_before(0.95),
+            metres_before_99=self._metres_before(0.99),
+            reference=0.2 * (100.0 + simulation.target_area),
+            rooms_finished=finished,
         )
         self._remember()
         truncated = self.stop_reason in _TRUNCATING
         return float(self._reward(transition)), self._over and not truncated, truncated
+
+    def _metres_before(self, mark: float) -> float:
+        """Metres of the step that has been made before the coverage reached a mark."""
+        simulation = self.simulation
+        distance, _, coverage = self._before
+        if coverage >= mark:
+            return 0.0
+        if simulation.coverage < mark:
+            return simulation.distance - distance
+        curve = simulation.curve
+        return distance_to_coverage(curve[:, 0], curve[:, 1], mark, budget=0.0)[0] - distance
 
     def _check_running(self) -> None:
         if self._over:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -12,6 +12,7 @@ from layoutexplore.decision import STOP, Predictor
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.observation import Observation, ObservationConfig, Observer
 from layoutexplore.envs.plans import PlanSpec
+from layoutexplore.envs.privileged import PrivilegedView
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.errors import ConfigError
 from layoutexplore.lidar import LidarConfig
@@ -50,9 +51,10 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     |---|---|---|
     | `local_map` | (7, 64, 64) | 12.8 m around the robot, the heading up |
     | `global_map` | (7, 84, 84) | the square around all that is known (20 m at least), north up |
-    | `frontiers` | (64 * 12,) | a row per slot, flattened; zeros where there is no frontier |
+    | `frontiers` | (64 * 13,) | a row per slot, flattened; zeros where there is no frontier |
     | `robot` | (9,) | the robot and the map as a whole |
     | `action_mask` | (65,) | 1 for valid actions |
+    | `privileged` | (8,) | what only the floor plan tells, for the critic in training; only with `privileged=True` |
 
     Channels: `free` (share of the pixel), `occupied`, `frontier`, `trail` (where the robot has been), `predicted_room`,
     `predicted_wall`, `closed_room`.
@@ -66,14 +68,20 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `turn` | direction of its middle relative to the heading, in half turns, -1 ... 1, left positive |
     | `size` | its length |
     | `visible_area` | unknown area that would be in view |
-    | `detour` | metres by which a short tour over all frontiers grows when it is visited first; 0 unless switched on |
+    | `detour` | metres by which a short tour over the frontiers that need not wait grows when it is visited first |
+    | `tour_rank` | 1 / position in that tour, 0 when it is not in it |
     | `class` | 1 closed (the rest of a room), -1 open (leads on), 0 not predicted |
     | `expected_area` | predicted unknown area behind it |
     | `confidence` | of the class |
 
     `robot`: `heading_cos`, `heading_sin`, `distance` travelled, `known_area`, `frontier_count` (over the slots), `map_x`,
     `map_y` (where it is in the global map, 0 ... 1 from the lower left), `map_span` (side of the global map),
-    `expected_area` (of all frontiers). Without a predictor, all that a layout would tell is zero.
+    `expected_area` (of all frontiers). Without a predictor, all that a layout would tell is zero. `detour` and `tour_rank` are
+    zero unless switched on. The tour is over the frontiers of 1 m and more that are not closed with less than 1 m² left; when
+    there are none, over those that are.
+
+    `privileged`: see `PRIVILEGED_FEATURES`. An agent that acts from decisions alone (`Observer`) sees the same
+    observation, with zeros there.
 
     ## Starting State
     A floor plan drawn from `plan`, and a random free pose in its largest connected area, after one scan all around.
@@ -85,8 +93,10 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | Name | Reward of a step |
     |---|---|
     | `path_length` (default) | -10 * metres / budget; at the end +10 when all is explored, else +5 * coverage |
+    | `path_to_marks` | -(metres before 95 % + metres before 99 % coverage) / (0.2 * (100 m + 1 m per m² of floor)) |
     | `area` | m² that became known |
     | `area_per_metre` | the same per metre travelled |
+    | `room_area` | the same, and 5 for every room finished on the first visit |
     | `coverage` | gain of coverage in per cent |
 
     ## Episode End
@@ -113,7 +123,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `resolution` | metres per cell (0.1) |
     | `robot_radius` | metres (0.2) |
     | `simulation` | a `SimulationConfig` for everything else; the three above override it |
-    | `predictor` | a layout predictor, or None |
+    | `predictor` | the name of a layout predictor (`layout`, `oracle`, `none`, ...), a predictor, or None |
     | `reward` | a name or a callable |
     | `observation` | an `ObservationConfig` |
     | `invalid_penalty` | subtracted from the reward of an invalid action (0.1) |
@@ -137,7 +147,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         resolution: float | None = None,
         robot_radius: float | None = None,
         simulation: SimulationConfig | None = None,
-        predictor: Predictor | None = None,
+        predictor: str | Predictor | None = None,
         reward: str | Reward = "path_length",
         observation: ObservationConfig | None = None,
         invalid_penalty: float = 0.1,
@@ -156,18 +166,21 @@ class FrontierEnv(ExplorationEnv[np.int64]):
             render_mode=render_mode,
             render_size=render_size,
             shows_frontiers=True,
+            watches_rooms=observation is not None and observation.privileged,
         )
         self.observation_config = observation or ObservationConfig()
+        self._observer = Observer(self.observation_config)
         self.observation_space = self.observation_config.space
         self.action_space = spaces.Discrete(self.observation_config.max_frontiers + 1)
+        self._privileged: PrivilegedView | None = None
         self._invalid_penalty, self._max_invalid_actions = float(invalid_penalty), max_invalid_actions
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode; `options` may set the `plan` and the `start` (x, y[, theta])."""
         self._begin(seed, options)
         self._invalid_actions = 0
-        self._poses = 0
-        self._observer = Observer(self.observation_config, self.simulation.decision)
+        if self.observation_config.privileged and self._ledger:
+            self._privileged = PrivilegedView(self.observation_config, self.simulation, self._ledger)
         return self._outcome()
 
     def step(self, action: np.int64 | int) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -204,14 +217,10 @@ class FrontierEnv(ExplorationEnv[np.int64]):
 
     def _outcome(self) -> tuple[Observation, dict[str, Any]]:
         """Observation and info of the decision that is due, and the mask for both; shows the window in mode "human"."""
-        simulation, slots = self.simulation, self.observation_config.max_frontiers
-        decision, track = simulation.decision, simulation.robot.track
-        self._mask = np.zeros(slots + 1, np.int8)
-        self._mask[: len(decision.frontiers)] = 1
-        self._mask[slots] = 1
-        if len(track) > self._poses:
-            self._observer.walked(track[max(0, self._poses - 1) :], simulation.pose, decision.pose)
-            self._poses = len(track)
+        decision = self.simulation.decision
+        privileged = self._privileged.vector() if self._privileged else None
+        observation = self._observer.observe(decision, privileged)
+        self._mask = cast(NDArray[np.int8], observation["action_mask"].copy())
         info = self._info() | {
             "frontier_count": len(decision.frontiers),
             "invalid_actions": self._invalid_actions,
@@ -219,4 +228,4 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         }
         if self.render_mode == "human":
             self.render()
-        return self._observer.observe(decision, self._mask), info
+        return observation, info

@@ -56,24 +56,11 @@ class Trail:
         self._grid = grid
         self.marks = np.zeros(grid.shape, np.uint8)
 
-    def extend(self, track: Sequence[Pose], pose: Pose, believed: Pose) -> None:
-        """Mark the way along some poses.
-
-        Args:
-            track: The true poses passed, the first one already marked before.
-            pose: The true pose now.
-            believed: What the robot believes it to be; with odometry noise the track is moved along with it.
-        """
-        x, y = np.array(track)[:, :2].T
-        if pose != believed:
-            turn = believed.theta - pose.theta
-            x, y = x - pose.x, y - pose.y
-            x, y = (
-                believed.x + math.cos(turn) * x - math.sin(turn) * y,
-                believed.y + math.sin(turn) * x + math.cos(turn) * y,
-            )
+    def extend(self, track: Sequence[Pose]) -> None:
+        """Mark the way along some poses as the robot believes them, the first one already marked before."""
+        points = np.array(track, np.float64)
         origin, resolution = self._grid.origin, self._grid.resolution
-        _mark_way(self.marks, (y - origin.y) / resolution, (x - origin.x) / resolution)
+        _mark_way(self.marks, (points[:, 1] - origin.y) / resolution, (points[:, 0] - origin.x) / resolution)
 
 
 def draw_local_map(

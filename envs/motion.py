@@ -253,7 +253,7 @@ class MotionEnv(ExplorationEnv[Any]):
         """Observation and info after a move; shows the window in mode "human"."""
         simulation = self.simulation
         robot = simulation.robot
-        self._trail.extend(robot.track[-2:], robot.pose, robot.believed)
+        self._trail.extend(robot.believed_track[-2:])
         info = self._info() | {"collisions": robot.collisions}
         observation: Observation = {
             "local_map": draw_local_map(

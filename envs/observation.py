@@ -7,6 +7,7 @@ more nor less. Where no predictor runs, everything that a layout would tell is z
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
@@ -18,8 +19,8 @@ from layoutexplore.decision import Decision
 from layoutexplore.envs import map_images
 from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS, MapFrame, Trail, draw_global_map, draw_local_map
 from layoutexplore.errors import ConfigError
-from layoutexplore.grid import UNKNOWN, Pose
-from layoutexplore.tours import open_tour
+from layoutexplore.frontier_tour import tour_features
+from layoutexplore.grid import UNKNOWN, OccupancyGrid
 
 Observation = dict[str, NDArray[np.generic]]
 """Arrays by name."""
@@ -37,6 +38,7 @@ FRONTIER_FEATURES: dict[str, tuple[float, float]] = {
     "size": (0.0, _FAR),
     "visible_area": (0.0, _LARGE),
     "detour": (0.0, _FAR),
+    "tour_rank": (0.0, 1.0),
     "class": (-1.0, 1.0),
     "expected_area": (0.0, _LARGE),
     "confidence": (0.0, 1.0),
@@ -56,6 +58,20 @@ ROBOT_FEATURES: dict[str, tuple[float, float]] = {
 }
 """The entries of the robot vector and their bounds."""
 
+PRIVILEGED_FEATURES: dict[str, tuple[float, float]] = {
+    "coverage": (0.0, 1.0),
+    "remaining_area": (0.0, _LARGE),
+    "building_area": (0.0, _LARGE),
+    "rooms_left": (0.0, 1.0),
+    "remaining_tour": (0.0, _LARGE),
+    "length_to_95": (0.0, _LARGE),
+    "length_to_99": (0.0, _LARGE),
+    "budget_used": (0.0, 1.0),
+}
+"""The entries of the privileged vector and their bounds: the share of the target seen, the area of it not seen yet and
+in all, the share of rooms with something left, the length of a tour over these and of its parts up to 95 and 99 %
+coverage (estimates), and the share of the metres that may be walked."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationConfig:
@@ -71,8 +87,11 @@ class ObservationConfig:
         global_size: Its side in pixels.
         global_min_span: Its least side in metres; it grows with what is known.
         layout_channels: Whether the maps have the channels of the predicted layout (zero without a predictor).
-        detour: Whether to compute the `detour` column: one shortest-path field per frontier and decision, some
-            milliseconds. Without it the column is zero.
+        detour: Whether to compute the columns `detour` and `tour_rank`: the distances between all frontiers and a tour,
+            a millisecond or two a decision. Without it the columns are zero.
+        privileged: Whether the environment adds the entry `privileged`, what only the floor plan tells (see
+            `layoutexplore.envs.privileged`): for the critic of an actor-critic in training, never for the policy. An agent
+            that acts from decisions alone sees zeros there.
         length_scale: Metres that count as 1 in the vectors.
         area_scale: Square metres that count as 1 in the vectors.
 
@@ -89,6 +108,7 @@ class ObservationConfig:
     global_min_span: float = 20.0
     layout_channels: bool = True
     detour: bool = False
+    privileged: bool = False
     length_scale: float = 10.0
     area_scale: float = 10.0
 
@@ -110,14 +130,14 @@ class ObservationConfig:
     def space(self) -> spaces.Space[Observation]:
         """The observation space, a `Dict`."""
         count, channels = self.max_frontiers, len(self.channels)
-        frontier, robot = np.array(list(FRONTIER_FEATURES.values())), np.array(list(ROBOT_FEATURES.values()))
+        low, high = bounds(FRONTIER_FEATURES)
         parts: dict[str, spaces.Space[NDArray[np.generic]]] = {
-            "frontiers": spaces.Box(
-                np.tile(frontier[:, 0], count).astype(np.float32), np.tile(frontier[:, 1], count).astype(np.float32)
-            ),
-            "robot": spaces.Box(robot[:, 0].astype(np.float32), robot[:, 1].astype(np.float32)),
+            "frontiers": spaces.Box(np.tile(low, count), np.tile(high, count)),
+            "robot": spaces.Box(*bounds(ROBOT_FEATURES)),
             "action_mask": spaces.MultiBinary(count + 1),
         }
+        if self.privileged:
+            parts["privileged"] = spaces.Box(*bounds(PRIVILEGED_FEATURES))
         for name, shown, size in (
             ("local_map", self.local_map, self.local_size),
             ("global_map", self.global_map, self.global_size),
@@ -125,6 +145,12 @@ class ObservationConfig:
             if shown:
                 parts[name] = spaces.Box(0, 255, (channels, size, size), np.uint8)
         return cast(spaces.Space[Observation], spaces.Dict(parts))
+
+
+def bounds(features: Mapping[str, tuple[float, float]]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The least and the greatest values of named features, each float32 (features,)."""
+    low, high = np.array(list(features.values()), np.float32).T
+    return low, high
 
 
 def check_counts(**counts: tuple[int, int]) -> None:
@@ -142,31 +168,41 @@ def check_positive(**values: float) -> None:
 
 
 class Observer:
-    """Turns the decisions of one episode into observations.
+    """Turns decisions into observations, one episode after the other.
+
+    Everything comes from the decisions, so that an agent with an observer of its own sees what the environment shows. It
+    has to be shown every decision of an episode, in order: a new episode is recognised by its new grid.
 
     Args:
         config: What to show.
-        decision: The first decision of the episode.
     """
 
-    def __init__(self, config: ObservationConfig, decision: Decision) -> None:
+    def __init__(self, config: ObservationConfig) -> None:
         self.config = config
-        self._trail = Trail(decision.grid)
+        self._grid: OccupancyGrid | None = None
 
-    def walked(self, track: list[Pose], pose: Pose, believed: Pose) -> None:
-        """Add what was walked since the last decision to the trail; see `Trail.extend`."""
-        self._trail.extend(track, pose, believed)
+    def observe(self, decision: Decision, privileged: NDArray[np.float32] | None = None) -> Observation:
+        """The observation of a decision; all arrays are new.
 
-    def observe(self, decision: Decision, mask: NDArray[np.int8]) -> Observation:
-        """The observation of a decision with its action mask int8 (max_frontiers + 1,); all arrays are new."""
+        Args:
+            decision: The decision that is due.
+            privileged: float32 (features,), what the floor plan tells, where the config asks for it; zeros when None.
+        """
         config, pose = self.config, decision.pose
-        marks = self._marked(decision)
-        observation: Observation = {"frontiers": encode_frontiers(decision, config), "action_mask": mask.copy()}
+        observation: Observation = {
+            "frontiers": encode_frontiers(decision, config),
+            "action_mask": action_mask(decision, config.max_frontiers),
+        }
+        if config.privileged:
+            shown = np.zeros(len(PRIVILEGED_FEATURES), np.float32) if privileged is None else privileged
+            observation["privileged"] = shown
+        frame = MapFrame(0.0, 0.0, 1.0)
+        if config.local_map or config.global_map:
+            marks = self._marked(decision)
         if config.local_map:
             observation["local_map"] = draw_local_map(
                 decision.grid, marks, pose, size=config.local_size, span=config.local_span, channels=len(config.channels)
             )
-        frame = MapFrame(0.0, 0.0, 1.0)
         if config.global_map:
             observation["global_map"], frame = draw_global_map(
                 decision.grid,
@@ -178,8 +214,17 @@ class Observer:
         observation["robot"] = encode_robot(decision, config, frame)
         return observation
 
+    def _follow(self, decision: Decision) -> None:
+        """Add what was walked since the last decision to the trail."""
+        if decision.grid is not self._grid:
+            self._grid, self._trail, self._shown = decision.grid, Trail(decision.grid), 0
+        if len(decision.track) > self._shown:
+            self._trail.extend(decision.track[max(0, self._shown - 1) :])
+            self._shown = len(decision.track)
+
     def _marked(self, decision: Decision) -> NDArray[np.uint8]:
         """The trail, the frontiers and what the layout predicts, as bits."""
+        self._follow(decision)
         layout = decision.layout is not None and self.config.layout_channels
         marks = self._trail.marks | layout_marks(decision) if layout else self._trail.marks.copy()
         if decision.frontiers:
@@ -198,6 +243,14 @@ def layout_marks(decision: Decision) -> NDArray[np.uint8]:
     marks = np.where(labels > 0, map_images.ROOM, 0) | np.where(outline, map_images.WALL, 0)
     marks |= np.where(np.isin(labels, sorted(closed)), map_images.CLOSED, 0)
     return np.where(decision.grid.cells == UNKNOWN, marks, 0).astype(np.uint8)
+
+
+def action_mask(decision: Decision, max_frontiers: int) -> NDArray[np.int8]:
+    """Which actions are valid, int8 (max_frontiers + 1,): the frontiers in their slots, and to stop."""
+    mask = np.zeros(max_frontiers + 1, np.int8)
+    mask[: len(decision.frontiers)] = 1
+    mask[max_frontiers] = 1
+    return mask
 
 
 def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[np.float32]:
@@ -225,7 +278,9 @@ def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[n
         ahead = (dx * math.cos(theta) + dy * math.sin(theta)) / config.length_scale
         left = (dy * math.cos(theta) - dx * math.sin(theta)) / config.length_scale
         path_length, straight, size = columns[2:5] / config.length_scale
-        detour = detours(decision)[: len(shown)] / config.length_scale if config.detour else np.zeros(len(shown))
+        rank = detour = np.zeros(len(shown))
+        if config.detour:
+            rank, detour = (column[: len(shown)] for column in tour_features(decision))
         table[: len(shown)] = np.stack(
             [
                 np.ones(len(shown)),
@@ -236,7 +291,8 @@ def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[n
                 np.arctan2(left, ahead) / np.pi,
                 size,
                 columns[5] / config.area_scale,
-                detour,
+                detour / config.length_scale,
+                rank,
                 columns[6],
                 columns[7] / config.area_scale,
                 columns[8],
@@ -244,24 +300,6 @@ def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[n
             axis=1,
         )
     return np.clip(table, _FRONTIER_LOW, _FRONTIER_HIGH).astype(np.float32).ravel()
-
-
-def detours(decision: Decision) -> NDArray[np.float64]:
-    """Metres by which a short tour over all frontiers grows when one of them is visited first, float64 (n,).
-
-    The tour is greedy, then improved by 2-opt and Or-opt. Taking frontier i out of it and visiting it first costs
-    d(robot, i) + d(i, first) - d(robot, first), less what is saved where it was taken out.
-    """
-    distances = np.minimum(decision.path_lengths(range(len(decision.frontiers))).astype(np.float64), 1e6)
-    stops = np.concatenate([[0], open_tour(distances)])
-    extra = np.zeros(len(stops))
-    for k in range(2, len(stops)):
-        i, first, before = stops[k], stops[1], stops[k - 1]
-        extra[i] = distances[0, i] + distances[i, first] - distances[0, first] - distances[before, i]
-        if k + 1 < len(stops):
-            after = stops[k + 1]
-            extra[i] += distances[before, after] - distances[i, after]
-    return np.maximum(extra[1:], 0.0)
 
 
 def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame) -> NDArray[np.float32]:
@@ -288,5 +326,5 @@ def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame)
     return np.clip(values, _ROBOT_LOW, _ROBOT_HIGH).astype(np.float32)
 
 
-_FRONTIER_LOW, _FRONTIER_HIGH = np.array(list(FRONTIER_FEATURES.values())).T
-_ROBOT_LOW, _ROBOT_HIGH = np.array(list(ROBOT_FEATURES.values())).T
+_FRONTIER_LOW, _FRONTIER_HIGH = bounds(FRONTIER_FEATURES)
+_ROBOT_LOW, _ROBOT_HIGH = bounds(ROBOT_FEATURES)

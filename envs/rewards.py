@@ -7,6 +7,7 @@ measures (metres until 99 % is seen) or the greedier quantities of other explora
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from layoutexplore.errors import ConfigError, unknown_name
@@ -23,6 +24,11 @@ class Transition(NamedTuple):
         distance: Metres travelled since the start of the episode.
         budget: Metres after which the episode is truncated.
         stop_reason: Why the episode ended with this step (see `STOP_REASONS`); "" while it goes on.
+        metres_before_95: Of `metres`, those that were walked before 95 % coverage, linear between scans as in the benchmark.
+        metres_before_99: The same for 99 %.
+        reference: Metres that a fair exploration of this plan may take, about what going to the nearest frontier needs.
+        rooms_finished: Rooms of which less than 1 m² is left to see after this step, for the first time, and to which the
+            robot has not come twice.
     """
 
     metres: float
@@ -32,6 +38,10 @@ class Transition(NamedTuple):
     distance: float
     budget: float
     stop_reason: str = ""
+    metres_before_95: float = 0.0
+    metres_before_99: float = 0.0
+    reference: float = 1.0
+    rooms_finished: int = 0
 
 
 Reward = Callable[[Transition], float]
@@ -72,8 +82,70 @@ def coverage(transition: Transition) -> float:
     return 100.0 * transition.coverage_gain
 
 
-REWARDS: dict[str, Reward] = {f.__name__: f for f in (path_length, area, area_per_metre, coverage)}
+@dataclass(frozen=True, kw_only=True)
+class PathToMarks:
+    """Minus the metres walked before 95 and 99 % coverage, as shares of the reference.
+
+    The return of an episode is -(weight_95 d95 + weight_99 d99) / reference: the two lengths that the benchmark reports. The
+    step that crosses a mark is charged only for the way to it. Who gives up (stops, or acts invalidly until the episode is
+    cut off) pays for a mark that was not reached as if the rest of the budget had been walked.
+
+    Attributes:
+        weight_95: What a metre before 95 % costs.
+        weight_99: What a metre before 99 % costs; before 95 % both are charged.
+
+    Example:
+        >>> step = Transition(20.0, 5.0, 0.96, 0.1, 60.0, 400.0, "", 15.0, 20.0, reference=100.0)
+        >>> PathToMarks()(step)
+        -0.35
+    """
+
+    weight_95: float = 1.0
+    weight_99: float = 1.0
+
+    def __call__(self, transition: Transition) -> float:
+        """The reward of a step."""
+        early, late = transition.metres_before_95, transition.metres_before_99
+        if transition.stop_reason in ("agent", "invalid_actions"):
+            rest = max(0.0, transition.budget - transition.distance)
+            early += rest * (transition.coverage < 0.95)
+            late += rest * (transition.coverage < 0.99)
+        return -(self.weight_95 * early + self.weight_99 * late) / transition.reference
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoomArea:
+    """Square metres that became known per metre travelled, and a bonus for rooms that need no second visit.
+
+    Attributes:
+        bonus: For every room that is finished on the first visit, or without one.
+
+    Example:
+        >>> RoomArea()(Transition(4.0, 6.0, 0.5, 0.1, 40.0, 200.0, rooms_finished=2))
+        11.5
+    """
+
+    bonus: float = 5.0
+
+    def __call__(self, transition: Transition) -> float:
+        """The reward of a step."""
+        return area_per_metre(transition) + self.bonus * transition.rooms_finished
+
+
+REWARDS: dict[str, Reward] = {
+    "path_length": path_length,
+    "path_to_marks": PathToMarks(),
+    "area": area,
+    "area_per_metre": area_per_metre,
+    "room_area": RoomArea(),
+    "coverage": coverage,
+}
 """The reward functions that are known by name."""
+
+
+def reads_rooms(function: Reward) -> bool:
+    """Whether a reward may read `Transition.rooms_finished`; the functions of this module that do not are spared the count."""
+    return isinstance(function, RoomArea) or function not in REWARDS.values() and not isinstance(function, PathToMarks)
 
 
 def reward(name_or_callable: str | Reward) -> Reward:

@@ -74,6 +74,7 @@ class Decision:
         sensor: The lidar's configuration.
         robot_radius: In metres.
         layout: The predicted layout; None without a predictor.
+        track: The poses so far, as the robot believes them; it grows with every move.
     """
 
     step: int
@@ -85,6 +86,7 @@ class Decision:
     sensor: LidarConfig
     robot_radius: float
     layout: Any = None
+    track: Sequence[Pose] = ()
 
     @property
     def traversable(self) -> NDArray[np.bool_]:
@@ -100,7 +102,7 @@ class Decision:
         Returns:
             float32 (k + 1, k + 1) in metres, symmetric; index 0 is the robot.
         """
-        here = self.grid.world_to_cell(self.pose.x, self.pose.y)
+        here = self.grid.nearest_cell(self.pose.x, self.pose.y)
         cells = np.array([here, *(self.frontiers[int(k)].viewpoint for k in chosen)], np.int32)
         return distance_matrix(self.traversable, cells, self.grid.resolution)
 

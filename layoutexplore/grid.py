@@ -110,6 +110,11 @@ class OccupancyGrid:
             dx, dy = c * dx + s * dy, c * dy - s * dx
         return Cell(math.floor(dy / self.resolution), math.floor(dx / self.resolution))
 
+    def nearest_cell(self, x: float, y: float) -> Cell:
+        """The cell of the grid nearest to a world point: the one that holds it, for a point inside."""
+        cell, (rows, cols) = self.world_to_cell(x, y), self.shape
+        return Cell(min(max(cell.row, 0), rows - 1), min(max(cell.col, 0), cols - 1))
+
     def cell_to_world(self, row: float, col: float) -> tuple[float, float]:
         """World coordinates (x, y) of a cell's centre."""
         dx, dy = (col + 0.5) * self.resolution, (row + 0.5) * self.resolution

@@ -79,6 +79,7 @@ class Robot:
         turned: Radians turned.
         collisions: How often a wall stopped it.
         track: The true poses so far.
+        believed_track: Where it believed to be at each of them; the same list without odometry noise.
     """
 
     def __init__(self, raster: PlanRaster, radius: float, start: Pose, noise: OdometryNoise, rng: np.random.Generator) -> None:
@@ -89,6 +90,7 @@ class Robot:
         self._raster, self._radius, self._noise, self._rng = raster, radius, noise, rng
         self._blocked = raster.blocked(radius)
         self._drifts = noise.translation > 0 or noise.rotation > 0
+        self.believed_track = [start] if self._drifts else self.track
 
     def turn_to(self, theta: float) -> None:
         """Turn on the spot to a believed heading, the short way round."""
@@ -121,6 +123,8 @@ class Robot:
         self.pose = Pose(self.pose.x + share * true_dx, self.pose.y + share * true_dy, self.pose.theta + drift)
         self.walked += share * length
         self.track.append(self.pose)
+        if self._drifts:
+            self.believed_track.append(self.believed)
         collided = share < 1.0
         self.collisions += collided
         return share * length, collided

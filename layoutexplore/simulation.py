@@ -213,6 +213,11 @@ class Simulation:
         return self.truth.target & ~self._coverage.unseen
 
     @property
+    def unseen(self) -> NDArray[np.bool_]:
+        """Bool (rows, cols): the rest of the target area, as a view that changes with the next step."""
+        return self._coverage.unseen
+
+    @property
     def target_area(self) -> float:
         """Square metres that an exploration from this start can be asked to see."""
         return self._coverage.target_count * self.raster.resolution**2
@@ -264,9 +269,7 @@ class Simulation:
 
     def _here(self) -> Cell:
         """The robot's cell; with odometry noise it may believe to be outside of its grid: then the nearest cell."""
-        cell = self.mapper.grid.world_to_cell(self.robot.believed.x, self.robot.believed.y)
-        rows, cols = self.mapper.grid.shape
-        return Cell(min(max(cell.row, 0), rows - 1), min(max(cell.col, 0), cols - 1))
+        return self.mapper.grid.nearest_cell(self.robot.believed.x, self.robot.believed.y)
 
     def _decide(self) -> Decision:
         grid = self.mapper.grid
@@ -283,6 +286,7 @@ class Simulation:
             distance=self.distance,
             sensor=self.config.lidar,
             robot_radius=self.config.robot_radius,
+            track=self.robot.believed_track,
         )
         return self.predictor.predict(decision) if self.predictor and decision.frontiers else decision
 

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from layoutexplore.decision import Decision, Frontier
+from layoutexplore.decision import Decision
 from layoutexplore.envs import map_images
 from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS, Trail, draw_global_map, draw_local_map
 from layoutexplore.envs.motion import MotionConfig
@@ -22,13 +22,13 @@ from layoutexplore.envs.observation import (
     ROBOT_FEATURES,
     ObservationConfig,
     Observer,
-    detours,
     encode_frontiers,
     layout_marks,
 )
 from layoutexplore.errors import ConfigError
 from layoutexplore.floorplan import FloorPlan, floorplan_from_ascii
-from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, Cell, OccupancyGrid, Pose
+from layoutexplore.frontier_tour import tour_features
+from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.simulation import Simulation
 from layoutexplore.simulation_config import SimulationConfig
 
@@ -154,11 +154,10 @@ def test_the_global_map_shows_only_what_is_known() -> None:
 def test_the_trail_follows_what_the_robot_believes() -> None:
     grid = OccupancyGrid(np.zeros((30, 30), np.int8), 0.1)
     trail = Trail(grid)
-    trail.extend([Pose(0.55, 0.55), Pose(1.55, 0.55)], Pose(1.55, 0.55, 0.0), Pose(1.55, 0.55, 0.0))
+    trail.extend([Pose(0.55, 0.55), Pose(1.55, 0.55)])
     assert np.argwhere(trail.marks).tolist() == [[5, col] for col in range(5, 16)]
-    drifted = Trail(grid)
-    drifted.extend([Pose(0.55, 0.55), Pose(1.55, 0.55)], Pose(1.55, 0.55, 0.0), Pose(1.05, 1.55, math.pi / 2))
-    assert np.argwhere(drifted.marks).tolist() == [[row, 10] for row in range(5, 16)]
+    trail.extend([Pose(1.55, 0.55), Pose(1.55, 0.75)])
+    assert np.argwhere(trail.marks).tolist()[-2:] == [[6, 15], [7, 15]]
 
 
 @pytest.fixture(scope="module")
@@ -212,7 +211,7 @@ def test_frontier_columns_mean_what_they_say(decision: Decision) -> None:
         assert 2.0 * table["straight_distance"][k] == pytest.approx(frontier.straight_distance, rel=1e-5)
         assert 2.0 * table["size"][k] == pytest.approx(frontier.size, rel=1e-5)
         assert 5.0 * table["visible_area"][k] == pytest.approx(frontier.visible_area, rel=1e-5)
-    for name in ("detour", "class", "expected_area", "confidence"):
+    for name in ("detour", "tour_rank", "class", "expected_area", "confidence"):
         assert not table[name].any()
 
 
@@ -228,40 +227,22 @@ def test_a_prediction_fills_its_columns(decision: Decision) -> None:
 
 def test_far_and_large_values_are_clipped_to_the_space(decision: Decision) -> None:
     config = ObservationConfig(length_scale=0.001, area_scale=0.0001)
-    observation = Observer(config, decision).observe(decision, np.ones(65, np.int8))
+    observation = Observer(config).observe(decision)
     assert config.space.contains(observation)
     assert observation["robot"].shape == (len(ROBOT_FEATURES),)
 
 
-def test_the_detour_is_the_cost_of_going_there_first() -> None:
-    """On a line with the robot at 0 and frontiers at 1, 3 and -4 the tours 1, 3, -4 and 3, 1, -4 take 10 m; -4, 1, 3 takes 11."""
-    where = np.array([0.0, 1.0, 3.0, -4.0])
-    frontiers = tuple(frontier_at(x) for x in where[1:])
-    stand_in: Any = SimpleNamespace(path_lengths=lambda _: np.abs(where[:, None] - where).astype(np.float32), frontiers=frontiers)
-    assert detours(stand_in).tolist() == [0.0, 0.0, 1.0]
-
-
-def frontier_at(x: float) -> Frontier:
-    return Frontier(
-        cells=np.zeros((1, 2), np.int32),
-        size=0.1,
-        centroid=(x, 0.0),
-        viewpoint=Cell(0, 0),
-        path_length=abs(x),
-        straight_distance=abs(x),
-        visible_area=1.0,
-    )
-
-
-def test_detours_are_computed_on_request(decision: Decision) -> None:
-    detour = columns(decision, ObservationConfig(detour=True))["detour"][: len(decision.frontiers)]
-    assert (detour == 0).sum() >= 1 and (detour >= 0).all() and detour.any()
+def test_the_tour_is_computed_on_request(decision: Decision) -> None:
+    table, count = columns(decision, ObservationConfig(detour=True)), len(decision.frontiers)
+    features = tour_features(decision)
+    np.testing.assert_allclose(10.0 * table["detour"][:count], features.detour, rtol=1e-5)
+    np.testing.assert_allclose(table["tour_rank"][:count], features.rank, rtol=1e-5)
+    assert table["detour"].any() and table["tour_rank"].max() == 1.0 and not table["tour_rank"][count:].any()
 
 
 def test_without_a_predictor_the_layout_channels_are_there_and_empty(decision: Decision) -> None:
     with_layout, without = ObservationConfig(), ObservationConfig(layout_channels=False)
-    mask = np.ones(65, np.int8)
-    rich, plain = (Observer(config, decision).observe(decision, mask) for config in (with_layout, without))
+    rich, plain = (Observer(config).observe(decision) for config in (with_layout, without))
     for name in ("local_map", "global_map"):
         assert rich[name].shape[0] == ALL and plain[name].shape[0] == len(CHANNELS)
         np.testing.assert_array_equal(rich[name][: len(CHANNELS)], plain[name])
@@ -280,13 +261,13 @@ def test_a_layout_fills_its_channels_where_nothing_is_known(decision: Decision) 
     np.testing.assert_array_equal(marks & map_images.CLOSED > 0, (labels == 2) & unknown)
     assert not (marks & map_images.WALL)[6:13, 6:13].any()
     assert ((marks & map_images.WALL > 0)[6:13, 14] == unknown[6:13, 14]).all()
-    observation = Observer(ObservationConfig(), predicted).observe(predicted, np.ones(65, np.int8))
+    observation = Observer(ObservationConfig()).observe(predicted)
     assert all(observation["global_map"][len(CHANNELS) + k].any() for k in range(2))
 
 
 def test_maps_can_be_left_out(decision: Decision) -> None:
     config = ObservationConfig(local_map=False, global_map=False)
-    observation = Observer(config, decision).observe(decision, np.ones(65, np.int8))
+    observation = Observer(config).observe(decision)
     assert set(observation) == {"frontiers", "robot", "action_mask"}
     assert config.space.contains(observation)
 

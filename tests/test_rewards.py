@@ -8,9 +8,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutexplore.envs.rewards import REWARDS, Transition, area, area_per_metre, coverage, path_length, reward
+from layoutexplore.envs.rewards import (
+    REWARDS,
+    PathToMarks,
+    RoomArea,
+    Transition,
+    area,
+    area_per_metre,
+    coverage,
+    path_length,
+    reads_rooms,
+    reward,
+)
+from layoutexplore.envs.rooms import RoomLedger, _count_by_room
 from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.exploration_metrics import distance_to_coverage
 from layoutexplore.floorplan import floorplan_from_ascii
+from layoutexplore.grid import Pose
+from layoutexplore.simulation import Simulation, SimulationConfig
+from tests.env_cases import rooms
 
 STEP = Transition(metres=4.0, new_area=6.0, coverage=0.5, coverage_gain=0.1, distance=40.0, budget=200.0)
 
@@ -27,7 +43,7 @@ def total(distance: float, stop_reason: str, coverage: float, budget: float = 20
 
 def test_names_and_callables_are_found() -> None:
     assert reward("area") is area
-    assert set(REWARDS) == {"path_length", "area", "area_per_metre", "coverage"}
+    assert set(REWARDS) == {"path_length", "path_to_marks", "area", "area_per_metre", "room_area", "coverage"}
 
     def mine(transition: Transition) -> float:
         return transition.metres
@@ -63,6 +79,77 @@ def test_finishing_within_half_of_the_budget_beats_stopping(stopped: float, rest
 
 def test_giving_up_at_once_earns_less_than_seeing_more() -> None:
     assert total(0.0, "agent", 0.1) < total(20.0, "agent", 0.5)
+
+
+def test_metres_are_charged_up_to_the_marks() -> None:
+    step = STEP._replace(reference=100.0)
+    charge = PathToMarks(weight_95=2.0, weight_99=1.0)
+    assert charge(step._replace(metres_before_95=4.0, metres_before_99=4.0)) == pytest.approx(-0.12)
+    assert charge(step._replace(coverage=0.96, metres_before_95=1.0, metres_before_99=4.0)) == pytest.approx(-0.06)
+    assert charge(step._replace(coverage=0.97, metres_before_99=4.0)) == pytest.approx(-0.04)
+    assert charge(step._replace(coverage=0.995, metres_before_99=3.0, stop_reason="coverage")) == pytest.approx(-0.03)
+
+
+@pytest.mark.parametrize(("reason", "early", "late"), [("agent", 164.0, 164.0), ("budget", 4.0, 4.0), ("no_frontier", 4.0, 4.0)])
+def test_giving_up_costs_the_rest_of_the_budget(reason: str, early: float, late: float) -> None:
+    step = STEP._replace(reference=100.0, metres_before_95=4.0, metres_before_99=4.0, stop_reason=reason)
+    assert PathToMarks()(step) == pytest.approx(-(early + late) / 100.0)
+    seen = step._replace(coverage=0.97, metres_before_95=0.0)
+    assert PathToMarks()(seen) == pytest.approx(-late / 100.0)
+
+
+def test_finished_rooms_earn_a_bonus() -> None:
+    assert RoomArea(bonus=2.0)(STEP._replace(rooms_finished=3)) == pytest.approx(7.5)
+    assert [name for name, function in REWARDS.items() if reads_rooms(function)] == ["room_area"]
+    assert reads_rooms(lambda transition: 0.0) and not reads_rooms(PathToMarks(weight_95=0.0))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_return_of_path_to_marks_is_what_the_benchmark_reports(seed: int) -> None:
+    env = gymnasium.make("LayoutExplore/Frontier-v0", plan=rooms(), sensor="short", reward="path_to_marks").unwrapped
+    env.reset(seed=seed)
+    total, over = 0.0, False
+    while not over:
+        _, value, terminated, truncated, _ = env.step(0)
+        total, over = total + value, terminated or truncated
+    curve, simulation = env.simulation.curve, env.simulation
+    marks = [distance_to_coverage(curve[:, 0], curve[:, 1], mark, budget=simulation.max_distance)[0] for mark in (0.95, 0.99)]
+    assert total == pytest.approx(-sum(marks) / (0.2 * (100.0 + simulation.target_area)))
+
+
+def test_rooms_are_counted_when_they_are_finished_on_the_first_visit() -> None:
+    plan = floorplan_from_ascii(
+        """
+        #############
+        #aaaa.bbb#cc#
+        #aaaa#bbb#cc#
+        #aaaa#bbb.cc#
+        #############""".replace(" ", ""),
+        resolution=1.0,
+    )
+    simulation = Simulation(plan, SimulationConfig(sensor="short"))
+    simulation.reset(0, Pose(2.5, 1.5, 0.0))
+    a, b, c = (int(simulation.raster.room_ids[simulation.raster.world_to_cell(x, 2.5)]) for x in (2.5, 7.5, 11.0))
+    ledger, unseen = RoomLedger(simulation.truth), simulation.truth.target.copy()
+    ids = simulation.raster.room_ids
+    assert ledger.left[[a, b, c]] == pytest.approx([np.count_nonzero(unseen & (ids == room)) * 0.01 for room in (a, b, c)])
+    track = [Pose(2.5, 1.5, 0.0)]
+    assert ledger.update(unseen, track) == 0 and ledger.visits[a] == 1
+    unseen[ids == a] = False
+    assert ledger.update(unseen, track) == 1, "the robot is in it for the first time"
+    unseen[ids == c] = False
+    assert ledger.update(unseen, track) == 1, "it needs no visit at all"
+    track += [Pose(5.5, 3.5, 0.0), Pose(6.5, 3.5, 0.0), Pose(4.5, 3.5, 0.0), Pose(6.5, 3.5, 0.0)]
+    unseen[ids == b] = False
+    assert ledger.update(unseen, track) == 0 and ledger.visits[b] == 2, "the robot came back to it"
+    assert not ledger.open.any()
+
+
+@given(st.integers(0, 10_000), st.integers(1, 200))
+def test_cells_are_counted_by_room(seed: int, size: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells, ids = (rng.random(size) < rng.random()).astype(np.uint8), rng.integers(0, 5, size).astype(np.int32)
+    np.testing.assert_array_equal(_count_by_room(cells, ids, 5), np.bincount(ids[cells > 0], minlength=5))
 
 
 @pytest.mark.parametrize("name", ["LayoutExplore/Frontier-v0", "LayoutExplore/Motion-v0"])

@@ -1,0 +1,147 @@
+"""What the floor plan's rooms tell of an episode: what is left to see in each, and how far it is between them.
+
+Only rewards and the critic's privileged view read it; policies do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.decision import Truth
+from layoutexplore.floorplan import PlanRaster
+from layoutexplore.frontier_tour import LITTLE_LEFT
+from layoutexplore.grid import Cell, Pose
+from layoutexplore.planning import geodesic_distances
+
+_BLOCK = 4
+"""Cells of the plan per cell of the kept distance fields, along each axis."""
+
+
+class RoomLedger:
+    """What is left to see in every room of an episode's floor plan, and how often the robot has been in it.
+
+    Args:
+        truth: The truth of the episode.
+
+    Attributes:
+        left: float64 (rooms + 1,), square metres of the target area in each room that have not been seen; entry 0 lies in
+            no room.
+        counted: bool (rooms + 1,), the rooms that had 1 m² or more to see at first: smaller ones are no rooms to visit.
+        visits: int64 (rooms + 1,), how often the robot has entered each room.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        self._raster = truth.raster
+        self._cell_area = truth.raster.resolution**2
+        self._ids = np.ascontiguousarray(truth.raster.room_ids, np.int32).ravel()
+        self._entries = int(self._ids.max()) + 1
+        self.left = self._count(truth.target)
+        self.counted = self.left >= LITTLE_LEFT
+        self.counted[0] = False
+        self.visits = np.zeros(self._entries, np.int64)
+        self._room = self._walked = 0
+
+    @property
+    def open(self) -> NDArray[np.bool_]:
+        """Bool (rooms + 1,): counted rooms with 1 m² or more left to see."""
+        return self.counted & (self.left >= LITTLE_LEFT)
+
+    def update(self, unseen: NDArray[np.bool_], track: Sequence[Pose]) -> int:
+        """Take note of what has happened since the last call.
+
+        Args:
+            unseen: bool (rows, cols), the cells of the target area that have not been seen.
+            track: The robot's true poses since the episode began.
+
+        Returns:
+            Number of rooms that were finished (less than 1 m² left) before the robot came to them a second time.
+        """
+        for x, y, _ in track[self._walked :]:
+            room = int(self._ids.reshape(self._raster.shape)[self._raster.world_to_cell(x, y)])
+            if room and room != self._room:
+                self.visits[room] += 1
+                self._room = room
+        self._walked = len(track)
+        open_before = self.open
+        self.left = self._count(unseen)
+        return int(np.count_nonzero(open_before & ~self.open & (self.visits <= 1)))
+
+    def _count(self, cells: NDArray[np.bool_]) -> NDArray[np.float64]:
+        return _count_by_room(np.ascontiguousarray(cells).ravel().view(np.uint8), self._ids, self._entries) * self._cell_area
+
+
+class RoomDistances:
+    """How far it is to the rooms of a floor plan, for one connected area of it.
+
+    Attributes:
+        rooms: int64 (n,), the ids of the rooms.
+        between: float64 (n, n), path lengths in metres between their middles.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        raster = truth.raster
+        ids = np.where(truth.target, raster.room_ids, 0)
+        self.rooms = np.flatnonzero(np.bincount(ids.ravel())[1:]) + 1
+        self._blocks = np.empty((len(self.rooms), *(-(-n // _BLOCK) for n in raster.shape)), np.float16)
+        places = [_middle(np.argwhere(ids == room), truth.reachable) for room in self.rooms.tolist()]
+        self.between = np.zeros((len(places), len(places)))
+        for k, place in enumerate(places):
+            field = geodesic_distances(truth.reachable, place, raster.resolution)
+            self._blocks[k] = _block_minimum(field)
+            self.between[k] = [field[other] for other in places]
+
+    def to_rooms(self, cell: Cell) -> NDArray[np.float64]:
+        """Path lengths float64 (n,) in metres from a cell to the rooms' middles, to half a metre."""
+        return self._blocks[:, cell.row // _BLOCK, cell.col // _BLOCK].astype(np.float64)
+
+
+def room_distances(truth: Truth) -> RoomDistances:
+    """The distances of an episode's floor plan, shared by all episodes of the process in the same area of it."""
+    kept = _DISTANCES.setdefault(truth.raster, {})
+    key = (truth.robot_radius, int(np.argmax(truth.reachable)))
+    if key not in kept:
+        kept[key] = RoomDistances(truth)
+    return kept[key]
+
+
+_DISTANCES: WeakKeyDictionary[PlanRaster, dict[tuple[float, int], RoomDistances]] = WeakKeyDictionary()
+
+
+def _middle(cells: NDArray[np.int64], reachable: NDArray[np.bool_]) -> Cell:
+    """The reachable cell nearest to the middle of a room's cells int64 (n, 2): inside of the room if there is one."""
+    inside = cells[reachable[cells[:, 0], cells[:, 1]]]
+    candidates = inside if len(inside) else np.argwhere(reachable)
+    nearest = candidates[np.argmin(((candidates - cells.mean(axis=0)) ** 2).sum(axis=1))]
+    return Cell(int(nearest[0]), int(nearest[1]))
+
+
+def _block_minimum(field: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The least value in each block of `_BLOCK` x `_BLOCK` cells; blocks at the edge may be smaller."""
+    rows, cols = (-(-n // _BLOCK) * _BLOCK for n in field.shape)
+    padded = np.full((rows, cols), np.inf, np.float32)
+    padded[: field.shape[0], : field.shape[1]] = field
+    least: NDArray[np.float32] = padded.reshape(rows // _BLOCK, _BLOCK, cols // _BLOCK, _BLOCK).min(axis=(1, 3))
+    return least
+
+
+@njit(cache=True, nogil=True)
+def _count_by_room(cells: NDArray[np.uint8], ids: NDArray[np.int32], entries: int) -> NDArray[np.int64]:
+    """How many cells uint8 (n,) are set in each room int64 (entries,); stretches of eight unset ones are skipped."""
+    counts = np.zeros(entries, np.int64)
+    whole = cells.size // 8 * 8
+    words = cells[:whole].view(np.uint64)
+    for w in range(words.size):
+        if words[w] == 0:
+            continue
+        for k in range(8 * w, 8 * w + 8):
+            if cells[k]:
+                counts[ids[k]] += 1
+    for k in range(whole, cells.size):
+        if cells[k]:
+            counts[ids[k]] += 1
+    return counts

@@ -1,0 +1,91 @@
+"""Which frontiers a tour is planned over, and what each costs on top of it.
+
+A tour visits the sizeable frontiers that need not wait: a closed one with hardly anything left in its room is taken when no
+other is left. The tour agents go where it begins; policies are shown each frontier's place in it and what going there
+first would add.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.decision import Decision, Frontier
+from layoutexplore.tours import open_tour
+
+TOUR_SIZE = 1.0
+"""Metres; smaller frontiers wait until no other is left."""
+
+LITTLE_LEFT = 1.0
+"""Square metres; closed frontiers with less left in their room wait."""
+
+_UNCONNECTED = 1e6
+
+
+class TourFeatures(NamedTuple):
+    """What a tour tells of each frontier of a decision.
+
+    Attributes:
+        rank: float64 (n,): 1 / its position in the tour, counted from 1; 0 when it is not in the tour.
+        detour: float64 (n,): metres by which the tour grows when this frontier is visited first.
+    """
+
+    rank: NDArray[np.float64]
+    detour: NDArray[np.float64]
+
+
+def area_left(frontier: Frontier) -> float:
+    """Expected area behind a frontier in square metres; behind an open one there is no end to it."""
+    return (frontier.expected_area or 0.0) if frontier.is_closed else np.inf
+
+
+def sizeable_frontiers(decision: Decision, min_size: float = TOUR_SIZE) -> NDArray[np.int64]:
+    """Indices int64 (k,) of the frontiers of at least that size in metres; of all when there is none."""
+    sizes = np.array([frontier.size for frontier in decision.frontiers])
+    large = np.flatnonzero(sizes >= min_size - 1e-6)
+    return large if len(large) else np.arange(len(sizes))
+
+
+def ready_frontiers(decision: Decision, min_size: float = TOUR_SIZE, area: float = LITTLE_LEFT) -> NDArray[np.int64]:
+    """Indices int64 (k,) of the sizeable frontiers that need not wait; of all sizeable ones when all would wait.
+
+    Args:
+        decision: The decision.
+        min_size: Metres; smaller frontiers count only when all are smaller.
+        area: Square metres; closed frontiers with less left wait.
+    """
+    chosen = sizeable_frontiers(decision, min_size)
+    goes = np.array([area_left(decision.frontiers[i]) >= area for i in chosen], np.bool_)
+    return chosen[goes] if goes.any() else chosen
+
+
+def tour_features(decision: Decision) -> TourFeatures:
+    """Place in the tour over the frontiers that need not wait, and detour, of every frontier of a decision.
+
+    Taking frontier i out of the tour and visiting it first costs d(robot, i) + d(i, first) - d(robot, first), less what
+    is saved where it was taken out. One matrix of distances serves the tour and the detours.
+    """
+    count = len(decision.frontiers)
+    if count == 0:
+        return TourFeatures(np.zeros(0), np.zeros(0))
+    distances = np.minimum(decision.path_lengths(range(count)).astype(np.float64), _UNCONNECTED)
+    return _features(distances, ready_frontiers(decision))
+
+
+def _features(distances: NDArray[np.float64], ready: NDArray[np.int64]) -> TourFeatures:
+    """The features for distances float64 (n + 1, n + 1), the robot first, and a tour over some of 0 .. n - 1."""
+    places = np.concatenate([[0], ready + 1])
+    stops = places[np.concatenate([[0], open_tour(distances[np.ix_(places, places)])])]
+    rank = np.zeros(len(distances))
+    rank[stops[1:]] = 1.0 / np.arange(1, len(stops))
+    first = stops[1]
+    extra = distances[0] + distances[:, first] - distances[0, first]
+    extra[first] = 0.0
+    # What is saved where a stop behind the first is taken out; at the end of the tour nothing is bridged.
+    before, here = stops[1:-1], stops[2:]
+    extra[here] -= distances[before, here]
+    after = here[1:]
+    extra[here[:-1]] += distances[before[:-1], after] - distances[here[:-1], after]
+    return TourFeatures(rank[1:], np.maximum(extra[1:], 0.0))

@@ -1,0 +1,94 @@
+"""Which frontiers a tour visits, their places in it and their detours, against slow obvious versions."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from layoutexplore.decision import Frontier
+from layoutexplore.frontier_tour import ready_frontiers, sizeable_frontiers, tour_features
+from layoutexplore.grid import Cell
+from layoutexplore.tours import open_tour, tour_length
+
+
+def frontier(x: float, size: float = 2.0, closed: bool | None = None, area: float | None = None) -> Frontier:
+    return Frontier(
+        cells=np.zeros((1, 2), np.int32),
+        size=size,
+        centroid=(x, 0.0),
+        viewpoint=Cell(0, 0),
+        path_length=abs(x),
+        straight_distance=abs(x),
+        visible_area=1.0,
+        is_closed=closed,
+        expected_area=area,
+    )
+
+
+def decision(frontiers: list[Frontier], points: NDArray[np.float64]) -> Any:
+    """A stand-in whose robot and frontiers lie at points float64 (n + 1, 2)."""
+    distances = np.linalg.norm(points[:, None] - points[None], axis=2).astype(np.float32)
+    return SimpleNamespace(path_lengths=lambda _: distances, frontiers=tuple(frontiers))
+
+
+def on_a_line(*frontiers: Frontier) -> Any:
+    where = np.array([0.0, *(f.centroid[0] for f in frontiers)])
+    return decision(list(frontiers), np.stack([where, np.zeros(len(where))], axis=1))
+
+
+def test_the_detour_is_the_cost_of_going_there_first() -> None:
+    """On a line with the robot at 0 and frontiers at 1, 3 and -4 the tours 1, 3, -4 and 3, 1, -4 take 10 m; -4, 1, 3 takes 11."""
+    features = tour_features(on_a_line(frontier(1.0), frontier(3.0), frontier(-4.0)))
+    assert features.detour.tolist() == [0.0, 0.0, 1.0]
+    assert features.rank == pytest.approx([1.0, 1 / 2, 1 / 3])
+
+
+def test_what_waits_has_no_place_in_the_tour_and_costs_what_inserting_it_first_adds() -> None:
+    waits, leads_on, rich = frontier(-1.0, closed=True, area=0.5), frontier(2.0, closed=False), frontier(5.0, closed=True, area=2)
+    features = tour_features(on_a_line(waits, leads_on, rich))
+    assert features.rank.tolist() == [0.0, 1.0, 0.5]
+    assert features.detour.tolist() == [2.0, 0.0, 3.0], "-1, 2, 5 takes 7 m and 5, 2 takes 8 m instead of 5 m"
+
+
+def test_who_is_ready() -> None:
+    small, waits = frontier(1.0, size=0.5), frontier(2.0, closed=True, area=0.5)
+    leads_on, unjudged = frontier(3.0, closed=False, area=0.1), frontier(4.0)
+    everything = on_a_line(small, waits, leads_on, unjudged)
+    assert sizeable_frontiers(everything).tolist() == [1, 2, 3]
+    assert ready_frontiers(everything).tolist() == [2, 3]
+    assert ready_frontiers(everything, min_size=0.4).tolist() == [0, 2, 3]
+    assert ready_frontiers(on_a_line(small, waits)).tolist() == [1], "when all would wait, none does"
+    assert ready_frontiers(on_a_line(small, frontier(2.0, size=0.5, closed=True, area=0.5))).tolist() == [0]
+    assert ready_frontiers(on_a_line(waits, frontier(4.0, closed=True, area=3.0)), area=4.0).tolist() == [0, 1]
+
+
+def test_a_decision_without_frontiers_has_no_features() -> None:
+    features = tour_features(decision([], np.zeros((1, 2))))
+    assert features.rank.shape == features.detour.shape == (0,)
+
+
+@given(seed=st.integers(0, 100_000), count=st.integers(1, 12))
+@settings(max_examples=60, deadline=None)
+def test_detours_are_differences_of_tour_lengths(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    frontiers = [
+        frontier(0.0, size=float(rng.uniform(0.4, 3.0)), closed=bool(rng.random() < 0.5), area=float(rng.uniform(0, 2)))
+        for _ in range(count)
+    ]
+    given_decision = decision(frontiers, rng.uniform(0, 20, (count + 1, 2)))
+    distances = given_decision.path_lengths(None).astype(np.float64)
+    places = [0, *(ready_frontiers(given_decision) + 1).tolist()]
+    order = [places[k] for k in open_tour(distances[np.ix_(places, places)])]
+    features = tour_features(given_decision)
+    assert [round(1 / rank) for rank in sorted(features.rank[features.rank > 0], reverse=True)] == list(range(1, len(order) + 1))
+    for k in range(count):
+        first = [k + 1, *(place for place in order if place != k + 1)]
+        grown = tour_length(distances, np.array(first)) - tour_length(distances, np.array(order))
+        assert features.detour[k] == pytest.approx(max(0.0, grown), abs=1e-4)
+        assert features.rank[k] == (pytest.approx(1 / (order.index(k + 1) + 1)) if k + 1 in order else 0.0)

@@ -1,0 +1,127 @@
+"""What only critics see, and that policies outside of an environment see everything else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from layoutexplore.decision import STOP, Decision
+from layoutexplore.envs.observation import PRIVILEGED_FEATURES, Observation, ObservationConfig, Observer
+from layoutexplore.envs.rooms import RoomDistances
+from layoutexplore.planning import distance_matrix, geodesic_distances
+from layoutexplore.predictors import make_predictor
+from layoutexplore.robot import OdometryNoise
+from layoutexplore.simulation import Simulation, SimulationConfig
+from tests.env_cases import FRONTIER, rooms
+
+SMALL = {"local_size": 16, "global_size": 16}
+
+
+def make(**options: Any) -> Any:
+    return gymnasium.make(FRONTIER, **{"plan": rooms(), "sensor": "short"} | options).unwrapped
+
+
+def choose(observation: Observation) -> int:
+    """Any function of what is observed, so that other observations make other choices."""
+    total = int(sum(int(np.asarray(value, np.float64).sum() * 1000) for key, value in observation.items() if key != "privileged"))
+    valid = np.flatnonzero(observation["action_mask"][:-1])
+    return int(valid[total % len(valid)]) if len(valid) else len(observation["action_mask"]) - 1
+
+
+class ObservingAgent:
+    """Acts from decisions alone, by an observer of its own."""
+
+    name = "observing"
+
+    def __init__(self, config: ObservationConfig) -> None:
+        self.observer, self.slots = Observer(config), config.max_frontiers
+        self.seen: list[Observation] = []
+
+    def reset(self, seed: int) -> None:
+        self.seen = []
+
+    def act(self, decision: Decision) -> int:
+        self.seen.append(self.observer.observe(decision))
+        action = choose(self.seen[-1])
+        return STOP if action == self.slots else action
+
+
+@pytest.mark.parametrize("predictor", ["none", "oracle", "layout"])
+@pytest.mark.parametrize("noise", [OdometryNoise(), OdometryNoise(translation=0.02, rotation=0.01)], ids=["exact", "drifting"])
+def test_an_agent_sees_what_the_environment_shows(predictor: str, noise: OdometryNoise) -> None:
+    observation_config = ObservationConfig(detour=True, privileged=True, **SMALL)
+    config = SimulationConfig(sensor="short", odometry_noise=noise, max_distance=60.0)
+    env = make(predictor=predictor, observation=observation_config, simulation=config)
+    agent = ObservingAgent(observation_config)
+    for seed in (1, 2):
+        observation, info = env.reset(seed=seed)
+        shown, over = [observation], False
+        while not over:
+            observation, _, terminated, truncated, _ = env.step(choose(shown[-1]))
+            shown.append(observation)
+            over = terminated or truncated
+        simulation = Simulation(env.simulation.plan, config, make_predictor(predictor))
+        decision = simulation.reset(info["simulation_seed"])
+        agent.reset(0)
+        while not simulation.done:
+            decision = simulation.step(agent.act(decision))
+        np.testing.assert_array_equal(simulation.track, env.simulation.track)
+        assert len(agent.seen) == len(shown) - 1
+        for mine, theirs in zip(agent.seen, shown, strict=False):
+            assert mine.keys() == theirs.keys()
+            for key in mine.keys() - {"privileged"}:
+                np.testing.assert_array_equal(mine[key], theirs[key])
+            assert not mine["privileged"].any() and theirs["privileged"].any()
+
+
+def test_privileged_entries_mean_what_they_say() -> None:
+    env = make(observation=ObservationConfig(privileged=True, length_scale=2.0, area_scale=5.0, **SMALL))
+    observation, _ = env.reset(seed=0)
+    over = False
+    while not over:
+        named = dict(zip(PRIVILEGED_FEATURES, observation["privileged"].tolist(), strict=True))
+        simulation = env.simulation
+        area, coverage = simulation.target_area, simulation.coverage
+        assert env.observation_space.contains(observation)
+        assert named["coverage"] == pytest.approx(coverage)
+        assert named["remaining_area"] * 5.0 == pytest.approx(area * (1 - coverage), abs=1e-3)
+        assert named["building_area"] * 5.0 == pytest.approx(area, rel=1e-5)
+        assert named["budget_used"] == pytest.approx(simulation.distance / simulation.max_distance)
+        assert named["length_to_95"] <= named["length_to_99"] <= named["remaining_tour"] + 1e-5
+        assert (named["length_to_95"] == 0) == (coverage >= 0.95 or named["rooms_left"] == 0)
+        observation, _, terminated, truncated, _ = env.step(0)
+        over = terminated or truncated
+    assert observation["privileged"][list(PRIVILEGED_FEATURES).index("rooms_left")] == 0.0
+    assert "privileged" not in make().reset(seed=0)[0]
+
+
+def test_the_tour_of_the_critic_visits_what_is_left() -> None:
+    env = make(observation=ObservationConfig(privileged=True, **SMALL))
+    env.reset(seed=3)
+    for _ in range(3):
+        env.step(1)
+    view, ledger = env._privileged, env._ledger
+    distances = view._distances
+    assert sorted(distances.rooms[view._order].tolist()) == np.flatnonzero(ledger.open).tolist()
+    metres, left = view._tour()
+    assert len(metres) == len(left) == np.count_nonzero(ledger.open)
+    np.testing.assert_allclose(left, ledger.left[distances.rooms[view._order]])
+    np.testing.assert_allclose(metres[1:], distances.between[view._order[:-1], view._order[1:]])
+
+
+def test_distances_between_rooms_are_geodesic() -> None:
+    simulation = Simulation(rooms(), SimulationConfig(sensor="short"))
+    simulation.reset(0)
+    truth = simulation.truth
+    distances = RoomDistances(truth)
+    assert len(distances.rooms) == len(np.unique(truth.raster.room_ids[truth.target & (truth.raster.room_ids > 0)]))
+    here = truth.raster.world_to_cell(simulation.pose.x, simulation.pose.y)
+    field = geodesic_distances(truth.reachable, here, 0.1)
+    middles = [np.argwhere((truth.raster.room_ids == room) & truth.reachable) for room in distances.rooms]
+    nearest = [min(cells, key=lambda c: np.abs(c - cells.mean(axis=0)).sum()) for cells in middles]
+    np.testing.assert_allclose(distances.to_rooms(here), [field[tuple(cell)] for cell in nearest], atol=1.0)
+    exact = distance_matrix(truth.reachable, np.array(nearest, np.int32), 0.1)
+    np.testing.assert_allclose(distances.between, exact, atol=1.0)
