@@ -5,7 +5,18 @@ Importing a module registers its agents; `make_agent` builds one from its name a
 
 from __future__ import annotations
 
-from layoutexplore.agents import clairvoyant, greedy, layout, tour, waiting
+from layoutexplore.agents import clairvoyant, greedy, layout, policy, probabilistic, tour, waiting
 from layoutexplore.agents.base import agent_names, describe_agents, make_agent
 
-__all__ = ["agent_names", "clairvoyant", "describe_agents", "greedy", "layout", "make_agent", "tour", "waiting"]
+__all__ = [
+    "agent_names",
+    "clairvoyant",
+    "describe_agents",
+    "greedy",
+    "layout",
+    "make_agent",
+    "policy",
+    "probabilistic",
+    "tour",
+    "waiting",
+]

@@ -18,7 +18,15 @@ from layoutexplore.errors import ConfigError, unknown_name
 Value = bool | int | float | str
 
 
-def option(default: Value, text: str, *, low: float = -math.inf, high: float = math.inf, choices: tuple[str, ...] = ()) -> Any:
+def option(
+    default: Value,
+    text: str,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    choices: tuple[str, ...] = (),
+    positional: bool = False,
+) -> Any:
     """A field of an `Options` class.
 
     Args:
@@ -27,8 +35,10 @@ def option(default: Value, text: str, *, low: float = -math.inf, high: float = m
         low: Least number that makes sense.
         high: Greatest number that makes sense.
         choices: The words that are allowed; for a text.
+        positional: Whether the value may stand right behind the colon without the key, `NAME:VALUE`; for one text.
     """
-    return dataclasses.field(default=default, metadata={"text": text, "low": low, "high": high, "choices": choices})
+    metadata = {"text": text, "low": low, "high": high, "choices": choices, "positional": positional}
+    return dataclasses.field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,9 +166,12 @@ def _parameters(defaults: Options) -> tuple[tuple[str, str, str], ...]:
 def _parsed(spec: str, defaults: Options, text: str) -> Options:
     """The defaults with the parameters of a text like "a=1,b=2" put in."""
     fields = {field.name: field for field in dataclasses.fields(defaults)}
+    first = next((name for name, field in fields.items() if field.metadata["positional"]), "")
     values: dict[str, Value] = {}
-    for item in text.split(","):
+    for number, item in enumerate(text.split(",")):
         key, equals, value = (part.strip() for part in item.partition("="))
+        if first and number == 0 and key not in fields:
+            key, equals, value = first, "=", item.strip()
         if not (equals and key and value):
             raise ConfigError(f"agent {spec!r}: {item.strip()!r} is not of the form key=value")
         if key not in fields:
@@ -203,7 +216,7 @@ def _format(value: Value) -> str:
 
 def _canonical(name: str, options: Options, defaults: Options) -> str:
     changed = [
-        f"{field.name}={_format(getattr(options, field.name))}"
+        ("" if field.metadata["positional"] else f"{field.name}=") + _format(getattr(options, field.name))
         for field in dataclasses.fields(options)
         if getattr(options, field.name) != getattr(defaults, field.name)
     ]

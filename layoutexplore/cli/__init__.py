@@ -15,7 +15,7 @@ import typer
 import layoutexplore
 from layoutexplore.errors import LayoutExploreError
 
-GROUPS = ("benchmark", "explore", "maps", "layout", "evaluate", "speed")
+GROUPS = ("benchmark", "explore", "train", "maps", "layout", "evaluate", "speed")
 """Modules of this package with commands, in the order in which the help shows them."""
 
 app = typer.Typer(

@@ -1,0 +1,152 @@
+"""What a policy is: the part of it that a program needs (`PolicySpec`), and the card that a person reads.
+
+A policy is a `.safetensors` file with the weights of the actor. Its header holds the card, a TOML text whose table `[policy]`
+is the spec: weights and card cannot come apart. The same text lies beside it as `.toml` to be read. Nothing is unpickled.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import layoutexplore
+from layoutexplore.agents.rl.hyperparameters import NetworkConfig, TrainingConfig
+from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS
+from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
+from layoutexplore.errors import ConfigError, ResultsError, unknown_name
+
+FORMAT = 1
+"""Version of the file format and of what the features mean."""
+
+WEIGHTS = Path(__file__).resolve().parent / "weights"
+"""Folder of the policies that ship."""
+
+DEFAULT_POLICY = "layout"
+
+_LARGEST_HEADER = 1 << 20
+_UNUSED_FRONTIER = {"valid"}
+_ROBOT = ("distance", "known_area", "expected_area")
+_ROBOT_ON_MAP = ("map_x", "map_y", "map_span")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicySpec:
+    """What has to be known to build a policy's network and to feed it.
+
+    Attributes:
+        network: Shape of the network.
+        frontier_features: Columns of `FRONTIER_FEATURES` that it reads, in its order.
+        robot_features: Entries of `ROBOT_FEATURES` that it reads, in its order.
+        map_channels: Channels of the global map that it reads; empty for no map.
+        predictor: The predictor of rooms that it was trained with.
+        sensor: The lidar that it was trained with.
+        format: Version of the format.
+        version: Version of layoutexplore that wrote it.
+    """
+
+    network: NetworkConfig
+    frontier_features: tuple[str, ...]
+    robot_features: tuple[str, ...]
+    map_channels: tuple[str, ...] = ()
+    predictor: str = "none"
+    sensor: str = "stage"
+    format: int = FORMAT
+    version: str = layoutexplore.__version__
+
+    def as_table(self) -> dict[str, Any]:
+        """Nested plain values for TOML."""
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in dataclasses.asdict(self).items()}
+
+
+def spec_of(config: TrainingConfig) -> PolicySpec:
+    """The spec of the policy that a configuration trains."""
+    assert config.network is not None
+    maps = bool(config.observation["global_map"])
+    return PolicySpec(
+        network=config.network,
+        frontier_features=tuple(name for name in FRONTIER_FEATURES if name not in _UNUSED_FRONTIER),
+        robot_features=_ROBOT + (_ROBOT_ON_MAP if maps else ()),
+        map_channels=CHANNELS + LAYOUT_CHANNELS if maps else (),
+        predictor=config.predictor,
+        sensor=config.sensor,
+    )
+
+
+def find_policy(name: str) -> Path:
+    """The file of a policy: a file, the folder of a training run (its best policy), or the name of one that ships.
+
+    Raises:
+        ConfigError: There is no such policy.
+    """
+    shipped = {path.stem: path for path in sorted(WEIGHTS.glob("*.safetensors"))}
+    if name in shipped:
+        return shipped[name]
+    path = Path(name).expanduser()
+    if path.is_dir():
+        for candidate in ("best.safetensors", "policy.safetensors"):
+            if (path / candidate).is_file():
+                return path / candidate
+        raise ConfigError(f"no policy in the folder {path}: it has neither best.safetensors nor policy.safetensors")
+    if path.is_file():
+        return path
+    if len(path.parts) == 1 and not path.suffix:
+        raise unknown_name("policy", name, shipped)
+    raise ConfigError(f"there is no policy {path}: give a .safetensors file, a folder of `layoutexplore train` or a shipped name")
+
+
+def read_card(path: Path) -> dict[str, Any]:
+    """The card in the header of a policy's file, as nested values.
+
+    Raises:
+        ResultsError: The file cannot be read, is no policy, or is cut off.
+    """
+    try:
+        with path.open("rb") as file:
+            size = int.from_bytes(file.read(8), "little")
+            if not 0 < size <= _LARGEST_HEADER:
+                raise ResultsError(f"{path} is not a policy: it does not begin like a safetensors file")
+            header = json.loads(file.read(size))
+        end = 8 + size + max((t["data_offsets"][1] for k, t in header.items() if k != "__metadata__"), default=0)
+        if (found := path.stat().st_size) != end:
+            raise ResultsError(f"{path} is damaged: {found} bytes where its header promises {end}; copy or train it again")
+        return tomllib.loads(header["__metadata__"]["card"])
+    except OSError as error:
+        raise ResultsError(f"cannot read the policy {path}: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        if isinstance(error, ResultsError):
+            raise
+        raise ResultsError(f"{path} is not a policy of layoutexplore, or is cut off in its header") from error
+
+
+def read_spec(path: Path) -> PolicySpec:
+    """The spec of a policy's file, checked against what this version can feed it.
+
+    Raises:
+        ResultsError: It is no such file, was written in another format, or needs features that do not exist here.
+    """
+    table = read_card(path).get("policy")
+    if not isinstance(table, Mapping):
+        raise ResultsError(f"{path}: the card has no table [policy]: it does not choose frontiers, so it cannot be an agent here")
+    if table.get("format") != FORMAT:
+        raise ResultsError(
+            f"{path} has format {table.get('format')!r} (layoutexplore {table.get('version')}); "
+            f"this is layoutexplore {layoutexplore.__version__}, which reads format {FORMAT}: train it again"
+        )
+    try:
+        values = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
+        spec = PolicySpec(**{**values, "network": NetworkConfig(**table["network"])})
+    except (TypeError, KeyError, ConfigError) as error:
+        raise ResultsError(f"{path}: the table [policy] of its card is not understood: {error}") from error
+    for kind, names, known in (
+        ("frontier features", spec.frontier_features, FRONTIER_FEATURES),
+        ("robot features", spec.robot_features, ROBOT_FEATURES),
+        ("map channels", spec.map_channels, CHANNELS + LAYOUT_CHANNELS),
+    ):
+        if missing := [name for name in names if name not in known]:
+            raise ResultsError(f"{path} was trained with {kind} that this version does not have: {', '.join(missing)}")
+    return spec

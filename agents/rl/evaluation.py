@@ -1,0 +1,125 @@
+"""How good a policy is: explorations on fixed cells, paired with reference agents in the same cells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import gymnasium
+import numpy as np
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from layoutexplore.agents import make_agent
+from layoutexplore.agents.rl.environments import environment_arguments
+from layoutexplore.agents.rl.hyperparameters import TrainingConfig
+from layoutexplore.benchmark.episode import play, run_seed
+from layoutexplore.benchmark.plans import find_plans, load, start_pose
+from layoutexplore.decision import Agent
+from layoutexplore.exploration_metrics import score_curve
+from layoutexplore.predictors import make_predictor
+from layoutexplore.simulation import Simulation
+from layoutexplore.simulation_config import SimulationConfig
+
+Stop = Callable[[], bool]
+
+
+class Cell(NamedTuple):
+    """One exploration of an evaluation: a floor plan and the number of a start on it."""
+
+    plan: str
+    start: int
+
+
+class Metres(NamedTuple):
+    """Metres until 95 % and until 99 % was seen, and the share seen at the end."""
+
+    d95: float
+    d99: float
+    coverage: float
+
+
+class Evaluation:
+    """Explores the cells of a configuration; what the reference agents do is found once.
+
+    Args:
+        config: Of the run.
+    """
+
+    def __init__(self, config: TrainingConfig) -> None:
+        self.config = config
+        plans = find_plans(config.evaluation.plans)
+        self.cells = [Cell(plan, start) for plan in plans for start in range(config.evaluation.starts)]
+        self._references: dict[str, list[Metres]] = {}
+
+    def compare(self, agent: Agent, stop: Stop = lambda: False) -> dict[str, float]:
+        """The scores of an agent.
+
+        Args:
+            agent: Who explores.
+            stop: Asked after every exploration whether to give up.
+
+        Returns:
+            `d95` and `d99` (mean metres), `coverage`, and `d95_ratio.NAME`, `d99_ratio.NAME` for every reference: the geometric
+            mean of the ratios over the cells, below 1 where the agent is better. Empty when given up.
+        """
+        for name in self.config.evaluation.references:
+            if name not in self._references and not stop():
+                self._references[name] = self._explore(make_agent(name), stop)
+        metres = self._explore(agent, stop)
+        if stop():
+            return {}
+        scores = {"d95": _mean(m.d95 for m in metres), "d99": _mean(m.d99 for m in metres)}
+        scores["coverage"] = _mean(m.coverage for m in metres)
+        for name in self.config.evaluation.references:
+            pairs = list(zip(metres, self._references[name], strict=True))
+            scores[f"d95_ratio.{name}"] = float(np.exp(_mean(np.log(a.d95 / b.d95) for a, b in pairs)))
+            scores[f"d99_ratio.{name}"] = float(np.exp(_mean(np.log(a.d99 / b.d99) for a, b in pairs)))
+        return scores
+
+    def _explore(self, agent: Agent, stop: Stop) -> list[Metres]:
+        simulation_config, metres = SimulationConfig(sensor=self.config.sensor), []
+        for cell in self.cells:
+            plan = load(cell.plan)
+            simulation = Simulation(plan, simulation_config, make_predictor(getattr(agent, "predictor", "none")))
+            start = start_pose(plan, simulation_config, 0, cell.start)
+            episode = play(simulation, agent, seed=run_seed(0, plan.name, cell.start), start=start)
+            curve = score_curve(episode.curve, budget=simulation.max_distance, target_area=simulation.target_area)
+            metres.append(Metres(max(curve.d95, 0.1), max(curve.d99, 0.1), simulation.coverage))
+            if stop():
+                break
+        return metres
+
+
+def score(scores: dict[str, float], references: tuple[str, ...]) -> float:
+    """One number to choose the best policy by, smaller is better.
+
+    With references, the geometric mean of the ratios at 95 and 99 % to the first one; without, the share that was not seen.
+    """
+    if not references:
+        return 1.0 - scores["coverage"]
+    name = references[0]
+    return float(np.sqrt(scores[f"d95_ratio.{name}"] * scores[f"d99_ratio.{name}"]))
+
+
+def evaluate_motion(model: BaseAlgorithm, config: TrainingConfig, stop: Stop) -> dict[str, float]:
+    """Mean coverage and metres at the end of episodes of Motion-v0, one a start on every plan; empty when given up."""
+    coverage, distance = [], []
+    for plan in find_plans(config.evaluation.plans):
+        env = gymnasium.make(config.environment, **{**environment_arguments(config), "plan": plan})
+        for start in range(config.evaluation.starts):
+            observation, info = env.reset(seed=start)
+            over = False
+            while not over:
+                if stop():
+                    return {}
+                action, _ = model.predict(observation, deterministic=True)
+                observation, _, terminated, truncated, info = env.step(action)
+                over = terminated or truncated
+            coverage.append(info["coverage"])
+            distance.append(info["distance"])
+        env.close()
+    return {"coverage": _mean(coverage), "distance": _mean(distance)}
+
+
+def _mean(values: Iterable[float]) -> float:
+    return float(np.mean(list(values)))

@@ -1,0 +1,252 @@
+"""Hyper-parameters as data: `agents/hyperparameters.toml`, then the user's file, then flags.
+
+The shipped file is also the schema: a key that it does not have for an algorithm is an error, and a value must have the
+type of the one it replaces.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from layoutexplore.errors import ConfigError, unknown_name
+
+DEFAULTS = Path(__file__).resolve().parent.parent / "hyperparameters.toml"
+"""The shipped hyper-parameters."""
+
+DEFAULT_ALGORITHM = "maskable-ppo"
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkConfig:
+    """The shape of the network that scores frontiers.
+
+    Attributes:
+        encoder: "attention" or "deep-sets": how frontiers see each other.
+        width: Numbers in which a frontier is described.
+        layers: Layers of the encoder.
+        heads: Attention heads; divides the width.
+        tour_weight: Where the weight of the tour in the logits starts.
+    """
+
+    encoder: str = "attention"
+    width: int = 64
+    layers: int = 2
+    heads: int = 4
+    tour_weight: float = 6.0
+
+    def __post_init__(self) -> None:
+        if self.encoder not in ("attention", "deep-sets"):
+            raise unknown_name("encoder", self.encoder, ("attention", "deep-sets"))
+        for name in ("width", "layers", "heads"):
+            check_whole(f"network.{name}", getattr(self, name))
+        if self.width % self.heads:
+            raise ConfigError(f"network.heads must divide network.width, got {self.heads} and {self.width}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImitationConfig:
+    """Imitation of an agent by DAgger before learning by reward.
+
+    Attributes:
+        teacher: Name of the agent; "" for none.
+        episodes: Explorations of all rounds together.
+        rounds: In the first round the robot follows the teacher, then the policy; the teacher labels every decision.
+        epochs: Passes over all decisions so far, a round.
+        learning_rate: Of Adam.
+        batch_size: Decisions per step.
+    """
+
+    teacher: str = ""
+    episodes: int = 200
+    rounds: int = 4
+    epochs: int = 4
+    learning_rate: float = 1e-3
+    batch_size: int = 256
+
+    def __post_init__(self) -> None:
+        for name in ("episodes", "rounds", "epochs", "batch_size"):
+            check_whole(f"imitation.{name}", getattr(self, name))
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationConfig:
+    """Explorations on fixed cells at intervals, paired with reference agents.
+
+    Attributes:
+        every: Steps between evaluations.
+        plans: Floor plans as the benchmark names them.
+        starts: Starts on each.
+        references: Agents to compare with; the first one decides which policy is the best.
+    """
+
+    every: int = 32768
+    plans: tuple[str, ...] = ("validation",)
+    starts: int = 2
+    references: tuple[str, ...] = ("tour", "nearest")
+
+    def __post_init__(self) -> None:
+        check_whole("evaluation.every", self.every)
+        check_whole("evaluation.starts", self.starts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingConfig:
+    """Everything that decides a training run.
+
+    Attributes:
+        algorithm: "maskable-ppo", "ppo" or "dqn".
+        environment: Id of the environment.
+        steps: Steps of all environments together.
+        envs: Environments side by side.
+        seed: Of everything.
+        plans: Where episodes take place.
+        sensor: Name of the lidar.
+        predictor: Name of the predictor of rooms.
+        checkpoint_every: Steps between checkpoints.
+        observation: Keyword arguments of `ObservationConfig`; of Frontier-v0 only.
+        reward: Keyword arguments of `MetresToGo`; of Frontier-v0 only.
+        max_steps: Steps after which an episode is cut off, 0 for never; of Motion-v0 only.
+        network: Of Frontier-v0 only.
+        imitation: Of Frontier-v0 only.
+        learning: Keyword arguments of the algorithm.
+        evaluation: Evaluation while training.
+    """
+
+    algorithm: str
+    environment: str
+    steps: int
+    envs: int
+    seed: int
+    plans: tuple[str, ...]
+    sensor: str
+    predictor: str
+    checkpoint_every: int
+    learning: Mapping[str, Any]
+    evaluation: EvaluationConfig
+    observation: Mapping[str, Any] = field(default_factory=dict)
+    reward: Mapping[str, Any] = field(default_factory=dict)
+    max_steps: int = 0
+    network: NetworkConfig | None = None
+    imitation: ImitationConfig | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "envs", "checkpoint_every"):
+            check_whole(name, getattr(self, name))
+        for name in ("seed", "max_steps"):
+            check_whole(name, getattr(self, name), least=0)
+        if not self.plans:
+            raise ConfigError("training needs at least one of plans")
+
+    @property
+    def chooses_frontiers(self) -> bool:
+        """Whether the policy chooses frontiers, as the agents of the benchmark do."""
+        return self.network is not None
+
+    def as_table(self) -> dict[str, Any]:
+        """Nested plain values, as `read_config` takes them from TOML."""
+        return {k: _plain(v) for k, v in dataclasses.asdict(self).items() if v is not None and v != {}}
+
+
+def algorithms() -> list[str]:
+    """The names of the algorithms."""
+    return list(_defaults())
+
+
+def read_config(path: Path | None = None, flags: Mapping[str, Any] | None = None) -> TrainingConfig:
+    """The configuration of a run.
+
+    Args:
+        path: A TOML file with `algorithm` and any of the keys of `agents/hyperparameters.toml`; None for none.
+        flags: Top-level keys that win over the file; values of None are ignored.
+
+    Raises:
+        ConfigError: The file cannot be read, a key is unknown, or a value makes no sense.
+    """
+    table, where = ({}, "the flags") if path is None else (_read(path), str(path))
+    given = {key: value for key, value in (flags or {}).items() if value is not None}
+    algorithm = given.pop("algorithm", table.pop("algorithm", DEFAULT_ALGORITHM))
+    if algorithm not in _defaults():
+        raise unknown_name("algorithm", str(algorithm), _defaults())
+    merged = merge(_defaults()[algorithm], table, f"of {algorithm!r} in {where}")
+    return _build(algorithm, merge(merged, given, f"of {algorithm!r}"))
+
+
+def merge(defaults: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """The defaults with some values changed, table by table.
+
+    Raises:
+        ConfigError: A key that the defaults do not have, or a value of another type.
+
+    Example:
+        >>> merge({"a": 1.0, "t": {"b": "x"}}, {"t": {"b": "y"}}, "here")
+        {'a': 1.0, 't': {'b': 'y'}}
+    """
+    merged = copy.deepcopy(dict(defaults))
+    for key, value in changes.items():
+        if key not in merged:
+            raise unknown_name(f"hyper-parameter {where}:", key, merged)
+        old = merged[key]
+        if isinstance(old, dict) and isinstance(value, dict):
+            merged[key] = merge(old, value, f"{where} [{key}]")
+        else:
+            merged[key] = _checked(old, value, f"{key} {where}")
+    return merged
+
+
+def check_whole(name: str, value: object, least: int = 1) -> None:
+    """Raise `ConfigError` unless the value is a whole number, large enough."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise ConfigError(f"{name} must be a whole number, {least} or more, got {value!r}")
+
+
+def _checked(old: Any, value: Any, what: str) -> Any:
+    """The value in the type of the one it replaces."""
+    if isinstance(old, float) and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if isinstance(value, tuple):
+        value = list(value)
+    if type(value) is not type(old):
+        names = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", list: "a list", dict: "a table"}
+        raise ConfigError(f"{what} must be {names[type(old)]}, got {value!r}")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ConfigError(f"{what} must be a finite number, got {value!r}")
+    if isinstance(value, list) and not all(isinstance(item, str) for item in value):
+        raise ConfigError(f"{what} must be a list of names, got {value!r}")
+    return value
+
+
+def _build(algorithm: str, table: dict[str, Any]) -> TrainingConfig:
+    evaluation = dict(table.pop("evaluation"))
+    for name in ("plans", "references"):
+        evaluation[name] = tuple(evaluation[name])
+    parts: dict[str, Any] = {"evaluation": EvaluationConfig(**evaluation), "plans": tuple(table.pop("plans"))}
+    if "network" in table:
+        parts["network"] = NetworkConfig(**table.pop("network"))
+        parts["imitation"] = ImitationConfig(**table.pop("imitation"))
+    return TrainingConfig(algorithm=algorithm, **parts, **table)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text())
+    except OSError as error:
+        raise ConfigError(f"cannot read the configuration {path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} is not valid TOML: {error}") from error
+
+
+def _defaults() -> dict[str, dict[str, Any]]:
+    return tomllib.loads(DEFAULTS.read_text())
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    return list(value) if isinstance(value, tuple) else value

@@ -1,0 +1,137 @@
+"""Imitation of an agent by DAgger (Ross, Gordon and Bagnell 2011), as a start for learning by reward.
+
+In the first round the robot follows the teacher, in later ones the policy; the teacher says at every decision what it would have
+done, and the policy learns from all decisions so far. So it also learns what to do where its own mistakes lead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import gymnasium
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.nn import functional
+
+from layoutexplore.agents import make_agent
+from layoutexplore.agents.rl.environments import environment_arguments
+from layoutexplore.agents.rl.hyperparameters import ImitationConfig, TrainingConfig
+from layoutexplore.agents.rl.network import Actor
+from layoutexplore.decision import Agent, Decision, Privileged
+from layoutexplore.envs.base import ExplorationEnv
+from layoutexplore.errors import ConfigError
+
+Stop = Callable[[], bool]
+
+NEAR = 1.0
+"""Metres from a frontier at which a teacher's way has come to it."""
+
+
+@dataclass
+class Lessons:
+    """Decisions with what the teacher would have done.
+
+    Attributes:
+        observations: A list of arrays for every key.
+        choices: The teacher's action at each.
+    """
+
+    observations: dict[str, list[NDArray[np.generic]]] = field(default_factory=dict)
+    choices: list[int] = field(default_factory=list)
+
+    def add(self, observation: dict[str, NDArray[np.generic]], choice: int) -> None:
+        """Remember a decision."""
+        for name, array in observation.items():
+            self.observations.setdefault(name, []).append(array)
+        self.choices.append(choice)
+
+    def batch(self, chosen: NDArray[np.int64]) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
+        """Some of the decisions as tensors."""
+        stacked = {n: torch.from_numpy(np.stack([rows[k] for k in chosen])) for n, rows in self.observations.items()}
+        return stacked, torch.tensor([self.choices[k] for k in chosen])
+
+
+def imitate(actor: Actor, config: TrainingConfig, say: Callable[[str], None], stop: Stop = lambda: False) -> None:
+    """Teach an actor in place what the configuration's teacher does.
+
+    Args:
+        actor: The network.
+        config: Of the run.
+        say: Told how each round went.
+        stop: Asked after every exploration whether to end early.
+    """
+    plan = config.imitation
+    assert plan is not None
+    teacher = make_agent(plan.teacher)
+    if (wanted := getattr(teacher, "predictor", config.predictor)) != config.predictor:
+        raise ConfigError(f"the teacher {plan.teacher!r} needs predictor = {wanted!r}, the run has {config.predictor!r}")
+    env = gymnasium.make(config.environment, **environment_arguments(config)).unwrapped
+    assert isinstance(env, ExplorationEnv)
+    rng = np.random.default_rng([config.seed, 1])
+    optimizer = torch.optim.Adam(actor.parameters(), lr=plan.learning_rate)
+    lessons = Lessons()
+    for number in range(plan.rounds):
+        for _ in range(-(-plan.episodes // plan.rounds)):
+            _attend(env, teacher, actor if number else None, lessons, int(rng.integers(2**31)))
+            if stop():
+                return
+        agreement = _learn(actor, lessons, plan, optimizer, rng)
+        say(f"imitation, round {number + 1} of {plan.rounds}: {len(lessons.choices)} decisions, {agreement:.1%} as the teacher")
+    env.close()
+
+
+def teachers_choice(teacher: Agent, decision: Decision) -> int:
+    """The frontier that a teacher goes to; of one that answers with a path, the first frontier that the path comes to."""
+    choice = teacher.act(decision)
+    if not isinstance(choice, np.ndarray):
+        return int(choice)
+    radius = NEAR / decision.grid.resolution
+    places = np.array([frontier.viewpoint for frontier in decision.frontiers], np.float64)
+    gaps = np.hypot(*(choice[:, None, :] - places[None]).transpose(2, 0, 1))
+    arrivals = np.where(gaps <= radius, np.arange(len(choice))[:, None], len(choice)).min(axis=0)
+    first = int(np.argmin(arrivals))
+    return first if arrivals[first] < len(choice) else int(np.argmin(gaps[-1]))
+
+
+def _attend(env: ExplorationEnv[np.int64], teacher: Agent, actor: Actor | None, lessons: Lessons, seed: int) -> None:
+    """One exploration, led by the teacher or by the policy; the teacher's choices are remembered."""
+    observation, _ = env.reset(seed=seed)
+    teacher.reset(seed)
+    if isinstance(teacher, Privileged):
+        teacher.reveal(env.simulation.truth)
+    over = env.simulation.done
+    while not over:
+        label = teachers_choice(teacher, env.simulation.decision)
+        if 0 <= label < len(observation["action_mask"]) - 1:
+            lessons.add(observation, label)
+        action = label if actor is None else act(actor, observation)
+        observation, _, terminated, truncated, _ = env.step(np.int64(max(action, 0)))
+        over = terminated or truncated
+
+
+def act(actor: Actor, observation: dict[str, NDArray[np.generic]]) -> int:
+    """The allowed frontier with the highest logit."""
+    with torch.no_grad():
+        logits = actor({name: torch.from_numpy(array[None]) for name, array in observation.items()})[0].numpy()
+    allowed = observation["action_mask"][:-1] > 0
+    return int(np.argmax(np.where(allowed, logits[:-1], -np.inf)))
+
+
+def _learn(
+    actor: Actor, lessons: Lessons, plan: ImitationConfig, optimizer: torch.optim.Optimizer, rng: np.random.Generator
+) -> float:
+    """Some passes of cross-entropy over all lessons; the share of decisions, in the last pass, that are the teacher's."""
+    agreed = 0
+    for _ in range(plan.epochs):
+        order, agreed = rng.permutation(len(lessons.choices)), 0
+        for k in range(0, len(order), plan.batch_size):
+            observation, choices = lessons.batch(order[k : k + plan.batch_size])
+            logits = actor(observation)[:, :-1].masked_fill(observation["action_mask"][:, :-1] == 0, -1e8)
+            loss = functional.cross_entropy(logits, choices)
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+            agreed += int((logits.argmax(dim=1) == choices).sum())
+    return agreed / max(1, len(lessons.choices))

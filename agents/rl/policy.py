@@ -1,0 +1,72 @@
+"""The policy class for sb3-contrib's MaskablePPO: an actor over frontiers and a critic of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from sb3_contrib.common.maskable.distributions import MaskableDistribution
+from sb3_contrib.common.maskable.policies import MaskableActorCriticPolicy
+from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
+from torch import Tensor
+
+from layoutexplore.agents.rl.card import PolicySpec
+from layoutexplore.agents.rl.network import Actor, Critic
+
+Masks = NDArray[np.bool_] | Tensor | None
+
+
+class FrontierPolicy(MaskableActorCriticPolicy):
+    """`Actor` and `Critic` as stable-baselines3 wants them.
+
+    Args:
+        observation_space: The space of `LayoutExplore/Frontier-v0`.
+        action_space: Its actions.
+        lr_schedule: Learning rate.
+        spec: What the networks read and their shape.
+        **kwargs: For the parent class.
+    """
+
+    def __init__(
+        self,
+        observation_space: spaces.Dict,
+        action_space: spaces.Discrete,
+        lr_schedule: Schedule,
+        *,
+        spec: PolicySpec,
+        **kwargs: Any,
+    ) -> None:
+        self._spec = spec
+        super().__init__(observation_space, action_space, lr_schedule, net_arch=[], **kwargs)
+
+    def _build(self, lr_schedule: Schedule) -> None:
+        assert isinstance(self.observation_space, spaces.Dict)
+        privileged = self.observation_space.spaces.get("privileged")
+        self.actor = Actor(self._spec)
+        self.critic = Critic(self._spec, privileged.shape[0] if privileged and privileged.shape else 0)
+        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
+
+    def forward(self, obs: Any, deterministic: bool = False, action_masks: Any = None) -> tuple[Tensor, Tensor, Tensor]:
+        """Actions (batch,), values (batch, 1) and log-probabilities (batch,)."""
+        distribution = self.get_distribution(obs, action_masks)
+        actions = distribution.get_actions(deterministic=deterministic)
+        return actions, self.critic(obs), distribution.log_prob(actions)
+
+    def evaluate_actions(self, obs: Any, actions: Tensor, action_masks: Any = None) -> tuple[Tensor, Tensor, Tensor | None]:
+        """Values (batch, 1), log-probabilities (batch,) and entropies (batch,)."""
+        distribution = self.get_distribution(obs, action_masks)
+        return self.critic(obs), distribution.log_prob(actions), distribution.entropy()
+
+    def get_distribution(self, obs: PyTorchObs, action_masks: Any = None) -> MaskableDistribution:
+        """The distribution over the actions that are allowed."""
+        distribution = self.action_dist.proba_distribution(action_logits=self.actor(obs))
+        if action_masks is not None:
+            distribution.apply_masking(action_masks)
+        return distribution
+
+    def predict_values(self, obs: PyTorchObs) -> Tensor:
+        """Values (batch, 1)."""
+        return torch.as_tensor(self.critic(obs))

@@ -1,0 +1,46 @@
+"""Policies on disk: writing the actor's weights with their card, and reading them back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import safetensors.torch
+import torch
+from safetensors import SafetensorError
+
+from layoutexplore.agents.rl.card import PolicySpec, read_spec
+from layoutexplore.agents.rl.network import Actor
+from layoutexplore.benchmark.store import atomic, to_toml
+from layoutexplore.errors import ResultsError
+
+
+def save_policy(path: Path, state: Mapping[str, torch.Tensor], card: Mapping[str, Any]) -> None:
+    """Write weights and card to PATH, and the card to be read beside it; a kill leaves the old file or the new one."""
+    text = to_toml(dict(card))
+    save_tensors(path, state, {"card": text})
+    with atomic(path.with_suffix(".toml")) as temporary:
+        temporary.write_text(text)
+
+
+def save_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: dict[str, str]) -> None:
+    """A safetensors file, written beside its place and then moved there."""
+    plain = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
+    with atomic(path) as temporary:
+        safetensors.torch.save_file(plain, temporary, metadata=metadata)
+
+
+def load_actor(path: Path) -> tuple[Actor, PolicySpec]:
+    """The network of a policy's file, and its spec.
+
+    Raises:
+        ResultsError: The file is damaged, or is not a policy that this version can run.
+    """
+    spec = read_spec(path)
+    actor = Actor(spec)
+    try:
+        actor.load_state_dict(safetensors.torch.load_file(path))
+    except (SafetensorError, RuntimeError) as error:
+        raise ResultsError(f"{path}: the weights do not fit the network that its card describes: {error}") from error
+    return actor.eval(), spec

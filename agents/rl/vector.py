@@ -1,0 +1,133 @@
+"""A Gymnasium vector environment as the `VecEnv` that stable-baselines3 trains on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from layoutexplore.errors import ConfigError
+
+Batch = Any
+"""A batched observation: an array, or arrays by name."""
+
+LEVEL = 0.95
+
+
+class VectorAdapter(VecEnv):
+    """Steps a `gymnasium.vector.VectorEnv` that resets within the step (`AutoresetMode.SAME_STEP`).
+
+    With `info["episode"]` of a step that ends an episode come its return `r`, length `l`, `coverage`, `distance`, and `d95`, the
+    metres after which a decision first found 95 % seen, as a share of the distance.
+
+    Args:
+        env: The vector environment; its observations may have an `action_mask`. Stopping, the last action, is allowed only
+            where nothing else is.
+
+    Raises:
+        ConfigError: It resets in another way.
+    """
+
+    def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
+        if env.metadata.get("autoreset_mode") != AutoresetMode.SAME_STEP:
+            raise ConfigError("training needs a vector environment that resets within the step (AutoresetMode.SAME_STEP)")
+        self.env = env
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+        self._masks: NDArray[np.bool_] | None = None
+        self._next_seed: int | None = None
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """The seed of the next `reset`; it makes all that follows repeatable."""
+        self._next_seed = seed
+        self.env.action_space.seed(seed)
+        self.action_space.seed(seed)
+        return [seed] * self.num_envs
+
+    def reset(self) -> Batch:
+        """Begin an episode everywhere."""
+        observations, _ = self.env.reset(seed=self._next_seed)
+        self._next_seed = None
+        self._returns = np.zeros(self.num_envs)
+        self._lengths = np.zeros(self.num_envs, np.int64)
+        self._d95 = np.full(self.num_envs, np.nan)
+        return self._seen(observations)
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Batch, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Make the step."""
+        observations, rewards, terminated, truncated, info = self.env.step(self._actions)
+        done = terminated | truncated
+        self._returns += rewards
+        self._lengths += 1
+        final = info.get("final_info", {})
+        coverage = np.where(done, final.get("coverage", 0.0), info["coverage"])
+        distance = np.where(done, final.get("distance", 0.0), info["distance"])
+        reached = np.isnan(self._d95) & (coverage >= LEVEL)
+        self._d95[reached] = distance[reached]
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for k in np.flatnonzero(done):
+            infos[k] = {
+                "terminal_observation": info["final_obs"][k],
+                "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
+                "episode": self._episode(int(k), float(coverage[k]), float(distance[k])),
+            }
+        return self._seen(observations), rewards.astype(np.float32), done, infos
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Which actions are allowed, bool (envs, actions)."""
+        assert self._masks is not None
+        return self._masks
+
+    def close(self) -> None:
+        """Close the environments."""
+        self.env.close()
+
+    def has_attr(self, attr_name: str) -> bool:
+        """Whether the environments mask actions, where that is asked."""
+        return self._masks is not None if attr_name == "action_masks" else super().has_attr(attr_name)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """`action_masks` of all environments; they have no other method."""
+        if method_name != "action_masks":
+            raise AttributeError(method_name)
+        return list(self.action_masks())
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute of the vector environment, for each of its environments."""
+        return [getattr(self.env, attr_name)] * self.num_envs
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Not supported: the environments are made as they are to be."""
+        raise NotImplementedError
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """None is wrapped."""
+        return [False] * self.num_envs
+
+    def _seen(self, observations: Batch) -> Batch:
+        if isinstance(observations, dict) and "action_mask" in observations:
+            masks = observations["action_mask"].astype(np.bool_)
+            masks[:, -1] = ~masks[:, :-1].any(axis=1)
+            self._masks = masks
+        return observations
+
+    def _episode(self, k: int, coverage: float, distance: float) -> dict[str, Any]:
+        """What SB3 and the curves are told of an episode that ended; environment k starts the next one."""
+        episode = {
+            "r": float(self._returns[k]),
+            "l": int(self._lengths[k]),
+            "t": 0.0,
+            "coverage": coverage,
+            "distance": distance,
+            "d95_share": float(self._d95[k] / max(distance, 1e-9)),
+        }
+        self._returns[k], self._lengths[k], self._d95[k] = 0.0, 0, np.nan
+        return episode

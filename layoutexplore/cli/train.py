@@ -1,0 +1,118 @@
+"""`layoutexplore train`: train an exploration policy."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from layoutexplore.agents.rl.hyperparameters import TrainingConfig
+    from layoutexplore.cli.progress import ProgressLine
+
+HELP = """Train an exploration policy by reinforcement learning (needs pip install 'layoutexplore\\[rl]').
+
+The folder gets the configuration, a checkpoint, the last and the best policy (best.safetensors), the evaluations on held-out
+plans (evaluations.csv) and TensorBoard curves. Ctrl-C leaves a checkpoint; [bold]--resume[/bold] goes on from it.
+
+[bold]Examples[/bold]
+
+  layoutexplore train --steps 100000 --out runs/first
+
+  layoutexplore train --out runs/first --resume
+
+  layoutexplore benchmark --plans test --agents tour --agents policy:runs/first
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the application."""
+    app.command("train", help=HELP)(train)
+
+
+def train(
+    config: Annotated[
+        Path | None, typer.Argument(metavar="[CONFIG.toml]", help="Hyper-parameters that differ from the shipped ones.")
+    ] = None,
+    algorithm: Annotated[
+        str | None, typer.Option(help="maskable-ppo (chooses frontiers, the default), or ppo or dqn (drive by small motions).")
+    ] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="Steps of all environments together.")] = None,
+    envs: Annotated[int | None, typer.Option(min=1, help="Environments side by side.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of everything.")] = None,
+    device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
+    predictor: Annotated[str | None, typer.Option(help="Where a policy learns of rooms from: layout or none.")] = None,
+    sensor: Annotated[str | None, typer.Option(help="Lidar: stage, indoor, short or mapex.")] = None,
+    plans: Annotated[
+        list[str] | None, typer.Option(help="Floor plans to train on, as for benchmark, or generated. [repeatable]")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the run.")] = Path("layoutexplore-out/training"),
+    resume: Annotated[bool, typer.Option(help="Go on with the run of the folder; --steps may be raised.")] = False,
+) -> None:
+    """Train a policy."""
+    from rich.console import Console
+
+    from layoutexplore.agents.rl.hyperparameters import read_config
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.errors import ConfigError, require
+
+    flags = {
+        "algorithm": algorithm,
+        "steps": steps,
+        "envs": envs,
+        "seed": seed,
+        "predictor": predictor,
+        "sensor": sensor,
+        "plans": plans or None,
+    }
+    if device not in ("auto", "cpu", "cuda"):
+        raise ConfigError(f"--device must be auto, cpu or cuda, got {device!r}")
+    if resume and (fixed := [name for name, value in flags.items() if value is not None and name != "steps"]):
+        raise ConfigError(f"--resume goes on with the configuration of {out}: leave out --{fixed[0]}")
+    if resume and config is not None:
+        raise ConfigError(f"--resume goes on with the configuration of {out}: leave out {config}")
+    if resume:
+        config = out / "config.toml"
+    settings = read_config(config, flags)
+    for module in ("torch", "stable_baselines3", "sb3_contrib", "safetensors", "tensorboard"):
+        require(module, "rl")
+    console = Console(highlight=False)
+    with ProgressLine(console, "steps") as line:
+        _run(settings, out, device, resume, line)
+
+
+class _Watcher:
+    """Shows a run on a progress line."""
+
+    def __init__(self, line: ProgressLine) -> None:
+        self._line = line
+        self._first: tuple[float, int] | None = None
+
+    def say(self, text: str) -> None:
+        self._line.say_plain(text)
+
+    def advance(self, steps: int, total: int) -> None:
+        now = time.monotonic()
+        if self._first is None:
+            self._first = now, steps
+        began, first = self._first
+        rate = (steps - first) / max(now - began, 1e-3)
+        share = (steps - first) / max(total - first, 1)
+        self._line.advance(min(steps, total), total, min(share, 1.0), f"{rate:.0f} steps/s")
+
+
+def _run(settings: TrainingConfig, out: Path, device: str, resume: bool, line: ProgressLine) -> None:
+    from layoutexplore.agents.rl.training import Run
+
+    run = Run(settings, out, device=device, resume=resume, watcher=_Watcher(line))
+    run.train()
+    if run.stopping:
+        line.say_plain(f"stopped after {run.progress.steps} steps; to go on: layoutexplore train --out {out} --resume")
+    elif settings.chooses_frontiers:
+        line.say_plain(
+            f"the best policy: {out / 'best.safetensors'}; layoutexplore benchmark --agents tour --agents policy:{out}"
+        )
+    else:
+        line.say_plain(f"the best policy: {out / 'best.safetensors'}; TensorBoard: {out / 'tensorboard'}")
