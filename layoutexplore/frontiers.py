@@ -133,7 +133,7 @@ def visible_unknown_area(
     if points.size and ((points < 0).any() or (points >= cells.shape).any()):
         raise ConfigError(f"a viewpoint lies outside of the grid of shape {cells.shape}")
     reach = range_max / resolution
-    rows, cols, entered, starts = _ray_table(int(rays), reach)
+    rows, cols, entered, starts = ray_table(int(rays), reach)
     # A border of occupied cells as wide as the rays are long keeps them inside, so that no cell needs a test for it.
     border = math.ceil(reach) + 1
     padded = np.full((cells.shape[0] + 2 * border, cells.shape[1] + 2 * border), OCCUPIED, np.int8)
@@ -151,7 +151,7 @@ def _checked(cells: NDArray[np.int8]) -> NDArray[np.int8]:
 
 
 @lru_cache(maxsize=8)
-def _ray_table(rays: int, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
+def ray_table(rays: int, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
     """The cells that rays from a cell's centre cross, ray after ray; the same from every viewpoint, so kept.
 
     Returns:

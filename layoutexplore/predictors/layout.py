@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.decision import Decision
 from layoutexplore.frontier_classes import FrontierClasses
+from layoutexplore.grid import UNKNOWN
 from layoutexplore.predictors import cell_features
 from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.forest import FOLDER, Forest, load_forests
@@ -50,8 +52,25 @@ class PredictedLayout:
     @cached_property
     def rooms(self) -> RoomMap:
         """The completed rooms, and the unseen rest of the building as one more."""
-        shapes = _judged_shapes(self._cells, self._regions, self._resolution, self._forest)
+        shapes = _judged_shapes(self._cells.shape, self._regions, *self._judged)
         return complete_regions(self._cells, self._regions, shapes)
+
+    @cached_property
+    def inside(self) -> NDArray[np.float32]:
+        """float32 (rows, cols): probability that an unknown cell belongs to the seen room next to it; 0 where cells are known."""
+        candidates, probability = self._judged
+        chance = np.zeros(self._cells.shape, np.float32)
+        for square in _squares(candidates):
+            fits = (square < self._cells.shape).all(axis=1)
+            chance[square[fits, 0], square[fits, 1]] = probability[fits]
+        chance[self._cells != UNKNOWN] = 0.0
+        return chance
+
+    @cached_property
+    def _judged(self) -> tuple[cell_features.Candidates, NDArray[np.float64]]:
+        """The unknown cells that may belong to rooms, and the probability that each does."""
+        candidates = cell_features.find_candidates(self._cells, self._regions, self._resolution)
+        return candidates, self._forest.probability(candidates.features)
 
     @property
     def labels(self) -> NDArray[np.int32]:
@@ -114,18 +133,21 @@ def judge(
     return classes, np.where(is_closed, closed, 1.0 - closed)
 
 
-def _judged_shapes(cells: NDArray[np.int8], regions: Regions, resolution: float, forest: Forest) -> dict[int, Shape]:
+def _squares(candidates: cell_features.Candidates) -> Iterator[NDArray[np.int32]]:
+    """The cells int32 (n, 2) of the squares around the candidates, some beyond the grid: one cell of each square at a time."""
+    for offset in np.ndindex(candidates.stride, candidates.stride):
+        yield candidates.cells - candidates.stride // 2 + np.array(offset, np.int32)
+
+
+def _judged_shapes(
+    shape: tuple[int, ...], regions: Regions, candidates: cell_features.Candidates, probability: NDArray[np.float64]
+) -> dict[int, Shape]:
     """By region the squares around the lattice cells that belong to its room."""
-    candidates = cell_features.find_candidates(cells, regions, resolution)
-    claims = np.zeros(cells.shape, np.int32)
-    inside = forest.probability(candidates.features) > INSIDE
-    half = candidates.stride // 2
-    rows, cols = (candidates.cells[inside] - half).T
-    for dr in range(candidates.stride):
-        for dc in range(candidates.stride):
-            r, c = rows + dr, cols + dc
-            fits = (r < cells.shape[0]) & (c < cells.shape[1])
-            claims[r[fits], c[fits]] = candidates.region[inside][fits]
+    claims = np.zeros(shape, np.int32)
+    inside = probability > INSIDE
+    for square in _squares(candidates):
+        fits = inside & (square < shape).all(axis=1)
+        claims[square[fits, 0], square[fits, 1]] = candidates.region[fits]
     boxes = region_boxes(Regions(claims, regions.count, regions.door_width))
     shapes = {}
     for region in np.unique(candidates.region[inside]).tolist():
