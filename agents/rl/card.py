@@ -44,7 +44,7 @@ class PolicySpec:
         robot_features: Entries of `ROBOT_FEATURES` that it reads, in its order.
         map_channels: Channels of the global map that it reads; empty for no map.
         predictor: The predictor of rooms that it was trained with.
-        sensor: The lidar that it was trained with.
+        sensors: The lidars that it was trained with.
         format: Version of the format.
         version: Version of layoutexplore that wrote it.
     """
@@ -54,7 +54,7 @@ class PolicySpec:
     robot_features: tuple[str, ...]
     map_channels: tuple[str, ...] = ()
     predictor: str = "none"
-    sensor: str = "stage"
+    sensors: tuple[str, ...] = ()
     format: int = FORMAT
     version: str = layoutexplore.__version__
 
@@ -73,7 +73,7 @@ def spec_of(config: TrainingConfig) -> PolicySpec:
         robot_features=_ROBOT + (_ROBOT_ON_MAP if maps else ()),
         map_channels=CHANNELS + LAYOUT_CHANNELS if maps else (),
         predictor=config.predictor,
-        sensor=config.sensor,
+        sensors=config.sensors,
     )
 
 
@@ -138,7 +138,7 @@ def read_spec(path: Path) -> PolicySpec:
             f"this is layoutexplore {layoutexplore.__version__}, which reads format {FORMAT}: train it again"
         )
     try:
-        values = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
+        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
         spec = PolicySpec(**{**values, "network": NetworkConfig(**table["network"])})
     except (TypeError, KeyError, ConfigError) as error:
         raise ResultsError(f"{path}: the table [policy] of its card is not understood: {error}") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -20,19 +21,23 @@ from layoutexplore.predictors import make_predictor
 GENERATED = "generated"
 """The word for plans without end, drawn from the generator's families."""
 
+AREAS = (150.0, 900.0)
+"""Least and greatest area of generated plans in square metres, drawn log-uniformly."""
+
 
 def make_envs(config: TrainingConfig) -> VectorAdapter:
     """The environments of a run, side by side, as stable-baselines3 takes them."""
 
-    def one() -> gymnasium.Env[Any, Any]:
-        return gymnasium.make(config.environment, **environment_arguments(config))
+    def one(sensor: str) -> gymnasium.Env[Any, Any]:
+        return gymnasium.make(config.environment, **environment_arguments(config, sensor))
 
-    return VectorAdapter(SyncVectorEnv([one] * config.envs, autoreset_mode=AutoresetMode.SAME_STEP))
+    sensors = [config.sensors[k % len(config.sensors)] for k in range(config.envs)]
+    return VectorAdapter(SyncVectorEnv([partial(one, s) for s in sensors], autoreset_mode=AutoresetMode.SAME_STEP))
 
 
-def environment_arguments(config: TrainingConfig) -> dict[str, Any]:
+def environment_arguments(config: TrainingConfig, sensor: str) -> dict[str, Any]:
     """Keyword arguments for `gymnasium.make`."""
-    arguments: dict[str, Any] = {"plan": plan_source(config.plans), "sensor": config.sensor}
+    arguments: dict[str, Any] = {"plan": plan_source(config.plans), "sensor": sensor}
     if config.chooses_frontiers:
         arguments["predictor"] = make_predictor(config.predictor)
         arguments["reward"] = MetresToGo(**config.reward)
@@ -51,4 +56,4 @@ def _generated(rng: np.random.Generator) -> FloorPlan:
     from layoutexplore.maps.generator import FAMILIES, generate
 
     family = str(rng.choice(sorted(FAMILIES)))
-    return generate(family, int(rng.integers(1 << 40, 1 << 41)), area=float(rng.uniform(150, 700)))
+    return generate(family, int(rng.integers(1 << 40, 1 << 41)), area=float(np.exp(rng.uniform(*np.log(AREAS)))))

@@ -24,10 +24,11 @@ Stop = Callable[[], bool]
 
 
 class Cell(NamedTuple):
-    """One exploration of an evaluation: a floor plan and the number of a start on it."""
+    """One exploration of an evaluation: a floor plan, the number of a start on it, and the sensor."""
 
     plan: str
     start: int
+    sensor: str
 
 
 class Metres(NamedTuple):
@@ -48,7 +49,8 @@ class Evaluation:
     def __init__(self, config: TrainingConfig) -> None:
         self.config = config
         plans = find_plans(config.evaluation.plans)
-        self.cells = [Cell(plan, start) for plan in plans for start in range(config.evaluation.starts)]
+        starts = range(config.evaluation.starts)
+        self.cells = [Cell(plan, start, sensor) for plan in plans for start in starts for sensor in config.sensors]
         self._references: dict[str, list[Metres]] = {}
 
     def compare(self, agent: Agent, stop: Stop = lambda: False) -> dict[str, float]:
@@ -77,9 +79,9 @@ class Evaluation:
         return scores
 
     def _explore(self, agent: Agent, stop: Stop) -> list[Metres]:
-        simulation_config, metres = SimulationConfig(sensor=self.config.sensor), []
+        metres = []
         for cell in self.cells:
-            plan = load(cell.plan)
+            plan, simulation_config = load(cell.plan), SimulationConfig(sensor=cell.sensor)
             simulation = Simulation(plan, simulation_config, make_predictor(getattr(agent, "predictor", "none")))
             start = start_pose(plan, simulation_config, 0, cell.start)
             episode = play(simulation, agent, seed=run_seed(0, plan.name, cell.start), start=start)
@@ -105,7 +107,7 @@ def evaluate_motion(model: BaseAlgorithm, config: TrainingConfig, stop: Stop) ->
     """Mean coverage and metres at the end of episodes of Motion-v0, one a start on every plan; empty when given up."""
     coverage, distance = [], []
     for plan in find_plans(config.evaluation.plans):
-        env = gymnasium.make(config.environment, **{**environment_arguments(config), "plan": plan})
+        env = gymnasium.make(config.environment, **{**environment_arguments(config, config.sensors[0]), "plan": plan})
         for start in range(config.evaluation.starts):
             observation, info = env.reset(seed=start)
             over = False

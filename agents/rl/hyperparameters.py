@@ -107,11 +107,12 @@ class TrainingConfig:
         envs: Environments side by side.
         seed: Of everything.
         plans: Where episodes take place.
-        sensor: Name of the lidar.
+        sensors: Names of lidars; the environments take turns.
         predictor: Name of the predictor of rooms.
         checkpoint_every: Steps between checkpoints.
         observation: Keyword arguments of `ObservationConfig`; of Frontier-v0 only.
         reward: Keyword arguments of `MetresToGo`; of Frontier-v0 only.
+        critic_steps: Steps at the start from which only the critic learns; of Frontier-v0 only.
         max_steps: Steps after which an episode is cut off, 0 for never; of Motion-v0 only.
         network: Of Frontier-v0 only.
         imitation: Of Frontier-v0 only.
@@ -125,13 +126,14 @@ class TrainingConfig:
     envs: int
     seed: int
     plans: tuple[str, ...]
-    sensor: str
+    sensors: tuple[str, ...]
     predictor: str
     checkpoint_every: int
     learning: Mapping[str, Any]
     evaluation: EvaluationConfig
     observation: Mapping[str, Any] = field(default_factory=dict)
     reward: Mapping[str, Any] = field(default_factory=dict)
+    critic_steps: int = 0
     max_steps: int = 0
     network: NetworkConfig | None = None
     imitation: ImitationConfig | None = None
@@ -139,10 +141,10 @@ class TrainingConfig:
     def __post_init__(self) -> None:
         for name in ("steps", "envs", "checkpoint_every"):
             check_whole(name, getattr(self, name))
-        for name in ("seed", "max_steps"):
+        for name in ("seed", "critic_steps", "max_steps"):
             check_whole(name, getattr(self, name), least=0)
-        if not self.plans:
-            raise ConfigError("training needs at least one of plans")
+        if not self.plans or not self.sensors:
+            raise ConfigError("training needs at least one of plans and of sensors")
 
     @property
     def chooses_frontiers(self) -> bool:
@@ -226,7 +228,9 @@ def _build(algorithm: str, table: dict[str, Any]) -> TrainingConfig:
     evaluation = dict(table.pop("evaluation"))
     for name in ("plans", "references"):
         evaluation[name] = tuple(evaluation[name])
-    parts: dict[str, Any] = {"evaluation": EvaluationConfig(**evaluation), "plans": tuple(table.pop("plans"))}
+    parts: dict[str, Any] = {"evaluation": EvaluationConfig(**evaluation)}
+    for name in ("plans", "sensors"):
+        parts[name] = tuple(table.pop(name))
     if "network" in table:
         parts["network"] = NetworkConfig(**table.pop("network"))
         parts["imitation"] = ImitationConfig(**table.pop("imitation"))

@@ -67,7 +67,7 @@ def imitate(actor: Actor, config: TrainingConfig, say: Callable[[str], None], st
     teacher = make_agent(plan.teacher)
     if (wanted := getattr(teacher, "predictor", config.predictor)) != config.predictor:
         raise ConfigError(f"the teacher {plan.teacher!r} needs predictor = {wanted!r}, the run has {config.predictor!r}")
-    env = gymnasium.make(config.environment, **environment_arguments(config)).unwrapped
+    env = gymnasium.make(config.environment, **environment_arguments(config, config.sensors[0])).unwrapped
     assert isinstance(env, ExplorationEnv)
     rng = np.random.default_rng([config.seed, 1])
     optimizer = torch.optim.Adam(actor.parameters(), lr=plan.learning_rate)
@@ -115,7 +115,7 @@ def act(actor: Actor, observation: dict[str, NDArray[np.generic]]) -> int:
     """The allowed frontier with the highest logit."""
     with torch.no_grad():
         logits = actor({name: torch.from_numpy(array[None]) for name, array in observation.items()})[0].numpy()
-    allowed = observation["action_mask"][:-1] > 0
+    allowed = observation["action_mask"][:-1].astype(np.bool_)
     return int(np.argmax(np.where(allowed, logits[:-1], -np.inf)))
 
 
@@ -131,7 +131,7 @@ def _learn(
             logits = actor(observation)[:, :-1].masked_fill(observation["action_mask"][:, :-1] == 0, -1e8)
             loss = functional.cross_entropy(logits, choices)
             optimizer.zero_grad()
-            loss.backward()
+            loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             agreed += int((logits.argmax(dim=1) == choices).sum())
     return agreed / max(1, len(lessons.choices))

@@ -42,11 +42,12 @@ class Actor(nn.Module):
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
         """float32 (batch, slots + 1): logits; those of empty slots mean nothing."""
+        slots = observation["frontiers"].shape[1] // len(FRONTIER_FEATURES)
         frontiers, valid, robot, maps = self.read(observation)
         context, places = self.encode(frontiers, valid, robot, maps)
         scores = self.score(places)[..., 0] + self.direct(frontiers)[..., 0]
         scores = scores + self.tour_weight * frontiers[..., self._tour]
-        return torch.cat([scores, self.stop(context)], dim=1)
+        return torch.cat([functional.pad(scores, (0, slots - scores.shape[1])), self.stop(context)], dim=1)
 
 
 class Critic(nn.Module):
@@ -90,10 +91,16 @@ class Reader(nn.Module):
         self._channels = [channels.index(name) for name in spec.map_channels]
 
     def forward(self, observation: Mapping[str, Tensor]) -> tuple[Tensor, Tensor, Tensor, Tensor | None]:
-        """Frontiers (batch, slots, columns), bool (batch, slots) which exist, robot (batch, entries), map or None."""
+        """Frontiers (batch, slots, columns), bool (batch, slots) which exist, robot (batch, entries), map or None.
+
+        The slots end with the last one that any of the batch fills.
+        """
         table = observation["frontiers"]
         table = table.reshape(len(table), -1, len(FRONTIER_FEATURES))
         valid = table[..., list(FRONTIER_FEATURES).index("valid")] > 0
+        used = valid.any(dim=0).nonzero()
+        slots = int(used[-1]) + 1 if len(used) else 0
+        table, valid = table[:, :slots], valid[:, :slots]
         chosen = table[..., self._columns]
         frontiers = torch.asinh(chosen)
         frontiers[..., self._tour] = chosen[..., self._tour]

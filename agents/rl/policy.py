@@ -28,6 +28,9 @@ class FrontierPolicy(MaskableActorCriticPolicy):
         lr_schedule: Learning rate.
         spec: What the networks read and their shape.
         **kwargs: For the parent class.
+
+    Attributes:
+        actor_waits: Only the critic learns: a critic that knows nothing yet would lead the actor astray.
     """
 
     def __init__(
@@ -40,6 +43,7 @@ class FrontierPolicy(MaskableActorCriticPolicy):
         **kwargs: Any,
     ) -> None:
         self._spec = spec
+        self.actor_waits = False
         super().__init__(observation_space, action_space, lr_schedule, net_arch=[], **kwargs)
 
     def _build(self, lr_schedule: Schedule) -> None:
@@ -58,7 +62,10 @@ class FrontierPolicy(MaskableActorCriticPolicy):
     def evaluate_actions(self, obs: Any, actions: Tensor, action_masks: Any = None) -> tuple[Tensor, Tensor, Tensor | None]:
         """Values (batch, 1), log-probabilities (batch,) and entropies (batch,)."""
         distribution = self.get_distribution(obs, action_masks)
-        return self.critic(obs), distribution.log_prob(actions), distribution.entropy()
+        log_prob, entropy = distribution.log_prob(actions), distribution.entropy()
+        if self.actor_waits:
+            log_prob, entropy = log_prob.detach(), torch.zeros_like(log_prob)
+        return self.critic(obs), log_prob, entropy
 
     def get_distribution(self, obs: PyTorchObs, action_masks: Any = None) -> MaskableDistribution:
         """The distribution over the actions that are allowed."""

@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, Protocol
@@ -105,7 +106,7 @@ class Run:
         if self.spec and self.config.imitation and self.config.imitation.teacher:
             actor = self._actor()
             imitate(actor, self.config, self.watcher.say, lambda: self.stopping)
-            self.model.policy.actor.load_state_dict(actor.state_dict())
+            self._policy.actor.load_state_dict(actor.state_dict())
         if not self.stopping:
             self._save()
             self._evaluate()
@@ -117,7 +118,8 @@ class Run:
         target = min(config.steps, (progress.steps // config.checkpoint_every + 1) * config.checkpoint_every)
         self.model.set_random_seed(int(np.random.SeedSequence([config.seed, progress.steps]).generate_state(1)[0] >> 1))
         self.model._last_obs = None
-        callback = TrainingCallback(lambda steps: self.watcher.advance(steps, config.steps), lambda: self.stopping)
+        advance = partial(self.watcher.advance, total=config.steps)
+        callback = TrainingCallback(advance, lambda: self.stopping, config.critic_steps)
         self.model.learn(target - progress.steps, callback, reset_num_timesteps=False)
         if callback.interrupted:
             self.model.num_timesteps = callback.learnt
@@ -153,16 +155,20 @@ class Run:
         save_checkpoint(self.folder, self.model, self.progress)
         save_policy(self.folder / "policy.safetensors", self._weights(), self._card())
 
+    @property
+    def _policy(self) -> FrontierPolicy:
+        assert isinstance(self.model.policy, FrontierPolicy)
+        return self.model.policy
+
     def _actor(self) -> Actor:
         """A copy of the policy's actor on the CPU."""
         assert self.spec is not None
         actor = Actor(self.spec)
-        actor.load_state_dict({name: tensor.cpu() for name, tensor in self.model.policy.actor.state_dict().items()})
+        actor.load_state_dict({name: tensor.cpu() for name, tensor in self._policy.actor.state_dict().items()})
         return actor.eval()
 
     def _weights(self) -> dict[str, torch.Tensor]:
-        state: dict[str, torch.Tensor] = (self.model.policy.actor if self.spec else self.model.policy).state_dict()
-        return state
+        return dict((self._policy.actor if self.spec else self.model.policy).state_dict())
 
     def _card(self) -> dict[str, Any]:
         """What there is to say of the policy as it is now."""

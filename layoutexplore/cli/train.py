@@ -44,7 +44,9 @@ def train(
     seed: Annotated[int | None, typer.Option(min=0, help="Of everything.")] = None,
     device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
     predictor: Annotated[str | None, typer.Option(help="Where a policy learns of rooms from: layout or none.")] = None,
-    sensor: Annotated[str | None, typer.Option(help="Lidar: stage, indoor, short or mapex.")] = None,
+    sensor: Annotated[
+        list[str] | None, typer.Option(help="Lidar: stage, indoor, short or mapex; environments take turns. [repeatable]")
+    ] = None,
     plans: Annotated[
         list[str] | None, typer.Option(help="Floor plans to train on, as for benchmark, or generated. [repeatable]")
     ] = None,
@@ -64,7 +66,7 @@ def train(
         "envs": envs,
         "seed": seed,
         "predictor": predictor,
-        "sensor": sensor,
+        "sensors": sensor or None,
         "plans": plans or None,
     }
     if device not in ("auto", "cpu", "cuda"):
