@@ -12,7 +12,7 @@ import copy
 import dataclasses
 import heapq
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -40,6 +40,9 @@ target area; `open_judged` counts frontiers judged open."""
 MOMENTS = 4
 """Moments that are kept of a run: those in which most metres were at stake."""
 
+_NEAR = 2.0
+"""Metres: two decisions between places no further apart are one moment, that with more at stake."""
+
 _MARGIN = 12
 """Cells around what is known that are kept of a moment's grid."""
 
@@ -58,7 +61,7 @@ class Moment:
         chosen: Cell that was gone to.
         given_up: Cell that would have been gone to without the layout.
         without: Index of the frontier that was given up.
-        judged: float32 (k, 4), a row a frontier: judged closed, expected area, truly closed, true area.
+        judged: float64 (k, 4), a row a frontier: judged closed, expected area, truly closed, true area.
         members: int32 (n, 2), the frontiers' cells.
         offsets: int64 (k + 1,), where each frontier's cells begin.
         seen_after: Metres walked until the frontier that was given up was gone; NaN when it never was.
@@ -74,7 +77,7 @@ class Moment:
     chosen: tuple[int, int]
     given_up: tuple[int, int]
     without: int
-    judged: NDArray[np.float32]
+    judged: NDArray[np.float64]
     members: NDArray[np.int32]
     offsets: NDArray[np.int64]
     seen_after: float = float("nan")
@@ -231,7 +234,10 @@ class Asides:
         places = np.array([here, given_up, chosen], np.int32)
         between = distance_matrix(decision.traversable, places, decision.grid.resolution)
         stake = float(between[0, 1] + between[1, 2] - between[0, 2])
-        if not np.isfinite(stake) or (len(self._kept) >= MOMENTS and stake <= self._kept[0][0]):
+        near = _NEAR / decision.grid.resolution
+        same = [kept for kept in self._kept if _close(kept[2].moment, chosen, given_up, near)]
+        rivals = same or (self._kept[:1] if len(self._kept) == MOMENTS else [])
+        if not np.isfinite(stake) or any(stake <= kept[0] for kept in rivals):
             return
         cells, corner = _known_part(decision.grid.cells)
         moment = Moment(
@@ -248,8 +254,9 @@ class Asides:
             members=np.concatenate([f.cells for f in decision.frontiers]),
             offsets=np.cumsum([0, *(len(f.cells) for f in decision.frontiers)]),
         )
-        push = heapq.heappush if len(self._kept) < MOMENTS else heapq.heapreplace
-        push(self._kept, (stake, -decision.step, _Pursued(moment, decision.frontiers[without].cells)))
+        self._kept = [kept for kept in self._kept if kept not in same]
+        self._kept.append((stake, -decision.step, _Pursued(moment, decision.frontiers[without].cells)))
+        self._kept = heapq.nlargest(MOMENTS, self._kept, key=lambda kept: kept[:2])[::-1]
 
     def _pursue(self, decision: Decision, choice: Choice) -> None:
         """See what becomes of the frontiers that were given up."""
@@ -267,6 +274,12 @@ class Asides:
             if np.isnan(kept.moment.seen_after) and remaining_share(cells, kept.cells) < gone:
                 walked = self._simulation.distance - kept.moment.distance
                 kept.moment = dataclasses.replace(kept.moment, seen_after=walked)
+
+
+def _close(moment: Moment, chosen: Sequence[int], given_up: Sequence[int], near: float) -> bool:
+    """Whether a moment is about the same two places."""
+    pairs = ((moment.chosen, chosen), (moment.given_up, given_up))
+    return all(np.hypot(a[0] - b[0], a[1] - b[1]) <= near for a, b in pairs)
 
 
 def without_layout(decision: Decision) -> Decision:
@@ -299,10 +312,10 @@ def _mixed(decision: Decision, truth: Decision, *, classes: bool, areas: bool) -
     return dataclasses.replace(decision, frontiers=tuple(mixed))
 
 
-def _judged(found: tuple[Frontier, ...], true: tuple[Frontier, ...]) -> NDArray[np.float32]:
-    """float32 (k, 4): judged closed, expected area, truly closed, true area."""
+def _judged(found: tuple[Frontier, ...], true: tuple[Frontier, ...]) -> NDArray[np.float64]:
+    """float64 (k, 4): judged closed, expected area, truly closed, true area."""
     rows = [(f.is_closed, f.expected_area, t.is_closed, t.expected_area) for f, t in zip(found, true, strict=True)]
-    return np.array(rows, np.float32)
+    return np.array(rows, np.float64)
 
 
 def _counts(found: tuple[Frontier, ...], true: tuple[Frontier, ...]) -> list[float]:

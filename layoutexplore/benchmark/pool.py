@@ -6,33 +6,20 @@ OpenMP and OpenCV would otherwise start as many as there are cores in every work
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
-import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
+from layoutexplore.processes import single_threaded as single_threaded
+from layoutexplore.processes import usable_cores as usable_cores
+
 T = TypeVar("T")
 R = TypeVar("R")
 
-THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-)
-
 AHEAD = 2
 """Tasks handed out per worker: one runs, the others wait so that no worker idles."""
-
-
-def usable_cores() -> int:
-    """Number of processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_all(
@@ -92,18 +79,3 @@ def _stop(pool: ProcessPoolExecutor) -> None:
         process.join(timeout=0.2)
         if process.is_alive():
             process.terminate()
-
-
-@contextlib.contextmanager
-def single_threaded() -> Iterator[None]:
-    """Processes started inside the block keep to one thread each."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value

@@ -28,6 +28,7 @@ from layoutexplore.benchmark.analysis import (
 from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder, atomic
 from layoutexplore.errors import LayoutExploreError
+from layoutexplore.report.layout_section import layout_section
 from layoutexplore.report.page import interval, number, percent, render
 from layoutexplore.report.plots import Forest, Line, Way, curve_lines, floor_picture, forest, heat, way
 
@@ -153,6 +154,7 @@ def build(
         "heat": heat,
         "metrics": METRICS,
         "pooled": POOLED,
+        **layout_section(folder, rows, comparisons, baseline, curves),
     }
 
 

@@ -1,0 +1,152 @@
+"""What stopping early saves and loses: pairs of distance saved and coverage lost, against the baseline run to 99 %.
+
+A strategy that stops by itself is measured where it stopped, in the same cells as the baseline: distance saved is 1 - its
+metres / the baseline's metres to 99 %, coverage lost is 99 % less what it had seen, at least 0. Part of what it saves is
+its better route, part is that it does not see the rest; how much the baseline itself would save by being stopped at the
+same coverage is given beside. Rules of stopping can be tried on stored runs: a run that stops is the beginning of the run that
+does not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.benchmark.analysis import Curves, agents_of, groups
+from layoutexplore.benchmark.counterfactual import Counterfactual
+from layoutexplore.benchmark.episode import Row
+from layoutexplore.exploration_metrics import distance_to_coverage
+from layoutexplore.statistics import Interval, cluster_bootstrap, interquartile_mean, weighted_mean
+
+GOAL = 0.99
+"""Coverage to which the baseline is run."""
+
+POINTS_LOST = 0.02
+"""A run that loses more coverage than this has stopped too early."""
+
+Rule = Callable[[Counterfactual], NDArray[np.bool_]]
+"""Whether to stop, bool (n,), at each decision of a run."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """One run that ended by itself.
+
+    Attributes:
+        plan: Floor plan.
+        saved: 1 - metres / the baseline's metres to 99 %.
+        lost: 0.99 less the coverage at the stop, at least 0.
+        baseline_saved: What the baseline would have saved by stopping at the same coverage.
+        early: Whether it stopped before 99 % at all.
+    """
+
+    plan: str
+    saved: float
+    lost: float
+    baseline_saved: float
+    early: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class EarlyStop:
+    """The stops of one strategy in one group, with intervals over floor plans.
+
+    Attributes:
+        sensor: The sensor, or all of them.
+        agent: The strategy.
+        saved: Share of the metres saved, interquartile mean over runs.
+        lost: Coverage lost, 0..1, mean over runs (an interquartile mean would hide disasters).
+        baseline_saved: What the baseline would have saved at the same coverage, interquartile mean.
+        worst: Most coverage lost in a run.
+        too_early: Share of the runs that lost more than 2 points.
+        stopped: Share of the runs that stopped before 99 %.
+        runs: The stops.
+    """
+
+    sensor: str
+    agent: str
+    saved: Interval
+    lost: Interval
+    baseline_saved: float
+    worst: float
+    too_early: float
+    stopped: float
+    runs: tuple[Stop, ...]
+
+
+def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[EarlyStop]:
+    """Every agent of which some run ended by the agent's own will, in every group, against the baseline's runs to 99 %."""
+    found = []
+    for sensor, part in groups(rows).items():
+        base = {(row.plan, row.start, row.sensor): row for row in part if row.agent == baseline and row.reached99}
+        for agent in agents_of(part):
+            mine = [row for row in part if row.agent == agent and (row.plan, row.start, row.sensor) in base]
+            if not any(row.stop_reason == "agent" for row in mine):
+                continue
+            stops = []
+            for row in mine:
+                other = base[row.plan, row.start, row.sensor]
+                metres, coverage = (row.d99, GOAL) if row.reached99 else (row.distance, row.coverage)
+                stops.append(stop_at(row.plan, metres, coverage, other.d99, curves(other)))
+            found.append(summarise_stops(sensor, agent, stops))
+    return found
+
+
+def stop_at(plan: str, metres: float, coverage: float, baseline_metres: float, baseline_curve: NDArray[np.float64]) -> Stop:
+    """The pair of a run that ended after some metres at some coverage.
+
+    Args:
+        plan: Floor plan.
+        metres: Walked at the stop.
+        coverage: Seen at the stop, 0..1.
+        baseline_metres: Of the baseline to 99 % in the same cell, above 0.
+        baseline_curve: float64 (n, 2), its metres and coverage.
+    """
+    there, _ = distance_to_coverage(baseline_curve[:, 0], baseline_curve[:, 1], min(coverage, GOAL), budget=baseline_metres)
+    lost = max(0.0, GOAL - coverage)
+    return Stop(plan, 1 - metres / baseline_metres, lost, 1 - there / baseline_metres, coverage < GOAL)
+
+
+def try_rule(
+    rule: Rule, runs: Sequence[tuple[Row, Counterfactual, Row]], curves: Curves, *, sensor: str = "", name: str = ""
+) -> EarlyStop:
+    """What a rule of stopping would have saved and lost in runs that went on.
+
+    Args:
+        rule: Says at which decisions to stop; the first counts.
+        runs: Of one agent, each with what was noted in it, and the baseline's run in the same cell.
+        curves: Give the baseline's curves.
+        sensor: For the result.
+        name: For the result.
+    """
+    stops = []
+    for row, told, other in runs:
+        at = np.flatnonzero(rule(told))
+        metres, coverage = (row.d99, GOAL) if row.reached99 else (row.distance, row.coverage)
+        if len(at):
+            first = int(at[0])
+            metres, coverage = float(told.column("distance")[first]), min(float(told.column("coverage")[first]), GOAL)
+        stops.append(stop_at(row.plan, metres, coverage, other.d99, curves(other)))
+    return summarise_stops(sensor, name, stops)
+
+
+def summarise_stops(sensor: str, agent: str, stops: Sequence[Stop]) -> EarlyStop:
+    """Means and intervals of some stops."""
+    plans = [stop.plan for stop in stops]
+    saved = cluster_bootstrap([stop.saved for stop in stops], plans)
+    lost = cluster_bootstrap([stop.lost for stop in stops], plans, weighted_mean)
+    return EarlyStop(
+        sensor=sensor,
+        agent=agent,
+        saved=saved,
+        lost=lost,
+        baseline_saved=interquartile_mean([stop.baseline_saved for stop in stops]),
+        worst=max((stop.lost for stop in stops), default=math.nan),
+        too_early=float(np.mean([stop.lost > POINTS_LOST for stop in stops])),
+        stopped=float(np.mean([stop.early for stop in stops])),
+        runs=tuple(stops),
+    )

@@ -1,0 +1,121 @@
+"""What layouts did in the runs of a benchmark: how often they changed a choice, how right they were, what they cost.
+
+Where the difference to perfect rooms comes from is read off two ways: predictions are compared with the truth at every
+decision, and the agent is asked what it would have chosen with true classes, true areas or the true rooms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.benchmark.analysis import agents_of, groups
+from layoutexplore.benchmark.counterfactual import LOG, Counterfactual
+from layoutexplore.benchmark.episode import Row
+from layoutexplore.statistics import Interval, cluster_bootstrap, weighted_mean
+
+Told = Callable[[Row], Counterfactual | None]
+"""Gives what was noted in a run."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayoutEffect:
+    """What the layout did in the runs of one agent in one group. Shares are of all decisions or frontiers of its runs.
+
+    Attributes:
+        sensor: The sensor, or all of them.
+        agent: The strategy.
+        runs: Number of runs in which was asked.
+        decisions: Number of their decisions.
+        prediction_ms: Median milliseconds of a prediction.
+        prediction_ms_p95: 95th percentile.
+        episode_seconds: Median seconds that the predictions of a run took.
+        changed: Mean share of the decisions of a run in which the layout changed the choice, interval over floor plans.
+        misled: Mean share in which the true rooms would have.
+        by_class: Share of the misled decisions that true classes alone set right.
+        by_area: Share that true areas alone set right.
+        by_both: Share that takes both.
+        by_rooms: Share that only the true rooms set right.
+        closed_as_open: Share of the truly closed frontiers that were judged open.
+        open_as_closed: Share of the truly open frontiers that were judged closed.
+        leftover_missed: Share of the truly closed frontiers with less than 1 m2 left that were not judged so.
+        leftover_wrong: Share of the frontiers judged closed with less than 1 m2 left that are not.
+    """
+
+    sensor: str
+    agent: str
+    runs: int
+    decisions: int
+    prediction_ms: float
+    prediction_ms_p95: float
+    episode_seconds: float
+    changed: Interval
+    misled: Interval
+    by_class: float
+    by_area: float
+    by_both: float
+    by_rooms: float
+    closed_as_open: float
+    open_as_closed: float
+    leftover_missed: float
+    leftover_wrong: float
+
+
+def layout_effects(rows: Iterable[Row], told: Told) -> list[LayoutEffect]:
+    """The effects of the layout for every agent with a predictor, in every group; runs in which nobody asked do not count."""
+    found = []
+    noted: dict[tuple[str, int, str, str], Counterfactual | None] = {}
+    for sensor, part in groups(rows).items():
+        for agent in agents_of(part):
+            mine = []
+            for row in (row for row in part if row.agent == agent):
+                if row.key not in noted:
+                    noted[row.key] = told(row)
+                counterfactual = noted[row.key]
+                if counterfactual is not None and len(counterfactual.log):
+                    mine.append((row, counterfactual))
+            if mine:
+                found.append(_effect(sensor, agent, mine))
+    return found
+
+
+def _effect(sensor: str, agent: str, runs: Sequence[tuple[Row, Counterfactual]]) -> LayoutEffect:
+    plans = [row.plan for row, _ in runs]
+    log = np.concatenate([counterfactual.log for _, counterfactual in runs])
+    total = dict(zip(LOG, log.sum(axis=0).tolist(), strict=True))
+    times = log[:, LOG.index("prediction_ms")]
+    changed, misled = (
+        cluster_bootstrap([float(c.column(name).mean()) for _, c in runs], plans, weighted_mean) for name in ("changed", "misled")
+    )
+    either = _logical(log, "class_alone") | _logical(log, "area_alone") | _logical(log, "both")
+    return LayoutEffect(
+        sensor=sensor,
+        agent=agent,
+        runs=len(runs),
+        decisions=len(log),
+        prediction_ms=float(np.median(times)),
+        prediction_ms_p95=float(np.percentile(times, 95)),
+        episode_seconds=float(np.median([row.prediction_seconds for row, _ in runs])),
+        changed=changed,
+        misled=misled,
+        by_class=_share(total["class_alone"], total["misled"]),
+        by_area=_share(total["area_alone"], total["misled"]),
+        by_both=_share(total["both"], total["misled"]),
+        by_rooms=_share(total["misled"] - float(either.sum()), total["misled"]),
+        closed_as_open=_share(total["closed_as_open"], total["closed"]),
+        open_as_closed=_share(total["open_as_closed"], total["open"]),
+        leftover_missed=_share(total["leftover_missed"], total["leftover"]),
+        leftover_wrong=_share(total["leftover_wrong"], total["leftover"] - total["leftover_missed"] + total["leftover_wrong"]),
+    )
+
+
+def _logical(log: NDArray[np.float32], name: str) -> NDArray[np.bool_]:
+    return np.asarray(log[:, LOG.index(name)] > 0)
+
+
+def _share(part: float, whole: float) -> float:
+    return part / whole if whole else math.nan

@@ -1,0 +1,148 @@
+"""The parts of the exploration report that are about layouts: what they changed, how right they were, stopping early."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from layoutexplore.benchmark.analysis import Comparison, Curves
+from layoutexplore.benchmark.counterfactual import Moment
+from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops
+from layoutexplore.benchmark.episode import Row, knows_the_plan
+from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
+from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.errors import LayoutExploreError
+from layoutexplore.report.moments import MomentPicture, moment_picture
+from layoutexplore.report.plots import agent_look, hexadecimal
+
+RIGHT_MOMENTS, WRONG_MOMENTS = 4, 2
+"""Decisive moments that are drawn: in which the prediction was right, and wrong."""
+
+
+@dataclass(frozen=True)
+class EffectLine:
+    """A row of the tables: an agent's effects beside its ratios to the baseline."""
+
+    effect: LayoutEffect
+    privileged: bool
+    d95: Comparison | None
+    d99: Comparison | None
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A pair of coverage lost and distance saved, in percent of the frame, with its whiskers."""
+
+    stop: EarlyStop
+    colour: str
+    place: tuple[float, float]
+    across: tuple[float, float]
+    along: tuple[float, float]
+    dots: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class StopPlot:
+    """Distance saved over coverage lost."""
+
+    marks: list[Mark]
+    x_ticks: list[tuple[float, str]]
+    y_ticks: list[tuple[float, str]]
+    limit: float
+
+
+def layout_section(
+    folder: ResultsFolder, rows: Sequence[Row], comparisons: Sequence[Comparison], baseline: str, curves: Curves
+) -> dict[str, Any]:
+    """What the templates show about layouts: `effects` by group, `moments` and `stops`; each empty where there is nothing."""
+    effects = layout_effects(rows, folder.counterfactual)
+    by_group: dict[str, list[EffectLine]] = {}
+    for effect in effects:
+        mine = {c.metric: c for c in comparisons if (c.sensor, c.agent) == (effect.sensor, effect.agent)}
+        line = EffectLine(effect, _knows(effect.agent), mine.get("d95"), mine.get("d99"))
+        by_group.setdefault(effect.sensor, []).append(line)
+    for lines in by_group.values():
+        lines.sort(key=lambda line: (line.effect.agent.partition(":")[0], line.privileged, line.effect.agent))
+    stops: dict[str, list[EarlyStop]] = {}
+    for stop in early_stops(rows, baseline, curves):
+        stops.setdefault(stop.sensor, []).append(stop)
+    return {
+        "effects": by_group,
+        "moments": _moments(folder, rows, next(iter(by_group.values()), [])),
+        "stops": {name: (stop_plot(found), found) for name, found in stops.items()},
+    }
+
+
+def _knows(agent: str) -> bool:
+    try:
+        return knows_the_plan(agent)
+    except LayoutExploreError:
+        return False  # results of an agent that this version does not have
+
+
+def _moments(folder: ResultsFolder, rows: Sequence[Row], lines: Sequence[EffectLine]) -> list[MomentPicture]:
+    """Moments of the best agent that predicts: most at stake first, from different floor plans before from the same."""
+    honest = [line for line in lines if not line.privileged and line.effect.changed.estimate > 0]
+    if not honest:
+        return []
+    agent = min(honest, key=lambda line: line.d95.ratio.estimate if line.d95 else math.inf).effect.agent
+    found: list[tuple[Row, Moment]] = []
+    for row in rows:
+        told = None if row.error or row.agent != agent else folder.counterfactual(row)
+        found += [(row, moment) for moment in (told.moments if told else ())]
+    found.sort(key=lambda pair: (-pair[1].stake, pair[0].key))
+    shown = _spread((pair for pair in found if pair[1].right), RIGHT_MOMENTS)
+    shown += _spread((pair for pair in found if not pair[1].right), WRONG_MOMENTS)
+    pictures = []
+    for row, moment in shown:
+        occupied, frame = folder.raster(row.plan)
+        pictures.append(moment_picture(row, moment, occupied, float(frame[0])))
+    return pictures
+
+
+def _spread(pairs: Iterable[tuple[Row, Moment]], count: int) -> list[tuple[Row, Moment]]:
+    """The first pairs of each run, then the second ones, and so on."""
+    ranked: dict[tuple[Any, ...], int] = {}
+    rest = []
+    for k, (row, moment) in enumerate(pairs):
+        turn = ranked[row.key] = ranked.get(row.key, 0) + 1
+        rest.append((turn, k, row, moment))
+    rest.sort(key=lambda entry: entry[:2])
+    return [(row, moment) for _, _, row, moment in rest[:count]]
+
+
+def stop_plot(stops: Sequence[EarlyStop]) -> StopPlot:
+    """Every strategy that stops by itself as a mark with whiskers, and its runs as dots."""
+    lost = [run.lost for stop in stops for run in stop.runs]
+    saved = [run.saved for stop in stops for run in stop.runs]
+    right = max(math.ceil(100 * max(lost, default=0.0) + 0.5), round(200 * POINTS_LOST)) / 100
+    low = min(0.0, math.floor(10 * min(saved, default=0.0)) / 10)
+    high = max(0.3, math.ceil(10 * max(saved, default=0.0) + 0.2) / 10)
+
+    def x(value: float) -> float:
+        return round(100 * min(max(value / right, 0.0), 1.0), 2)
+
+    def y(value: float) -> float:
+        return round(100 * (1 - min(max((value - low) / (high - low), 0.0), 1.0)), 2)
+
+    marks = []
+    for k, stop in enumerate(stops):
+        ends = [v if math.isfinite(v) else stop.lost.estimate for v in (stop.lost.low, stop.lost.high)]
+        tips = [v if math.isfinite(v) else stop.saved.estimate for v in (stop.saved.low, stop.saved.high)]
+        marks.append(
+            Mark(
+                stop=stop,
+                colour=hexadecimal(agent_look(k)[0]),
+                place=(x(stop.lost.estimate), y(stop.saved.estimate)),
+                across=(x(ends[0]), x(ends[1])),
+                along=(y(tips[0]), y(tips[1])),
+                dots=tuple((x(run.lost), y(run.saved)) for run in stop.runs),
+            )
+        )
+    points = round(100 * right)
+    step = max(1, round(points / 6))
+    x_ticks = [(x(value / 100), f"{value}") for value in range(0, points + 1, step)]
+    y_ticks = [(y(value / 100), f"{value} %") for value in range(round(100 * low), round(100 * high) + 1, 10)]
+    return StopPlot(marks, x_ticks, y_ticks, x(POINTS_LOST))

@@ -1,0 +1,204 @@
+"""Pictures of decisive moments: where the robot would have gone without the layout, where it went, and what came of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore import palette
+from layoutexplore.benchmark.counterfactual import Moment
+from layoutexplore.benchmark.episode import Row
+from layoutexplore.errors import LayoutExploreError
+from layoutexplore.grid import FREE, OCCUPIED, Cell
+from layoutexplore.planning import descend, geodesic_distances, inflate
+from layoutexplore.report.page import number, png_uri
+
+MARGIN, LEAST_SIDE = 2.5, 12.0
+"""Metres around what matters, and the least side of a picture."""
+
+LEAST_ASPECT = 0.8
+"""The shorter side of a picture over the longer one, where the plan is large enough."""
+
+LABELS = 10
+"""Frontiers whose expected area is written into the picture: those nearest to the robot."""
+
+RADIUS = 0.2
+"""Metres from walls at which ways are drawn where there is room."""
+
+Place = Callable[[tuple[float, float]], tuple[float, float]]
+"""From (row, column) in the grid to (x, y) in the picture."""
+
+_NBSP = "\N{NO-BREAK SPACE}"
+
+
+@dataclass(frozen=True)
+class Label:
+    """A frontier with what was said of it, in cells from the top left of the picture."""
+
+    x: float
+    y: float
+    text: str
+    colour: str
+
+
+@dataclass(frozen=True)
+class MomentPicture:
+    """A decisive moment, ready to be shown."""
+
+    row: Row
+    moment: Moment
+    image: str
+    width: int
+    height: int
+    unit: float
+    robot: tuple[float, float]
+    chosen: tuple[float, float]
+    given_up: tuple[float, float]
+    way: str
+    way_without: str
+    labels: tuple[Label, ...]
+    title: str
+    said: str
+    outcome: str
+
+
+def moment_picture(row: Row, moment: Moment, occupied: NDArray[np.bool_], resolution: float) -> MomentPicture:
+    """Draw a moment.
+
+    Args:
+        row: The run.
+        moment: The moment.
+        occupied: bool (rows, cols), the floor plan's cells in the frame of the grid.
+        resolution: Metres per cell.
+    """
+    ways = [_way(moment, goal, resolution) for goal in (moment.chosen, moment.given_up)]
+    points = np.concatenate([*ways, [moment.here, moment.chosen, moment.given_up]])
+    top, left, height, width = _window(points, occupied.shape, resolution)
+    image = _map(moment, occupied)[top : top + height, left : left + width]
+
+    def place(cell: tuple[float, float]) -> tuple[float, float]:
+        return round(cell[1] - left + 0.5, 2), round(height - (cell[0] - top) - 0.5, 2)
+
+    labels = _labels(moment, place, (width, height))
+    return MomentPicture(
+        row=row,
+        moment=moment,
+        image=png_uri(np.ascontiguousarray(image[::-1])),
+        width=width,
+        height=height,
+        unit=max(width, height) / 100,
+        robot=place(moment.here),
+        chosen=place(moment.chosen),
+        given_up=place(moment.given_up),
+        way=_path(ways[0], place),
+        way_without=_path(ways[1], place),
+        labels=labels,
+        title=f"{row.plan}, {row.sensor}, after {number(moment.distance, 0)}{_NBSP}m",
+        said=_said(moment),
+        outcome=_outcome(moment),
+    )
+
+
+def _window(points: NDArray[np.integer], shape: tuple[int, ...], resolution: float) -> tuple[int, int, int, int]:
+    """First row and column, height and width of the part of the map around some cells int (n, 2)."""
+    found = []
+    spans = points.max(axis=0) - points.min(axis=0) + 2 * MARGIN / resolution
+    least = max(LEAST_SIDE / resolution, LEAST_ASPECT * float(spans.max()))
+    for axis in (0, 1):
+        low, high = int(points[:, axis].min()), int(points[:, axis].max())
+        spare = max(MARGIN / resolution, (least - (high - low)) / 2)
+        low, high = max(math.floor(low - spare), 0), min(math.ceil(high + spare), shape[axis])
+        found.append((low, high - low))
+    return found[0][0], found[1][0], found[0][1], found[1][1]
+
+
+def _area(area: float) -> str:
+    """Square metres to a decimal; just under a whole number is not rounded up to it: that is where the threshold lies.
+
+    Example:
+        >>> _area(0.9999), _area(3.14)
+        ('0.9', '3.1')
+    """
+    return number(math.floor(10 * area) / 10 if area < 1 else area, 1)
+
+
+def _map(moment: Moment, occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """The floor plan with what is known of it and the frontiers by class, uint8 (rows, cols, 3); row 0 has the lowest y."""
+    image = np.empty((*occupied.shape, 3), np.uint8)
+    image[:] = palette.CANVAS
+    image[~occupied] = palette.UNSEEN
+    row, col = moment.corner
+    part = image[row : row + moment.cells.shape[0], col : col + moment.cells.shape[1]]
+    part[moment.cells == FREE] = palette.FREE
+    part[moment.cells == OCCUPIED] = palette.WALL
+    for k, (closed, _, _, _) in enumerate(moment.judged.tolist()):
+        rows, cols = moment.members[moment.offsets[k] : moment.offsets[k + 1]].T
+        image[rows, cols] = palette.CLOSED if closed else palette.OPEN
+    return image
+
+
+def _way(moment: Moment, goal: tuple[int, int], resolution: float) -> NDArray[np.int64]:
+    """Cells int64 (n, 2) of a way to a goal on what was known; a straight line where there is none."""
+    corner = np.array(moment.corner)
+    here, there = (Cell(*map(int, np.array(place) - corner)) for place in (moment.here, goal))
+    free = np.ascontiguousarray(moment.cells == FREE)
+    for world in (free & ~inflate(moment.cells == OCCUPIED, RADIUS, resolution), free):
+        open_world = world.copy()
+        open_world[here] = open_world[there] = True
+        try:
+            distances = geodesic_distances(open_world, here, resolution)
+            if np.isfinite(distances[there]):
+                steps: NDArray[np.int64] = descend(distances, open_world, there).astype(np.int64) + corner
+                return steps
+        except LayoutExploreError:
+            continue
+    return np.array([moment.here, goal], np.int64)
+
+
+def _path(cells: NDArray[np.int64], place: Place) -> str:
+    kept = cells[::2].tolist() + cells[-1:].tolist()
+    return "M" + " L".join(f"{x:.1f},{y:.1f}" for x, y in (place((float(row), float(col))) for row, col in kept))
+
+
+def _labels(moment: Moment, place: Place, size: tuple[int, int]) -> tuple[Label, ...]:
+    """What was said of the frontiers nearest the robot, and of the one that was given up."""
+    middles = [moment.members[a:b].mean(axis=0) for a, b in zip(moment.offsets[:-1], moment.offsets[1:], strict=True)]
+    away = np.hypot(*(np.array(middles) - moment.here).T)
+    away[moment.without] = -1.0
+    labels: list[Label] = []
+    for k in np.argsort(away, kind="stable").tolist():
+        x, y = place((float(middles[k][0]), float(middles[k][1])))
+        unit = max(size) / 100
+        crowded = any(abs(x - other.x) < 14 * unit and abs(y - other.y) < 4 * unit for other in labels)
+        if not (0 <= x <= size[0] and 0 <= y <= size[1]) or crowded or len(labels) >= LABELS:
+            continue
+        closed, area = moment.judged[k, :2].tolist()
+        text = f"{_area(area)}{_NBSP}m²" if closed else "open"
+        labels.append(
+            Label(x, y, text, palette.to_hex(palette.mix(palette.CLOSED if closed else palette.OPEN, palette.BLACK, 0.35)))
+        )
+    return tuple(labels)
+
+
+def _said(moment: Moment) -> str:
+    """What was predicted of the frontier that was given up, and what is true."""
+    closed, area, true_closed, true_area = moment.judged[moment.without].tolist()
+    predicted = f"{_area(area)}{_NBSP}m² left in its room" if closed else "it leads on"
+    true = f"{_area(true_area)}{_NBSP}m² left" if true_closed else "it leads on"
+    return (
+        f"The frontier passed over: predicted {predicted}, in truth {true}. {number(moment.stake, 0)}{_NBSP}m of detour at stake."
+    )
+
+
+def _outcome(moment: Moment) -> str:
+    """What came of it."""
+    if math.isnan(moment.seen_after):
+        return (
+            "The robot went back there later, in vain." if moment.came_back else "It was never needed: the run ended without it."
+        )
+    metres = f"{number(moment.seen_after, 0)}{_NBSP}m later"
+    return f"The robot came back for it {metres}." if moment.came_back else f"It was seen in passing, {metres}."
