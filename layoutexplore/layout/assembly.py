@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.regions import outline
 from layoutexplore.layout.segments import AlignedSegments
 from layoutexplore.layout.timing import StageTimer
-from layoutexplore.layout.types import BORDER, OUTSIDE, Face, FaceEdge, FaceKind, Layout, LayoutRoom, Line, Wall
+from layoutexplore.layout.types import BORDER, OUTSIDE, Details, Face, FaceEdge, FaceKind, Layout, LayoutRoom, Line, Wall
 from layoutexplore.layout.walls import WallGroups
 
 KINDS = (FaceKind.EXTERNAL, FaceKind.PARTIAL, FaceKind.INTERNAL)
@@ -36,43 +37,95 @@ def assemble(
         labels = np.zeros(grid.shape, np.int32)
         of_cell = np.append(room[faces.group] + 1, 0).astype(np.int32)
         _label_free(faces.painted, grid.cells, of_cell, labels)
-        rooms = _rooms(grid, faces, room)
+        details = FaceDetails(model, faces, room, grid.origin)
+        rooms = _rooms(details)
         if not rooms:
             warnings = (*warnings, "no room: no face of the wall lines lies inside the seen space")
-        angle = angles_to_world(model.aligned.directions, grid.origin)
-        walls, lines = place_walls(model.aligned, model.walls, model.lines, grid.origin), _lines(grid, model, faces, angle)
+        walls = place_walls(model.aligned, model.walls, model.lines, grid.origin)
         ends = to_world(model.segments.reshape(-1, 2), grid.origin).reshape(-1, 4)
     return Layout(
         method=method,
         clean_grid=model.clean_grid,
         labels=labels,
         rooms=rooms,
-        directions=angle,
+        directions=angles_to_world(model.aligned.directions, grid.origin),
         structure_score=model.structure_score,
-        cell_scores=model.cell_scores,
         segments=ends,
         walls=walls,
-        lines=lines,
         timings=timer.seconds,
         warnings=warnings,
-        face_source=FaceBuilder(faces, room, grid),
+        details=details,
     )
 
 
 @dataclass(frozen=True, eq=False)
-class FaceBuilder:
-    """Builds the `Face` objects of a layout when they are asked for."""
+class FaceDetails(Details):
+    """Lines and faces as objects, made from the arrays when they are asked for.
 
-    faces: FaceModel
+    Attributes:
+        model: The lines.
+        face_model: Their faces, n of them.
+        room: int64 (n,), room of each face from 0, -1 for none.
+        origin: Of the grid.
+    """
+
+    model: WallModel
+    face_model: FaceModel
     room: NDArray[np.int64]
-    grid: OccupancyGrid
+    origin: Pose
 
-    def build(self) -> list[Face]:
-        """The faces, in order."""
-        model, arrangement = self.faces, self.faces.arrangement
-        polygons = outline(arrangement, model.group, len(model))
-        ends = to_world(arrangement.vertices, self.grid.origin)
-        edges: list[list[FaceEdge]] = [[] for _ in polygons]
+    @property
+    def cell_scores(self) -> NDArray[np.float32] | None:
+        """As the method found them."""
+        return self.model.cell_scores
+
+    def faces_of(self, room: int) -> tuple[int, ...]:
+        """Indices of the faces of a room, rising."""
+        return tuple(np.flatnonzero(self.room == room - 1).tolist())
+
+    @cached_property
+    def lines(self) -> tuple[Line, ...]:
+        """Representative lines, the box's border last."""
+        faces, aligned = self.face_model, self.model.lines.direction
+        lines, angle = faces.arrangement.lines, angles_to_world(self.model.aligned.directions, self.origin)
+        index = np.arange(len(lines))
+        start, end = (to_world(lines.points(at, index), self.origin).tolist() for at in (lines.start, lines.end))
+        direction = [*aligned.tolist(), *[BORDER] * 4]
+        angles = [*angle[aligned].tolist(), *angles_to_world(lines.angle[-4:], self.origin).tolist()]
+        return tuple(
+            Line(
+                direction=direction[i],
+                angle=angles[i],
+                start=tuple(start[i]),
+                end=tuple(end[i]),
+                weight=float(faces.weight[i]),
+                is_local=bool(faces.dropped[i]),
+                is_border=direction[i] == BORDER,
+            )
+            for i in range(len(lines))
+        )
+
+    @cached_property
+    def faces(self) -> tuple[Face, ...]:
+        """The faces, by id."""
+        model, edges = self.face_model, self._edges()
+        return tuple(
+            Face(
+                id=i,
+                polygon=polygon_to_world(polygon, self.origin),
+                kind=KINDS[model.kind[i]],
+                inside_share=float(model.inside_share[i]),
+                edges=tuple(edges[i]),
+                room=int(self.room[i]) + 1,
+            )
+            for i, polygon in enumerate(outline(model.arrangement, model.group, len(model)))
+        )
+
+    def _edges(self) -> list[list[FaceEdge]]:
+        """The sides of each face that part it from another one or from what lies outside the box."""
+        model, arrangement = self.face_model, self.face_model.arrangement
+        ends = to_world(arrangement.vertices, self.origin)
+        edges: list[list[FaceEdge]] = [[] for _ in range(len(model))]
         of_half = np.where(arrangement.face >= 0, model.group[arrangement.face], OUTSIDE)
         share = model.covered / np.maximum(arrangement.edge_length, 1e-9)
         border = len(model.weight) - 4
@@ -89,22 +142,12 @@ class FaceBuilder:
                     neighbour=int(of_half[half ^ 1]),
                 )
             )
-        return [
-            Face(
-                id=i,
-                polygon=polygon_to_world(polygon, self.grid),
-                kind=KINDS[model.kind[i]],
-                inside_share=float(model.inside_share[i]),
-                edges=tuple(edges[i]),
-                room=int(self.room[i]) + 1,
-            )
-            for i, polygon in enumerate(polygons)
-        ]
+        return edges
 
 
-def polygon_to_world(polygon: shapely.Polygon, grid: OccupancyGrid) -> shapely.Polygon:
+def polygon_to_world(polygon: shapely.Polygon, origin: Pose) -> shapely.Polygon:
     """A polygon of the local frame in the world frame."""
-    moved: Any = shapely.transform(polygon, lambda points: to_world(points, grid.origin))
+    moved: Any = shapely.transform(polygon, lambda points: to_world(points, origin))
     return moved
 
 
@@ -118,7 +161,8 @@ def _label_free(
                 labels[row, col] = of_cell[painted[row, col]]
 
 
-def _rooms(grid: OccupancyGrid, faces: FaceModel, room: NDArray[np.int64]) -> tuple[LayoutRoom, ...]:
+def _rooms(details: FaceDetails) -> tuple[LayoutRoom, ...]:
+    faces, room = details.face_model, details.room
     count = int(room.max(initial=-1)) + 1
     polygons = outline(faces.arrangement, np.append(room, -1)[faces.group], count)
     members = [np.flatnonzero(room == i) for i in range(count)]
@@ -126,11 +170,11 @@ def _rooms(grid: OccupancyGrid, faces: FaceModel, room: NDArray[np.int64]) -> tu
     return tuple(
         LayoutRoom(
             id=i + 1,
-            polygon=polygon_to_world(polygon, grid),
-            faces=tuple(inside.tolist()),
+            polygon=polygon_to_world(polygon, details.origin),
             seen_share=float(np.average(faces.known_share[inside], weights=area[inside])),
             is_partial=bool((faces.kind[inside] == 1).any()),
             is_closed=not faces.at_border[inside].any(),
+            details=details,
         )
         for i, (polygon, inside) in enumerate(zip(polygons, members, strict=True))
     )
@@ -159,26 +203,6 @@ def place_walls(aligned: AlignedSegments, walls: WallGroups, lines: WallGroups, 
     return tuple(
         Wall(direction=d, angle=angles[d], start=tuple(a), end=tuple(b), segments=m, line=k)
         for d, a, b, m, k in zip(directions, *ends, members, line.tolist(), strict=True)
-    )
-
-
-def _lines(grid: OccupancyGrid, model: WallModel, faces: FaceModel, angle: NDArray[np.float64]) -> tuple[Line, ...]:
-    lines = faces.arrangement.lines
-    index = np.arange(len(lines))
-    start, end = (to_world(lines.points(at, index), grid.origin).tolist() for at in (lines.start, lines.end))
-    direction = [*model.lines.direction.tolist(), *[BORDER] * 4]
-    angles = [*angle[model.lines.direction].tolist(), *angles_to_world(lines.angle[-4:], grid.origin).tolist()]
-    return tuple(
-        Line(
-            direction=direction[i],
-            angle=angles[i],
-            start=tuple(start[i]),
-            end=tuple(end[i]),
-            weight=float(faces.weight[i]),
-            is_local=bool(faces.dropped[i]),
-            is_border=direction[i] == BORDER,
-        )
-        for i in range(len(lines))
     )
 
 

@@ -24,11 +24,13 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.layout.assembly import place_walls
+from layoutexplore.layout.assembly import clean_grid, place_walls
 from layoutexplore.layout.basins import closed_space, distance_basins
 from layoutexplore.layout.building import building_parts
 from layoutexplore.layout.declutter import DeclutterConfig, Directions, find_directions
+from layoutexplore.layout.default_details import DefaultDetails
 from layoutexplore.layout.default_turn import Turned, main_direction, surfaces, trinary_part, turn, turn_back
+from layoutexplore.layout.face_model import WallModel
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.merging import Forest, merge_pieces
 from layoutexplore.layout.merging_graph import PieceGraph, piece_graph, spread_into
@@ -39,8 +41,11 @@ from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.rose2 import Rose2Config, chain_walls, with_perpendicular
 from layoutexplore.layout.segments import find_segments
 from layoutexplore.layout.timing import StageTimer
-from layoutexplore.layout.types import Layout, LayoutRoom, Wall, empty_layout, has_free_space
+from layoutexplore.layout.types import Layout, LayoutRoom, empty_layout, has_free_space
 from layoutexplore.layout.wavefront import grow_labels
+
+WALLS = Rose2Config()
+"""How walls, lines and faces are made; the rooms do not depend on them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,22 +205,28 @@ def reconstruct_with(grid: OccupancyGrid, config: DefaultConfig, forest: Forest)
     pieces = find_pieces(grid.cells, grid.resolution, config, timer)
     with timer("merging"):
         labels, footprint = merge_into_rooms(pieces, grid, config, forest)
-    with timer("outlines"):
-        rooms = rooms_of_labels(labels, grid, footprint)
     with timer("walls"):
-        clean = clean_grid(pieces, grid)
-        segments, walls = find_walls_of(clean, pieces.structure)
+        structure = with_perpendicular(pieces.structure)
+        clutter = turn_back(pieces.clutter, pieces.turned, grid.shape) & grid.occupied
+        clean = clean_grid(grid, ~clutter)
+        model = find_walls_of(clean, structure)
+        walls = () if model is None else place_walls(model.aligned, model.walls, model.lines, grid.origin)
+        segments = np.zeros((0, 4)) if model is None else to_world(model.segments.reshape(-1, 2), grid.origin).reshape(-1, 4)
+    details = DefaultDetails(clean, np.flatnonzero(clutter), labels, model, WALLS)
+    with timer("outlines"):
+        rooms = rooms_of_labels(labels, grid, footprint, details)
     return Layout(
         method="default",
         clean_grid=clean,
         labels=labels,
         rooms=rooms,
-        directions=angles_to_world(pieces.structure.directions, grid.origin),
-        structure_score=pieces.structure.score,
+        directions=angles_to_world(structure.directions, grid.origin),
+        structure_score=structure.score,
         segments=segments,
         walls=walls,
         timings=timer.seconds,
-        warnings=tuple(_doubts(rooms, pieces.structure)),
+        warnings=tuple(_doubts(rooms, structure)),
+        details=details,
     )
 
 
@@ -228,21 +239,11 @@ def _doubts(rooms: tuple[LayoutRoom, ...], structure: Directions) -> Iterator[st
         yield f"structure score {structure.score:.2f} is above 0.4: do not trust the walls"
 
 
-def find_walls_of(clean: OccupancyGrid, structure: Directions) -> tuple[NDArray[np.float64], tuple[Wall, ...]]:
-    """Segments float64 (n, 4) and walls of a map without clutter, in the world frame, by the stages of ROSE2."""
-    config = Rose2Config()
-    segments = find_segments(surfaces(clean.cells), clean.resolution, config)
-    chained = chain_walls(segments, with_perpendicular(structure), config)
+def find_walls_of(clean: OccupancyGrid, structure: Directions) -> WallModel | None:
+    """Walls and representative lines of a map without clutter, by the stages of ROSE2; None when it has no wall."""
+    segments = find_segments(surfaces(clean.cells), clean.resolution, WALLS)
+    chained = chain_walls(segments, structure, WALLS)
     if chained is None:
-        return np.zeros((0, 4)), ()
+        return None
     aligned, kept, walls, lines = chained
-    ends = to_world(segments[kept].reshape(-1, 2), clean.origin).reshape(-1, 4)
-    return ends, place_walls(aligned, walls, lines, clean.origin)
-
-
-def clean_grid(pieces: Pieces, grid: OccupancyGrid) -> OccupancyGrid:
-    """The grid with its clutter turned free."""
-    clutter = turn_back(pieces.clutter, pieces.turned, grid.shape)
-    cells = grid.cells.copy()
-    cells[clutter & grid.occupied] = FREE
-    return OccupancyGrid(cells, grid.resolution, grid.origin)
+    return WallModel(clean_grid=clean, segments=segments[kept], aligned=aligned, walls=walls, lines=lines)

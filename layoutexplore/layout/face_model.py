@@ -148,15 +148,22 @@ def build_faces(grid: OccupancyGrid, model: WallModel, config: FaceConfig, timer
     """Arrange the lines, weigh their edges, unite faces over the edges that are dropped, and classify the faces."""
     with timer("faces"):
         arrangement = arrange_lines(grid, model, config.margin)
-        covered, weight = line_weights(arrangement, model)
-        share = covered / np.maximum(arrangement.edge_length, 1e-9)
-        solid = (share >= config.edge_weight) & (arrangement.edge_length >= config.edge_length)
-        open_edge = (weight < config.line_weight)[arrangement.line] & ~solid
-        group, _ = dissolve(arrangement, open_edge)
+        covered, weight, is_open = open_edges(arrangement, model, config)
+        group, _ = dissolve(arrangement, is_open)
     with timer("contour"):
         region = seen_region(grid, config.region_area)
     with timer("paint"):
         return face_model(grid, arrangement, covered, weight, group, region, config)
+
+
+def open_edges(
+    arrangement: Arrangement, model: WallModel, config: FaceConfig
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Covered metres of each edge (e,), covered share of each line (m + 4,), and the edges that part no faces, bool (e,)."""
+    covered, weight = line_weights(arrangement, model)
+    share = covered / np.maximum(arrangement.edge_length, 1e-9)
+    solid = (share >= config.edge_weight) & (arrangement.edge_length >= config.edge_length)
+    return covered, weight, (weight < config.line_weight)[arrangement.line] & ~solid
 
 
 def face_model(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.timing import StageTimer
-from layoutexplore.layout.types import Layout, LayoutRoom
+from layoutexplore.layout.types import Details, Layout, LayoutRoom
 
 _STEP_R = np.array([0, 1, 0, -1], np.int64)
 _STEP_C = np.array([1, 0, -1, 0], np.int64)
@@ -188,7 +188,10 @@ def _number(labels: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def rooms_of_labels(
-    labels: NDArray[np.int32], grid: OccupancyGrid, footprint: NDArray[np.int32] | None = None
+    labels: NDArray[np.int32],
+    grid: OccupancyGrid,
+    footprint: NDArray[np.int32] | None = None,
+    details: Details | None = None,
 ) -> tuple[LayoutRoom, ...]:
     """Rooms with polygons from labelled cells.
 
@@ -196,7 +199,9 @@ def rooms_of_labels(
         labels: int32 (rows, cols), 0 for none, numbered from 1.
         grid: The grid they belong to.
         footprint: int32 (rows, cols), the cells each room's polygon covers, with the furniture inside; the labels when None.
+        details: Of the layout, to know the rooms' faces.
     """
+    details = details or Details()
     shapes = label_polygons(labels if footprint is None else footprint)
     total, seen, frontier = _count_cells(
         np.ascontiguousarray(labels), np.ascontiguousarray(grid.cells), max(shapes, default=0) + 1
@@ -209,6 +214,7 @@ def rooms_of_labels(
             seen_share=float(seen[label] / max(total[label], 1)),
             is_partial=bool(frontier[label]),
             is_closed=label not in touching,
+            details=details,
         )
         for label, shape in zip(shapes, to_world(list(shapes.values()), grid), strict=True)
     )

@@ -13,7 +13,7 @@ from layoutexplore.layout.declutter import DeclutterConfig, find_structure, mixt
 from layoutexplore.layout.frame import angles_to_world
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.timing import StageTimer
-from layoutexplore.layout.types import Layout
+from layoutexplore.layout.types import Layout, ScoreDetails
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ def rose(grid: OccupancyGrid, config: RoseConfig) -> Layout:
         labels=np.zeros(grid.shape, np.int32),
         directions=angles_to_world(structure.directions, grid.origin),
         structure_score=structure.score,
-        cell_scores=structure.cell_scores,
         timings=timer.seconds,
         warnings=tuple(warnings),
+        details=ScoreDetails(structure.cell_scores),
     )

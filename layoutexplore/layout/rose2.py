@@ -21,7 +21,7 @@ from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.segments import AlignedSegments, SegmentConfig, align, find_segments
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.topology import TopologyConfig, split_rooms
-from layoutexplore.layout.types import Layout, empty_layout, has_free_space
+from layoutexplore.layout.types import Layout, ScoreDetails, empty_layout, has_free_space
 from layoutexplore.layout.walls import WallGroups, find_walls, merge_walls
 
 S = TypeVar("S", bound=Directions)
@@ -81,9 +81,9 @@ def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
             grid,
             "no walls: the map has no dominant direction" if not len(structure.directions) else "no wall segment was found",
             structure_score=structure.score,
-            cell_scores=structure.cell_scores,
             clean_grid=clean_grid(grid, mask),
             timings=timer.seconds,
+            details=ScoreDetails(structure.cell_scores),
         )
     faces = build_faces(grid, model, config, timer)
     with timer("clusters"):

@@ -135,7 +135,7 @@ def _best_cut(
     best, most = None, 0.0
     for direction, angle in enumerate(model.aligned.directions):
         offset = points[:, 1] * np.cos(angle) - points[:, 0] * np.sin(angle)
-        low, high = _spread(offset, rank, len(parts))
+        low, high = spread(offset, rank, len(parts), 0.05)
         order = np.argsort(low + high, kind="stable")
         reach = np.maximum.accumulate(high[order])[:-1]
         begin = np.minimum.accumulate(low[order][::-1])[::-1][1:]
@@ -152,12 +152,21 @@ def _best_cut(
     return best or fallback
 
 
-def _spread(values: NDArray[np.float64], rank: NDArray[np.int64], count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """5 % and 95 % quantiles float64 (count,) of the values of each rank."""
+def spread(
+    values: NDArray[np.float64], rank: NDArray[np.int64], count: int, share: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The quantiles `share` and 1 - `share`, float64 (count,), of the values of each rank; no rank is empty.
+
+    Example:
+        >>> low, high = spread(np.arange(10.0), np.zeros(10, np.int64), 1, 0.2)
+        >>> low.tolist(), high.tolist()
+        ([1.0], [7.0])
+    """
     order = np.lexsort((values, rank))
     values, first = values[order], np.searchsorted(rank[order], np.arange(count + 1))
     size = np.diff(first)
-    return values[first[:-1] + (0.05 * (size - 1)).astype(np.int64)], values[first[:-1] + (0.95 * (size - 1)).astype(np.int64)]
+    low, high = (values[first[:-1] + (q * (size - 1)).astype(np.int64)] for q in (share, 1 - share))
+    return low, high
 
 
 def _apply(

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -122,6 +121,44 @@ class Face:
         return tuple(sorted({e.neighbour for e in self.edges} - {OUTSIDE}))
 
 
+class Details:
+    """What a method found on its way, computed when it is first asked for; this one found nothing.
+
+    A method whose layouts have lines, faces or scores gives them a child of this class.
+    """
+
+    @property
+    def lines(self) -> tuple[Line, ...]:
+        """Representative lines, the box's border last."""
+        return ()
+
+    @property
+    def faces(self) -> tuple[Face, ...]:
+        """The faces of the lines, by id."""
+        return ()
+
+    @property
+    def cell_scores(self) -> NDArray[np.float32] | None:
+        """float32 (rows, cols) in 0..1, ROSE's score of the occupied cells."""
+        return None
+
+    def faces_of(self, room: int) -> tuple[int, ...]:
+        """Indices of the faces of a room, rising."""
+        return ()
+
+
+@dataclass(frozen=True, eq=False)
+class ScoreDetails(Details):
+    """The details of a method that only scores cells."""
+
+    scores: NDArray[np.float32]
+
+    @property
+    def cell_scores(self) -> NDArray[np.float32]:
+        """As they were given."""
+        return self.scores
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LayoutRoom:
     """A predicted room.
@@ -129,30 +166,28 @@ class LayoutRoom:
     Attributes:
         id: 1-based; the value of its cells in `Layout.room_labels`.
         polygon: Valid polygon in world metres; rooms do not overlap.
-        faces: Indices into `Layout.faces`; empty for methods without faces.
         seen_share: Share of the polygon's area that is known free or occupied.
         is_partial: Part of the room has not been seen.
         is_closed: No side of the room lies on the border of the map's box: walls or lines bound it.
+        details: Of the layout that the room belongs to.
     """
 
     id: int
     polygon: shapely.Polygon
-    faces: tuple[int, ...] = ()
     seen_share: float = 1.0
     is_partial: bool = False
     is_closed: bool = True
+    details: Details = field(default_factory=Details, repr=False)
 
     @property
     def area(self) -> float:
         """In square metres."""
         return float(self.polygon.area)
 
-
-class FaceSource(Protocol):
-    """The arrays of a method, from which the faces can be built."""
-
-    def build(self) -> list[Face]:
-        """The faces, in order."""
+    @property
+    def faces(self) -> tuple[int, ...]:
+        """Indices into `Layout.faces`; empty for methods without faces, and for a room that no face belongs to."""
+        return self.details.faces_of(self.id)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -166,13 +201,11 @@ class Layout:
         rooms: The rooms, by id.
         directions: float64 (k,), dominant directions of the walls in radians in [0, pi), in the world frame.
         structure_score: ROSE's W: near 0 for a structured map, near 1 for an unstructured one; NaN if not computed.
-        cell_scores: float32 (rows, cols) in 0..1, ROSE's score of the occupied cells; None if not computed.
         segments: float64 (n, 4), wall segments as (x0, y0, x1, y1).
         walls: Chains of collinear segments.
-        lines: Representative lines, the box's border last.
         timings: Seconds a stage, in the order in which they ran.
         warnings: What went wrong or is missing, in words.
-        face_source: What builds `faces` when they are asked for; None for methods without faces.
+        details: What gives `lines`, `faces` and `cell_scores` when they are asked for.
     """
 
     method: str
@@ -181,18 +214,26 @@ class Layout:
     rooms: tuple[LayoutRoom, ...] = ()
     directions: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     structure_score: float = float("nan")
-    cell_scores: NDArray[np.float32] | None = None
     segments: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
     walls: tuple[Wall, ...] = ()
-    lines: tuple[Line, ...] = ()
     timings: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-    face_source: FaceSource | None = None
+    details: Details = field(default_factory=Details, repr=False)
 
-    @cached_property
+    @property
+    def lines(self) -> tuple[Line, ...]:
+        """Representative lines, the four sides of the map's box last; empty for methods without lines."""
+        return self.details.lines
+
+    @property
     def faces(self) -> tuple[Face, ...]:
-        """The faces, built on first use from the arrays of the method (empty for methods without faces)."""
-        return () if self.face_source is None else tuple(self.face_source.build())
+        """The cells of the representative lines, by id; empty for methods without lines."""
+        return self.details.faces
+
+    @property
+    def cell_scores(self) -> NDArray[np.float32] | None:
+        """float32 (rows, cols) in 0..1, ROSE's score of the occupied cells; None for methods without scores."""
+        return self.details.cell_scores
 
     @property
     def seconds(self) -> float:
