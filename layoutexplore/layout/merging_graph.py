@@ -50,22 +50,33 @@ class PieceGraph:
 
 
 @njit(cache=True, nogil=True)
-def _share(thick: NDArray[np.uint8], r: int, begin: int, end: int) -> float:
-    """Share of wall among the cells begin <= c < end of a row; what lies outside the grid is no wall."""
-    hits = 0
-    for c in range(max(begin, 0), min(end, thick.shape[1])):
-        hits += thick[r, c]
-    return hits / (end - begin)
+def _run_sums(thick: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """int32 (rows, cols + 1): walls among the first c cells of each row."""
+    rows, cols = thick.shape
+    out = np.zeros((rows, cols + 1), np.int32)
+    for r in range(rows):
+        total = 0
+        for c in range(cols):
+            total += thick[r, c]
+            out[r, c + 1] = total
+    return out
 
 
 @njit(cache=True, nogil=True)
-def _add_lines(edge: NDArray[np.float64], thick: NDArray[np.uint8], r: int, c: int, near: int, far: int) -> None:
-    """Add the walls in line with a contact between cells (r, c) and (r + 1, c) of `thick`."""
-    before = max(_share(thick, r, c - near, c), _share(thick, r + 1, c - near, c))
-    after = max(_share(thick, r, c + 1, c + 1 + near), _share(thick, r + 1, c + 1, c + 1 + near))
+def _share(sums: NDArray[np.int32], r: int, begin: int, end: int) -> float:
+    """Share of wall among the cells begin <= c < end of a row; what lies outside the grid is no wall."""
+    low, high = min(max(begin, 0), sums.shape[1] - 1), min(end, sums.shape[1] - 1)
+    return (sums[r, max(low, high)] - sums[r, low]) / (end - begin)
+
+
+@njit(cache=True, nogil=True)
+def _add_lines(edge: NDArray[np.float64], sums: NDArray[np.int32], r: int, c: int, near: int, far: int) -> None:
+    """Add the walls in line with a contact between cells (r, c) and (r + 1, c), by their running sums."""
+    before = max(_share(sums, r, c - near, c), _share(sums, r + 1, c - near, c))
+    after = max(_share(sums, r, c + 1, c + 1 + near), _share(sums, r + 1, c + 1, c + 1 + near))
     edge[NEAR] += before + after
     edge[NEAR_MIN] += min(before, after)
-    edge[FAR] += max(_share(thick, r, c - far, c + 1 + far), _share(thick, r + 1, c - far, c + 1 + far))
+    edge[FAR] += max(_share(sums, r, c - far, c + 1 + far), _share(sums, r + 1, c - far, c + 1 + far))
 
 
 @njit("void(int32[:,::1], boolean[:,::1], int64[::1], int64)", cache=True, nogil=True)
@@ -95,7 +106,7 @@ def spread_into(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: int) 
 
 
 @njit(cache=True, nogil=True)
-def _edge(a: int, b: int, index: NDArray[np.int32], heads: NDArray[np.int32], links: NDArray[np.int32]) -> int:
+def find_edge(a: int, b: int, index: NDArray[np.int32], heads: NDArray[np.int32], links: NDArray[np.int32]) -> int:
     """Slot of contact (a, b) with a < b in the chain of a, or -1."""
     e = heads[a]
     while e >= 0:
@@ -142,99 +153,145 @@ def _add_side(nodes: NDArray[np.float64], label: int, other: int, blocked: bool)
 
 
 @njit(cache=True, nogil=True)
-def _build(
+def _changes(labels: NDArray[np.int32], spread: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Cells whose right or upper neighbour belongs elsewhere, or lies outside the grid where the cell belongs to a piece."""
+    rows, cols = labels.shape
+    out = np.zeros((rows, cols), np.bool_)
+    for r in range(rows - 1):
+        for c in range(cols - 1):
+            out[r, c] = (
+                (spread[r, c] != spread[r + 1, c])
+                | (spread[r, c] != spread[r, c + 1])
+                | (labels[r, c] != labels[r + 1, c])
+                | (labels[r, c] != labels[r, c + 1])
+            )
+    for r in range(rows):
+        out[r, cols - 1] = (spread[r, cols - 1] > 0) | (r + 1 < rows and spread[min(r + 1, rows - 1), cols - 1] > 0)
+    for c in range(cols):
+        out[rows - 1, c] = (spread[rows - 1, c] > 0) | (c + 1 < cols and spread[rows - 1, min(c + 1, cols - 1)] > 0)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _nodes(
     labels: NDArray[np.int32],
-    spread: NDArray[np.int32],
+    changes: NDArray[np.int64],
     free: NDArray[np.bool_],
     clutter: NDArray[np.bool_],
-    wall: NDArray[np.bool_],
     distance: NDArray[np.float32],
-    gap: NDArray[np.int32],
-    gaps: NDArray[np.float64],
-    thick: NDArray[np.uint8],
-    thick_turned: NDArray[np.uint8],
-    near: int,
-    far: int,
     count: int,
-) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+) -> NDArray[np.float64]:
+    """The node table without the sides: a run of one label in a row begins at the row's first cell or after a change."""
     rows, cols = labels.shape
     nodes = np.zeros((count + 1, NODE_COLUMNS))
     nodes[:, ROW0] = rows
     nodes[:, COL0] = cols
-    ends = np.empty((1024, 2), np.int32)
-    edges = np.zeros((1024, EDGE_COLUMNS))
-    links = np.empty(1024, np.int32)
-    heads = np.full(count + 1, -1, np.int32)
-    m = 0
+    k = 0
     for r in range(rows):
         begin = 0
-        while begin < cols:  # runs of one label in a row
+        while begin < cols:
             a = labels[r, begin]
-            end = begin + 1
-            while end < cols and labels[r, end] == a:
-                end += 1
+            end = cols
+            while k < len(changes) and changes[k] < (r + 1) * cols:
+                c = changes[k] - r * cols + 1
+                k += 1
+                if c < cols and labels[r, c] != a:
+                    end = c
+                    break
             if a > 0:
                 _add_run(nodes[a], free, clutter, distance, r, begin, end)
             begin = end
-        for c in range(cols):
-            a, p = int(labels[r, c]), int(spread[r, c])
-            inner = r + 1 < rows and c + 1 < cols
-            if inner and p == spread[r + 1, c] == spread[r, c + 1] and a == labels[r + 1, c] == labels[r, c + 1]:
-                continue  # nothing ends here, as nearly everywhere
-            for d in range(2):
-                rr, cc = (r + 1, c) if d == 0 else (r, c + 1)
-                inside = rr < rows and cc < cols
-                b = int(labels[rr, cc]) if inside else 0
-                q = int(spread[rr, cc]) if inside else 0
-                if a == b and p == q:
-                    continue
-                if a != b:
-                    _add_side(nodes, a, b, inside and wall[rr, cc])
-                    _add_side(nodes, b, a, wall[r, c])
-                if not inside:
-                    continue
-                if p == q or p == 0 or q == 0:
-                    continue
-                lo, hi = min(p, q), max(p, q)
-                e = _edge(lo, hi, ends, heads, links)
-                if e < 0:
-                    if m >= len(links):
-                        ends = np.concatenate((ends, np.empty_like(ends)))
-                        edges = np.concatenate((edges, np.zeros_like(edges)))
-                        links = np.concatenate((links, np.empty_like(links)))
-                    e = m
-                    m += 1
-                    ends[e, 0] = lo
-                    ends[e, 1] = hi
-                    links[e] = heads[lo]
-                    heads[lo] = e
-                edge = edges[e]
-                if a == 0 or b == 0:
-                    edge[THROUGH] += 1
-                    continue
-                edge[OPEN] += 1
-                edge[PASS] = max(edge[PASS], min(distance[r, c], distance[rr, cc]))
-                door = max(gap[r, c], gap[rr, cc])
-                if door > 0:
-                    edge[DOOR] += 1
-                    edge[WIDTH] += gaps[door, 0]
-                    edge[LONG] += gaps[door, 1]
-                    edge[SHORT] += gaps[door, 2]
-                if d == 0:  # the contact runs along the row
-                    edge[ACROSS_ROWS] += 1
-                    _add_lines(edge, thick, r, c, near, far)
-                else:
-                    _add_lines(edge, thick_turned, c, r, near, far)
-    # sides on the lower and left border of the grid
-    for r in range(rows):
+    for r in range(rows):  # sides on the left border of the grid
         if labels[r, 0] > 0:
             nodes[labels[r, 0], SIDES] += 1
             nodes[labels[r, 0], OPEN_END] += 1
-    for c in range(cols):
+    for c in range(cols):  # and on the lower one
         if labels[0, c] > 0:
             nodes[labels[0, c], SIDES] += 1
             nodes[labels[0, c], OPEN_END] += 1
-    return nodes, ends[:m].copy(), edges[:m].copy()
+    return nodes
+
+
+@njit(cache=True, nogil=True)
+def _add_contact(
+    edge: NDArray[np.float64],
+    r: int,
+    c: int,
+    above: bool,
+    distance: NDArray[np.float32],
+    gap: NDArray[np.int32],
+    gaps: NDArray[np.float64],
+    walls: tuple[NDArray[np.int32], NDArray[np.int32], int, int],
+) -> None:
+    """Add the side between cell (r, c) and the one `above` it, or right of it, to a contact."""
+    rr, cc = (r + 1, c) if above else (r, c + 1)
+    along_rows, along_cols, near, far = walls
+    edge[OPEN] += 1
+    edge[PASS] = max(edge[PASS], min(distance[r, c], distance[rr, cc]))
+    door = max(gap[r, c], gap[rr, cc])
+    if door > 0:
+        edge[DOOR] += 1
+        edge[WIDTH] += gaps[door, 0]
+        edge[LONG] += gaps[door, 1]
+        edge[SHORT] += gaps[door, 2]
+    if above:  # the contact runs along the row
+        edge[ACROSS_ROWS] += 1
+        _add_lines(edge, along_rows, r, c, near, far)
+    else:
+        _add_lines(edge, along_cols, c, r, near, far)
+
+
+@njit(cache=True, nogil=True)
+def _contacts(
+    labels: NDArray[np.int32],
+    spread: NDArray[np.int32],
+    changes: NDArray[np.int64],
+    wall: NDArray[np.bool_],
+    distance: NDArray[np.float32],
+    gap: NDArray[np.int32],
+    gaps: NDArray[np.float64],
+    walls: tuple[NDArray[np.int32], NDArray[np.int32], int, int],
+    nodes: NDArray[np.float64],
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """The contacts; adds their sides to the nodes."""
+    rows, cols = labels.shape
+    ends = np.empty((1024, 2), np.int32)
+    edges = np.zeros((1024, EDGE_COLUMNS))
+    links = np.empty(1024, np.int32)
+    heads = np.full(len(nodes), -1, np.int32)
+    m, e = 0, -1
+    for i in changes:
+        r, c = i // cols, i % cols
+        a, p = int(labels[r, c]), int(spread[r, c])
+        for above in (True, False):
+            rr, cc = (r + 1, c) if above else (r, c + 1)
+            inside = rr < rows and cc < cols
+            b = int(labels[rr, cc]) if inside else 0
+            q = int(spread[rr, cc]) if inside else 0
+            if a != b:
+                _add_side(nodes, a, b, inside and wall[rr, cc])
+                _add_side(nodes, b, a, wall[r, c])
+            if p == q or p == 0 or q == 0:
+                continue
+            low, high = min(p, q), max(p, q)
+            if e < 0 or ends[e, 0] != low or ends[e, 1] != high:  # mostly the contact of the side before
+                e = find_edge(low, high, ends, heads, links)
+            if e < 0:
+                if m >= len(links):
+                    ends = np.concatenate((ends, np.empty_like(ends)))
+                    edges = np.concatenate((edges, np.zeros_like(edges)))
+                    links = np.concatenate((links, np.empty_like(links)))
+                e = m
+                m += 1
+                ends[e, 0] = low
+                ends[e, 1] = high
+                links[e] = heads[low]
+                heads[low] = e
+            if a == 0 or b == 0:
+                edges[e, THROUGH] += 1
+            else:
+                _add_contact(edges[e], r, c, above, distance, gap, gaps, walls)
+    return ends[:m].copy(), edges[:m].copy()
 
 
 def piece_graph(
@@ -261,19 +318,20 @@ def piece_graph(
     steps = max(round(WALL_THICKNESS / resolution), 1)
     slack = max(round(0.1 / resolution), 1)
     near, far = max(round(NEAR_REACH / resolution), 1), max(round(FAR_REACH / resolution), 1)
-    nodes, ends, edges = _build(
+    along_rows = _run_sums(thicken(wall, slack, across_rows=True))
+    along_cols = _run_sums(np.asarray(cv2.transpose(thicken(wall, slack, across_rows=False)), np.uint8))
+    spread = spread_into(labels, wall, steps)
+    changes = np.flatnonzero(_changes(labels, spread))
+    nodes = _nodes(labels, changes, free, clutter, distance, int(labels.max(initial=0)))
+    ends, edges = _contacts(
         labels,
-        spread_into(labels, wall, steps),
-        free,
-        clutter,
+        spread,
+        changes,
         wall,
         distance,
         openings.gap,
         openings.table.astype(np.float64) * resolution,
-        thicken(wall, slack, across_rows=True),
-        np.asarray(cv2.transpose(thicken(wall, slack, across_rows=False)), np.uint8),
-        near,
-        far,
-        int(labels.max(initial=0)),
+        (along_rows, along_cols, near, far),
+        nodes,
     )
     return PieceGraph(nodes, ends, edges, resolution)
