@@ -24,7 +24,6 @@ from layoutexplore.errors import ConfigError, StartError
 from layoutexplore.exploration_metrics import distance_to_coverage
 from layoutexplore.grid import Pose
 from layoutexplore.lidar import LidarConfig
-from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation import Simulation
 from layoutexplore.simulation_config import SimulationConfig
 
@@ -32,6 +31,18 @@ Action = TypeVar("Action")
 
 STOP_REASONS = ("", "coverage", "no_frontier", "budget", "agent", "invalid_actions", "steps")
 """Why an episode ended; `info["stop_reason"]` is the index. Those from "budget" on, but for "agent", truncate."""
+
+_INFO: dict[str, type[np.generic]] = {
+    "coverage": np.float64,
+    "distance": np.float64,
+    "known_area": np.float64,
+    "decisions": np.int64,
+    "scans": np.int64,
+    "stop_reason": np.int64,
+    "plan_index": np.int64,
+    "simulation_seed": np.int64,
+}
+"""The entries of `info` that both environments have."""
 
 _TRUNCATING = {"budget", "invalid_actions", "steps"}
 _OPTIONS = {"plan", "start"}
@@ -67,7 +78,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         self.config = replace(simulation or SimulationConfig(), **changes)
         self.render_mode = render_mode
         self._plans = PlanSource(plan)
-        self._predictor = make_predictor(predictor) if isinstance(predictor, str) else predictor
+        self._predictor = _named(predictor) if isinstance(predictor, str) else predictor
         self._reward = reward(reward_function)
         self._watches_rooms = watches_rooms or reads_rooms(self._reward)
         self._ledger: RoomLedger | None = None
@@ -153,6 +164,11 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         curve = simulation.curve
         return distance_to_coverage(curve[:, 0], curve[:, 1], mark, budget=0.0)[0] - distance
 
+    @property
+    def info_types(self) -> dict[str, NDArray[np.generic]]:
+        """Every entry of `info` as a zero of its shape and dtype: what a vector environment makes room for."""
+        return {name: np.zeros((), dtype) for name, dtype in _INFO.items()}
+
     def _check_running(self) -> None:
         if self._over:
             raise ResetNeeded(
@@ -172,6 +188,12 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
             "plan_index": self._plan_index,
             "simulation_seed": self._simulation_seed,
         }
+
+
+def _named(predictor: str) -> Predictor | None:
+    from layoutexplore.predictors import make_predictor
+
+    return make_predictor(predictor)
 
 
 def _start(value: Any) -> Pose | None:

@@ -205,6 +205,12 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         observation, info = self._outcome()
         return observation, reward - penalty, terminated, truncated, info
 
+    @property
+    def info_types(self) -> dict[str, NDArray[np.generic]]:
+        """Every entry of `info` as a zero of its shape and dtype."""
+        counts = {"frontier_count": np.zeros((), np.int64), "invalid_actions": np.zeros((), np.int64)}
+        return super().info_types | counts | {"action_mask": np.zeros(self.observation_config.max_frontiers + 1, np.int8)}
+
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are valid, bool (max_frontiers + 1,)."""
         return self._mask.astype(np.bool_)

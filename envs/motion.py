@@ -237,6 +237,11 @@ class MotionEnv(ExplorationEnv[Any]):
         observation, info = self._outcome(moved, collided, new_cells)
         return observation, reward, terminated, truncated, info
 
+    @property
+    def info_types(self) -> dict[str, NDArray[np.generic]]:
+        """Every entry of `info` as a zero of its shape and dtype."""
+        return super().info_types | {"collisions": np.zeros((), np.int64)}
+
     def _move(self, action: Any) -> tuple[float, float]:
         """Metres forward and radians to the left."""
         if self._primitives is not None:

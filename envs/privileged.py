@@ -46,7 +46,7 @@ class PrivilegedView:
             simulation.coverage,
             unseen / config.area_scale,
             simulation.target_area / config.area_scale,
-            len(metres) / max(1, np.count_nonzero(ledger.counted)),
+            len(metres) / max(1, int(np.count_nonzero(ledger.counted))),
             metres.sum() / config.length_scale,
             _length_until(unseen - 0.05 * simulation.target_area, lengths, seen) / config.length_scale,
             _length_until(unseen - 0.01 * simulation.target_area, lengths, seen) / config.length_scale,
@@ -58,18 +58,12 @@ class PrivilegedView:
         """The legs of the tour in metres and the square metres left in the room at the end of each."""
         open_rooms = self._ledger.open[self._distances.rooms]
         simulation = self._simulation
-        if self._order is None:
-            order = np.flatnonzero(open_rooms)
-        else:
-            order = self._order[open_rooms[self._order]]
+        order = np.flatnonzero(open_rooms) if self._order is None else self._order[open_rooms[self._order]]
         matrix = np.zeros((len(order) + 1, len(order) + 1))
         cell = simulation.raster.world_to_cell(simulation.pose.x, simulation.pose.y)
         matrix[0, 1:] = matrix[1:, 0] = self._distances.to_rooms(cell)[order]
         matrix[1:, 1:] = self._distances.between[np.ix_(order, order)]
-        if self._order is None:
-            tour = open_tour(matrix)
-        else:
-            tour = improve_tour(matrix, np.arange(1, len(order) + 1))
+        tour = open_tour(matrix) if self._order is None else improve_tour(matrix, np.arange(1, len(order) + 1))
         self._order = order[tour - 1]
         stops = np.concatenate([[0], tour])
         return matrix[stops[:-1], stops[1:]], self._ledger.left[self._distances.rooms[self._order]]

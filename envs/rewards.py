@@ -145,7 +145,7 @@ REWARDS: dict[str, Reward] = {
 
 def reads_rooms(function: Reward) -> bool:
     """Whether a reward may read `Transition.rooms_finished`; the functions of this module that do not are spared the count."""
-    return isinstance(function, RoomArea) or function not in REWARDS.values() and not isinstance(function, PathToMarks)
+    return isinstance(function, RoomArea) or not (isinstance(function, PathToMarks) or function in REWARDS.values())
 
 
 def reward(name_or_callable: str | Reward) -> Reward:

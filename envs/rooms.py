@@ -72,7 +72,8 @@ class RoomLedger:
         return int(np.count_nonzero(open_before & ~self.open & (self.visits <= 1)))
 
     def _count(self, cells: NDArray[np.bool_]) -> NDArray[np.float64]:
-        return _count_by_room(np.ascontiguousarray(cells).ravel().view(np.uint8), self._ids, self._entries) * self._cell_area
+        counts = _count_by_room(np.ascontiguousarray(cells).ravel().view(np.uint8), self._ids, self._entries)
+        return np.asarray(counts * self._cell_area, np.float64)
 
 
 class RoomDistances:

@@ -62,7 +62,11 @@ def _register() -> None:
     for name in ("Frontier", "Motion"):
         identifier = f"LayoutExplore/{name}-v0"
         if identifier not in gymnasium.registry:
-            gymnasium.register(identifier, entry_point=f"layoutexplore.envs.{name.lower()}:{name}Env")
+            gymnasium.register(
+                identifier,
+                entry_point=f"layoutexplore.envs.{name.lower()}:{name}Env",
+                vector_entry_point=f"layoutexplore.envs.vector:{name}VectorEnv",
+            )
 
 
 _register()

@@ -36,6 +36,10 @@ class ResultsError(LayoutExploreError, ValueError):
     """An output folder or result file belongs to something else, or is damaged."""
 
 
+class WorkerError(LayoutExploreError, RuntimeError):
+    """A worker process of a vector environment died or does not answer."""
+
+
 class MissingExtraError(LayoutExploreError, ImportError):
     """An optional dependency is not installed; the message names the pip line that brings it."""
 

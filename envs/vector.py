@@ -1,0 +1,253 @@
+"""Many environments at once: what `gymnasium.make_vec("LayoutExplore/Frontier-v0", num_envs=N)` makes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from layoutexplore.envs.base import ExplorationEnv
+from layoutexplore.envs.crews import Crew, LocalCrew, ProcessCrew
+from layoutexplore.envs.frontier import FrontierEnv
+from layoutexplore.envs.lanes import Arrays
+from layoutexplore.envs.motion import MotionEnv
+from layoutexplore.envs.observation import Observation, check_counts
+from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.processes import usable_cores
+
+BACKENDS = ("serial", "threads", "processes")
+"""Who steps the environments: this thread, a few threads, or worker processes."""
+
+Step = tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]
+
+
+class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
+    """N independent environments, stepped together; the same trajectories as N single ones with the same seeds.
+
+    Observations, rewards and infos are written into arrays that are made once; with worker processes these lie in shared
+    memory, so that only a few bytes travel per step. Floor plans, their rasters and the sensor's tables are shared by all
+    environments of a process.
+
+    Args:
+        num_envs: How many.
+        backend: One of `BACKENDS`; None takes processes when there is more than one core and more than one environment.
+        workers: Threads or processes; None for as many as there are cores, at most one per environment.
+        autoreset_mode: When the next episode begins: `AutoresetMode` or its value. With "SameStep" (the default, what
+            adapters for stable-baselines3 need) in the step that ends one, whose last observation and info are then
+            `info["final_obs"]` and `info["final_info"]`; with "NextStep" in the step after, whose action counts for
+            nothing; with "Disabled" when `reset(options={"reset_mask": mask})` is called.
+        max_episode_steps: Steps after which an episode is truncated.
+        copy: Whether observations are copies. Without, `reset` and `step` return the arrays themselves, which the next
+            step overwrites.
+        **options: Of each environment; see its class.
+
+    Raises:
+        ConfigError: An option makes no sense.
+    """
+
+    environment: type[ExplorationEnv[Any]]
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        backend: str | None = None,
+        workers: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        max_episode_steps: int | None = None,
+        copy: bool = True,
+        **options: Any,
+    ) -> None:
+        self.closed = True  # Until all went well: a failed constructor leaves nothing to close.
+        make = partial(self.environment, **options)
+        template = make()
+        self.num_envs, self._mode, self._copy = num_envs, _checked_mode(autoreset_mode), copy
+        self._crew = _crew(make, template, num_envs, backend, workers, self._mode, max_episode_steps)
+        self.closed = False
+        self.metadata = template.metadata | {"autoreset_mode": self._mode}
+        self.render_mode = template.render_mode
+        self.single_observation_space, self.single_action_space = template.observation_space, template.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode in every environment.
+
+        Args:
+            seed: One for each environment, or the first of consecutive ones.
+            options: For each environment; `reset_mask`, bool (num_envs,), chooses the environments to reset.
+        """
+        if seed is None:
+            seeds: list[int | None] = [None] * self.num_envs
+        elif isinstance(seed, (int, np.integer)):
+            seeds = [int(seed) + k for k in range(self.num_envs)]
+        else:
+            seeds = list(seed)
+        if len(seeds) != self.num_envs:
+            raise ConfigError(f"{self.num_envs} environments need as many seeds, got {len(seeds)}")
+        options = dict(options or {})
+        chosen = _checked_mask(options.pop("reset_mask", None), self.num_envs)
+        self._command("reset", [(seeds[a:b], options, chosen[a:b]) for a, b in self._groups])
+        buffers = self._crew.buffers
+        return self._shown(buffers.observation), _batched(buffers.info, chosen)
+
+    def step(self, actions: Any) -> Step:
+        """One action for each environment.
+
+        Returns:
+            Observations by key (num_envs, ...), rewards float64 (num_envs,), terminated and truncated bool (num_envs,), infos
+            by key (num_envs, ...), each with a mask of the environments that have it under "_" + key.
+        """
+        self.step_async(actions)
+        return self.step_wait()
+
+    def step_async(self, actions: Any) -> None:
+        """Send the actions; with threads or processes the environments step meanwhile."""
+        buffers = self._crew.buffers
+        if self._mode == AutoresetMode.DISABLED and (buffers.flags["terminated"] | buffers.flags["truncated"]).any():
+            raise ResetNeeded("an episode is over and nothing resets it by itself: reset(options={'reset_mask': ...})")
+        given = np.asarray(actions)
+        if given.shape != buffers.actions.shape:
+            raise ConfigError(
+                f"the actions of {self.num_envs} environments have shape {buffers.actions.shape}, got {given.shape}"
+            )
+        buffers.actions[...] = given
+        self._crew.start("step", [()] * len(self._groups))
+
+    def step_wait(self) -> Step:
+        """The results of the step that was sent last."""
+        self._crew.wait()
+        buffers = self._crew.buffers
+        flags = {name: flag.copy() for name, flag in buffers.flags.items()}
+        infos: dict[str, Any] = {}
+        over = flags["terminated"] | flags["truncated"]
+        if self._mode == AutoresetMode.SAME_STEP and over.any():
+            final = np.full(self.num_envs, None, object)
+            for k in np.flatnonzero(over).tolist():
+                final[k] = {name: array[k].copy() for name, array in buffers.final_observation.items()}
+            infos |= {"final_obs": final, "_final_obs": over.copy()}
+            infos |= {"final_info": _batched(buffers.final_info, over), "_final_info": over.copy()}
+        infos |= _batched(buffers.info, np.ones(self.num_envs, np.bool_))
+        return self._shown(buffers.observation), flags["reward"], flags["terminated"], flags["truncated"], infos
+
+    def action_masks(self) -> NDArray[np.bool_]:
+        """Which actions are valid, bool (num_envs, actions), for `Frontier-v0`."""
+        return np.asarray(self._crew.buffers.observation["action_mask"], np.bool_)
+
+    def render(self) -> tuple[Any, ...]:
+        """A frame of each environment, as its render mode says."""
+        return self.call("render")
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """An attribute of each environment, or the result of calling it."""
+        answers = self._command("call", [(name, args, kwargs)] * len(self._groups))
+        return tuple(value for answer in answers for value in answer)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of each environment."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of each environment: a list or tuple holds one value for each, anything else is for all."""
+        each = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
+        if len(each) != self.num_envs:
+            raise ConfigError(f"{self.num_envs} environments need as many values, got {len(each)}")
+        self._command("set_attr", [(name, each[a:b]) for a, b in self._groups])
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """The seed of each environment."""
+        return self.get_attr("np_random_seed")
+
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """The generator of each environment; a copy where it lives in another process."""
+        return self.get_attr("np_random")
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the workers; afterwards no process and no shared memory is left."""
+        self._crew.close()
+
+    @property
+    def _groups(self) -> Sequence[tuple[int, int]]:
+        return self._crew.groups
+
+    def _command(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
+        self._crew.start(command, arguments)
+        return self._crew.wait()
+
+    def _shown(self, observation: Arrays) -> Observation:
+        return {key: array.copy() if self._copy else array for key, array in observation.items()}
+
+
+class FrontierVectorEnv(ExplorationVectorEnv):
+    """Many `FrontierEnv`; see `ExplorationVectorEnv`."""
+
+    environment = FrontierEnv
+
+
+class MotionVectorEnv(ExplorationVectorEnv):
+    """Many `MotionEnv`; see `ExplorationVectorEnv`."""
+
+    environment = MotionEnv
+
+
+def _crew(
+    make: Any,
+    template: ExplorationEnv[Any],
+    count: int,
+    backend: str | None,
+    workers: int | None,
+    mode: AutoresetMode,
+    limit: int | None,
+) -> Crew:
+    """The crew that a vector environment asks for."""
+    check_counts(num_envs=(count, 1), workers=(1 if workers is None else workers, 1))
+    if limit is not None:
+        check_counts(max_episode_steps=(limit, 1))
+    cores = usable_cores()
+    if backend is None:
+        backend = "processes" if count > 1 and (cores if workers is None else workers) > 1 else "serial"
+    if backend not in BACKENDS:
+        raise unknown_name("backend", backend, BACKENDS)
+    members = 1 if backend == "serial" else min(count, cores if workers is None else workers)
+    bounds = np.linspace(0, count, members + 1).round().astype(int).tolist()
+    groups = list(pairwise(bounds))
+    if backend == "processes":
+        return ProcessCrew(make, template, groups, mode, limit)
+    return LocalCrew(make, template, groups, mode, limit, threads=backend == "threads")
+
+
+def _checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        raise unknown_name("autoreset mode", str(mode), [known.value for known in AutoresetMode]) from None
+
+
+def _checked_mask(mask: Any, count: int) -> NDArray[np.bool_]:
+    """Which environments to reset: all without a mask."""
+    if mask is None:
+        return np.ones(count, np.bool_)
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (count,) or not mask.any():
+        raise ConfigError(f"reset_mask is a bool array ({count},) that chooses at least one environment, got {mask!r}")
+    return mask
+
+
+def _batched(info: Arrays, chosen: NDArray[np.bool_]) -> dict[str, Any]:
+    """Infos as Gymnasium batches them: zeros where an environment has none, and a mask under "_" + key."""
+    batched: dict[str, Any] = {}
+    for key, array in info.items():
+        batched[key] = array.copy()
+        batched[key][~chosen] = 0
+        batched["_" + key] = chosen.copy()
+    return batched
