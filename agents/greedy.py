@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.agents.base import Heuristic, Options, OptionsT, option, register
 from layoutexplore.decision import Choice, Decision
+from layoutexplore.frontier_tour import sizeable_frontiers
 
 _TIE = 1e-9
 """Scores that differ by less than this share of the largest one are equal."""
@@ -55,13 +56,6 @@ class DistanceAdvantageOptions(GreedyOptions):
     weight: float = option(0.5, "how much remoteness from the other frontiers counts", low=0.0)
 
 
-def sizeable(decision: Decision, min_size: float) -> NDArray[np.int64]:
-    """Indices int64 (k,) of the frontiers of at least that size in metres; of all when there is none."""
-    sizes = np.array([frontier.size for frontier in decision.frontiers])
-    large = np.flatnonzero(sizes >= min_size - 1e-6)
-    return large if len(large) else np.arange(len(sizes))
-
-
 def best_index(scores: NDArray[np.float64], path_lengths: NDArray[np.float64]) -> int:
     """The index of the greatest score; of equal ones the nearest, of equally near ones the first.
 
@@ -82,7 +76,7 @@ class Greedy(Heuristic[OptionsT]):
 
     def choose(self, decision: Decision) -> Choice:
         """The index of the best frontier."""
-        chosen = sizeable(decision, getattr(self.options, "min_size", 0.0))
+        chosen = sizeable_frontiers(decision, getattr(self.options, "min_size", 0.0))
         lengths = np.array([decision.frontiers[i].path_length for i in chosen], np.float64)
         return int(chosen[best_index(self.scores(decision, chosen, lengths), lengths)])
 

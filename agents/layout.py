@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.agents.base import Heuristic, option, register
-from layoutexplore.agents.greedy import GreedyOptions, best_index, sizeable
-from layoutexplore.agents.tour import plan_tour
-from layoutexplore.decision import STOP, Choice, Decision, Frontier
+from layoutexplore.agents.greedy import GreedyOptions, best_index
+from layoutexplore.agents.tour import plan_latency_tour
+from layoutexplore.decision import STOP, Choice, Decision
+from layoutexplore.frontier_tour import area_left, ready_frontiers, sizeable_frontiers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,13 @@ class LayoutGainOptions(LayoutOptions):
     rate: float = option(0.2, "lambda in 1/m: how fast far gains fade", low=0.0)
 
 
+@dataclass(frozen=True, kw_only=True)
+class LayoutTourOptions(LayoutOptions):
+    """Parameters of `LayoutTour`."""
+
+    patience: float = option(1.0, "weight of the tour's length against the mean way to a square metre", low=0.0)
+
+
 class _LayoutHeuristic(Heuristic[LayoutOptions]):
     """A heuristic whose decisions are completed by a predictor, and that stops early where nothing is left to find."""
 
@@ -49,18 +57,6 @@ class _LayoutHeuristic(Heuristic[LayoutOptions]):
         return super().act(decision)
 
 
-def area_left(frontier: Frontier) -> float:
-    """Expected area behind a frontier in square metres; behind an open one there is no end to it."""
-    return (frontier.expected_area or 0.0) if frontier.is_closed else np.inf
-
-
-def ready(decision: Decision, options: LayoutOptions) -> NDArray[np.int64]:
-    """int64 (k,): indices of the sizeable frontiers that need not wait; of all sizeable ones when all would wait."""
-    chosen = sizeable(decision, options.min_size)
-    goes = np.array([area_left(decision.frontiers[i]) >= options.area for i in chosen])
-    return chosen[goes] if goes.any() else chosen
-
-
 def nearest_of(decision: Decision, chosen: NDArray[np.int64]) -> int:
     """The nearest of some frontiers int64 (k,), by path length."""
     lengths = np.array([decision.frontiers[i].path_length for i in chosen])
@@ -72,15 +68,17 @@ class LayoutNearest(_LayoutHeuristic):
 
     def choose(self, decision: Decision) -> Choice:
         """The index of the nearest frontier that does not wait."""
-        return nearest_of(decision, ready(decision, self.options))
+        return nearest_of(decision, ready_frontiers(decision, self.options.min_size, self.options.area))
 
 
 class LayoutTour(_LayoutHeuristic):
-    """The first frontier of a short tour over those that need not wait."""
+    """The first frontier of a latency tour over those that need not wait."""
 
     def choose(self, decision: Decision) -> Choice:
         """The index of the tour's first frontier."""
-        return int(plan_tour(decision, ready(decision, self.options))[0])
+        chosen = ready_frontiers(decision, self.options.min_size, self.options.area)
+        patience = getattr(self.options, "patience", 1.0)
+        return int(plan_latency_tour(decision, chosen, patience)[0])
 
 
 class LayoutGain(_LayoutHeuristic):
@@ -88,7 +86,7 @@ class LayoutGain(_LayoutHeuristic):
 
     def choose(self, decision: Decision) -> Choice:
         """The index of the frontier with the highest score."""
-        chosen = sizeable(decision, self.options.min_size)
+        chosen = sizeable_frontiers(decision, self.options.min_size)
         areas = np.array([decision.frontiers[i].expected_area or 0.0 for i in chosen])
         lengths = np.array([decision.frontiers[i].path_length for i in chosen])
         rate = getattr(self.options, "rate", 0.0)
@@ -112,14 +110,14 @@ class OpenFirst(_LayoutHeuristic):
 
 
 def _nearest_of_class(decision: Decision, options: LayoutOptions, *, closed: bool) -> int:
-    chosen = sizeable(decision, options.min_size)
+    chosen = sizeable_frontiers(decision, options.min_size)
     first = chosen[[bool(decision.frontiers[i].is_closed) == closed for i in chosen]]
     return nearest_of(decision, first if len(first) else chosen)
 
 
 register("layout-nearest", "the nearest frontier; closed ones with little left wait", LayoutNearest, LayoutOptions())
 register("layout-nearest-4", "the same; closed ones with less than 4 m2 left wait", LayoutNearest, LayoutOptions(area=4.0))
-register("layout-tour", "a short tour over frontiers; closed ones with little left wait", LayoutTour, LayoutOptions())
+register("layout-tour", "a latency tour over frontiers; closed ones with little left wait", LayoutTour, LayoutTourOptions())
 register("layout-gain", "expected area x exp(-0.2 x path length)", LayoutGain, LayoutGainOptions())
 register("closed-first", "the nearest closed frontier, then open ones (a negative control)", ClosedFirst, LayoutOptions())
 register("open-first", "the nearest open frontier, then closed ones (a negative control)", OpenFirst, LayoutOptions())

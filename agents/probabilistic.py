@@ -21,9 +21,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.agents.base import Heuristic, option, register
-from layoutexplore.agents.greedy import GreedyOptions, best_index, sizeable, visible_areas
+from layoutexplore.agents.greedy import GreedyOptions, best_index, visible_areas
 from layoutexplore.decision import Choice, Decision, Frontier
 from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.frontier_tour import sizeable_frontiers
 from layoutexplore.frontiers import ray_table
 from layoutexplore.grid import FREE, OCCUPIED
 
@@ -50,7 +51,7 @@ class ProbabilisticGain(Heuristic[ProbabilisticOptions]):
 
     def choose(self, decision: Decision) -> Choice:
         """The index of the frontier with the best score."""
-        chosen = sizeable(decision, self.options.min_size)
+        chosen = sizeable_frontiers(decision, self.options.min_size)
         lengths = np.array([decision.frontiers[i].path_length for i in chosen], np.float64)
         gains = self.gains(decision, chosen)
         if self.options.rate > 0:

@@ -1,4 +1,8 @@
-"""A tour over all frontiers, planned anew at every decision; the robot goes to the first one of it."""
+"""A tour over all frontiers, planned anew at every decision; the robot goes to the first one of it.
+
+A short tour finishes well and starts badly. A latency tour also wants to come early to where much is to be seen: it is ahead of
+the short one at 90, 95 and at 99 % of coverage.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.agents.base import Heuristic, option, register
-from layoutexplore.agents.greedy import GreedyOptions, sizeable
+from layoutexplore.agents.greedy import GreedyOptions
 from layoutexplore.decision import Choice, Decision
+from layoutexplore.frontier_tour import sizeable_frontiers
+from layoutexplore.latency_tours import latency_tour
 from layoutexplore.tours import open_tour
 
 
@@ -25,7 +31,23 @@ class Tour(Heuristic[TourOptions]):
 
     def choose(self, decision: Decision) -> Choice:
         """The index of the tour's first frontier."""
-        return int(plan_tour(decision, sizeable(decision, self.options.min_size))[0])
+        return int(plan_tour(decision, sizeable_frontiers(decision, self.options.min_size))[0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class LatencyTourOptions(TourOptions):
+    """Parameters of `LatencyTour`."""
+
+    patience: float = option(1.0, "weight of the tour's length against the mean way to a square metre", low=0.0)
+
+
+class LatencyTour(Heuristic[LatencyTourOptions]):
+    """The first frontier of an open tour that is short and comes early to where much is to be seen."""
+
+    def choose(self, decision: Decision) -> Choice:
+        """The index of the tour's first frontier."""
+        chosen = sizeable_frontiers(decision, self.options.min_size)
+        return int(plan_latency_tour(decision, chosen, self.options.patience)[0])
 
 
 def plan_tour(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -44,5 +66,25 @@ def plan_tour(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.int64
     return chosen[order - 1]
 
 
+def plan_latency_tour(decision: Decision, chosen: NDArray[np.int64], patience: float) -> NDArray[np.int64]:
+    """An open tour from the robot over some viewpoints that weighs them by the unknown area in view from there.
+
+    Args:
+        decision: The decision.
+        chosen: int64 (k,), indices of the frontiers to visit.
+        patience: Weight of the tour's length; see `layoutexplore.latency_tours`.
+
+    Returns:
+        int64 (k,): the same indices in the order of the visit.
+    """
+    if len(chosen) < 2:
+        return chosen
+    areas = np.array([decision.frontiers[k].visible_area for k in chosen])
+    return chosen[latency_tour(decision.path_lengths(chosen), areas, patience) - 1]
+
+
 register("tour", "the first frontier of a short tour over all of 1.0 m and more", Tour, TourOptions())
 register("tour-0.4", "the first frontier of a short tour over all of 0.4 m and more", Tour, TourOptions(min_size=0.4))
+register(
+    "latency-tour", "the first frontier of a tour that is short and comes early to large ones", LatencyTour, LatencyTourOptions()
+)

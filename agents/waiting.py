@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.agents.base import Heuristic, option, register
-from layoutexplore.agents.greedy import GreedyOptions, best_index, sizeable, visible_areas
+from layoutexplore.agents.greedy import GreedyOptions, best_index, visible_areas
 from layoutexplore.decision import Choice, Decision
+from layoutexplore.frontier_tour import sizeable_frontiers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +28,7 @@ class Waiting(Heuristic[WaitingOptions]):
 
     def choose(self, decision: Decision) -> Choice:
         """The index of the nearest frontier that does not wait."""
-        chosen = sizeable(decision, self.options.min_size)
+        chosen = sizeable_frontiers(decision, self.options.min_size)
         ready = chosen[visible_areas(decision, chosen) >= self.options.area]
         chosen = ready if len(ready) else chosen
         lengths = np.array([decision.frontiers[i].path_length for i in chosen], np.float64)

@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.decision import Decision, Frontier
-from layoutexplore.tours import open_tour
+from layoutexplore.latency_tours import latency_tour
 
 TOUR_SIZE = 1.0
-"""Metres; smaller frontiers wait until no other is left."""
+"""Metres; smaller frontiers wait until no other is left, where no layout tells what is behind them."""
+
+LAYOUT_TOUR_SIZE = 0.4
+"""The same where a layout tells: it leaves out what is small and near a finished room's wall."""
 
 LITTLE_LEFT = 1.0
 """Square metres; closed frontiers with less left in their room wait."""
@@ -62,7 +65,7 @@ def ready_frontiers(decision: Decision, min_size: float = TOUR_SIZE, area: float
 
 
 def tour_features(decision: Decision) -> TourFeatures:
-    """Place in the tour over the frontiers that need not wait, and detour, of every frontier of a decision.
+    """Place in the latency tour over the frontiers that need not wait, and detour, of every frontier of a decision.
 
     Taking frontier i out of the tour and visiting it first costs d(robot, i) + d(i, first) - d(robot, first), less what
     is saved where it was taken out. One matrix of distances serves the tour and the detours.
@@ -71,13 +74,16 @@ def tour_features(decision: Decision) -> TourFeatures:
     if count == 0:
         return TourFeatures(np.zeros(0), np.zeros(0))
     distances = np.minimum(decision.path_lengths(range(count)).astype(np.float64), _UNCONNECTED)
-    return _features(distances, ready_frontiers(decision))
+    judged = decision.frontiers[0].is_closed is not None
+    ready = ready_frontiers(decision, LAYOUT_TOUR_SIZE if judged else TOUR_SIZE)
+    areas = np.array([decision.frontiers[k].visible_area for k in ready])
+    return _features(distances, ready, areas)
 
 
-def _features(distances: NDArray[np.float64], ready: NDArray[np.int64]) -> TourFeatures:
+def _features(distances: NDArray[np.float64], ready: NDArray[np.int64], areas: NDArray[np.float64]) -> TourFeatures:
     """The features for distances float64 (n + 1, n + 1), the robot first, and a tour over some of 0 .. n - 1."""
     places = np.concatenate([[0], ready + 1])
-    stops = places[np.concatenate([[0], open_tour(distances[np.ix_(places, places)])])]
+    stops = places[np.concatenate([[0], latency_tour(distances[np.ix_(places, places)], areas)])]
     rank = np.zeros(len(distances))
     rank[stops[1:]] = 1.0 / np.arange(1, len(stops))
     first = stops[1]

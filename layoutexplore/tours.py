@@ -141,13 +141,13 @@ def _or_opt(distances: NDArray[np.float64], tour: NDArray[np.int64], buffer: NDA
                     forward += distances[last, after] - distances[tour[k], after]
                     backward += distances[first, after] - distances[tour[k], after]
                 if min(forward, backward) < saved - _GAIN:
-                    _move(tour, buffer, i, size, k, backward < forward)
+                    move_stretch(tour, buffer, i, size, k, backward < forward)
                     return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def _move(tour: NDArray[np.int64], buffer: NDArray[np.int64], start: int, size: int, behind: int, backwards: bool) -> None:
+def move_stretch(tour: NDArray[np.int64], buffer: NDArray[np.int64], start: int, size: int, behind: int, backwards: bool) -> None:
     """Take tour[start : start + size] out and put it in behind position `behind`, which lies outside it."""
     n = 0
     for k in range(len(tour)):

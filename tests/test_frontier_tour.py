@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from layoutexplore.decision import Frontier
-from layoutexplore.frontier_tour import ready_frontiers, sizeable_frontiers, tour_features
+from layoutexplore.frontier_tour import LAYOUT_TOUR_SIZE, ready_frontiers, sizeable_frontiers, tour_features
 from layoutexplore.grid import Cell
-from layoutexplore.tours import open_tour, tour_length
+from layoutexplore.latency_tours import latency_tour
+from layoutexplore.tours import tour_length
 
 
 def frontier(x: float, size: float = 2.0, closed: bool | None = None, area: float | None = None) -> Frontier:
@@ -83,8 +84,8 @@ def test_detours_are_differences_of_tour_lengths(seed: int, count: int) -> None:
     ]
     given_decision = decision(frontiers, rng.uniform(0, 20, (count + 1, 2)))
     distances = given_decision.path_lengths(None).astype(np.float64)
-    places = [0, *(ready_frontiers(given_decision) + 1).tolist()]
-    order = [places[k] for k in open_tour(distances[np.ix_(places, places)])]
+    places = [0, *(ready_frontiers(given_decision, LAYOUT_TOUR_SIZE) + 1).tolist()]
+    order = [places[k] for k in latency_tour(distances[np.ix_(places, places)], np.ones(len(places) - 1))]
     features = tour_features(given_decision)
     assert [round(1 / rank) for rank in sorted(features.rank[features.rank > 0], reverse=True)] == list(range(1, len(order) + 1))
     for k in range(count):
