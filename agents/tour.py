@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from layoutexplore.agents.base import Heuristic, option, register
 from layoutexplore.agents.greedy import GreedyOptions
 from layoutexplore.decision import Choice, Decision
-from layoutexplore.frontier_tour import sizeable_frontiers
+from layoutexplore.frontier_tour import sizeable_frontiers, tour_weights
 from layoutexplore.latency_tours import latency_tour
 from layoutexplore.tours import open_tour
 
@@ -79,8 +79,7 @@ def plan_latency_tour(decision: Decision, chosen: NDArray[np.int64], patience: f
     """
     if len(chosen) < 2:
         return chosen
-    areas = np.array([decision.frontiers[k].visible_area for k in chosen])
-    return chosen[latency_tour(decision.path_lengths(chosen), areas, patience) - 1]
+    return chosen[latency_tour(decision.path_lengths(chosen), tour_weights(decision, chosen), patience) - 1]
 
 
 register("tour", "the first frontier of a short tour over all of 1.0 m and more", Tour, TourOptions())

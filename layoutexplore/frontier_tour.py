@@ -24,6 +24,9 @@ LAYOUT_TOUR_SIZE = 0.4
 LITTLE_LEFT = 1.0
 """Square metres; closed frontiers with less left in their room wait."""
 
+MOST_AREA = 30.0
+"""Square metres; more than this in view counts as this much: walls that nobody has seen yet stand in the way."""
+
 _UNCONNECTED = 1e6
 
 
@@ -64,6 +67,11 @@ def ready_frontiers(decision: Decision, min_size: float = TOUR_SIZE, area: float
     return chosen[goes] if goes.any() else chosen
 
 
+def tour_weights(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.float64]:
+    """What reaching each of some frontiers int64 (k,) is worth to a latency tour: float64 (k,), square metres in view."""
+    return np.minimum([decision.frontiers[k].visible_area for k in chosen], MOST_AREA)
+
+
 def tour_features(decision: Decision) -> TourFeatures:
     """Place in the latency tour over the frontiers that need not wait, and detour, of every frontier of a decision.
 
@@ -76,8 +84,7 @@ def tour_features(decision: Decision) -> TourFeatures:
     distances = np.minimum(decision.path_lengths(range(count)).astype(np.float64), _UNCONNECTED)
     judged = decision.frontiers[0].is_closed is not None
     ready = ready_frontiers(decision, LAYOUT_TOUR_SIZE if judged else TOUR_SIZE)
-    areas = np.array([decision.frontiers[k].visible_area for k in ready])
-    return _features(distances, ready, areas)
+    return _features(distances, ready, tour_weights(decision, ready))
 
 
 def _features(distances: NDArray[np.float64], ready: NDArray[np.int64], areas: NDArray[np.float64]) -> TourFeatures:
