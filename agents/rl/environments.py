@@ -2,45 +2,46 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import layoutexplore  # noqa: F401  (registers the environments)
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
-from layoutexplore.agents.rl.rewards import MetresToGo
 from layoutexplore.agents.rl.vector import VectorAdapter
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.envs.plans import PlanSpec
+from layoutexplore.envs.rewards import PathToMarks
 from layoutexplore.floorplan import FloorPlan
-from layoutexplore.predictors import make_predictor
 
 GENERATED = "generated"
 """The word for plans without end, drawn from the generator's families."""
 
-AREAS = (150.0, 900.0)
+AREAS = (200.0, 900.0)
 """Least and greatest area of generated plans in square metres, drawn log-uniformly."""
 
 
 def make_envs(config: TrainingConfig) -> VectorAdapter:
-    """The environments of a run, side by side, as stable-baselines3 takes them."""
-
-    def one(sensor: str) -> gymnasium.Env[Any, Any]:
-        return gymnasium.make(config.environment, **environment_arguments(config, sensor))
-
-    sensors = [config.sensors[k % len(config.sensors)] for k in range(config.envs)]
-    return VectorAdapter(SyncVectorEnv([partial(one, s) for s in sensors], autoreset_mode=AutoresetMode.SAME_STEP))
+    """The environments of a run, side by side, as stable-baselines3 takes them; an equal share for each sensor."""
+    count = len(config.sensors)
+    shares = [config.envs // count + (k < config.envs % count) for k in range(count)]
+    crews = {"workers": config.workers or None, "backend": "serial" if config.workers == 1 else None}
+    return VectorAdapter(
+        [
+            gymnasium.make_vec(config.environment, share, **environment_arguments(config, sensor), **crews)
+            for share, sensor in zip(shares, config.sensors, strict=True)
+            if share
+        ]
+    )
 
 
 def environment_arguments(config: TrainingConfig, sensor: str) -> dict[str, Any]:
     """Keyword arguments for `gymnasium.make`."""
     arguments: dict[str, Any] = {"plan": plan_source(config.plans), "sensor": sensor}
     if config.chooses_frontiers:
-        arguments["predictor"] = make_predictor(config.predictor)
-        arguments["reward"] = MetresToGo(**config.reward)
+        arguments["predictor"] = config.predictor
+        arguments["reward"] = PathToMarks(**config.reward)
         arguments["observation"] = ObservationConfig(local_map=False, **config.observation)
     elif config.max_steps:
         arguments["max_steps"] = config.max_steps

@@ -105,13 +105,14 @@ class TrainingConfig:
         environment: Id of the environment.
         steps: Steps of all environments together.
         envs: Environments side by side.
+        workers: Processes that step them, for each sensor; 0 for as many as there are cores, 1 for none but this one.
         seed: Of everything.
         plans: Where episodes take place.
-        sensors: Names of lidars; the environments take turns.
+        sensors: Names of lidars; each has an equal share of the environments.
         predictor: Name of the predictor of rooms.
         checkpoint_every: Steps between checkpoints.
         observation: Keyword arguments of `ObservationConfig`; of Frontier-v0 only.
-        reward: Keyword arguments of `MetresToGo`; of Frontier-v0 only.
+        reward: Keyword arguments of `PathToMarks`; of Frontier-v0 only.
         critic_steps: Steps at the start from which only the critic learns; of Frontier-v0 only.
         max_steps: Steps after which an episode is cut off, 0 for never; of Motion-v0 only.
         network: Of Frontier-v0 only.
@@ -124,6 +125,7 @@ class TrainingConfig:
     environment: str
     steps: int
     envs: int
+    workers: int
     seed: int
     plans: tuple[str, ...]
     sensors: tuple[str, ...]
@@ -141,7 +143,7 @@ class TrainingConfig:
     def __post_init__(self) -> None:
         for name in ("steps", "envs", "checkpoint_every"):
             check_whole(name, getattr(self, name))
-        for name in ("seed", "critic_steps", "max_steps"):
+        for name in ("workers", "seed", "critic_steps", "max_steps"):
             check_whole(name, getattr(self, name), least=0)
         if not self.plans or not self.sensors:
             raise ConfigError("training needs at least one of plans and of sensors")
@@ -153,7 +155,9 @@ class TrainingConfig:
 
     def as_table(self) -> dict[str, Any]:
         """Nested plain values, as `read_config` takes them from TOML."""
-        return {k: _plain(v) for k, v in dataclasses.asdict(self).items() if v is not None and v != {}}
+        known = _defaults()[self.algorithm]
+        values = {k: _plain(v) for k, v in dataclasses.asdict(self).items() if k in known}
+        return {"algorithm": self.algorithm, **values}
 
 
 def algorithms() -> list[str]:

@@ -128,7 +128,7 @@ class _Encoder(nn.Module):
         if self.map is not None:
             context = context + self.map(maps)
         tokens = torch.cat([context[:, None], self.frontier(frontiers)], dim=1)
-        present = torch.cat([torch.ones_like(valid[:, :1]), valid], dim=1)
+        present = functional.pad(valid, (1, 0), value=True)
         for layer in self.layers:
             tokens = layer(tokens, present)
         tokens = self.norm(tokens)

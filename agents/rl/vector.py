@@ -1,13 +1,12 @@
-"""A Gymnasium vector environment as the `VecEnv` that stable-baselines3 trains on."""
+"""Gymnasium vector environments as the `VecEnv` that stable-baselines3 trains on."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -20,42 +19,46 @@ LEVEL = 0.95
 
 
 class VectorAdapter(VecEnv):
-    """Steps a `gymnasium.vector.VectorEnv` that resets within the step (`AutoresetMode.SAME_STEP`).
+    """Steps `gymnasium.vector.VectorEnv`s that reset within the step (`AutoresetMode.SAME_STEP`).
 
     With `info["episode"]` of a step that ends an episode come its return `r`, length `l`, `coverage`, `distance`, and `d95`, the
     metres after which a decision first found 95 % seen, as a share of the distance.
 
     Args:
-        env: The vector environment; its observations may have an `action_mask`. Stopping, the last action, is allowed only
-            where nothing else is.
+        parts: Vector environments with the same spaces, taken for one. Their observations may have an `action_mask`;
+            stopping, the last action, is then allowed only where nothing else is.
 
     Raises:
-        ConfigError: It resets in another way.
+        ConfigError: One resets in another way.
     """
 
-    def __init__(self, env: gymnasium.vector.VectorEnv[Any, Any, Any]) -> None:
-        if env.metadata.get("autoreset_mode") != AutoresetMode.SAME_STEP:
-            raise ConfigError("training needs a vector environment that resets within the step (AutoresetMode.SAME_STEP)")
-        self.env = env
-        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+    def __init__(self, parts: Sequence[VectorEnv[Any, Any, Any]]) -> None:
+        if any(part.metadata.get("autoreset_mode") != AutoresetMode.SAME_STEP for part in parts):
+            raise ConfigError("training needs vector environments that reset within the step (AutoresetMode.SAME_STEP)")
+        self.parts = list(parts)
+        self._ends = np.cumsum([part.num_envs for part in parts])
+        super().__init__(int(self._ends[-1]), parts[0].single_observation_space, parts[0].single_action_space)
         self._masks: NDArray[np.bool_] | None = None
         self._next_seed: int | None = None
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """The seed of the next `reset`; it makes all that follows repeatable."""
         self._next_seed = seed
-        self.env.action_space.seed(seed)
         self.action_space.seed(seed)
         return [seed] * self.num_envs
 
     def reset(self) -> Batch:
         """Begin an episode everywhere."""
-        observations, _ = self.env.reset(seed=self._next_seed)
+        first = self._next_seed
+        seeds = [
+            None if first is None else first + int(end) - part.num_envs for part, end in zip(self.parts, self._ends, strict=True)
+        ]
+        observations = [part.reset(seed=seed)[0] for part, seed in zip(self.parts, seeds, strict=True)]
         self._next_seed = None
         self._returns = np.zeros(self.num_envs)
         self._lengths = np.zeros(self.num_envs, np.int64)
         self._d95 = np.full(self.num_envs, np.nan)
-        return self._seen(observations)
+        return self._seen(_joined(observations))
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for `step_wait`."""
@@ -63,23 +66,24 @@ class VectorAdapter(VecEnv):
 
     def step_wait(self) -> tuple[Batch, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Make the step."""
-        observations, rewards, terminated, truncated, info = self.env.step(self._actions)
+        actions = np.split(self._actions, self._ends[:-1])
+        steps = [part.step(given) for part, given in zip(self.parts, actions, strict=True)]
+        rewards, terminated, truncated = (np.concatenate([step[k] for step in steps]) for k in (1, 2, 3))
         done = terminated | truncated
         self._returns += rewards
         self._lengths += 1
-        final = info.get("final_info", {})
-        coverage = np.where(done, final.get("coverage", 0.0), info["coverage"])
-        distance = np.where(done, final.get("distance", 0.0), info["distance"])
+        coverage, distance = (np.concatenate([_at_the_end(step[4], name) for step in steps]) for name in ("coverage", "distance"))
+        last = [observation for step in steps for observation in step[4].get("final_obs", [None] * len(step[1]))]
         reached = np.isnan(self._d95) & (coverage >= LEVEL)
         self._d95[reached] = distance[reached]
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for k in np.flatnonzero(done):
             infos[k] = {
-                "terminal_observation": info["final_obs"][k],
+                "terminal_observation": last[k],
                 "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
                 "episode": self._episode(int(k), float(coverage[k]), float(distance[k])),
             }
-        return self._seen(observations), rewards.astype(np.float32), done, infos
+        return self._seen(_joined([step[0] for step in steps])), rewards.astype(np.float32), done, infos
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are allowed, bool (envs, actions)."""
@@ -88,7 +92,8 @@ class VectorAdapter(VecEnv):
 
     def close(self) -> None:
         """Close the environments."""
-        self.env.close()
+        for part in self.parts:
+            part.close()
 
     def has_attr(self, attr_name: str) -> bool:
         """Whether the environments mask actions, where that is asked."""
@@ -102,7 +107,7 @@ class VectorAdapter(VecEnv):
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """An attribute of the vector environment, for each of its environments."""
-        return [getattr(self.env, attr_name)] * self.num_envs
+        return [getattr(self.parts[0], attr_name)] * self.num_envs
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Not supported: the environments are made as they are to be."""
@@ -131,3 +136,17 @@ class VectorAdapter(VecEnv):
         }
         self._returns[k], self._lengths[k], self._d95[k] = 0.0, 0, np.nan
         return episode
+
+
+def _joined(observations: list[Batch]) -> Batch:
+    """The observations of all parts as one batch."""
+    if isinstance(observations[0], dict):
+        return {name: np.concatenate([part[name] for part in observations]) for name in observations[0]}
+    return np.concatenate(observations)
+
+
+def _at_the_end(info: dict[str, Any], name: str) -> NDArray[np.float64]:
+    """An entry of the infos (envs,) before any reset."""
+    if "final_info" not in info:
+        return np.asarray(info[name], np.float64)
+    return np.where(info["_final_info"], info["final_info"][name], info[name])
