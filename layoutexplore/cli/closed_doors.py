@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -20,12 +22,17 @@ def closed_doors(
     ),
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     resolution: Annotated[float, typer.Option(help="Metres a pixel.")] = 0.05,
+    report: Annotated[bool, typer.Option(help="Also write report.html with a picture of every map.")] = True,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")] = None,
 ) -> None:
     """Rooms behind closed doors: free-space IoU; IoU, precision and recall on what was never seen; beside a reference."""
+    from layoutexplore.errors import require
     from layoutexplore.evaluation.closed_doors import evaluate, find_triples, summarise, write_pictures
+    from layoutexplore.evaluation.closed_doors_report import write_report
     from layoutexplore.grid_io import write_atomically
 
+    if report:
+        require("jinja2", "bench")
     triples = find_triples(folder)
     scores = []
     for triple, score in zip(triples, evaluate(triples, resolution=resolution, out=out, jobs=jobs), strict=True):
@@ -36,6 +43,8 @@ def closed_doors(
     _print(summary)
     typer.echo("note: the model that ships was trained on eight school buildings; scores on those are not held out")
     written = write_pictures(triples, scores, out)
+    if report:
+        written += write_report(out, triples, scores, summary, command=shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
     if json_file is not None:
         data = {"summary": summary, "maps": [asdict(score) for score in scores]}

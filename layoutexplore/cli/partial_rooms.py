@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -22,17 +24,22 @@ def partial_rooms(
     ] = None,
     starts: Annotated[int, typer.Option(min=1, help="Explorations per floor plan and sensor.")] = 1,
     snapshots: Annotated[Path | None, typer.Option(help="Folder that keeps the explorations, to ask again later.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for a page with tables, plots and pictures of rooms.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")] = None,
 ) -> None:
     """Half-seen rooms: hidden IoU, room IoU, areas; closed or open frontiers; every predictor on the same snapshots."""
     from layoutexplore.benchmark.plans import find_plans
+    from layoutexplore.errors import require
     from layoutexplore.evaluation.partial_rooms import score
+    from layoutexplore.evaluation.partial_rooms_report import Gallery, write_report
     from layoutexplore.evaluation.partial_rooms_summary import summarise
     from layoutexplore.evaluation.snapshots import explore
     from layoutexplore.floorplan import FloorPlan
     from layoutexplore.grid_io import write_atomically
     from layoutexplore.predictors import make_room_predictor, predictor_names
 
+    if out is not None:
+        require("jinja2", "bench")
     predictors = [make_room_predictor(name) for name in dict.fromkeys(predictor or predictor_names())]
     taken = (
         snapshot
@@ -42,11 +49,16 @@ def partial_rooms(
         for seed in range(starts)
         for snapshot in explore(plan, sensor=name, seed=seed, store=snapshots)
     )
-    scores = score(taken, predictors)
+    names = [p.name for p in predictors]
+    gallery = Gallery("layout" if "layout" in names else names[0])
+    scores = score(taken, predictors, gallery if out else None)
     summary = summarise(scores)
     _print("rooms", "explored", summary, ROOM_COLUMNS)
     _print("frontiers", "coverage", summary, FRONTIER_COLUMNS)
     typer.echo("median ms a decision: " + ", ".join(f"{name} {part['ms']:.1f}" for name, part in summary.items()))
+    if out is not None:
+        written = write_report(out, scores, summary, gallery, command=shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
+        typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
     if json_file is not None:
         data = {"summary": summary, "rooms": [asdict(r) for r in scores.rooms], "ms": scores.milliseconds}
         frontiers = [asdict(f) for f in scores.frontiers]

@@ -9,7 +9,7 @@ metres: closed, with less than 1 m2 left.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,8 +102,14 @@ class Scores:
     milliseconds: dict[str, list[float]]
 
 
-def score(snapshots: Iterable[Snapshot], predictors: Sequence[RoomPredictor]) -> Scores:
-    """Ask every predictor about every snapshot."""
+def score(snapshots: Iterable[Snapshot], predictors: Sequence[RoomPredictor], watch: Watch | None = None) -> Scores:
+    """Ask every predictor about every snapshot.
+
+    Args:
+        snapshots: What is asked.
+        predictors: Who is asked.
+        watch: Told of every room that is scored, to draw some.
+    """
     scores = Scores([], [], {p.name: [] for p in predictors})
     for snapshot in snapshots:
         items = find_items(snapshot)
@@ -115,7 +121,10 @@ def score(snapshots: Iterable[Snapshot], predictors: Sequence[RoomPredictor]) ->
             scores.milliseconds[predictor.name].append(1000 * (time.perf_counter() - begin))
             scores.frontiers.extend(_score_frontiers(snapshot, judged, predictor.name))
             rooms = predictor.rooms(snapshot.decision)
-            scores.rooms.extend(_score_room(snapshot, item, rooms, predictor.name) for item in items)
+            for item in items:
+                scores.rooms.append(_score_room(snapshot, item, rooms, predictor.name))
+                if watch:
+                    watch(snapshot, item, rooms, scores.rooms[-1])
     return scores
 
 
@@ -134,6 +143,10 @@ class Item:
     mask: NDArray[np.bool_]
     seen: NDArray[np.bool_]
     frontier: NDArray[np.int32]
+
+
+Watch = Callable[[Snapshot, Item, RoomMap, RoomScore], None]
+"""Told of a scored room: the snapshot, the true room, the predicted rooms, and the score."""
 
 
 def find_items(snapshot: Snapshot) -> list[Item]:
@@ -155,7 +168,7 @@ def find_items(snapshot: Snapshot) -> list[Item]:
 
 def _score_room(snapshot: Snapshot, item: Item, rooms: RoomMap, predictor: str) -> RoomScore:
     resolution = snapshot.truth.raster.resolution
-    found = _predicted_hidden(snapshot.decision.grid.cells, item, rooms)
+    found = predicted_hidden(snapshot.decision.grid.cells, item, rooms)
     hidden = item.mask & ~item.seen
     whole = item.seen | found
     return RoomScore(
@@ -175,7 +188,7 @@ def _score_room(snapshot: Snapshot, item: Item, rooms: RoomMap, predictor: str) 
     )
 
 
-def _predicted_hidden(cells: NDArray[np.int8], item: Item, rooms: RoomMap) -> NDArray[np.bool_]:
+def predicted_hidden(cells: NDArray[np.int8], item: Item, rooms: RoomMap) -> NDArray[np.bool_]:
     """Unknown cells of the predicted room that holds most of the item's frontier cells."""
     owners = rooms.room_ids[item.frontier[:, 0], item.frontier[:, 1]]
     owners = owners[owners > 0]

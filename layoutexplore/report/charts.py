@@ -1,0 +1,176 @@
+"""Small charts as plain shapes in percent of their frame: lines over strata, calibration, scatter on a root scale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore import palette
+from layoutexplore.report.plots import agent_look, hexadecimal
+from layoutexplore.statistics import Interval
+
+MOST_DOTS = 1500
+"""Dots of a scatter; of more, every n-th is drawn."""
+
+_QUIET = {"none": palette.GREY, "oracle": palette.BLACK}
+"""Predictors that are bounds, not competitors."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A place with the ends of its whisker, in percent of the frame; y runs downwards."""
+
+    x: float
+    y: float
+    low: float
+    high: float
+    title: str
+
+
+@dataclass(frozen=True)
+class Series:
+    """Values of one predictor over strata."""
+
+    name: str
+    colour: str
+    dash: str
+    path: str
+    points: tuple[Point, ...]
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """Labels along both axes: (percent, text)."""
+
+    x: tuple[tuple[float, str], ...]
+    y: tuple[tuple[float, str], ...]
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Lines with labels."""
+
+    series: tuple[Series, ...]
+    ticks: Ticks
+
+
+@dataclass(frozen=True)
+class Dot:
+    """A dot: place in percent, radius in pixels, a title."""
+
+    x: float
+    y: float
+    size: float
+    title: str
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Dots with labels; equal values lie on the diagonal."""
+
+    dots: tuple[Dot, ...]
+    ticks: Ticks
+
+
+def line_chart(
+    values: Mapping[str, Sequence[Interval]],
+    strata: Sequence[str],
+    *,
+    main: str = "",
+    low: float = 0.0,
+    high: float = 1.0,
+    step: float = 0.25,
+) -> Chart:
+    """Values over strata, a line each; whiskers stand side by side where strata have several.
+
+    Args:
+        values: By name, one interval a stratum; NaN where there is none.
+        strata: Labels along the x axis.
+        main: The name that wears the first colour.
+        low: Least value of the y axis.
+        high: Greatest value.
+        step: Between its labels.
+    """
+    slot = 100 / max(len(strata), 1)
+
+    def height(value: float) -> float:
+        return round(100 * (1 - min(max((value - low) / (high - low), 0.0), 1.0)), 2)
+
+    looks = predictor_looks(list(values), main)
+    series = []
+    for k, (name, line) in enumerate(values.items()):
+        shift = (k - (len(values) - 1) / 2) * min(0.09, 0.7 / max(len(values), 1)) * slot
+        points = []
+        for n, value in enumerate(line):
+            if math.isfinite(value.estimate):
+                ends = [end if math.isfinite(end) else value.estimate for end in (value.low, value.high)]
+                title = f"{name}, {strata[n]}: {value.estimate:.2f}"
+                low_end, high_end = (height(end) for end in ends)
+                points.append(Point(round((n + 0.5) * slot + shift, 2), height(value.estimate), low_end, high_end, title))
+        path = "M" + " L".join(f"{p.x},{p.y}" for p in points) if points else ""
+        series.append(Series(name, *looks[name], path, tuple(points)))
+    x_ticks = tuple((round((n + 0.5) * slot, 2), text) for n, text in enumerate(strata))
+    count = round((high - low) / step)
+    y_ticks = tuple((height(low + n * step), f"{low + n * step:g}") for n in range(count + 1))
+    return Chart(tuple(series), Ticks(x_ticks, y_ticks))
+
+
+def predictor_looks(names: Sequence[str], main: str = "") -> dict[str, tuple[str, str]]:
+    """Colour and dashes by name; the bounds are grey and black, the main one has the first colour."""
+    looks, k = {}, 0
+    for name in sorted(names, key=lambda name: name != main):
+        plain = name.partition(":")[0]
+        if plain in _QUIET:
+            looks[name] = (hexadecimal(_QUIET[plain]), "5 4")
+        else:
+            colour, dash = agent_look(k)
+            looks[name], k = (hexadecimal(colour), dash), k + 1
+    return looks
+
+
+def calibration_chart(confidence: NDArray[np.float64], right: NDArray[np.bool_], *, bins: int = 10) -> Scatter:
+    """Stated against observed probability of being right, a dot a bin from one half to 1; its area is its share of all.
+
+    Args:
+        confidence: float64 (n,), stated, 0..1.
+        right: bool (n,), whether it was.
+        bins: Number of bins between one half and 1.
+    """
+    which = np.clip(((confidence - 0.5) * 2 * bins).astype(int), 0, bins - 1)
+    dots = []
+    for k in range(bins):
+        inside = which == k
+        if inside.any():
+            stated, observed, count = float(confidence[inside].mean()), float(right[inside].mean()), int(inside.sum())
+            title = f"said {stated:.2f}, was {observed:.2f}, {count} times"
+            size = 4 + 22 * math.sqrt(count / len(right))
+            dots.append(Dot(round(200 * (stated - 0.5), 2), round(100 * (1 - _upper(observed)), 2), round(size, 1), title))
+    ticks = tuple((200 * (v - 0.5), f"{100 * v:.0f} %") for v in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0))
+    return Scatter(tuple(dots), Ticks(ticks, tuple((100 - at, text) for at, text in ticks)))
+
+
+def _upper(share: float) -> float:
+    """A share on an axis from one half to 1."""
+    return min(max(2 * (share - 0.5), 0.0), 1.0)
+
+
+def root_scatter(x: NDArray[np.float64], y: NDArray[np.float64], titles: Sequence[str]) -> Scatter:
+    """Pairs of areas as dots on axes that run with the square root, so that small ones are told apart."""
+    top = max(float(max(x.max(initial=0), y.max(initial=0))), 1.0)
+    stride = max(1, math.ceil(len(x) / MOST_DOTS))
+
+    def at(value: float) -> float:
+        return round(100 * math.sqrt(max(value, 0.0) / top), 2)
+
+    dots = tuple(Dot(at(a), round(100 - at(b), 2), 5.0, text) for a, b, text in list(zip(x, y, titles, strict=True))[::stride])
+    labels = [value for value in (0, 1, 5, 10, 20, 50, 100, 200, 400, 800, 1600) if value <= top]
+    kept: list[int] = []
+    for value in labels:
+        if not kept or at(value) - at(kept[-1]) >= 8:
+            kept.append(value)
+    ticks = tuple((at(value), f"{value}") for value in kept)
+    return Scatter(dots, Ticks(ticks, tuple((round(100 - place, 2), text) for place, text in ticks)))
