@@ -15,6 +15,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from layoutexplore.decision import Predictor
+from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.plans import PlanSource, PlanSpec, load
 from layoutexplore.envs.rewards import Reward, Transition, reads_rooms, reward
@@ -54,6 +55,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
     Attributes:
         simulation: The simulation of the current episode.
         stop_reason: Why the episode ended; "" while it goes on.
+        progress: How far the training is, 0 ... 1, for a `PlanSampler`; a trainer may set it.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4}  # noqa: RUF012
@@ -66,6 +68,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         resolution: float | None,
         robot_radius: float | None,
         simulation: SimulationConfig | None,
+        randomisation: Randomisation | None,
         predictor: str | Predictor | None,
         reward_function: str | Reward,
         render_mode: str | None,
@@ -77,6 +80,8 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         self.config = replace(simulation or SimulationConfig(), **changes)
         self.render_mode = render_mode
+        self.progress = 1.0
+        self._randomisation = randomisation
         self._plans = PlanSource(plan)
         self._predictor = _named(predictor) if isinstance(predictor, str) else predictor
         self._reward = reward(reward_function)
@@ -110,12 +115,13 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         options = options or {}
         if unknown := set(options) - _OPTIONS:
             raise ConfigError(f"unknown reset options {sorted(unknown)}: known are {sorted(_OPTIONS)}")
-        self._plan_index, plan = self._plans.draw(self.np_random)
+        self._plan_index, plan = self._plans.draw(self.np_random, self.progress)
         if options.get("plan") is not None:
             self._plan_index, plan = -1, load(options["plan"])
         self._simulation_seed = int(self.np_random.integers(2**31))
-        if self._simulation is None or self._simulation.plan is not plan:
-            self._simulation = Simulation(plan, self.config, self._predictor)
+        config = self._randomisation.draw(self.np_random, self.config) if self._randomisation else self.config
+        if self._simulation is None or self._simulation.plan is not plan or self._simulation.config != config:
+            self._simulation = Simulation(plan, config, self._predictor)
         self._simulation.reset(self._simulation_seed, _start(options.get("start")))
         self.stop_reason = ""
         self._over = False

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.decision import STOP, Predictor
 from layoutexplore.envs.base import ExplorationEnv
+from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.observation import Observation, ObservationConfig, Observer
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.privileged import PrivilegedView
@@ -118,11 +119,12 @@ class FrontierEnv(ExplorationEnv[np.int64]):
 
     | Argument | Meaning |
     |---|---|
-    | `plan` | a name, split, path, folder, `FloorPlan`, a sequence of these, or a callable `rng -> FloorPlan` |
+    | `plan` | a name, split, path, folder, `FloorPlan`, a sequence of these, or a callable `rng -> FloorPlan` (`PlanSampler`) |
     | `sensor` | a preset (`stage`, `indoor`, `short`, `mapex`) or a `LidarConfig` |
     | `resolution` | metres per cell (0.1) |
     | `robot_radius` | metres (0.2) |
     | `simulation` | a `SimulationConfig` for everything else; the three above override it |
+    | `randomisation` | a `Randomisation`: sensors, noise and radii that change from episode to episode |
     | `predictor` | the name of a layout predictor (`layout`, `oracle`, `none`, ...), a predictor, or None |
     | `reward` | a name or a callable |
     | `observation` | an `ObservationConfig` |
@@ -147,6 +149,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         resolution: float | None = None,
         robot_radius: float | None = None,
         simulation: SimulationConfig | None = None,
+        randomisation: Randomisation | None = None,
         predictor: str | Predictor | None = None,
         reward: str | Reward = "path_length",
         observation: ObservationConfig | None = None,
@@ -161,6 +164,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
             resolution=resolution,
             robot_radius=robot_radius,
             simulation=simulation,
+            randomisation=randomisation,
             predictor=predictor,
             reward_function=reward,
             render_mode=render_mode,

@@ -11,6 +11,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from layoutexplore.envs.base import ExplorationEnv
+from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.map_images import CHANNELS, Trail, draw_local_map
 from layoutexplore.envs.observation import Observation, check_counts, check_positive
 from layoutexplore.envs.plans import PlanSpec
@@ -146,12 +147,13 @@ class MotionEnv(ExplorationEnv[Any]):
 
     | Argument | Meaning |
     |---|---|
-    | `plan` | a name, split, path, folder, `FloorPlan`, a sequence of these, or a callable `rng -> FloorPlan` |
+    | `plan` | a name, split, path, folder, `FloorPlan`, a sequence of these, or a callable `rng -> FloorPlan` (`PlanSampler`) |
     | `actions` | `discrete` or `continuous` |
     | `sensor` | a preset (`stage`, `indoor`, `short`, `mapex`) or a `LidarConfig` |
     | `resolution` | metres per cell (0.1) |
     | `robot_radius` | metres (0.2) |
     | `simulation` | a `SimulationConfig` for everything else; the three above override it |
+    | `randomisation` | a `Randomisation`: sensors, noise and radii that change from episode to episode |
     | `reward` | a name or a callable |
     | `motion` | a `MotionConfig` |
     | `max_steps` | moves per episode, or None |
@@ -176,6 +178,7 @@ class MotionEnv(ExplorationEnv[Any]):
         resolution: float | None = None,
         robot_radius: float | None = None,
         simulation: SimulationConfig | None = None,
+        randomisation: Randomisation | None = None,
         reward: str | Reward = "area",
         motion: MotionConfig | None = None,
         max_steps: int | None = None,
@@ -188,6 +191,7 @@ class MotionEnv(ExplorationEnv[Any]):
             resolution=resolution,
             robot_radius=robot_radius,
             simulation=simulation,
+            randomisation=randomisation,
             predictor=None,
             reward_function=reward,
             render_mode=render_mode,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -16,6 +17,14 @@ OnePlan = FloorPlan | str | Path
 
 PlanSpec = OnePlan | Sequence[OnePlan] | Callable[[np.random.Generator], FloorPlan]
 """One plan, several, the name of a split, a folder, or a function that draws a plan."""
+
+
+@runtime_checkable
+class Curriculum(Protocol):
+    """A function that draws a plan and is told how far the training is."""
+
+    def draw(self, rng: np.random.Generator, progress: float) -> FloorPlan:
+        """A plan for a progress of 0 ... 1."""
 
 
 class PlanSource:
@@ -34,13 +43,15 @@ class PlanSource:
     """
 
     def __init__(self, spec: PlanSpec) -> None:
-        self._function = spec if callable(spec) else None
+        self._function: Any = spec if callable(spec) else None
         self._plans: list[FloorPlan | str] = [] if callable(spec) else _expand(spec)
         if self._function is None and not self._plans:
             raise ConfigError(f"no floor plan to explore in {spec!r}")
 
-    def draw(self, rng: np.random.Generator) -> tuple[int, FloorPlan]:
-        """The index of a plan among those given (0 for a callable), and the plan."""
+    def draw(self, rng: np.random.Generator, progress: float = 1.0) -> tuple[int, FloorPlan]:
+        """The index of a plan among those given (0 for a callable), and the plan; a `Curriculum` is told the progress."""
+        if isinstance(self._function, Curriculum):
+            return 0, self._function.draw(rng, progress)
         if self._function is not None:
             return 0, self._function(rng)
         index = int(rng.integers(len(self._plans)))

@@ -1,0 +1,229 @@
+"""Floor plans without end, from small to large, and sensors that change from episode to episode: training data as data.
+
+Both are frozen dataclasses that read a table of a TOML file and draw from the environment's generator, so that an episode
+depends on the seed alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any, TypeVar
+
+import numpy as np
+
+from layoutexplore.envs.plans import load
+from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.floorplan import FloorPlan
+from layoutexplore.lidar import sensor
+from layoutexplore.robot import OdometryNoise
+from layoutexplore.simulation_config import SimulationConfig
+
+T = TypeVar("T", bound="_Table")
+
+Range = tuple[float, float]
+
+FIRST_SEED = 1_000_000
+"""Generated training plans have seeds from here on: no shipped plan and no "office:7" is among them."""
+
+
+_ATTEMPTS = 20
+"""Further seeds that are tried where one cannot be drawn at the wanted size."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Table:
+    """What can be read from a table of a TOML file."""
+
+    @classmethod
+    def from_table(cls: type[T], table: Mapping[str, Any]) -> T:
+        """One made of a table; lists become tuples.
+
+        Raises:
+            UnknownNameError: There is no such key; the closest ones are suggested.
+            ConfigError: A value makes no sense.
+        """
+        known = [f.name for f in dataclasses.fields(cls)]
+        for key in table:
+            if key not in known:
+                raise unknown_name(f"key of {cls.__name__}", key, known)
+        values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
+        try:
+            return cls(**values)
+        except TypeError as error:
+            raise ConfigError(f"{cls.__name__}: {error}") from error
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanSampler(_Table):
+    """Draws floor plans: generated ones of all families, and shipped ones in between. Usable as `plan=` of an environment.
+
+    An environment hands its `progress` (0 ... 1, how far the training is; 1 unless set) to the sampler: the largest plan
+    grows with it from `first_area` to the end of `area`.
+
+    Attributes:
+        families: Weight of each family of the generator; all alike when empty.
+        area: Least and greatest floor area of a generated plan in m², drawn log-uniformly.
+        clutter: Least and greatest share of a room's floor under furniture.
+        door_width: Least and greatest clear width of the doors in metres.
+        closed_doors: Least and greatest share of the doors that are shut.
+        seeds: Number of different generated plans per family; 0 for no limit. Plans drawn lately are kept, so that few
+            seeds save time and many give variety.
+        shipped: Splits, names or files of plans that are drawn as they are.
+        shipped_share: Probability of drawing one of these.
+        first_area: The greatest area at progress 0; the whole range from the start when it is 0.
+        growth: Progress at which the whole range is reached.
+
+    Raises:
+        ConfigError: A value makes no sense.
+
+    Example:
+        >>> sampler = PlanSampler(families={"office": 1.0}, area=(200.0, 400.0))
+        >>> plan = sampler(np.random.default_rng(0))
+        >>> plan.metadata["family"], 150 < plan.area < 500
+        ('office', True)
+    """
+
+    families: Mapping[str, float] = field(default_factory=dict)
+    area: Range = (250.0, 2500.0)
+    clutter: Range = (0.0, 0.15)
+    door_width: Range = (0.8, 1.0)
+    closed_doors: Range = (0.0, 0.0)
+    seeds: int = 0
+    shipped: tuple[str, ...] = ("train",)
+    shipped_share: float = 0.1
+    first_area: float = 0.0
+    growth: float = 0.3
+
+    def __post_init__(self) -> None:
+        from layoutexplore.maps.generator import FAMILIES
+        from layoutexplore.maps.generator.config import LIMITS
+
+        for family, weight in self.families.items():
+            if family not in FAMILIES:
+                raise unknown_name("family", family, FAMILIES)
+            _check(f"weight of {family}", weight, 0.0, math.inf)
+        if self.families and not sum(self.families.values()) > 0:
+            raise ConfigError("families: at least one weight must be above 0")
+        for name in ("area", "clutter", "door_width", "closed_doors"):
+            _check_range(name, getattr(self, name), *LIMITS[name])
+        _check("seeds", self.seeds, 0, 2**31)
+        _check("shipped_share", self.shipped_share, 0.0, 1.0)
+        _check("first_area", self.first_area, 0.0, math.inf)
+        _check("growth", self.growth, 0.0, 1.0)
+        if self.shipped_share > 0 and not self.shipped:
+            raise ConfigError("shipped: name plans or splits to draw from, or set shipped_share to 0")
+        object.__setattr__(self, "_names", _shipped_names(self.shipped) if self.shipped_share > 0 else ())
+
+    def __call__(self, rng: np.random.Generator) -> FloorPlan:
+        """A plan of the whole range."""
+        return self.draw(rng, 1.0)
+
+    def draw(self, rng: np.random.Generator, progress: float) -> FloorPlan:
+        """A plan; what is drawn depends on the generator and the progress alone."""
+        names: tuple[str, ...] = self._names  # type: ignore[attr-defined]
+        if rng.random() < self.shipped_share:
+            return load(names[int(rng.integers(len(names)))])
+        from layoutexplore.maps.generator import FAMILIES
+
+        weights = np.array([self.families.get(family, 0.0) if self.families else 1.0 for family in FAMILIES])
+        family = FAMILIES[int(rng.choice(len(FAMILIES), p=weights / weights.sum()))]
+        seed = FIRST_SEED + int(rng.integers(self.seeds or 2**31))
+        low, high = self.area
+        if self.first_area:
+            grown = min(1.0, progress / self.growth) if self.growth else 1.0
+            first = min(max(self.first_area, low), high)
+            high = first * (high / first) ** grown
+        return _generated(family, seed, (low, high), self.clutter, self.door_width, self.closed_doors)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Randomisation(_Table):
+    """What changes from episode to episode besides the plan and the start; each is drawn from the values listed.
+
+    Attributes:
+        sensors: Presets; none leaves the environment's own.
+        range_noise: Standard deviations of the ranges in metres.
+        dropout: Probabilities that a beam fails.
+        drift: Odometry noise: metres per metre, and a tenth of it in radians per metre.
+        robot_radius: Radii in metres; none leaves the environment's own.
+
+    Raises:
+        ConfigError: A value makes no sense.
+    """
+
+    sensors: tuple[str, ...] = ()
+    range_noise: tuple[float, ...] = (0.0,)
+    dropout: tuple[float, ...] = (0.0,)
+    drift: tuple[float, ...] = (0.0,)
+    robot_radius: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in self.sensors:
+            sensor(name)
+        for name in ("range_noise", "dropout", "drift"):
+            if not getattr(self, name):
+                raise ConfigError(f"{name}: list at least one value")
+        for name, high in (("range_noise", 10.0), ("dropout", 0.99), ("drift", 1.0), ("robot_radius", 2.0)):
+            for value in getattr(self, name):
+                _check(name, value, 0.0, high)
+
+    def draw(self, rng: np.random.Generator, config: SimulationConfig) -> SimulationConfig:
+        """The configuration of an episode."""
+        lidar = sensor(_one(self.sensors, rng)) if self.sensors else config.lidar
+        noise, dropout, drift = (_one(values, rng) for values in (self.range_noise, self.dropout, self.drift))
+        if noise or dropout:
+            lidar = replace(lidar, range_noise_std=noise, dropout=dropout)
+        changes: dict[str, Any] = {"sensor": lidar}
+        if drift:
+            changes["odometry_noise"] = OdometryNoise(translation=drift, rotation=0.1 * drift)
+        if self.robot_radius:
+            changes["robot_radius"] = _one(self.robot_radius, rng)
+        return replace(config, **changes)
+
+
+def _one(values: tuple[Any, ...], rng: np.random.Generator) -> Any:
+    return values[int(rng.integers(len(values)))]
+
+
+@lru_cache(maxsize=48)
+def _generated(family: str, seed: int, area: Range, clutter: Range, door_width: Range, closed_doors: Range) -> FloorPlan:
+    """A generated plan, its knobs drawn from its seed; the last ones are kept. A seed that fails is followed by others."""
+    from layoutexplore.maps.generator import PlanConfig, generate
+
+    rng = np.random.default_rng([0x9E3779B9, seed])
+    for attempt in itertools.count():
+        size = math.exp(rng.uniform(math.log(area[0]), math.log(area[1])))
+        ranges = {"clutter": clutter, "door_width": door_width, "closed_doors": closed_doors}
+        knobs: dict[str, Any] = {name: float(rng.uniform(*limits)) for name, limits in ranges.items()}
+        try:
+            return generate(family, seed + attempt * 2**32, PlanConfig(area=size, **knobs))
+        except ConfigError:
+            if attempt == _ATTEMPTS:
+                raise
+    raise AssertionError("unreachable")
+
+
+def _shipped_names(specs: tuple[str, ...]) -> tuple[str, ...]:
+    from layoutexplore.maps import expand_plans
+
+    return tuple(name for spec in specs for name in expand_plans(spec))
+
+
+def _check(name: str, value: Any, low: float, high: float) -> None:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not number or not math.isfinite(value) or not low <= value <= high:
+        raise ConfigError(f"{name} must be a number from {low:g} to {high:g}, got {value!r}")
+
+
+def _check_range(name: str, value: Any, low: float, high: float) -> None:
+    if not isinstance(value, tuple) or len(value) != 2:
+        raise ConfigError(f"{name} is a pair (least, greatest), got {value!r}")
+    for number in value:
+        _check(name, number, low, high)
+    if value[0] > value[1]:
+        raise ConfigError(f"{name}: the least value comes first, got {value!r}")
