@@ -7,11 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from scipy.spatial import Voronoi
 
 from layoutexplore.grid import OccupancyGrid
-from layoutexplore.layout.baselines_merging import Borders
+from layoutexplore.layout.baselines_merging import Borders, _target, merge_by_borders
+from layoutexplore.layout.critical_lines import critical_lines
 from layoutexplore.layout.outlines import label_polygons, number_rooms
 from layoutexplore.layout.pipeline import reconstruct
+from layoutexplore.layout.voronoi_graph import contour_cells, voronoi_edges
 from layoutexplore.layout.wavefront import grow_labels
 
 METHODS = ("morphological", "distance", "voronoi")
@@ -112,7 +115,87 @@ def test_borders_count_distinct_cells_and_merge() -> None:
     borders = Borders(labels)
     assert borders.shares[1][2] == 2 and borders.shares[1][3] == 1
     assert borders.shares[2][1] == 2
-    assert borders.alive() == [3, 2, 1]
+    assert borders.around(1) == {1, 2, 3}
     borders.merge(3, 2)
-    assert borders.area.tolist() == [2, 4, 3, 0]
+    assert borders.area == [2, 4, 3, 0]
+    assert borders.perimeter == [0, *(sum(borders.shares[k].values()) for k in (1, 2, 3))]
     assert 3 not in borders.shares[1] and borders.shares[1][2] == 3
+
+
+def slow_merging(labels: np.ndarray, resolution: float, merge_area: float) -> np.ndarray:
+    """Every merge starts again from the smallest piece."""
+    borders = Borders(labels)
+    merged = labels.copy()
+    while True:
+        alive = sorted((area, piece) for piece, area in enumerate(borders.area) if piece > 0 and area > 0)
+        targets = ((piece, _target(borders, piece, area * resolution**2, merge_area)) for area, piece in alive)
+        piece, target = next((pair for pair in targets if pair[1] > 0), (0, 0))
+        if target == 0:
+            return merged
+        borders.merge(piece, target)
+        merged[merged == piece] = target
+
+
+@settings(max_examples=60, deadline=None)
+@given(hnp.arrays(np.int32, (12, 13), elements=st.integers(0, 6)), st.sampled_from([0.05, 0.3, 1.0]))
+def test_pieces_merge_as_if_every_merge_started_again(labels: np.ndarray, resolution: float) -> None:
+    wide = np.ascontiguousarray(np.repeat(np.repeat(labels, 3, axis=0), 3, axis=1))
+    assert (merge_by_borders(wide, resolution, merge_area=12.5) == slow_merging(wide, resolution, 12.5)).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(hnp.arrays(np.int32, (10, 11), elements=st.integers(0, 3)))
+def test_borders_are_counted_as_in_the_slow_way(labels: np.ndarray) -> None:
+    borders = Borders(labels)
+    padded = np.pad(labels, 1)
+    inside = np.pad(np.ones(labels.shape, bool), 1)  # what lies beyond the map is nobody's border
+    for label in range(1, labels.max(initial=0) + 1):
+        near = np.zeros(padded.shape, bool)
+        for r, c in np.argwhere(padded == label):
+            near[r - 1 : r + 2, c - 1 : c + 2] = True
+        counts = np.bincount(padded[near & inside & (padded != label)])
+        assert borders.shares[label] == {k: n for k, n in enumerate(counts.tolist()) if n > 0}
+
+
+@settings(max_examples=40, deadline=None)
+@given(hnp.arrays(np.bool_, (34, 41), elements=st.sampled_from([True, True, True, False])))
+def test_the_voronoi_graph_has_the_edges_of_the_diagram(free: np.ndarray) -> None:
+    sites = contour_cells(free)
+    if len(np.unique(sites[:, 0])) < 3 or len(np.unique(sites[:, 1])) < 3:
+        return
+    diagram = Voronoi(sites.astype(float))
+    pairs = np.array([pair for pair in diagram.ridge_vertices if min(pair) >= 0]).reshape(-1, 2)
+    ends = diagram.vertices[np.unique(pairs)].round(4)
+    inside = ends[(ends >= 0).all(axis=1) & (ends < free.shape).all(axis=1)]
+    edges = voronoi_edges(sites, free.shape).reshape(-1, 2)
+    assert {tuple(end) for end in inside.tolist()} <= {tuple(end) for end in edges.round(4).tolist()}
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_basis_points_are_the_nearest_cells(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shape = tuple(rng.integers(20, 90, 2).tolist())
+    walls = np.argwhere(rng.random(shape) < 0.01).astype(np.int32)
+    points = np.stack([rng.integers(0, n, 12) for n in shape], axis=1).astype(np.int32)
+    distance = rng.integers(1, 12, shape).astype(np.uint8)
+    lines = critical_lines(points, walls, distance, 0.0)
+    expected = []
+    for point in points:
+        far = ((walls - point) ** 2).sum(axis=1)
+        if not len(far):
+            continue
+        first = walls[far.argmin()]
+        apart = ((walls - first) ** 2).sum(axis=1) > int(distance[tuple(point)]) ** 2
+        if apart.any():
+            expected.append([point, first, walls[apart][far[apart].argmin()]])
+    assert lines.tolist() == np.array(expected, np.int32).reshape(-1, 3, 2).tolist()
+
+
+def test_of_close_critical_points_the_widest_angle_stays() -> None:
+    walls = np.array([(28, 37), *((r, c) for r in (10, 30) for c in range(60))], np.int32)
+    points = np.array([(20, 30), (21, 33), (20, 50)], np.int32)
+    distance = np.full((41, 60), 10, np.uint8)
+    kept = critical_lines(points, walls, distance, 0.5)
+    assert [row[0].tolist() for row in kept] == [[20, 30], [20, 50]]
+    assert kept[0, 1].tolist() == [10, 30] and kept[0, 2].tolist() == [30, 30]
