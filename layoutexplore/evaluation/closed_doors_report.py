@@ -128,7 +128,11 @@ def _caption(name: str, score: PairScore) -> str:
 
 
 def _smaller(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The picture at the size of the page; dark lines stay dark."""
     scale = min(1.0, SIDE / max(image.shape[:2]))
+    thin = round(0.75 / scale)
+    if thin > 1:  # walls of a pixel would fade to grey
+        image = np.asarray(cv2.erode(image, np.ones((thin, thin), np.uint8)), np.uint8)
     size = (max(round(image.shape[1] * scale), 1), max(round(image.shape[0] * scale), 1))
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
