@@ -46,6 +46,7 @@ def test_a_file_changes_the_shipped_ones_and_flags_win(tmp_path: Path) -> None:
         ("steps = 0", "steps must be a whole number, 1 or more"),
         ("plans = []", "at least one of plans"),
         ("plans = [3]", "plans .* must be a list of names"),
+        ("[generator]\narea = [100]", "area .* must be a list of 2 numbers"),
         ("learning = 3", "learning .* must be a table"),
         ("[learning]\ngamma = nan", "must be a finite number"),
         ("steps = ", "not valid TOML"),

@@ -240,5 +240,6 @@ def test_references_are_explored_once(tmp_path: Path) -> None:
 
 
 def test_arguments_of_the_environments(tmp_path: Path) -> None:
-    arguments = environment_arguments(small_config(tmp_path), "indoor")
-    assert arguments["sensor"] == "indoor" and arguments["predictor"] == "none" and arguments["observation"].detour
+    arguments = environment_arguments(small_config(tmp_path, plans=["generated"], generator={"area": [150, 250]}))
+    assert arguments["plan"].area == (150, 250) and arguments["randomisation"].sensors == ("indoor",)
+    assert arguments["predictor"] == "none" and arguments["observation"].detour

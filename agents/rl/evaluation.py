@@ -107,7 +107,7 @@ def evaluate_motion(model: BaseAlgorithm, config: TrainingConfig, stop: Stop) ->
     """Mean coverage and metres at the end of episodes of Motion-v0, one a start on every plan; empty when given up."""
     coverage, distance = [], []
     for plan in find_plans(config.evaluation.plans):
-        env = gymnasium.make(config.environment, **{**environment_arguments(config, config.sensors[0]), "plan": plan})
+        env = gymnasium.make(config.environment, **{**environment_arguments(config), "plan": plan})
         for start in range(config.evaluation.starts):
             observation, info = env.reset(seed=start)
             over = False

@@ -105,10 +105,10 @@ class TrainingConfig:
         environment: Id of the environment.
         steps: Steps of all environments together.
         envs: Environments side by side.
-        workers: Processes that step them, for each sensor; 0 for as many as there are cores, 1 for none but this one.
+        workers: Processes that step them; 0 for as many as there are cores, 1 for none but this one.
         seed: Of everything.
         plans: Where episodes take place.
-        sensors: Names of lidars; each has an equal share of the environments.
+        sensors: Names of lidars; each episode draws one.
         predictor: Name of the predictor of rooms.
         checkpoint_every: Steps between checkpoints.
         observation: Keyword arguments of `ObservationConfig`; of Frontier-v0 only.
@@ -117,6 +117,7 @@ class TrainingConfig:
         max_steps: Steps after which an episode is cut off, 0 for never; of Motion-v0 only.
         network: Of Frontier-v0 only.
         imitation: Of Frontier-v0 only.
+        generator: Keyword arguments of `PlanSampler`, for generated plans.
         learning: Keyword arguments of the algorithm.
         evaluation: Evaluation while training.
     """
@@ -131,6 +132,7 @@ class TrainingConfig:
     sensors: tuple[str, ...]
     predictor: str
     checkpoint_every: int
+    generator: Mapping[str, Any]
     learning: Mapping[str, Any]
     evaluation: EvaluationConfig
     observation: Mapping[str, Any] = field(default_factory=dict)
@@ -223,8 +225,10 @@ def _checked(old: Any, value: Any, what: str) -> Any:
         raise ConfigError(f"{what} must be {names[type(old)]}, got {value!r}")
     if isinstance(value, float) and not math.isfinite(value):
         raise ConfigError(f"{what} must be a finite number, got {value!r}")
-    if isinstance(value, list) and not all(isinstance(item, str) for item in value):
-        raise ConfigError(f"{what} must be a list of names, got {value!r}")
+    if isinstance(value, list):
+        kind, kinds = ("names", str) if not old or isinstance(old[0], str) else (f"{len(old)} numbers", (int, float))
+        if not all(isinstance(item, kinds) for item in value) or (kinds is not str and len(value) != len(old)):
+            raise ConfigError(f"{what} must be a list of {kind}, got {value!r}")
     return value
 
 

@@ -67,7 +67,7 @@ def imitate(actor: Actor, config: TrainingConfig, say: Callable[[str], None], st
     teacher = make_agent(plan.teacher)
     if (wanted := getattr(teacher, "predictor", config.predictor)) != config.predictor:
         raise ConfigError(f"the teacher {plan.teacher!r} needs predictor = {wanted!r}, the run has {config.predictor!r}")
-    env = gymnasium.make(config.environment, **environment_arguments(config, config.sensors[0])).unwrapped
+    env = gymnasium.make(config.environment, **environment_arguments(config)).unwrapped
     assert isinstance(env, ExplorationEnv)
     rng = np.random.default_rng([config.seed, 1])
     optimizer = torch.optim.Adam(actor.parameters(), lr=plan.learning_rate)

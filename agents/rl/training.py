@@ -80,14 +80,14 @@ class Run:
         if device == "cuda" and not torch.cuda.is_available():
             raise ConfigError("there is no CUDA device here: use --device cpu or auto")
         self.config, self.folder, self.watcher = config, folder, watcher
-        folder.mkdir(parents=True, exist_ok=True)
         self.spec = spec_of(config) if config.chooses_frontiers else None
         self.envs = make_envs(config)
         self.model = build(config, self.envs, self.spec, device)
+        self._evaluation = Evaluation(config) if self.spec else None
         self.progress = load_checkpoint(folder, self.model) if resume else Progress(type(self.model).__name__)
         self.stopping = False
-        self._evaluation = Evaluation(config) if self.spec else None
         if not resume:
+            folder.mkdir(parents=True, exist_ok=True)
             with atomic(folder / CONFIG) as path:
                 path.write_text(to_toml(config.as_table()))
 

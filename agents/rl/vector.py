@@ -1,4 +1,4 @@
-"""Gymnasium vector environments as the `VecEnv` that stable-baselines3 trains on."""
+"""A Gymnasium vector environment as the `VecEnv` that stable-baselines3 trains on."""
 
 from __future__ import annotations
 
@@ -19,25 +19,24 @@ LEVEL = 0.95
 
 
 class VectorAdapter(VecEnv):
-    """Steps `gymnasium.vector.VectorEnv`s that reset within the step (`AutoresetMode.SAME_STEP`).
+    """Steps a `gymnasium.vector.VectorEnv` that resets within the step (`AutoresetMode.SAME_STEP`).
 
     With `info["episode"]` of a step that ends an episode come its return `r`, length `l`, `coverage`, `distance`, and `d95`, the
     metres after which a decision first found 95 % seen, as a share of the distance.
 
     Args:
-        parts: Vector environments with the same spaces, taken for one. Their observations may have an `action_mask`;
-            stopping, the last action, is then allowed only where nothing else is.
+        env: The vector environment. Its observations may have an `action_mask`; stopping, the last action, is then allowed
+            only where nothing else is.
 
     Raises:
-        ConfigError: One resets in another way.
+        ConfigError: It resets in another way.
     """
 
-    def __init__(self, parts: Sequence[VectorEnv[Any, Any, Any]]) -> None:
-        if any(part.metadata.get("autoreset_mode") != AutoresetMode.SAME_STEP for part in parts):
-            raise ConfigError("training needs vector environments that reset within the step (AutoresetMode.SAME_STEP)")
-        self.parts = list(parts)
-        self._ends = np.cumsum([part.num_envs for part in parts])
-        super().__init__(int(self._ends[-1]), parts[0].single_observation_space, parts[0].single_action_space)
+    def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
+        if env.metadata.get("autoreset_mode") != AutoresetMode.SAME_STEP:
+            raise ConfigError("training needs a vector environment that resets within the step (AutoresetMode.SAME_STEP)")
+        self.env = env
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._masks: NDArray[np.bool_] | None = None
         self._next_seed: int | None = None
 
@@ -49,16 +48,12 @@ class VectorAdapter(VecEnv):
 
     def reset(self) -> Batch:
         """Begin an episode everywhere."""
-        first = self._next_seed
-        seeds = [
-            None if first is None else first + int(end) - part.num_envs for part, end in zip(self.parts, self._ends, strict=True)
-        ]
-        observations = [part.reset(seed=seed)[0] for part, seed in zip(self.parts, seeds, strict=True)]
+        observations, _ = self.env.reset(seed=self._next_seed)
         self._next_seed = None
         self._returns = np.zeros(self.num_envs)
         self._lengths = np.zeros(self.num_envs, np.int64)
         self._d95 = np.full(self.num_envs, np.nan)
-        return self._seen(_joined(observations))
+        return self._seen(observations)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for `step_wait`."""
@@ -66,24 +61,21 @@ class VectorAdapter(VecEnv):
 
     def step_wait(self) -> tuple[Batch, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Make the step."""
-        actions = np.split(self._actions, self._ends[:-1])
-        steps = [part.step(given) for part, given in zip(self.parts, actions, strict=True)]
-        rewards, terminated, truncated = (np.concatenate([step[k] for step in steps]) for k in (1, 2, 3))
+        observations, rewards, terminated, truncated, info = self.env.step(self._actions)
         done = terminated | truncated
         self._returns += rewards
         self._lengths += 1
-        coverage, distance = (np.concatenate([_at_the_end(step[4], name) for step in steps]) for name in ("coverage", "distance"))
-        last = [observation for step in steps for observation in step[4].get("final_obs", [None] * len(step[1]))]
+        coverage, distance = (_at_the_end(info, name) for name in ("coverage", "distance"))
         reached = np.isnan(self._d95) & (coverage >= LEVEL)
         self._d95[reached] = distance[reached]
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for k in np.flatnonzero(done):
             infos[k] = {
-                "terminal_observation": last[k],
+                "terminal_observation": info["final_obs"][k],
                 "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
                 "episode": self._episode(int(k), float(coverage[k]), float(distance[k])),
             }
-        return self._seen(_joined([step[0] for step in steps])), rewards.astype(np.float32), done, infos
+        return self._seen(observations), rewards.astype(np.float32), done, infos
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are allowed, bool (envs, actions)."""
@@ -92,8 +84,7 @@ class VectorAdapter(VecEnv):
 
     def close(self) -> None:
         """Close the environments."""
-        for part in self.parts:
-            part.close()
+        self.env.close()
 
     def has_attr(self, attr_name: str) -> bool:
         """Whether the environments mask actions, where that is asked."""
@@ -107,7 +98,7 @@ class VectorAdapter(VecEnv):
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """An attribute of the vector environment, for each of its environments."""
-        return [getattr(self.parts[0], attr_name)] * self.num_envs
+        return [getattr(self.env, attr_name)] * self.num_envs
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Not supported: the environments are made as they are to be."""
@@ -138,15 +129,8 @@ class VectorAdapter(VecEnv):
         return episode
 
 
-def _joined(observations: list[Batch]) -> Batch:
-    """The observations of all parts as one batch."""
-    if isinstance(observations[0], dict):
-        return {name: np.concatenate([part[name] for part in observations]) for name in observations[0]}
-    return np.concatenate(observations)
-
-
 def _at_the_end(info: dict[str, Any], name: str) -> NDArray[np.float64]:
     """An entry of the infos (envs,) before any reset."""
     if "final_info" not in info:
         return np.asarray(info[name], np.float64)
-    return np.where(info["_final_info"], info["final_info"][name], info[name])
+    return np.asarray(np.where(info["_final_info"], info["final_info"][name], info[name]))
