@@ -48,18 +48,22 @@ class Candidates:
     stride: int
 
 
-def find_candidates(cells: NDArray[np.int8], regions: Regions, resolution: float) -> Candidates:
+def find_candidates(
+    cells: NDArray[np.int8], regions: Regions, resolution: float, *, spacing: float = STRIDE, reach: float = REACH
+) -> Candidates:
     """The unknown cells of a lattice that a region reaches through the unknown.
 
     Args:
         cells: int8 (rows, cols), what is known.
         regions: The seen rooms.
         resolution: Metres per cell.
+        spacing: Metres between the cells of the lattice.
+        reach: Metres of way through the unknown up to which a cell is a candidate.
     """
-    stride = max(round(STRIDE / resolution), 1)
+    stride = max(round(spacing / resolution), 1)
     extensions = wall_extensions(cells, max(round(WALL_MIN / resolution), 1), round(EXTENSION_REACH / resolution))
     boxes = region_boxes(regions)
-    owner, way, crossed = _reach(cells, regions.labels, extensions, round(REACH / resolution))
+    owner, way, crossed = _reach(cells, regions.labels, extensions, round(reach / resolution))
     lattice = np.argwhere(owner[stride // 2 :: stride, stride // 2 :: stride] > 0) * stride + stride // 2
     found: NDArray[np.int32] = lattice.astype(np.int32)
     region = owner[found[:, 0], found[:, 1]]

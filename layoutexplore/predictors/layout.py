@@ -33,6 +33,9 @@ LEFTOVER = 1.0
 INSIDE = 0.35
 """Probability from which an unknown cell belongs to a room: the intersection over union is best below a half."""
 
+COARSE, COARSE_REACH = 0.6, 8.0
+"""Metres between the cells judged for probabilities in sight, and how far they are judged: a quarter of the work."""
+
 FRONTIER_MODEL, CELL_MODEL = FOLDER / "frontier_model.json", FOLDER / "cell_model.json"
 
 
@@ -52,25 +55,27 @@ class PredictedLayout:
     @cached_property
     def rooms(self) -> RoomMap:
         """The completed rooms, and the unseen rest of the building as one more."""
-        shapes = _judged_shapes(self._cells.shape, self._regions, *self._judged)
+        candidates = cell_features.find_candidates(self._cells, self._regions, self._resolution)
+        probability = self._forest.probability(candidates.features)
+        shapes = _judged_shapes(self._cells.shape, self._regions, candidates, probability)
         return complete_regions(self._cells, self._regions, shapes)
 
     @cached_property
     def inside(self) -> NDArray[np.float32]:
-        """float32 (rows, cols): probability that an unknown cell belongs to the seen room next to it; 0 where cells are known."""
-        candidates, probability = self._judged
+        """float32 (rows, cols): probability that an unknown cell belongs to the seen room next to it; 0 where it is known.
+
+        Judged more coarsely than the rooms: strategies that look at probabilities need them at every decision.
+        """
+        candidates = cell_features.find_candidates(
+            self._cells, self._regions, self._resolution, spacing=COARSE, reach=COARSE_REACH
+        )
+        probability = self._forest.probability(candidates.features)
         chance = np.zeros(self._cells.shape, np.float32)
         for square in _squares(candidates):
             fits = (square < self._cells.shape).all(axis=1)
             chance[square[fits, 0], square[fits, 1]] = probability[fits]
         chance[self._cells != UNKNOWN] = 0.0
         return chance
-
-    @cached_property
-    def _judged(self) -> tuple[cell_features.Candidates, NDArray[np.float64]]:
-        """The unknown cells that may belong to rooms, and the probability that each does."""
-        candidates = cell_features.find_candidates(self._cells, self._regions, self._resolution)
-        return candidates, self._forest.probability(candidates.features)
 
     @property
     def labels(self) -> NDArray[np.int32]:
