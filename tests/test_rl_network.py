@@ -62,6 +62,7 @@ def test_an_untrained_actor_prefers_the_tours_first(encoder: str) -> None:
     table = observation["frontiers"].reshape(2, SLOTS, -1)
     rank = list(FRONTIER_FEATURES).index("tour_rank")
     table[..., rank] = 0.0
+    table[..., list(FRONTIER_FEATURES).index("detour")] = 0.0
     table[0, 4, rank] = table[1, 7, rank] = 1.0
     with torch.no_grad():
         logits = Actor(spec(encoder))({**observation, "frontiers": table.reshape(2, -1)})

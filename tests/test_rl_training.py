@@ -159,7 +159,7 @@ def test_imitation_comes_to_agree(tmp_path: Path) -> None:
     config = small_config(
         tmp_path,
         imitation={"teacher": "nearest-0.4", "episodes": 4, "rounds": 2, "epochs": 30, "batch_size": 32},
-        network={"tour_weight": 0.0},
+        network={"tour_weight": 0.0, "detour_weight": 0.0},
     )
     assert config.network is not None
     watcher = Silent()
@@ -222,7 +222,7 @@ def test_two_minutes_of_training_beat_random(tmp_path: Path) -> None:
             plans=["apartment:1-40"],
             checkpoint_every=2048,
             critic_steps=0,
-            network={"tour_weight": 0.0, "width": 32, "heads": 4},
+            network={"tour_weight": 0.0, "detour_weight": 0.0, "width": 32, "heads": 4},
             learning={"n_steps": 64, "batch_size": 128, "n_epochs": 6, "learning_rate": 1e-3},
             evaluation={"every": 6144, "plans": ["apartment:41-44"], "starts": 2, "references": ["random"]},
         )

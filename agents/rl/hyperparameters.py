@@ -32,14 +32,16 @@ class NetworkConfig:
         width: Numbers in which a frontier is described.
         layers: Layers of the encoder.
         heads: Attention heads; divides the width.
-        tour_weight: Where the weight of the tour in the logits starts.
+        tour_weight: Where the weight of 1 / the place in the tour starts in the logits.
+        detour_weight: Where the weight of a detour of 10 m starts in the logits, with the sign changed.
     """
 
     encoder: str = "attention"
     width: int = 64
     layers: int = 2
     heads: int = 4
-    tour_weight: float = 6.0
+    tour_weight: float = 2.0
+    detour_weight: float = 5.0
 
     def __post_init__(self) -> None:
         if self.encoder not in ("attention", "deep-sets"):

@@ -1,8 +1,9 @@
 """Which frontier next: a score for each, from what it is, what the others are, and the map as a whole.
 
 The scores are equivariant under a permutation of the frontiers and the weights do not depend on how many there are (deep sets,
-Zaheer et al. 2017; attention without positions, Lee et al. 2019). The logits start at the place in a short tour, so that
-an untrained network acts as the tour does, and learn what to do otherwise. The critic is a network of its own, which
+Zaheer et al. 2017; attention without positions, Lee et al. 2019). The logits start at the place in a short tour less the
+detour, so that an untrained network prefers what the tour does and tries first what costs little, and learn what to do
+otherwise. The critic is a network of its own, which
 may also see what only training knows (Pinto et al. 2018).
 """
 
@@ -39,6 +40,8 @@ class Actor(nn.Module):
         self.tour_weight = nn.Parameter(torch.tensor(config.tour_weight))
         self.stop = _zero(nn.Linear(config.width, 1))
         self._tour = spec.frontier_features.index("tour_rank")
+        with torch.no_grad():
+            self.direct.weight[0, spec.frontier_features.index("detour")] = -config.detour_weight
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
         """float32 (batch, slots + 1): logits; those of empty slots mean nothing."""
