@@ -180,3 +180,9 @@ register(
     ProbabilisticGain,
     ProbabilisticOptions(),
 )
+register(
+    "mapex-gain-exp",
+    "the same area x exp(-0.2 x path length)",
+    ProbabilisticGain,
+    ProbabilisticOptions(rate=0.2),
+)

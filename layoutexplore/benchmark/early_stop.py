@@ -1,7 +1,7 @@
 """What stopping early saves and loses: pairs of distance saved and coverage lost, against the baseline run to 99 %.
 
-A strategy that stops by itself is measured where it stopped, in the same cells as the baseline: distance saved is 1 - its
-metres / the baseline's metres to 99 %, coverage lost is 99 % less what it had seen, at least 0. Part of what it saves is
+A strategy is measured where its run ended, in the same cells as the baseline: distance saved is 1 - its metres / the
+baseline's metres to 99 %, coverage lost is 99 % less what it had seen, at least 0. Part of what it saves is
 its better route, part is that it does not see the rest; how much the baseline itself would save by being stopped at the
 same coverage is given beside. Rules of stopping can be tried on stored runs: a run that stops is the beginning of the run that
 does not.
@@ -34,7 +34,7 @@ Rule = Callable[[Counterfactual], NDArray[np.bool_]]
 
 @dataclass(frozen=True)
 class Stop:
-    """One run that ended by itself.
+    """The end of one run.
 
     Attributes:
         plan: Floor plan.
@@ -79,19 +79,21 @@ class EarlyStop:
 
 
 def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[EarlyStop]:
-    """Every agent of which some run ended by the agent's own will, in every group, against the baseline's runs to 99 %."""
+    """Every agent of which some run ended by itself, in every group, against the baseline's runs to 99 %.
+
+    By itself: the agent stopped, or no frontier was left; not because the coverage or the budget was reached.
+    """
     found = []
     for sensor, part in groups(rows).items():
         base = {(row.plan, row.start, row.sensor): row for row in part if row.agent == baseline and row.reached99}
         for agent in agents_of(part):
             mine = [row for row in part if row.agent == agent and (row.plan, row.start, row.sensor) in base]
-            if not any(row.stop_reason == "agent" for row in mine):
+            if not any(row.stop_reason in ("agent", "no_frontier") for row in mine):
                 continue
             stops = []
             for row in mine:
                 other = base[row.plan, row.start, row.sensor]
-                metres, coverage = (row.d99, GOAL) if row.reached99 else (row.distance, row.coverage)
-                stops.append(stop_at(row.plan, metres, coverage, other.d99, curves(other)))
+                stops.append(stop_at(row.plan, row.distance, row.coverage, other.d99, curves(other)))
             found.append(summarise_stops(sensor, agent, stops))
     return found
 
@@ -126,10 +128,9 @@ def try_rule(
     stops = []
     for row, told, other in runs:
         at = np.flatnonzero(rule(told))
-        metres, coverage = (row.d99, GOAL) if row.reached99 else (row.distance, row.coverage)
+        metres, coverage = row.distance, row.coverage
         if len(at):
-            first = int(at[0])
-            metres, coverage = float(told.column("distance")[first]), min(float(told.column("coverage")[first]), GOAL)
+            metres, coverage = (float(told.column(name)[at[0]]) for name in ("distance", "coverage"))
         stops.append(stop_at(row.plan, metres, coverage, other.d99, curves(other)))
     return summarise_stops(sensor, name, stops)
 
