@@ -102,7 +102,7 @@ def test_flipped_classes_are_counted(plan: FloorPlan) -> None:
     assert told is not None
     assert told.column("closed_as_open").sum() + told.column("open_as_closed").sum() > 0
     assert (told.column("leftover_missed") <= told.column("leftover")).all()
-    reasons = sum(told.column(name) for name in ("class_alone", "area_alone", "both"))
+    reasons = told.column("class_alone") + told.column("area_alone") + told.column("both")
     assert (reasons[told.column("misled") == 0] == 0).all()
 
 
@@ -226,7 +226,7 @@ def test_pairs_of_saved_and_lost() -> None:
     ]  # fmt: skip
     (stop,) = early_stops(rows, "nearest", lambda r: CURVES[r.agent])
     assert stop.agent == "early" and stop.saved.estimate == pytest.approx(0.25) and stop.lost.estimate == pytest.approx(0.015)
-    assert (stop.worst, stop.too_early, stop.stopped) == (pytest.approx(0.03), 0.5, 0.5)
+    assert stop.worst == pytest.approx(0.03) and stop.too_early == stop.stopped == 0.5
     assert stop.runs[0].baseline_saved == pytest.approx(1 - (50 + 50 * 6 / 9) / 100)
     assert stop.runs[1].baseline_saved == pytest.approx(0.0) and stop.runs[1].lost == 0.0
 
@@ -239,7 +239,7 @@ def test_nothing_to_say_without_a_stop_or_a_finished_baseline() -> None:
 
 def test_more_than_the_goal_is_not_lost_nor_saved_twice() -> None:
     stop = stop_at("a", 100.0, 1.0, 100.0, CURVES["nearest"])
-    assert (stop.saved, stop.lost, stop.baseline_saved, stop.early) == (0.0, 0.0, pytest.approx(0.0), False)
+    assert stop.saved == stop.lost == 0.0 and stop.baseline_saved == pytest.approx(0.0) and not stop.early
 
 
 def test_a_rule_is_tried_on_runs_that_went_on() -> None:
