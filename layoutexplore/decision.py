@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from layoutexplore.floorplan import FloorPlan, PlanRaster
 from layoutexplore.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.lidar import LidarConfig
-from layoutexplore.planning import distance_matrix
+from layoutexplore.planning import distance_matrix, geodesic_distances
 
 STOP = -1
 """The choice that ends an exploration."""
@@ -102,9 +102,19 @@ class Decision:
         Returns:
             float32 (k + 1, k + 1) in metres, symmetric; index 0 is the robot.
         """
-        here = self.grid.nearest_cell(self.pose.x, self.pose.y)
-        cells = np.array([here, *(self.frontiers[int(k)].viewpoint for k in chosen)], np.int32)
-        return distance_matrix(self.traversable, cells, self.grid.resolution)
+        frontiers = [self.frontiers[int(k)] for k in chosen]
+        lengths = np.zeros((len(frontiers) + 1, len(frontiers) + 1), np.float32)
+        lengths[0, 1:] = lengths[1:, 0] = [frontier.path_length for frontier in frontiers]
+        cells = np.array([frontier.viewpoint for frontier in frontiers], np.int32).reshape(-1, 2)
+        lengths[1:, 1:] = distance_matrix(self.traversable, cells, self.grid.resolution)
+        return lengths
+
+    def path_lengths_from(self, index: int, chosen: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float32]:
+        """Path lengths float32 (k,) in metres from one frontier's viewpoint to those of others, by index."""
+        cells = np.array([self.frontiers[int(k)].viewpoint for k in chosen], np.int32).reshape(-1, 2)
+        source = self.frontiers[index].viewpoint
+        field = geodesic_distances(self.traversable, source, self.grid.resolution, stop_at=cells)
+        return field[cells[:, 0], cells[:, 1]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,30 +75,30 @@ def tour_weights(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.fl
 def tour_features(decision: Decision) -> TourFeatures:
     """Place in the latency tour over the frontiers that need not wait, and detour, of every frontier of a decision.
 
-    Taking frontier i out of the tour and visiting it first costs d(robot, i) + d(i, first) - d(robot, first), less what
-    is saved where it was taken out. One matrix of distances serves the tour and the detours.
+    Visiting frontier i first costs d(robot, i) + d(i, first) - d(robot, first), less what is saved where it is taken out of
+    the tour. One matrix of distances between the frontiers of the tour serves it and their detours; those of the others
+    need only the distances from its first stop.
     """
     count = len(decision.frontiers)
     if count == 0:
         return TourFeatures(np.zeros(0), np.zeros(0))
-    distances = np.minimum(decision.path_lengths(range(count)).astype(np.float64), _UNCONNECTED)
     judged = decision.frontiers[0].is_closed is not None
     ready = ready_frontiers(decision, LAYOUT_TOUR_SIZE if judged else TOUR_SIZE)
-    return _features(distances, ready, tour_weights(decision, ready))
-
-
-def _features(distances: NDArray[np.float64], ready: NDArray[np.int64], areas: NDArray[np.float64]) -> TourFeatures:
-    """The features for distances float64 (n + 1, n + 1), the robot first, and a tour over some of 0 .. n - 1."""
-    places = np.concatenate([[0], ready + 1])
-    stops = places[np.concatenate([[0], latency_tour(distances[np.ix_(places, places)], areas)])]
-    rank = np.zeros(len(distances))
-    rank[stops[1:]] = 1.0 / np.arange(1, len(stops))
-    first = stops[1]
-    extra = distances[0] + distances[:, first] - distances[0, first]
+    distances = np.minimum(decision.path_lengths(ready).astype(np.float64), _UNCONNECTED)
+    order = latency_tour(distances, tour_weights(decision, ready))
+    first = int(order[0])
+    extra = distances[0] + distances[first] - distances[0, first]
     extra[first] = 0.0
     # What is saved where a stop behind the first is taken out; at the end of the tour nothing is bridged.
-    before, here = stops[1:-1], stops[2:]
+    before, here, after = order[:-1], order[1:], order[2:]
     extra[here] -= distances[before, here]
-    after = here[1:]
     extra[here[:-1]] += distances[before[:-1], after] - distances[here[:-1], after]
-    return TourFeatures(rank[1:], np.maximum(extra[1:], 0.0))
+    rank, detour = np.zeros(count), np.zeros(count)
+    rank[ready[order - 1]] = 1.0 / np.arange(1, len(order) + 1)
+    detour[ready] = np.maximum(extra[1:], 0.0)
+    others = np.setdiff1d(np.arange(count), ready)
+    if len(others):
+        there = decision.path_lengths_from(int(ready[first - 1]), others).astype(np.float64)
+        here_to = np.array([decision.frontiers[k].path_length for k in others])
+        detour[others] = np.maximum(here_to + np.minimum(there, _UNCONNECTED) - distances[0, first], 0.0)
+    return TourFeatures(rank, detour)

@@ -137,11 +137,11 @@ def distance_matrix(traversable: NDArray[np.bool_], cells: NDArray[np.int32], re
         flat = _flat(places, space)
         doors, lengths = _entrances(flat, space)
         waiting = np.arange(n)
-        source = 0
+        source, space.origin = 0, 0
         while len(waiting) > 1:
             waiting = waiting[waiting != source]
-            space.spread(int(flat[source]), np.unique(doors[waiting]))
-            reached = space.distance[doors[waiting]].astype(np.int64) + lengths[waiting]
+            ahead = doors[waiting]
+            reached = space.spread_again(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + lengths[waiting]
             reached = np.where(reached >= FAR, FAR, reached).min(axis=1)
             reached[flat[waiting] == flat[source]] = 0
             units[source, waiting] = units[waiting, source] = reached

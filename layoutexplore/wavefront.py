@@ -10,6 +10,9 @@ Distances are whole numbers, 5741 for a straight and 8119 for a diagonal move (8
 root of 2, off by 8e-9): sums are exact, symmetric and free of the order in which they are made. Paths longer than about
 370 000 cells do not fit and count as none.
 
+Many searches on one grid share an array of distances that is not cleared in between: each search counts from an origin below
+all that the earlier ones have written, so that what these left behind is farther than anything it can reach itself.
+
 Arrays are padded by one cell that nothing enters, and flat. Moves are bits: N 0, S 1, W 2, E 3, NW 4, NE 5, SW 6, SE 7, where
 north is the next row.
 """
@@ -27,6 +30,11 @@ DIAGONAL = 8119
 FAR = 2**31 - 1
 """Distance of a cell that cannot be reached."""
 
+_SPAN = (FAR // 16) // STRAIGHT * STRAIGHT
+"""How far apart the origins of searches that share an array lie: 16 searches for one time of clearing it."""
+
+_TOO_FAR = -2
+
 _FREE_ENTRY, _USED, _WAITING, _OVERFLOW = range(4)  # What the numbers of a queue's state mean.
 
 
@@ -36,6 +44,7 @@ class Workspace:
     Attributes:
         moves: uint8 (rows + 2, cols + 2), the moves out of every cell, as bits.
         distance: int32, flat, padded.
+        origin: What the last search has written at its source: subtract it.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
@@ -46,6 +55,7 @@ class Workspace:
         self._scheduled = np.empty(self.world.size, np.uint8)
         self._heads = np.empty(1 << (max(padded) + 2).bit_length(), np.int32)
         self._resize_queue(4096)
+        self.origin = 0
 
     @property
     def cols(self) -> int:
@@ -63,11 +73,32 @@ class Workspace:
         Returns:
             The distance up to which `distance` is exact.
         """
+        self.origin = 0
+        return self._search(source, stops, 0, True)
+
+    def spread_again(self, source: int, stops: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The distances to the stops alone, int64 (n,), `FAR` where there is no way: for many searches on one grid.
+
+        Before the first of them on a freshly loaded grid, call `spread` or set `origin` to 0.
+        """
+        fresh = self.origin < _SPAN
+        self.origin = 15 * _SPAN if fresh else self.origin - _SPAN
+        if self._search(source, stops, self.origin, fresh) == _TOO_FAR:
+            self.spread(source, stops)
+            return self.distance[stops].astype(np.int64)
+        lengths = self.distance[stops].astype(np.int64) - self.origin
+        return np.where(lengths >= _SPAN, FAR, lengths)
+
+    def _search(self, source: int, stops: NDArray[np.int64], origin: int, clear: bool) -> int:
+        if clear:
+            self.distance[:] = FAR
         while True:
-            settled = _spread(self.moves, source, stops, self.distance, self._scheduled, self._heads, self._items, self._links)
-            if settled >= 0:
-                return int(settled)
+            arrays = (self.distance, self._scheduled, self._heads, self._items, self._links)
+            settled = int(_spread(self.moves, source, stops, origin, *arrays))
+            if settled >= 0 or settled == _TOO_FAR:
+                return settled
             self._resize_queue(4 * self._items.size)
+            self.distance[:] = FAR
 
     def _resize_queue(self, size: int) -> None:
         self._items = np.empty(size, np.int64)
@@ -183,28 +214,31 @@ def _spread(
     padded_moves: NDArray[np.uint8],
     source: int,
     stops: NDArray[np.int64],
+    origin: int,
     distance: NDArray[np.int32],
     scheduled: NDArray[np.uint8],
     heads: NDArray[np.int32],
     items: NDArray[np.int64],
     links: NDArray[np.int32],
 ) -> int:
-    """Fill `distance`; return up to where it is exact, or -1 when the queue's memory is too small.
+    """Lower `distance` from `origin` on; return up to where it is exact.
+
+    It is -1 when the queue's memory is too small, and `_TOO_FAR` when cells lie too far from an origin above 0.
 
     `scheduled` holds the moves that will be, or have been, followed out of a cell at its present distance: what arrives
     at the same distance by another way adds only the moves that are missing, so that ties do not multiply.
     """
     moves = padded_moves.ravel()
     cols = padded_moves.shape[1]
-    longest = FAR - STRAIGHT * (max(padded_moves.shape[0], cols) + 2)
-    distance[:] = FAR
+    end = FAR if origin == 0 else origin + _SPAN
+    longest = end - STRAIGHT * (max(padded_moves.shape[0], cols) + 2)
     heads[:] = -1
     state = np.array([-1, 0, 0, 0])
-    distance[source] = 0
+    distance[source] = origin
     scheduled[source] = 255
     for move in range(4, 8):
-        _push(source, move, 0, heads, items, links, state)
-    level, settled = 0, 0
+        _push(source, move, origin, heads, items, links, state)
+    level, settled = origin // STRAIGHT, 0
     while state[_WAITING] > 0:
         bucket = level & (heads.size - 1)
         base = level * STRAIGHT
@@ -222,8 +256,12 @@ def _spread(
             state[_WAITING] -= 1
             entry = following
             here = distance[cell]
-            if here < base or here > longest:
-                continue  # Improved since it was queued, or too far.
+            if here < base:
+                continue  # Improved since it was queued.
+            if here > longest:
+                if origin > 0:
+                    return _TOO_FAR
+                continue
             north, east = move < 6, move & 1 == 1
             up = cols if north else -cols
             right = 1 if east else -1

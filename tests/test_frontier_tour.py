@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -35,7 +36,16 @@ def frontier(x: float, size: float = 2.0, closed: bool | None = None, area: floa
 def decision(frontiers: list[Frontier], points: NDArray[np.float64]) -> Any:
     """A stand-in whose robot and frontiers lie at points float64 (n + 1, 2)."""
     distances = np.linalg.norm(points[:, None] - points[None], axis=2).astype(np.float32)
-    return SimpleNamespace(path_lengths=lambda _: distances, frontiers=tuple(frontiers))
+
+    def path_lengths(chosen: Any) -> NDArray[np.float32]:
+        places = [0, *(int(k) + 1 for k in chosen)]
+        return distances[np.ix_(places, places)]
+
+    def path_lengths_from(index: int, chosen: Any) -> NDArray[np.float32]:
+        return distances[index + 1, np.asarray(chosen) + 1]
+
+    placed = tuple(replace(f, path_length=float(distances[0, k + 1])) for k, f in enumerate(frontiers))
+    return SimpleNamespace(path_lengths=path_lengths, path_lengths_from=path_lengths_from, frontiers=placed)
 
 
 def on_a_line(*frontiers: Frontier) -> Any:
@@ -83,7 +93,7 @@ def test_detours_are_differences_of_tour_lengths(seed: int, count: int) -> None:
         for _ in range(count)
     ]
     given_decision = decision(frontiers, rng.uniform(0, 20, (count + 1, 2)))
-    distances = given_decision.path_lengths(None).astype(np.float64)
+    distances = given_decision.path_lengths(range(count)).astype(np.float64)
     places = [0, *(ready_frontiers(given_decision, LAYOUT_TOUR_SIZE) + 1).tolist()]
     order = [places[k] for k in latency_tour(distances[np.ix_(places, places)], np.ones(len(places) - 1))]
     features = tour_features(given_decision)

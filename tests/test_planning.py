@@ -143,6 +143,24 @@ def test_matrix_between_components() -> None:
     assert np.isinf(matrix[0, 1]) and np.isinf(matrix[2, 3]) and matrix[0, 2] == matrix[1, 3] == 4.0
 
 
+def test_many_searches_share_their_distances() -> None:
+    """More places than searches fit between two clearings, some of them cut off."""
+    rng = np.random.default_rng(3)
+    mask = rng.random((40, 50)) > 0.35
+    cells = np.argwhere(mask)[rng.choice(int(mask.sum()), 40, replace=False)].astype(np.int32)
+    expected = [geodesic_distances(mask, Cell(*cell), 0.1)[cells[:, 0], cells[:, 1]] for cell in cells.tolist()]
+    np.testing.assert_array_equal(distance_matrix(mask, cells, 0.1), np.array(expected))
+
+
+def test_a_path_too_long_for_shared_distances_is_found_all_the_same() -> None:
+    mask = np.ones((301, 301), bool)
+    mask[1::2] = False
+    mask[1::4, -1] = mask[3::4, 0] = True  # One corridor of 45 000 cells, to and fro.
+    cells = np.array([[0, 0], [300, 300], [150, 7]], np.int32)
+    matrix = distance_matrix(mask, cells, 1.0)
+    assert matrix[0, 1] == 150 * 302 + 300 and matrix[0, 2] + matrix[2, 1] == matrix[0, 1]
+
+
 def test_a_search_outgrows_its_queue() -> None:
     mask = np.random.default_rng(0).random((60, 60)) > 0.3
     expected = geodesic_distances(mask, Cell(30, 30), 1.0)
