@@ -1,6 +1,6 @@
 """The default method: pieces of the free space, merged into rooms by a learned judge.
 
-1. The map is turned to its main direction (ROSE's profile of the walls' surfaces).
+1. The map is laid down in one of eight ways and turned to its main direction (ROSE's profile of the walls' surfaces).
 2. Short gaps in line with walls are candidate doors. With them shut, what floats freely and is small is clutter; the rest
    is wall.
 3. The distance to walls, shut doors and unseen space falls into basins: more pieces than there are rooms.
@@ -15,7 +15,7 @@ What varies from map to map is in the features; there is one set of parameters.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -29,7 +29,7 @@ from layoutexplore.layout.basins import closed_space, distance_basins
 from layoutexplore.layout.building import building_parts
 from layoutexplore.layout.declutter import DeclutterConfig, Directions, find_directions
 from layoutexplore.layout.default_details import DefaultDetails
-from layoutexplore.layout.default_turn import Turned, main_direction, surfaces, trinary_part, turn, turn_back
+from layoutexplore.layout.default_turn import Turned, main_direction, posture_of, surfaces, trinary_part, turn, turn_back
 from layoutexplore.layout.face_model import WallModel
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.merging import Forest, merge_pieces
@@ -92,7 +92,7 @@ class Pieces:
         labels: int32 of the shape of `turned.cells`, the pieces.
         clutter: bool, occupied cells that are no wall.
         graph: What the pieces are like.
-        structure: The directions of its walls, in the frame of its known part.
+        structure: The directions of its walls, in the frame of its known part (the profile in the frame it was laid down in).
     """
 
     turned: Turned
@@ -113,8 +113,11 @@ def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfi
     """
     with timer("directions"):
         part, corner = trinary_part(cells)
-        structure = find_directions(surfaces(part), resolution, DeclutterConfig())
-        turned = turn(part, main_direction(structure.profile), corner)
+        posture = posture_of(part)
+        laid = posture.lay(part)
+        structure = find_directions(surfaces(laid), resolution, DeclutterConfig())
+        turned = turn(laid, main_direction(structure.profile), corner, posture)
+        structure = replace(structure, directions=posture.lift_angles(structure.directions))
     with timer("openings"):
         occupied = turned.cells == OCCUPIED
         openings = find_openings(occupied, resolution, config)

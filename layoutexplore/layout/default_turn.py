@@ -1,5 +1,8 @@
 """Turning a grid so that its walls run along rows and columns, and labels back again.
 
+A map is first laid down in one of eight ways, by where its free cells lie: what follows breaks ties in raster order, so a
+map and its mirror image would else differ wherever a decision is close.
+
 The main direction is the peak of ROSE's profile of the walls' surfaces, modulo 90 degrees. Turned occupied cells are
 splatted besides being looked up, so that thin walls stay closed.
 """
@@ -25,7 +28,54 @@ STRAIGHT = math.radians(0.6)
 """A map whose walls lie closer to the axes than this is left as it is: turning costs more than it brings."""
 
 
-T = TypeVar("T", np.int32, np.bool_)
+T = TypeVar("T", np.int8, np.int32, np.bool_)
+
+
+@dataclass(frozen=True)
+class Posture:
+    """How a part of a grid is laid down: mirrored first, then rows and columns swapped.
+
+    Attributes:
+        mirror_rows: The order of the rows is reversed.
+        mirror_cols: The order of the columns is reversed.
+        swap: Rows become columns.
+    """
+
+    mirror_rows: bool = False
+    mirror_cols: bool = False
+    swap: bool = False
+
+    def lay(self, cells: NDArray[T]) -> NDArray[T]:
+        """The cells (rows, cols) laid down."""
+        laid = cells[:: -1 if self.mirror_rows else 1, :: -1 if self.mirror_cols else 1]
+        return _transposed(laid) if self.swap else np.ascontiguousarray(laid)
+
+    def lift(self, cells: NDArray[T]) -> NDArray[T]:
+        """What was laid down, as it lay in the grid."""
+        lifted = _transposed(cells) if self.swap else cells
+        return lifted[:: -1 if self.mirror_rows else 1, :: -1 if self.mirror_cols else 1]
+
+    def lift_angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Directions (n,) of what was laid down as directions in the grid, radians in [0, pi), rising."""
+        if self.swap:
+            angles = np.pi / 2 - angles
+        return np.sort(np.mod(-angles if self.mirror_rows != self.mirror_cols else angles, np.pi))
+
+
+def _transposed(cells: NDArray[T]) -> NDArray[T]:
+    plain = np.ascontiguousarray(cells)
+    raw: Any = plain.view(np.uint8) if plain.dtype == np.bool_ else plain
+    return np.asarray(cv2.transpose(raw)).view(plain.dtype)
+
+
+def posture_of(cells: NDArray[np.int8]) -> Posture:
+    """The posture in which the cells are wider than high, and most free cells lie low and left of the middle."""
+    free = (cells == FREE).view(np.uint8)
+    high, wide = (np.arange(1 - n, n, 2) for n in cells.shape)  # twice the distance from the middle
+    rows, cols = (cv2.reduce(free, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S).reshape(-1).astype(np.int64) for axis in (1, 0))
+    spread = (rows @ high**2, cols @ wide**2)
+    swap = cells.shape[0] > cells.shape[1] or (cells.shape[0] == cells.shape[1] and spread[0] > spread[1])
+    return Posture(mirror_rows=bool(rows @ high > 0), mirror_cols=bool(cols @ wide > 0), swap=bool(swap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +86,15 @@ class Turned:
         cells: int8 (rows, cols), trinary.
         angle: Counter-clockwise angle of the frame's column axis in the grid, in radians, in (-pi/4, pi/4].
         corner: Row and column of the part in the grid.
-        shape: Rows and columns of the part in the grid.
+        shape: Rows and columns of the part as it was laid down.
+        posture: How it was laid down.
     """
 
     cells: NDArray[np.int8]
     angle: float
     corner: tuple[int, int]
     shape: tuple[int, int]
+    posture: Posture = Posture()
 
 
 @njit(cache=True, nogil=True)
@@ -146,19 +198,20 @@ def surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
     return np.asarray(near & (cells == OCCUPIED))
 
 
-def turn(cells: NDArray[np.int8], angle: float, corner: tuple[int, int]) -> Turned:
+def turn(cells: NDArray[np.int8], angle: float, corner: tuple[int, int], posture: Posture | None = None) -> Turned:
     """Turn a trinary part of a grid so that the direction `angle` runs along its rows.
 
     Args:
-        cells: int8 (rows, cols), trinary.
+        cells: int8 (rows, cols), trinary, laid down.
         angle: In radians, counter-clockwise from the column axis.
         corner: Where the part lies in the grid.
+        posture: How the part was laid down.
     """
     h, w = cells.shape
     if angle:
         c, s = abs(math.cos(angle)), abs(math.sin(angle))
         cells = _turn(cells, angle, math.ceil(h * c + w * s) + 2, math.ceil(w * c + h * s) + 2)
-    return Turned(cells, angle, corner, (h, w))
+    return Turned(cells, angle, corner, (h, w), posture or Posture())
 
 
 def turn_back(labels: NDArray[T], turned: Turned, shape: tuple[int, int]) -> NDArray[T]:
@@ -169,11 +222,12 @@ def turn_back(labels: NDArray[T], turned: Turned, shape: tuple[int, int]) -> NDA
         turned: What `turn` returned.
         shape: Rows and columns of the whole grid.
     """
-    out = np.zeros(shape, labels.dtype)
-    (row, col), (rows, cols) = turned.corner, turned.shape
-    part = out[row : row + rows, col : col + cols]
     if turned.angle:
-        _turn_back(np.ascontiguousarray(labels), turned.angle, rows, cols, part)
-    else:
-        part[:] = labels
+        straight = np.zeros(turned.shape, labels.dtype)
+        _turn_back(np.ascontiguousarray(labels), turned.angle, *turned.shape, straight)
+        labels = straight
+    part = turned.posture.lift(labels)
+    out = np.zeros(shape, labels.dtype)
+    row, col = turned.corner
+    out[row : row + part.shape[0], col : col + part.shape[1]] = part
     return out

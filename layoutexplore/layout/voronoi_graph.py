@@ -50,7 +50,7 @@ def voronoi_edges(sites: NDArray[np.int32], shape: tuple[int, int]) -> NDArray[n
         return np.zeros((0, 4))
     triangulation: Any = cv2.Subdiv2D((-1, -1, cols + 2, rows + 2))
     triangulation.insert(sites[:, ::-1].astype(np.float32))
-    corners = triangulation.getTriangleList().reshape(-1, 3, 2).astype(np.float64)
+    corners = np.reshape(triangulation.getTriangleList(), (-1, 3, 2)).astype(np.float64)  # an empty tuple for none
     centres = _circumcentres(corners)
     # The two triangles on a side are neighbours: sort the sides by the numbers of their ends.
     number = (corners[:, :, 1] * cols + corners[:, :, 0]).astype(np.int64)
