@@ -29,6 +29,16 @@ def angles_to_world(angles: NDArray[np.float64], origin: Pose) -> NDArray[np.flo
     return np.asarray(np.mod(angles + origin.theta, np.pi))
 
 
+def angles_to_local(angles: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:
+    """Directions in radians in [0, pi) of the local frame, given directions in the world frame.
+
+    Example:
+        >>> angles_to_local(np.array([0.5]), Pose(0.0, 0.0, 0.2)).round(6).tolist()
+        [0.3]
+    """
+    return np.asarray(np.mod(angles - origin.theta, np.pi))
+
+
 def extent(grid: OccupancyGrid) -> tuple[float, float]:
     """Width and height of the grid in metres."""
     return grid.shape[1] * grid.resolution, grid.shape[0] * grid.resolution
