@@ -106,10 +106,10 @@ class Run:
         if self.spec and self.config.imitation and self.config.imitation.teacher:
             actor = self._actor()
             imitate(actor, self.config, self.watcher.say, lambda: self.stopping)
-            self._policy.actor.load_state_dict(actor.state_dict())
-        if not self.stopping:
-            self._save()
-            self._evaluate()
+            if not self.stopping:
+                self._policy.actor.load_state_dict(actor.state_dict())
+        self._save()
+        self._evaluate()
 
     def _stretch(self) -> None:
         """Learn until the next checkpoint."""
