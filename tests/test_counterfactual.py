@@ -30,7 +30,9 @@ from layoutexplore.benchmark.layout_effects import layout_effects
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.decision import STOP, Choice, Decision
+from layoutexplore.errors import ConfigError
 from layoutexplore.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.robot import OdometryNoise
 from layoutexplore.simulation_config import SimulationConfig
 
 OFFICES = """
@@ -189,6 +191,19 @@ def test_rows_and_effects(plan: FloorPlan, tmp_path: Path) -> None:
     assert math.isnan({row.agent: row for row in quiet.rows}[AGENT].layout_changed)
     assert layout_effects(quiet.rows, quiet.folder.counterfactual) == []
     assert [row.d99 for row in quiet.rows] == [row.d99 for row in outcome.rows]
+
+
+def test_explain_is_yes_or_no() -> None:
+    with pytest.raises(ConfigError, match="true or false"):
+        BenchmarkConfig(explain="maybe")  # type: ignore[arg-type]
+
+
+def test_drift_beyond_the_grid_is_survived(plan: FloorPlan) -> None:
+    """A robot that believes to be outside of its map is still asked."""
+    config = SimulationConfig(sensor="indoor", odometry_noise=OdometryNoise(translation=0.5, rotation=0.5), max_distance=40.0)
+    for seed in range(3):
+        told = play(*prepare(plan, config, AGENT), seed=seed, explain=True).counterfactual
+        assert told is not None and len(told.log)
 
 
 def test_results_of_an_earlier_version_are_read(plan: FloorPlan, tmp_path: Path) -> None:

@@ -73,6 +73,8 @@ class BenchmarkConfig:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < least:
                 raise ConfigError(f"{name} must be a whole number, {least} or more, got {value!r}")
+        if not isinstance(self.explain, bool):
+            raise ConfigError(f"explain must be true or false, got {self.explain!r}")
         for name in self.sensors:
             if name not in self.lidars and name not in SENSORS:
                 raise unknown_name("sensor", name, [*SENSORS, *self.lidars])

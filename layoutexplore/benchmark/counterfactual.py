@@ -229,7 +229,7 @@ class Asides:
         """Keep a changed decision if more is at stake than in those that were kept."""
         if isinstance(without, np.ndarray) or without == STOP or (not isinstance(choice, np.ndarray) and choice == STOP):
             return
-        here = decision.grid.world_to_cell(decision.pose.x, decision.pose.y)
+        here = decision.grid.nearest_cell(decision.pose.x, decision.pose.y)
         chosen = tuple(choice[-1].tolist()) if isinstance(choice, np.ndarray) else decision.frontiers[choice].viewpoint
         given_up = decision.frontiers[without].viewpoint
         places = np.array([here, given_up, chosen], np.int32)

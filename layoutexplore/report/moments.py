@@ -37,12 +37,13 @@ _NBSP = "\N{NO-BREAK SPACE}"
 
 @dataclass(frozen=True)
 class Label:
-    """A frontier with what was said of it, in cells from the top left of the picture."""
+    """A frontier with what was said of it, in cells from the top left of the picture; the text stands `before` it or behind."""
 
     x: float
     y: float
     text: str
     colour: str
+    before: bool
 
 
 @dataclass(frozen=True)
@@ -174,13 +175,12 @@ def _labels(moment: Moment, place: Place, size: tuple[int, int]) -> tuple[Label,
         x, y = place((float(middles[k][0]), float(middles[k][1])))
         unit = max(size) / 100
         crowded = any(abs(x - other.x) < 14 * unit and abs(y - other.y) < 4 * unit for other in labels)
-        if not (0 <= x <= size[0] and 0 <= y <= size[1]) or crowded or len(labels) >= LABELS:
+        if not (0 <= x <= size[0] and 5 * unit <= y <= size[1]) or crowded or len(labels) >= LABELS:
             continue
         closed, area = moment.judged[k, :2].tolist()
         text = f"{_area(area)}{_NBSP}m²" if closed else "open"
-        labels.append(
-            Label(x, y, text, palette.to_hex(palette.mix(palette.CLOSED if closed else palette.OPEN, palette.BLACK, 0.35)))
-        )
+        colour = palette.mix(palette.CLOSED if closed else palette.OPEN, palette.BLACK, 0.35)
+        labels.append(Label(x, y, text, palette.to_hex(colour), x > size[0] - 16 * unit))
     return tuple(labels)
 
 
