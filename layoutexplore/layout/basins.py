@@ -21,6 +21,71 @@ def _find(parent: NDArray[np.int32], i: int) -> int:
     return i
 
 
+@njit(cache=True, nogil=True)
+def _highest_first(levels: NDArray[np.int32], inside: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The cells inside, the highest first, equal ones in raster order."""
+    top = 0
+    for i in inside:
+        top = max(top, levels[i])
+    begin = np.zeros(top + 2, np.int64)
+    for i in inside:
+        begin[top - levels[i] + 1] += 1
+    begin = np.cumsum(begin)
+    order = np.empty(len(inside), np.int64)
+    for i in inside:
+        k = top - levels[i]
+        order[begin[k]] = i
+        begin[k] += 1
+    return order
+
+
+@njit(cache=True, nogil=True)
+def _only_label(labels: NDArray[np.int32], i: int, cols: int) -> int:
+    """The label of a cell's straight neighbours if no neighbour has another one, else 0: as nearly everywhere."""
+    below, left, right, above = labels[i - cols], labels[i - 1], labels[i + 1], labels[i + cols]
+    a, b, c, d = labels[i - cols - 1], labels[i - cols + 1], labels[i + cols - 1], labels[i + cols + 1]
+    one = max(max(below, left), max(right, above))
+    alien = (below != 0) & (below != one) | (left != 0) & (left != one)
+    alien |= (right != 0) & (right != one) | (above != 0) & (above != one)
+    alien |= (a != 0) & (a != one) | (b != 0) & (b != one)
+    alien |= (c != 0) & (c != one) | (d != 0) & (d != one)
+    return 0 if alien else one
+
+
+@njit(cache=True, nogil=True)
+def _meet(
+    i: int,
+    cols: int,
+    levels: NDArray[np.int32],
+    labels: NDArray[np.int32],
+    parent: NDArray[np.int32],
+    peak: NDArray[np.int32],
+    share: float,
+    wide: int,
+) -> int:
+    """The basin of a cell where basins meet, after those that are one here have become one; 0 if no neighbour has one."""
+    around = (-cols - 1, -cols, -cols + 1, -1, 1, cols - 1, cols, cols + 1)
+    # the cells beside a step: a diagonal one needs both
+    one_side = (-cols, -cols, -cols, -1, 1, cols, cols, cols)
+    other_side = (-1, -cols, 1, -1, 1, -1, cols, 1)
+    h = levels[i]
+    best = same = 0  # `same` is a label of the basin `best`
+    for k in range(8):
+        label = labels[i + around[k]]
+        if label == same or label == 0 or levels[i + one_side[k]] == 0 or levels[i + other_side[k]] == 0:
+            continue
+        other = _find(parent, label)
+        if best == 0 or other == best:
+            best, same = other, label
+            continue
+        if peak[other] > peak[best] or (peak[other] == peak[best] and other < best):
+            best, other, same = other, best, label
+        if h >= wide or h >= share * peak[other]:
+            parent[other] = best
+            same = label
+    return best
+
+
 @njit("void(float32[:,::1], int64[::1], int32[:,::1], float64, int64)", cache=True, nogil=True)
 def _flood(distance: NDArray[np.float32], inside: NDArray[np.int64], basins: NDArray[np.int32], share: float, wide: int) -> None:
     """Label the basins of distances with a border of zeros, from the highest down; heights are rounded to `STEPS` a cell.
@@ -37,75 +102,34 @@ def _flood(distance: NDArray[np.float32], inside: NDArray[np.int64], basins: NDA
     cols = distance.shape[1]
     heights, labels = distance.reshape(-1), basins.reshape(-1)
     levels = np.zeros(len(heights), np.int32)
-    top = 0
     for i in inside:
         levels[i] = np.int32(heights[i] * STEPS + np.float32(0.5))
-        top = max(top, levels[i])
-    counts = np.zeros(top + 2, np.int64)
-    for i in inside:
-        counts[top - levels[i] + 1] += 1
-    for k in range(1, top + 2):
-        counts[k] += counts[k - 1]
-    order = np.empty(len(inside), np.int64)
-    for i in inside:
-        k = top - levels[i]
-        order[counts[k]] = i
-        counts[k] += 1
-    around = np.array((-cols - 1, -cols, -cols + 1, -1, 1, cols - 1, cols, cols + 1))
-    # the cells beside a step: a diagonal one needs both
-    beside = np.array(((-cols, -1), (-cols, -cols), (-cols, 1), (-1, -1), (1, 1), (cols, -1), (cols, cols), (cols, 1)))
     parent = np.empty(1024, np.int32)
     peak = np.empty(1024, np.int32)
     n = 1
-    for i in order:
-        h = levels[i]
-        below, left, right, above = labels[i - cols], labels[i - 1], labels[i + 1], labels[i + cols]
-        a, b, c, d = labels[i - cols - 1], labels[i - cols + 1], labels[i + cols - 1], labels[i + cols + 1]
-        straight = max(max(below, left), max(right, above))
-        alien = (below != 0) & (below != straight) | (left != 0) & (left != straight)
-        alien |= (right != 0) & (right != straight) | (above != 0) & (above != straight)
-        alien |= (a != 0) & (a != straight) | (b != 0) & (b != straight)
-        alien |= (c != 0) & (c != straight) | (d != 0) & (d != straight)
-        if straight > 0 and not alien:  # one label all around, as nearly everywhere
-            labels[i] = _find(parent, straight)
+    for i in _highest_first(levels, inside):
+        only = _only_label(labels, i, cols)
+        if only > 0:
+            labels[i] = _find(parent, only)
             continue
-        best = same = 0  # `same` is a label of the basin `best`
-        for k in range(8):
-            label = labels[i + around[k]]
-            if label == same or label == 0 or levels[i + beside[k, 0]] == 0 or levels[i + beside[k, 1]] == 0:
-                continue
-            other = _find(parent, label)
-            if best == 0 or other == best:
-                best = other
-            elif h >= wide or h >= share * min(peak[other], peak[best]):
-                if peak[other] > peak[best] or (peak[other] == peak[best] and other < best):
-                    best, other = other, best
-                parent[other] = best
-            elif peak[other] > peak[best] or (peak[other] == peak[best] and other < best):
-                best = other
-            else:
-                continue
-            same = label
+        best = _meet(i, cols, levels, labels, parent, peak, share, wide)
         if best == 0:
             if n >= len(parent):
                 parent = np.concatenate((parent, np.empty_like(parent)))
                 peak = np.concatenate((peak, np.empty_like(peak)))
             parent[n] = n
-            peak[n] = h
+            peak[n] = levels[i]
             best = n
             n += 1
         labels[i] = best
-    root = np.zeros(n, np.int32)
-    for k in range(1, n):
-        root[k] = _find(parent, k)
-    ids = np.zeros(n, np.int32)
-    m = 0
+    number = np.zeros(n, np.int32)
+    count = 0
     for i in inside:
-        label = root[labels[i]]
-        if ids[label] == 0:
-            m += 1
-            ids[label] = m
-        labels[i] = ids[label]
+        root = _find(parent, labels[i])
+        if number[root] == 0:
+            count += 1
+            number[root] = count
+        labels[i] = number[root]
 
 
 def distance_basins(blocked: NDArray[np.bool_], resolution: float, *, share: float, wide: float) -> NDArray[np.int32]:
