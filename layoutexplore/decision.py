@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from layoutexplore.floorplan import FloorPlan, PlanRaster
 from layoutexplore.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.lidar import LidarConfig
-from layoutexplore.planning import distance_matrix, geodesic_distances
+from layoutexplore.planning import distance_matrix, distances_between
 
 STOP = -1
 """The choice that ends an exploration."""
@@ -88,7 +89,7 @@ class Decision:
     layout: Any = None
     track: Sequence[Pose] = ()
 
-    @property
+    @cached_property
     def traversable(self) -> NDArray[np.bool_]:
         """Bool (rows, cols): the cells the robot can plan to."""
         return np.isfinite(self.distances)
@@ -112,9 +113,7 @@ class Decision:
     def path_lengths_from(self, index: int, chosen: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float32]:
         """Path lengths float32 (k,) in metres from one frontier's viewpoint to those of others, by index."""
         cells = np.array([self.frontiers[int(k)].viewpoint for k in chosen], np.int32).reshape(-1, 2)
-        source = self.frontiers[index].viewpoint
-        field = geodesic_distances(self.traversable, source, self.grid.resolution, stop_at=cells)
-        return field[cells[:, 0], cells[:, 1]]
+        return distances_between(self.traversable, self.frontiers[index].viewpoint, cells, self.grid.resolution)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
 from layoutexplore.grid import FREE, OCCUPIED, Cell, OccupancyGrid, Pose, check_resolution
+from layoutexplore.lidar import Lidar, LidarConfig
 from layoutexplore.planning import inflate
 
 SIGHT_BEYOND_REACH = 0.8
@@ -141,6 +143,17 @@ class PlanRaster:
             self._cache[key] = reachable
         found: NDArray[np.bool_] = self._cache[key]
         return found
+
+
+_LIDARS: WeakKeyDictionary[PlanRaster, dict[LidarConfig, Lidar]] = WeakKeyDictionary()
+
+
+def shared_lidar(raster: PlanRaster, config: LidarConfig) -> Lidar:
+    """One lidar per raster and sensor: its tables are read-only, and many environments share a floor plan."""
+    lidars = _LIDARS.setdefault(raster, {})
+    if config not in lidars:
+        lidars[config] = Lidar(config, raster.occupied, raster.resolution, raster.origin)
+    return lidars[config]
 
 
 def grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:

@@ -112,6 +112,49 @@ def descend(distances: NDArray[np.float32], traversable: NDArray[np.bool_], targ
     return path
 
 
+def distances_between(
+    traversable: NDArray[np.bool_], source: Cell, cells: NDArray[np.int32], resolution: float
+) -> NDArray[np.float32]:
+    """Lengths of the shortest paths from a cell to some others; like `geodesic_distances`, without the field.
+
+    Args:
+        traversable: bool (rows, cols).
+        source: Where to begin; it need not be traversable.
+        cells: int32 (n, 2) as (row, col), traversable.
+        resolution: Side of a cell in metres.
+
+    Returns:
+        float32 (n,) in metres, inf where there is no path.
+
+    Raises:
+        ConfigError: A cell lies outside of the grid.
+    """
+    world = _checked(traversable)
+    check_resolution(resolution)
+    start, places = _checked_cells(np.array([source]), world.shape), _checked_cells(cells, world.shape)
+    space = workspace(world)
+    space.origin = 0
+    units = space.spread_again(int(_flat(start, space)[0]), _flat(places, space))
+    return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
+
+
+def check_path(path: NDArray[np.integer], start: Cell) -> NDArray[np.int32]:
+    """The path int (k, 2) as int32, if it leads from a cell from neighbour to neighbour.
+
+    Raises:
+        ConfigError: It does not.
+    """
+    if path.ndim != 2 or path.shape[1] != 2 or len(path) == 0 or not np.issubdtype(path.dtype, np.integer):
+        raise ConfigError(f"a path is an integer array (k, 2) of cells, got {path.dtype} {path.shape}")
+    if tuple(path[0]) != start:
+        raise ConfigError(f"the path starts at {tuple(path[0])}, but the robot is in cell {tuple(start)}")
+    jumps = np.flatnonzero(np.abs(np.diff(path, axis=0)).max(axis=1, initial=0) > 1)
+    if len(jumps):
+        k = int(jumps[0])
+        raise ConfigError(f"the path jumps from {tuple(path[k])} to {tuple(path[k + 1])}: cells must be neighbours")
+    return path.astype(np.int32)
+
+
 def distance_matrix(traversable: NDArray[np.bool_], cells: NDArray[np.int32], resolution: float) -> NDArray[np.float32]:
     """Shortest path lengths between all pairs of cells.
 
@@ -187,7 +230,10 @@ def _entrances(flat: NDArray[np.int64], space: Workspace) -> tuple[NDArray[np.in
     """For each place the cells (n, 8) by which it is entered and the lengths (n, 8) of those moves.
 
     A traversable place is entered "by itself"; one that is not, by the moves that lead out of it, which no search follows.
+    Where all are traversable, both are (n, 1).
     """
+    if space.world.ravel()[flat].all():
+        return flat[:, None], np.zeros((len(flat), 1), np.int64)
     cells = np.repeat(flat[:, None], 8, axis=1)
     lengths = np.zeros(cells.shape, np.int64)
     north, east = space.cols, 1

@@ -129,6 +129,28 @@ class Robot:
         self.collisions += collided
         return share * length, collided
 
+    def follow(self, points: NDArray[np.float64], pause: float, end: float) -> int:
+        """Walk straight from point to point as long as nothing happens; only without odometry noise.
+
+        It stops at a point when `pause` metres or more have been walked since the call, and at the point before one that a
+        wall would keep it from, or at which it would have walked `end` metres or more in its life: those are for `translate`.
+
+        Args:
+            points: float64 (n, 2), (x, y) in metres.
+            pause: Metres.
+            end: Metres.
+
+        Returns:
+            How many points it has reached.
+        """
+        origin, reached = self._raster.origin, np.empty_like(points)
+        frame = np.array([self.pose.x, self.pose.y, origin.x, origin.y, self._raster.resolution])
+        count, self.walked = _follow(self._blocked, points, frame, self.walked, pause, end, reached)
+        theta = self.pose.theta
+        self.track.extend([Pose(x, y, theta) for x, y in reached[:count].tolist()])
+        self.pose = self.believed = self.track[-1]._replace(theta=theta)
+        return int(count)
+
     def touched(self, dx: float, dy: float) -> NDArray[np.int32]:
         """Cells int32 (n, 2) of the walls in front of the robot in direction (dx, dy), in the believed frame."""
         raster = self._raster
@@ -177,6 +199,38 @@ def _path_is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: 
             if 0 <= r < rows and 0 <= c < cols and cells[r, c] == 100:
                 return True
     return False
+
+
+@njit(cache=True, nogil=True)
+def _follow(
+    blocked: NDArray[np.bool_],
+    points: NDArray[np.float64],
+    frame: NDArray[np.float64],
+    walked: float,
+    pause: float,
+    end: float,
+    reached: NDArray[np.float64],
+) -> tuple[int, float]:
+    """How many points are reached, written into `reached`, and the metres walked then.
+
+    `frame` holds x, y, the origin's x and y, and the resolution.
+    """
+    x, y = frame[0], frame[1]
+    resolution, begun = frame[4], walked
+    for k in range(len(points)):
+        dx, dy = points[k, 0] - x, points[k, 1] - y
+        length = math.hypot(dx, dy)
+        if walked + length >= end:
+            return k, walked
+        row, col = (y - frame[3]) / resolution, (x - frame[2]) / resolution
+        if _free_share(blocked, row, col, dy / resolution, dx / resolution) < 1.0:
+            return k, walked
+        x, y = x + dx, y + dy
+        reached[k, 0], reached[k, 1] = x, y
+        walked += length
+        if walked - begun >= pause:
+            return k + 1, walked
+    return len(points), walked
 
 
 @njit(cache=True, nogil=True)

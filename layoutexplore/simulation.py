@@ -14,7 +14,6 @@ import math
 from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +21,12 @@ from numpy.typing import NDArray
 from layoutexplore.coverage import Coverage, union
 from layoutexplore.decision import STOP, Choice, Decision, Frontier, Path, Predictor, Privileged, Truth
 from layoutexplore.errors import ConfigError
-from layoutexplore.floorplan import FloorPlan, PlanRaster
+from layoutexplore.floorplan import FloorPlan
 from layoutexplore.frontiers import FrontierDetector
 from layoutexplore.grid import OCCUPIED, Cell, Pose
-from layoutexplore.lidar import Lidar, LidarConfig
 from layoutexplore.mapping import Mapper, ScanUpdate
-from layoutexplore.planning import descend, geodesic_distances, inflate
+from layoutexplore.plan_raster import shared_lidar
+from layoutexplore.planning import check_path, descend, geodesic_distances, inflate
 from layoutexplore.robot import PERFECT_ODOMETRY, Robot, check_start, disc_offsets, draw_start, path_is_blocked
 from layoutexplore.simulation_config import SimulationConfig
 from layoutexplore.viewpoints import facing, list_frontiers, looked_at, remaining_share
@@ -83,7 +82,7 @@ class Simulation:
         self.config = config or SimulationConfig()
         self.plan = plan if isinstance(plan, FloorPlan) else FloorPlan.load(plan)
         self.raster = self.plan.rasterize(self.config.resolution)
-        self.lidar = _shared_lidar(self.raster, self.config.lidar)
+        self.lidar = shared_lidar(self.raster, self.config.lidar)
         self.predictor = predictor
         self._disc = disc_offsets(self.config.robot_radius / self.config.resolution)
         self._drifts = self.config.odometry_noise != PERFECT_ODOMETRY
@@ -156,7 +155,7 @@ class Simulation:
         self._check_running()
         decision = self.decision
         if isinstance(choice, np.ndarray):
-            path = self._checked_path(choice)
+            path = check_path(choice, self._here())
             self._begin_step()
             if self._walk(path, None):
                 self._scan(full_turn=True)
@@ -294,11 +293,13 @@ class Simulation:
         """Walk a path, scanning on the way; whether its end was reached with the frontier still to be looked at."""
         cells = self.mapper.grid.cells
         k, scanned_at, scanned_from = 1, self.robot.walked, self.robot.believed
+        spacing = self.config.scan_spacing - 1e-9
         while k < len(path):
-            if not self._advance(Cell(int(path[k, 0]), int(path[k, 1]))):
-                return False
-            k += 1
-            if k == len(path) or self.robot.walked - scanned_at < self.config.scan_spacing - 1e-9:
+            if self.robot.walked - scanned_at < spacing:
+                k = self._step_along(path, k, spacing - self.robot.walked + scanned_at)
+                if k < 0:
+                    return False
+            if k == len(path) or self.robot.walked - scanned_at < spacing:
                 continue
             here = self.robot.believed
             self.robot.turn_to(math.atan2(here.y - scanned_from.y, here.x - scanned_from.x))
@@ -335,16 +336,15 @@ class Simulation:
         rest = looked_at(cells, frontier.cells, frontier.viewpoint, self.raster.resolution)
         self._exhausted[rest[:, 0], rest[:, 1]] = True
 
-    def _checked_path(self, path: Path) -> Path:
-        if path.ndim != 2 or path.shape[1] != 2 or len(path) == 0 or not np.issubdtype(path.dtype, np.integer):
-            raise ConfigError(f"a path is an integer array (k, 2) of cells, got {path.dtype} {path.shape}")
-        if tuple(path[0]) != self._here():
-            raise ConfigError(f"the path starts at {tuple(path[0])}, but the robot is in cell {tuple(self._here())}")
-        jumps = np.flatnonzero(np.abs(np.diff(path, axis=0)).max(axis=1, initial=0) > 1)
-        if len(jumps):
-            k = int(jumps[0])
-            raise ConfigError(f"the path jumps from {tuple(path[k])} to {tuple(path[k + 1])}: cells must be neighbours")
-        return path.astype(np.int32)
+    def _step_along(self, path: Path, k: int, pause: float) -> int:
+        """Go on from cell k of a path, for `pause` metres if nothing happens: the next cell's number, -1 if the walk is over."""
+        reached = 0
+        if not self._drifts:
+            end = self.max_distance - self.config.turn_cost * self.robot.turned
+            reached = self.robot.follow(self.mapper.grid.cells_to_world(path[k:]), pause, end)
+        if reached:
+            return k + reached
+        return k + 1 if self._advance(Cell(*path[k].tolist())) else -1
 
     def _advance(self, cell: Cell) -> bool:
         """One step to the centre of a neighbouring cell; whether the walk can go on."""
@@ -391,14 +391,3 @@ class Simulation:
 
     def _note(self, update: ScanUpdate) -> None:
         self._changed = union(self._changed, update.box)
-
-
-_LIDARS: WeakKeyDictionary[PlanRaster, dict[LidarConfig, Lidar]] = WeakKeyDictionary()
-
-
-def _shared_lidar(raster: PlanRaster, config: LidarConfig) -> Lidar:
-    """One lidar per raster and sensor: its tables are read-only, and many environments share a floor plan."""
-    lidars = _LIDARS.setdefault(raster, {})
-    if config not in lidars:
-        lidars[config] = Lidar(config, raster.occupied, raster.resolution, raster.origin)
-    return lidars[config]

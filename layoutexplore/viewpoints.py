@@ -49,10 +49,10 @@ def list_frontiers(
     kept = kept[np.argsort(distances[view[kept, 0], view[kept, 1]], kind="stable")]
     gain_range = min(config.gain_range, config.lidar.range_max)
     areas = visible_unknown_area(grid.cells, view[kept], grid.resolution, gain_range, config.gain_rays)
+    middles = grid.cells_to_world(_middles(clusters)[kept]).tolist()
     frontiers = []
-    for area, k in zip(areas, kept.tolist(), strict=True):
+    for area, (x, y), k in zip(areas, middles, kept.tolist(), strict=True):
         cells, viewpoint = clusters.cluster(k), Cell(int(view[k, 0]), int(view[k, 1]))
-        x, y = grid.cells_to_world(cells.mean(axis=0))[0].tolist()
         frontiers.append(
             Frontier(
                 cells=cells,
@@ -104,6 +104,14 @@ def facing(cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tupl
     """Heading in radians from a viewpoint (row, col) to the middle of the unknown cells along a frontier int32 (n, 2)."""
     row, col = _unknown_middle(cells, frontier)
     return math.atan2(row - viewpoint[0], col - viewpoint[1])
+
+
+def _middles(clusters: FrontierClusters) -> NDArray[np.float64]:
+    """The mean cell float64 (k, 2) of each cluster."""
+    if len(clusters.offsets) < 2:
+        return np.empty((0, 2))
+    sums = np.add.reduceat(clusters.cells, clusters.offsets[:-1], axis=0, dtype=np.int64)
+    return np.asarray(sums / np.diff(clusters.offsets)[:, None])
 
 
 def _without(clusters: FrontierClusters, exhausted: NDArray[np.bool_]) -> FrontierClusters:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from layoutexplore import wavefront
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.grid import Cell
-from layoutexplore.planning import descend, distance_matrix, geodesic_distances, inflate
+from layoutexplore.planning import descend, distance_matrix, distances_between, geodesic_distances, inflate
 
 
 def heap_distances(traversable: NDArray[np.bool_], source: tuple[int, int]) -> NDArray[np.float64]:
@@ -150,6 +150,8 @@ def test_many_searches_share_their_distances() -> None:
     cells = np.argwhere(mask)[rng.choice(int(mask.sum()), 40, replace=False)].astype(np.int32)
     expected = [geodesic_distances(mask, Cell(*cell), 0.1)[cells[:, 0], cells[:, 1]] for cell in cells.tolist()]
     np.testing.assert_array_equal(distance_matrix(mask, cells, 0.1), np.array(expected))
+    for cell, lengths in zip(cells.tolist(), expected, strict=True):
+        np.testing.assert_array_equal(distances_between(mask, Cell(*cell), cells, 0.1), lengths)
 
 
 def test_a_path_too_long_for_shared_distances_is_found_all_the_same() -> None:
