@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -10,22 +11,27 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
+from typer.testing import CliRunner
 
+from layoutexplore import cli
 from layoutexplore.agents import make_agent
 from layoutexplore.decision import STOP, Decision
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.floorplan import floorplan_from_ascii
 from layoutexplore.frontiers import find_frontiers
-from layoutexplore.predictors import cell_features, make_predictor, make_room_predictor, predictor_names
+from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
+from layoutexplore.predictors.cell_features import FEATURES as CELL_FEATURES
+from layoutexplore.predictors.cell_features import add_judgement, find_candidates
+from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, UNKNOWN_BIT, draw_chart
 from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.forest import FOLDER, Forest, load_forests, save_forests
-from layoutexplore.predictors.frontier_features import FEATURES, frontier_features
-from layoutexplore.predictors.frontier_probes import ALONG_COLS, ALONG_ROWS, wall_extensions
-from layoutexplore.predictors.layout import LayoutPredictor
+from layoutexplore.predictors.frontier_features import FEATURES, ProbeMemory, frontier_features, home_regions
+from layoutexplore.predictors.frontier_probes import TOUCHED, flood_unknown
 from layoutexplore.predictors.oracle import OraclePredictor
-from layoutexplore.predictors.regions import region_boxes, seen_regions
+from layoutexplore.predictors.regions import Regions, find_doors, seen_regions
+from layoutexplore.predictors.samples import Samples, gather, group_buildings, stopped_explorations
 from layoutexplore.predictors.shapes import main_angle
-from layoutexplore.predictors.training import Samples, TrainingConfig, fit_forests, main
+from layoutexplore.predictors.training import TrainingConfig, deal_groups, fit_frontier_forests, train_models
 from layoutexplore.simulation import Simulation, SimulationConfig
 
 PLAN = """
@@ -96,7 +102,7 @@ def test_regions_part_at_doors() -> None:
     for room in range(1, 5):
         owners = regions.labels[(raster.room_ids == room) & raster.free]
         assert (owners == np.bincount(owners).argmax()).mean() > 0.98
-    boxes = region_boxes(regions)
+    boxes = regions.boxes
     for region in range(1, 5):
         rows, cols = np.nonzero(regions.labels == region)
         assert boxes[region].tolist() == [len(rows), rows.min(), cols.min(), rows.max() + 1, cols.max() + 1]
@@ -132,12 +138,126 @@ def test_mirrored_and_turned_frontiers_look_the_same() -> None:
 
 
 def test_walls_go_on_through_the_unknown() -> None:
-    cells = np.full((9, 9), -1, np.int8)
-    cells[4, :3] = 100
-    cells[4, 7] = 0
-    bits = wall_extensions(cells, 3, 10)
-    assert np.argwhere(bits & ALONG_ROWS).tolist() == [[4, 3], [4, 4], [4, 5], [4, 6]]
-    assert not (bits & ALONG_COLS).any()
+    cells = np.full((9, 12), -1, np.int8)
+    cells[4, 1:4] = 100
+    cells[4, 8] = 0
+    chart = draw_chart(cells, nothing_seen(cells.shape), 0.15, 0.3)
+    code = chart.code[chart.margin : -chart.margin, chart.margin : -chart.margin]
+    assert np.argwhere(code & ALONG_ROWS).tolist() == [[4, 0], [4, 4], [4, 5], [4, 6], [4, 7]]
+    assert not (code & ALONG_COLS).any()
+
+
+def nothing_seen(shape: tuple[int, int]) -> Regions:
+    return Regions(np.zeros(shape, np.int32), 0, np.zeros(shape, np.float32))
+
+
+grids = hnp.arrays(np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 100]))
+
+
+@settings(max_examples=40, deadline=None)
+@given(cells=grids)
+def test_a_chart_against_a_slow_one(cells: NDArray[np.int8]) -> None:
+    chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 0.4)
+    padded = np.pad(cells, chart.margin, constant_values=-1)
+    expected = np.zeros(padded.shape, np.uint8)
+    for turned, bit in ((False, ALONG_ROWS), (True, ALONG_COLS)):
+        lines, bits = (padded.T, expected.T) if turned else (padded, expected)
+        for line, marked in zip(lines, bits, strict=True):
+            text = "".join({-1: "?", 0: ".", 100: "#"}[int(v)] for v in line)
+            for c, value in enumerate(text):
+                left, right = text[:c].rstrip("?"), text[c + 1 :].lstrip("?")
+                if value == "?" and (left.endswith("##") or right.startswith("##")):
+                    marked[c] |= bit
+    assert (chart.code & (ALONG_ROWS | ALONG_COLS) == expected).all()
+    assert ((chart.code & UNKNOWN_BIT > 0) == (padded == -1)).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(cells=grids, where=st.tuples(st.integers(0, 3), st.integers(0, 3)))
+def test_a_larger_grid_tells_nothing_more(cells: NDArray[np.int8], where: tuple[int, int]) -> None:
+    clusters = find_frontiers(cells)
+    frontiers = [clusters.cluster(k) for k in range(len(clusters))]
+    if not frontiers:
+        return
+    larger = np.full((cells.shape[0] + 5, cells.shape[1] + 7), -1, np.int8)
+    larger[where[0] : where[0] + cells.shape[0], where[1] : where[1] + cells.shape[1]] = cells
+    moved = [f + np.array(where, np.int32) for f in frontiers]
+    visible = np.zeros(len(frontiers))
+    expected = frontier_features(cells, frontiers, visible, seen_regions(cells, 0.2), 0.2)
+    np.testing.assert_array_equal(frontier_features(larger, moved, visible, seen_regions(larger, 0.2), 0.2), expected)
+
+
+@settings(max_examples=40, deadline=None)
+@given(data=st.data())
+def test_a_memory_changes_nothing(data: st.DataObject) -> None:
+    rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
+    cells = rng.choice(np.array([-1, 0, 0, 100], np.int8), (30, 150))
+    memory = ProbeMemory()
+    for _ in range(4):
+        clusters = find_frontiers(cells)
+        frontiers = [clusters.cluster(k) for k in range(len(clusters))]
+        args = (cells, frontiers, np.zeros(len(frontiers)), seen_regions(cells, 0.4), 0.4)
+        np.testing.assert_array_equal(frontier_features(*args, memory), frontier_features(*args))
+        r, c = rng.integers(0, 26), rng.integers(0, 146)
+        cells[r : r + 4, c : c + 4] = rng.choice(np.array([-1, 0, 100], np.int8), (4, 4))
+
+
+@settings(max_examples=40, deadline=None)
+@given(cells=grids)
+def test_a_flood_against_a_slow_one(cells: NDArray[np.int8]) -> None:
+    clusters = find_frontiers(cells)
+    if not len(clusters):
+        return
+    chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 1.4)
+    members = clusters.cluster(0) + np.int32(chart.margin)
+    depths = np.array([1, 3, 5], np.int64)
+    out, touched = np.zeros(8, np.float32), np.zeros(TOUCHED, np.int32)
+    stamp, queue = np.zeros(chart.code.size, np.int32), np.zeros(chart.code.size, np.int32)
+    flood_unknown(chart.code, ALONG_ROWS, members, depths, stamp, 1, queue, out, touched)
+    open_cells = (chart.code & UNKNOWN_BIT > 0) & (chart.code & ALONG_ROWS == 0)
+    reached = np.zeros(chart.code.shape, np.bool_)
+    reached[members[:, 0], members[:, 1]] = True
+    behind = 0
+    for depth in range(1, 6):
+        grown = np.pad(reached, 1)
+        grown = grown[:-2, 1:-1] | grown[2:, 1:-1] | grown[1:-1, :-2] | grown[1:-1, 2:]
+        reached |= grown & open_cells
+        behind = int((reached & open_cells).sum())
+        if depth in depths:
+            assert out[depths.tolist().index(depth)] == behind
+    assert (chart.code.ravel()[touched[touched >= 0]] & UNKNOWN_BIT == 0).all()
+
+
+def test_doors_are_the_narrower_of_two_gaps() -> None:
+    rows = ["#########", "#...#...#", "#.......#", "#...#...#", "#########"]
+    cells = np.array([[c == "#" for c in row] for row in rows])
+    width = find_doors(np.kron(cells, np.ones((8, 8), np.bool_)), 0.1)
+    assert width.dtype == np.float32 and np.unique(width).tolist() == pytest.approx([0.0, 0.8])
+    assert (width[18:22, 34:38] > 0).all() and not width[:16].any() and not width[24:].any()
+
+
+def test_cells_are_offered_to_two_regions_and_judged_by_their_neighbourhood() -> None:
+    cells = np.full((40, 60), -1, np.int8)
+    cells[:, :20], cells[:, 40:] = 0, 0
+    regions = seen_regions(cells, 0.1)
+    candidates = find_candidates(cells, regions, 0.1)
+    assert sorted(set(candidates.region.tolist())) == [1, 2] and set(candidates.rank.tolist()) == {0, 1}
+    assert (cells[candidates.cells[:, 0], candidates.cells[:, 1]] == -1).all()
+    inside = (candidates.region == 1).astype(float)
+    features = add_judgement(candidates, inside, 0.1)
+    at = CELL_FEATURES.index("judged_near")
+    assert (features[candidates.region == 1, at] == 1.0).all() and (features[candidates.region == 2, at] == 0.0).all()
+    total = CELL_FEATURES.index("judged_total")
+    assert features[candidates.region == 1, total] == pytest.approx(40 * 20 * 0.01, rel=0.3)
+    some = find_candidates(cells, regions, 0.1, wanted=np.array([False, True, False]))
+    np.testing.assert_array_equal(some.features, candidates.features[candidates.region == 1])
+
+
+def test_the_home_of_a_frontier() -> None:
+    labels = np.array([[1, 1, 2, 2, 3]], np.int32)
+    regions = Regions(labels, 3, np.zeros(labels.shape, np.float32))
+    clusters = [np.array([[0, k] for k in part], np.int32) for part in ((0, 2, 3), (1, 2), (4,))]
+    assert home_regions(regions, clusters).tolist() == [2, 1, 3]
 
 
 def test_a_shape_is_filled_up_to_walls_and_other_rooms() -> None:
@@ -162,9 +282,8 @@ def test_forests_are_what_was_trained(tmp_path: Path) -> None:
     features = rng.normal(size=(600, len(names))).astype(np.float32)
     closed = features[:, 3] > 0
     area = np.abs(features[:, 5]).astype(float) * 3
-    none = np.zeros((0, 2), np.float32), np.zeros(0, np.bool_)
-    samples = Samples(features, closed, area, np.where(rng.random(600) < 0.5, "a", "b"), *none)
-    forests = fit_forests(samples, TrainingConfig(trees=15, rate=0.3, feature_share=1.0))
+    samples = Samples(features, closed, area, np.zeros(600, np.int64), np.where(rng.random(600) < 0.5, "a", "b"), [])
+    forests = fit_frontier_forests(samples, TrainingConfig(trees=15, rate=0.3, feature_share=1.0))
     assert ((forests["closed"].probability(features) > 0.5) == closed).mean() > 0.95
     path = tmp_path / "model.json"
     save_forests(path, forests, names, "a test")
@@ -172,18 +291,70 @@ def test_forests_are_what_was_trained(tmp_path: Path) -> None:
     np.testing.assert_allclose(again["area"].score(features), forests["area"].score(features), rtol=1e-3, atol=1e-3)
     with pytest.raises(ConfigError, match="train it again"):
         load_forests(path, ("size",))
+    with pytest.raises(ConfigError, match="'inside' is missing"):
+        load_forests(path, names, ("inside",))
 
 
-def test_training_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("one", "two"):
-        floorplan_from_ascii(PLAN, resolution=0.9, name=name).save(tmp_path / f"{name}.geojson")
-    main([str(tmp_path / "one.geojson"), str(tmp_path / "two.geojson"), "--folds", "2", "--out", str(tmp_path / "models")])
-    assert "held out" in capsys.readouterr().out
-    judges = load_forests(tmp_path / "models" / "frontier_model.json", FEATURES)
-    inside = load_forests(tmp_path / "models" / "cell_model.json", cell_features.FEATURES)["inside"]
-    plan = floorplan_from_ascii(PLAN, resolution=0.9)
-    decision = Simulation(plan, SimulationConfig(sensor="short"), LayoutPredictor(judges, inside)).reset(seed=2)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "not json",
+        "[]",
+        '{"features": ["a"]}',
+        '{"features": ["a"], "forests": {"x": {"bias": 0, "trees": [[]]}}}',
+        '{"features": ["a"], "forests": {"x": {"bias": 0, "trees": [[[0, 1.0, 0, 1], [1.0]]]}}}',
+        '{"features": ["a"], "forests": {"x": {"bias": 0, "trees": [[[1, 1.0, 1, 2], [1.0], [1.0]]]}}}',
+        '{"features": ["a"], "forests": {"x": {"bias": 0, "trees": [[[0, "high", 1, 2], [1.0], [1.0]]]}}}',
+    ],
+)
+def test_foreign_and_damaged_models(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=r"model\.json"):
+        load_forests(path, ("a",))
+
+
+def test_floors_of_one_building() -> None:
+    long = PLAN.replace("#", "####")
+    plans = [
+        dataclasses.replace(floorplan_from_ascii(text, resolution=2.0, name=name), building=building)
+        for text, name, building in ((PLAN, "a1", "a"), (long, "a2", "a"), (long, "b", "b"))
+    ]
+    assert group_buildings(plans[:2]) == {"a1": "a1", "a2": "a1"}
+    assert group_buildings(plans) == {"a1": "a1", "a2": "a1", "b": "a1"}  # The same outline.
+
+
+def test_a_model_of_ones_own(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="frontier_model"):
+        make_predictor(f"layout:model={tmp_path}")
+    plans = [floorplan_from_ascii(PLAN, resolution=0.9, name=name) for name in ("one", "other")]
+    explorations = [e for plan in plans for e in stopped_explorations(plan, 1, 4, tmp_path / "store")]
+    samples = gather(explorations, {})
+    assert set(samples.building.tolist()) == {"one", "other"}
+    assert set(samples.of_buildings(lambda name: name != "one").building.tolist()) == {"other"}
+    assert deal_groups(["a", "b", "b"], 2) == deal_groups(["b", "a"], 2)
+    train_models(samples, tmp_path, {"flat": "house"}, TrainingConfig(trees=3, cell_trees=3))
+    predictor = make_room_predictor(f"layout:model={tmp_path}")
+    assert predictor.name == f"layout:model={tmp_path}" and "house" in (tmp_path / "held_out.json").read_text()
+    decision = Simulation(plans[0], SimulationConfig(sensor="short"), predictor).reset(seed=2)
     assert all(f.is_closed is not None for f in decision.frontiers)
+    assert predictor.rooms(decision).room_ids.shape == decision.grid.shape
+
+
+def test_training_from_the_command_line(tmp_path: Path) -> None:
+    wide = "\n".join(row[:20] + row[19:20] * 4 + row[20:] for row in PLAN.strip().splitlines())
+    for name, plan in (("north", PLAN), ("south", wide)):
+        floorplan_from_ascii(plan, resolution=0.9, name=name).save(tmp_path / f"{name}.geojson")
+    paths = [str(tmp_path / f"{name}.geojson") for name in ("north", "south")]
+    out = tmp_path / "models"
+    arguments = ["evaluate", "train-predictor", *paths, "--folds", "2", "--stops", "3", "--out", str(out)]
+    result = CliRunner().invoke(cli.app, [*arguments, "--store", str(tmp_path / "store")])
+    assert result.exit_code == 0, result.output
+    assert "held out" in result.output and "hidden_iou" in result.output
+    assert (out / "fold1" / "held_out.json").read_text() != (out / "fold2" / "held_out.json").read_text()
+    assert make_room_predictor(f"layout:model={out}").name.startswith("layout:")
+    result = CliRunner().invoke(cli.app, [*arguments[:4], "--folds", "3", "--out", str(out)])
+    assert result.exit_code != 0
 
 
 def test_a_forest_by_hand() -> None:

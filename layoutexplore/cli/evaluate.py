@@ -13,6 +13,7 @@ import typer
 
 from layoutexplore.cli.closed_doors import closed_doors
 from layoutexplore.cli.partial_rooms import partial_rooms
+from layoutexplore.cli.train_predictor import train_predictor
 
 if TYPE_CHECKING:
     from layoutexplore.evaluation.segmentation import MapScore
@@ -32,6 +33,8 @@ def register(app: typer.Typer) -> None:
 
 EXAMPLE = "Example: layoutexplore evaluate partial-rooms office-01 school-01 -p layout -p hull --snapshots kept/"
 group.command("partial-rooms", epilog=EXAMPLE)(partial_rooms)
+EXAMPLE = "Example: layoutexplore evaluate train-predictor schools/ office:0-99 --folds 4 --store kept/ --out models/"
+group.command("train-predictor", epilog=EXAMPLE)(train_predictor)
 group.command("closed-doors", epilog="Example: layoutexplore evaluate closed-doors maps/ --out predicted")(closed_doors)
 
 

@@ -53,9 +53,7 @@ def partial_rooms(
     gallery = Gallery("layout" if "layout" in names else names[0])
     scores = score(taken, predictors, gallery if out else None)
     summary = summarise(scores)
-    _print("rooms", "explored", summary, ROOM_COLUMNS)
-    _print("frontiers", "coverage", summary, FRONTIER_COLUMNS)
-    typer.echo("median ms a decision: " + ", ".join(f"{name} {part['ms']:.1f}" for name, part in summary.items()))
+    print_summary(summary)
     if out is not None:
         written = write_report(out, scores, summary, gallery, command=shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
         typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
@@ -64,6 +62,13 @@ def partial_rooms(
         frontiers = [asdict(f) for f in scores.frontiers]
         write_atomically(json_file, (json.dumps(data | {"frontiers": frontiers}) + "\n").encode())
         typer.echo(f"written: {json_file}")
+
+
+def print_summary(summary: dict[str, Any]) -> None:
+    """Tables of rooms and frontiers, and what a decision costs."""
+    _print("rooms", "explored", summary, ROOM_COLUMNS)
+    _print("frontiers", "coverage", summary, FRONTIER_COLUMNS)
+    typer.echo("median ms a decision: " + ", ".join(f"{name} {part['ms']:.1f}" for name, part in summary.items()))
 
 
 def _print(what: str, stratum: str, summary: dict[str, Any], columns: Sequence[str]) -> None:

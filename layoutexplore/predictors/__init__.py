@@ -1,13 +1,14 @@
 """Predictors: what a decision is told about rooms. Pluggable by name.
 
 `none` tells nothing, `oracle` tells the truth (the ceiling of prediction), and `oracle:flip=0.1` tells it with a share of
-the rooms judged wrongly, for the question how good a prediction has to be. `layout` is the one to use; `rectangle`, `hull`,
-`parallel-wall` and `face-subset` are what the literature offers.
+the rooms judged wrongly, for the question how good a prediction has to be. `layout` is the one to use, `layout:model=FOLDER`
+the same with trees of one's own; `rectangle`, `hull`, `parallel-wall` and `face-subset` are what the literature offers.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 from layoutexplore.decision import Predictor
 from layoutexplore.errors import ConfigError, unknown_name
@@ -77,8 +78,10 @@ def make_room_predictor(spec: str) -> RoomPredictor:
     if not text:
         return _BUILDERS[name]()
     key, _, value = text.partition("=")
-    if name != "oracle" or key != "flip":
-        raise ConfigError(f"predictor {spec!r}: only oracle:flip=SHARE takes a parameter")
+    if (name, key) == ("layout", "model") and value:
+        return LayoutPredictor(Path(value))
+    if (name, key) != ("oracle", "flip"):
+        raise ConfigError(f"predictor {spec!r}: only oracle:flip=SHARE and layout:model=FOLDER take a parameter")
     try:
         return OraclePredictor(flip=float(value))
     except ValueError as error:

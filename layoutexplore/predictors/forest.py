@@ -92,26 +92,50 @@ def _tree(forest: Forest, begin: int, end: int) -> list[list[float]]:
     ]
 
 
-@lru_cache(maxsize=8)
-def load_forests(path: Path, features: tuple[str, ...]) -> dict[str, Forest]:
+def load_forests(path: Path, features: tuple[str, ...], names: Sequence[str] = ()) -> dict[str, Forest]:
     """Read forests that were trained on these features.
 
     Raises:
-        ConfigError: They were trained on others.
+        ConfigError: The file cannot be read, holds no such forests, or they were trained on other features.
     """
-    data = json.loads(path.read_text(encoding="utf-8"))
-    if tuple(data["features"]) != features:
+    try:
+        forests = _read(path, path.stat().st_mtime_ns, features)
+    except OSError as error:
+        raise ConfigError(f"{path}: no model can be read here: {error.strerror or error}") from error
+    missing = [name for name in names if name not in forests]
+    if missing:
+        raise ConfigError(f"{path}: the forest {missing[0]!r} is missing: train it again")
+    return forests
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, _changed: int, features: tuple[str, ...]) -> dict[str, Forest]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        trained_on, parts = tuple(data["features"]), dict(data["forests"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise ConfigError(f"{path}: not a model of decision trees ({error})") from error
+    if trained_on != features:
         raise ConfigError(f"{path} looks at other features than this version computes: train it again")
-    return {name: _forest(part) for name, part in data["forests"].items()}
+    try:
+        return {name: _forest(part, len(features)) for name, part in parts.items()}
+    except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
+        raise ConfigError(f"{path}: damaged trees ({error})") from error
 
 
-def _forest(data: dict[str, Any]) -> Forest:
+def _forest(data: dict[str, Any], features: int) -> Forest:
+    """A forest from its numbers; every way down a tree ends, and asks only for features there are."""
     nodes: list[list[float]] = []
     roots = []
     for tree in data["trees"]:
         base = len(nodes)
         roots.append(base)
-        nodes.extend([n[0], n[1], n[2] + base, n[3] + base] if len(n) == 4 else [-1, n[0], 0, 0] for n in tree)
+        for k, n in enumerate(tree):
+            if len(n) == 4 and not (0 <= n[0] < features and k < n[2] < len(tree) and k < n[3] < len(tree)):
+                raise ValueError(f"node {k} of tree {len(roots)} leads nowhere")
+            nodes.append([n[0], n[1], n[2] + base, n[3] + base] if len(n) == 4 else [-1, n[0], 0, 0])
+        if base == len(nodes):
+            raise ValueError(f"tree {len(roots)} is empty")
     table = np.array(nodes, np.float64).reshape(-1, 4)
     feature, left, right = (np.ascontiguousarray(table[:, k], np.int32) for k in (0, 2, 3))
     return Forest(feature, table[:, 1].astype(np.float32), left, right, np.array(roots, np.int32), float(data["bias"]))

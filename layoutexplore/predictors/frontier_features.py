@@ -1,4 +1,8 @@
-"""What is known of a frontier's surroundings, as numbers for the trees that judge it."""
+"""What is known of a frontier's surroundings, as numbers for the trees that judge it.
+
+Most of the numbers depend on nothing that is further away than `SIGHT`; a `ProbeMemory` keeps those of frontiers around
+which nothing has changed since the last decision. They are the same with and without it.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +14,23 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grid import FREE, UNKNOWN
+from layoutexplore.grid import FREE
+from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, DOOR_BIT, WALL_BIT, Chart, draw_chart
 from layoutexplore.predictors.frontier_probes import (
+    AHEAD,
+    BESIDE,
     RAYS,
+    TOUCHED,
     cast_rays,
+    doors_near,
     flood_unknown,
     frontier_frame,
-    wall_extensions,
     walls_in_line,
 )
-from layoutexplore.predictors.regions import Regions, region_boxes
+from layoutexplore.predictors.regions import Regions
 
-RAY_REACH = 12.0
-"""Metres that rays look."""
+SIGHT = 8.0
+"""Metres that rays look; nothing else looks further."""
 
 DEPTHS = (0.3, 0.6, 1.0, 2.0, 3.0, 5.0)
 """Metres behind the frontier at which floods are measured."""
@@ -30,26 +38,122 @@ DEPTHS = (0.3, 0.6, 1.0, 2.0, 3.0, 5.0)
 UNIT = 0.5
 """Metres: thickness of the slices in which walls are looked for."""
 
-WALL_MIN, EXTENSION_REACH = 0.4, 10.0
-"""Metres: walls from this length on are thought to go on, and how far."""
+NEAR_END, NEAR_DOOR = 0.5, 4.0
+"""Metres within which a wall at the end of a frontier, and a door, are looked for."""
 
-NEAR_END = 0.5
-"""Metres within which a wall at the end of a frontier is looked for."""
+BLOCK = 8
+"""Cells of a square in which changes are noticed together."""
 
-_SHAPE = ("size", "depth", "width", "slant", "visible", "sides", "end_low", "end_high", "known", "frontiers")
+_BARRIERS = {"open": 0, "extended": ALONG_ROWS | ALONG_COLS, "doors": DOOR_BIT}
+_SHAPE = ("size", "depth", "width", "slant", "sides", "end_low", "end_high")
+_DOORS = ("in_door_share", "door_near", "doors_free_cells", "doors_unknown_cells")
 _FLOOD = (*(f"area_{d:g}" for d in DEPTHS), "walls", "free", "barred", "stopped", "ended")
-_REGION = ("door_share", "door_near", "door_width", "region", "ahead_min", "ahead_max", "side_min", "side_max", "fill",
-           "region_frontier", "region_frontiers", "box_unknown", "finished_room", "finished_rooms")  # fmt: skip
-
-FEATURES: tuple[str, ...] = (
+_PROBES: tuple[str, ...] = (
     *_SHAPE,
+    *_DOORS,
     *(f"ray{k}_{what}" for k in range(RAYS) for what in ("first", "end", "wall", "unknown")),
-    *(f"{barrier}_{what}" for barrier in ("open", "extended", "doors") for what in _FLOOD),
-    *(f"ahead{k}_{what}" for what in ("wall", "extended") for k in range(16)),
-    *(f"beside{k}_wall" for k in range(24)),
-    *_REGION,
+    *(f"{barrier}_{what}" for barrier in _BARRIERS for what in _FLOOD),
+    *(f"ahead{k}_{what}" for what in ("wall", "extended") for k in range(AHEAD)),
+    *(f"beside{k}_wall" for k in range(2 * BESIDE)),
 )
+_CONTACTS = tuple(f"{barrier}_{what}" for barrier in _BARRIERS for what in ("other_share", "other_rooms"))
+_REGION = ("visible", "known", "frontiers", "door_width", "region", "ahead_min", "ahead_max", "side_min", "side_max", "fill",
+           "region_long", "region_short", "region_frontier", "region_frontiers", "region_doors", "finished_room",
+           "finished_rooms", "finished_long", "finished_short")  # fmt: skip
+
+FEATURES: tuple[str, ...] = (*_PROBES, *_CONTACTS, *_REGION)
 """Names of the features, in their order. Lengths are metres, areas square metres."""
+
+
+class ProbeMemory:
+    """What was found around the frontiers of the last decision, for a run on one grid after another of the same shape."""
+
+    def __init__(self) -> None:
+        self._chart: Chart | None = None
+        self._resolution = 0.0
+        self._known: dict[bytes, int] = {}
+        self._probes = np.zeros((0, len(_PROBES)), np.float32)
+        self._frames = np.zeros((0, 8))
+        self._touched = np.zeros((0, len(_BARRIERS), TOUCHED), np.int32)
+        self._stamp, self._queue = np.zeros(0, np.int32), np.zeros(0, np.int32)
+        self._mark = 0
+
+    def probe(
+        self, chart: Chart, frontiers: Sequence[NDArray[np.int32]], resolution: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.int32]]:
+        """What is found around each frontier.
+
+        Returns:
+            The probes float32 (k, len(_PROBES)) in metres, the frames float64 (k, 8) and the free cells that floods
+            touch int32 (k, barriers, TOUCHED), in cells of the chart.
+        """
+        members = (np.concatenate(frontiers) + chart.margin).astype(np.int32)
+        offsets = np.cumsum([0, *(len(f) for f in frontiers)]).astype(np.int64)
+        keys = [frontier.tobytes() for frontier in frontiers]
+        old = self._still_valid(chart, keys, members, offsets, resolution)
+        fresh = np.flatnonzero(old < 0)
+        probes, frames, touched = self._probes[old], self._frames[old], self._touched[old]
+        if len(fresh):
+            depths = np.array([max(round(d / resolution), 1) for d in DEPTHS], np.int64)
+            lengths = np.array([round(v / resolution) for v in (SIGHT, NEAR_END, NEAR_DOOR, UNIT)], np.int64)
+            barriers = np.array(list(_BARRIERS.values()), np.int64)
+            found = np.zeros((len(fresh), len(_PROBES)), np.float32)
+            if self._mark > 2**31 - 4 * len(fresh) - 4:
+                self._stamp[:], self._mark = 0, 0
+            args = (depths, lengths, barriers, self._stamp, self._mark, self._queue)
+            frames[fresh], touched[fresh] = _probe(chart.code, members, offsets, fresh, *args, found)
+            self._mark += len(barriers) * len(fresh)
+            _scale(found, resolution)
+            probes[fresh] = found
+        self._probes, self._frames, self._touched = probes, frames, touched
+        self._chart, self._resolution, self._known = chart, resolution, {key: k for k, key in enumerate(keys)}
+        return probes, frames, touched
+
+    def _still_valid(
+        self,
+        chart: Chart,
+        keys: Sequence[bytes],
+        members: NDArray[np.int32],
+        offsets: NDArray[np.int64],
+        resolution: float,
+    ) -> NDArray[np.int64]:
+        """Per frontier int64 (k,) where it was found the last time with the same surroundings, or -1."""
+        if self._chart is None or self._chart.code.shape != chart.code.shape or self._resolution != resolution:
+            self._stamp, self._queue = np.zeros(chart.code.size, np.int32), np.empty(chart.code.size, np.int32)
+            self._probes, self._frames = np.zeros((1, len(_PROBES)), np.float32), np.zeros((1, 8))
+            self._touched, self._mark = np.zeros((1, len(_BARRIERS), TOUCHED), np.int32), 0
+            return np.full(len(keys), -1, np.int64)
+        old = np.array([self._known.get(key, -1) for key in keys], np.int64)
+        changes = cv2.integral(_changed_blocks(self._chart.code, chart.code, BLOCK))
+        _forget_changed(changes, members, offsets, chart.margin // BLOCK + 1, old)
+        return old
+
+
+@njit(cache=True, nogil=True)
+def _changed_blocks(before: NDArray[np.uint8], after: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+    """Squares that hold a cell that differs."""
+    changed = np.zeros(((before.shape[0] - 1) // size + 1, (before.shape[1] - 1) // size + 1), np.uint8)
+    for r in range(before.shape[0]):
+        row = changed[r // size]
+        for c in range(before.shape[1]):
+            if before[r, c] != after[r, c]:
+                row[c // size] = 1
+    return changed
+
+
+@njit(cache=True, nogil=True)
+def _forget_changed(
+    changes: NDArray[np.int32], members: NDArray[np.int32], offsets: NDArray[np.int64], reach: int, old: NDArray[np.int64]
+) -> None:
+    """Set to -1 what has a changed square within `reach` squares."""
+    for k in range(len(old)):
+        if old[k] < 0:
+            continue
+        rows, cols = members[offsets[k] : offsets[k + 1], 0], members[offsets[k] : offsets[k + 1], 1]
+        r0, r1 = max(rows.min() // BLOCK - reach, 0), min(rows.max() // BLOCK + reach + 1, changes.shape[0] - 1)
+        c0, c1 = max(cols.min() // BLOCK - reach, 0), min(cols.max() // BLOCK + reach + 1, changes.shape[1] - 1)
+        if changes[r1, c1] - changes[r0, c1] - changes[r1, c0] + changes[r0, c0] > 0:
+            old[k] = -1
 
 
 def frontier_features(
@@ -58,6 +162,7 @@ def frontier_features(
     visible: NDArray[np.float64],
     regions: Regions,
     resolution: float,
+    memory: ProbeMemory | None = None,
 ) -> NDArray[np.float32]:
     """Features float32 (k, len(FEATURES)) of k >= 1 frontiers.
 
@@ -67,128 +172,178 @@ def frontier_features(
         visible: float64 (k,), unknown area in sight of each, in square metres.
         regions: The seen rooms of these cells.
         resolution: Metres per cell.
+        memory: Of the last decision; makes this one cheaper.
     """
-    members = np.concatenate(frontiers).astype(np.int32)
-    offsets = np.cumsum([0, *(len(f) for f in frontiers)]).astype(np.int64)
-    door = regions.door_width > 0
+    chart = draw_chart(cells, regions, resolution, SIGHT + 2 * resolution)
+    probes, frames, touched = (memory or ProbeMemory()).probe(chart, frontiers, resolution)
+    home = home_regions(regions, frontiers)
     out = np.zeros((len(frontiers), len(FEATURES)), np.float32)
-    extensions = wall_extensions(cells, max(round(WALL_MIN / resolution), 1), round(EXTENSION_REACH / resolution))
-    depths = np.array([max(round(d / resolution), 1) for d in DEPTHS], np.int64)
-    lengths = np.array([round(v / resolution) for v in (RAY_REACH, NEAR_END, UNIT)], np.int64)
-    frames = _probe(cells, extensions, door, members, offsets, depths, lengths, out)
-    _scale(out, resolution)
-    out[:, 4] = visible
-    out[:, 8] = math.log(1.0 + np.count_nonzero(cells == FREE) * resolution**2)
-    out[:, 9] = len(frontiers)
-    out[:, -len(_REGION) :] = _region_features(cells, members, offsets, frames, regions, resolution)
+    out[:, : len(_PROBES)] = probes
+    shape = chart.code.shape[1], chart.margin
+    _contacts(touched, *shape, regions.labels, home, out[:, len(_PROBES) : -len(_REGION)])
+    rest = out[:, -len(_REGION) :]
+    rest[:, 0] = visible
+    rest[:, 1] = math.log(1.0 + np.count_nonzero(cells == FREE) * resolution**2)
+    rest[:, 2] = len(frontiers)
+    frames = frames - np.array([chart.margin] * 2 + [0] * 6)
+    rest[:, 3:] = _region_features(frontiers, home, frames, regions, resolution)
     return out
 
 
 @njit(cache=True, nogil=True)
 def _probe(
-    cells: NDArray[np.int8],
-    extensions: NDArray[np.uint8],
-    door: NDArray[np.bool_],
+    code: NDArray[np.uint8],
     members: NDArray[np.int32],
     offsets: NDArray[np.int64],
+    wanted: NDArray[np.int64],
     depths: NDArray[np.int64],
     lengths: NDArray[np.int64],
+    barriers: NDArray[np.int64],
+    stamp: NDArray[np.int32],
+    mark: int,
+    queue: NDArray[np.int32],
     out: NDArray[np.float32],
-) -> NDArray[np.float64]:
-    """Fill in all but the features of regions, in cells; returns the frames float64 (k, 8)."""
-    frames = np.zeros((len(out), 8))
-    stamp = np.zeros(cells.shape, np.int32)
-    queue = np.empty((cells.size, 2), np.int32)
-    nothing, extended = np.zeros(cells.shape, np.bool_), extensions > 0
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Probe the wanted frontiers, in cells; returns their frames float64 (k, 8) and what their floods touch."""
+    frames = np.zeros((len(wanted), 8))
+    touched = np.empty((len(wanted), len(barriers), TOUCHED), np.int32)
     flood = len(depths) + 5
-    for k in range(len(out)):
+    for n in range(len(wanted)):
+        k = wanted[n]
         cluster = members[offsets[k] : offsets[k + 1]]
-        frame = frontier_frame(cells, cluster)
-        frames[k] = frame
-        _shape(cells, cluster, frame, lengths[1], out[k])
-        at = 10
-        cast_rays(cells, frame, lengths[0], out[k, at:])
+        frame = frontier_frame(code, cluster)
+        frames[n] = frame
+        _shape(code, cluster, frame, lengths[1], out[n])
+        at = 7
+        doors_near(code, cluster, frame, lengths[2], out[n, at:])
+        at += 4
+        cast_rays(code, frame, lengths[0], out[n, at:])
         at += 4 * RAYS
-        flood_unknown(cells, nothing, cluster, depths, stamp, 3 * k + 1, queue, out[k, at:])
-        flood_unknown(cells, extended, cluster, depths, stamp, 3 * k + 2, queue, out[k, at + flood :])
-        flood_unknown(cells, door, cluster, depths, stamp, 3 * k + 3, queue, out[k, at + 2 * flood :])
-        walls_in_line(cells, extensions, frame, lengths[2], out[k, at + 3 * flood :])
-    return frames
+        for b in range(len(barriers)):
+            mark += 1
+            flood_unknown(code, barriers[b], cluster, depths, stamp, mark, queue, out[n, at:], touched[n, b])
+            at += flood
+        walls_in_line(code, frame, lengths[3], out[n, at:])
+    return frames, touched
 
 
 @njit(cache=True, nogil=True)
 def _shape(
-    cells: NDArray[np.int8], cluster: NDArray[np.int32], frame: NDArray[np.float64], near: int, out: NDArray[np.float32]
+    code: NDArray[np.uint8], cluster: NDArray[np.int32], frame: NDArray[np.float64], near: int, out: NDArray[np.float32]
 ) -> None:
     """Size, extents, slant, sides, and the distance to a wall from the ends on either side."""
     ahead = cluster[:, 0] * frame[2] + cluster[:, 1] * frame[3]
     side = cluster[:, 0] * frame[4] + cluster[:, 1] * frame[5]
     out[0], out[1], out[2] = len(cluster), ahead.max() - ahead.min() + 1, side.max() - side.min() + 1
-    out[3], out[5] = frame[6], frame[7]
+    out[3], out[4] = frame[6], frame[7]
     for end in range(2):
         row, col = cluster[np.argmin(side) if end == 0 else np.argmax(side)]
         nearest = 2 * near
         for dr in range(-near, near + 1):
             for dc in range(-near, near + 1):
-                r, c = row + dr, col + dc
-                if 0 <= r < cells.shape[0] and 0 <= c < cells.shape[1] and cells[r, c] == 100:
+                if code[row + dr, col + dc] & WALL_BIT:
                     nearest = min(nearest, max(abs(dr), abs(dc)))
-        out[6 + end] = nearest
+        out[5 + end] = nearest
+
+
+_FACTORS = np.array(
+    [
+        2 if "_area_" in name or name.endswith("_cells")
+        else 0 if name == "slant" or name.endswith(("_end", "_stopped", "_ended", "_share"))
+        else 1
+        for name in _PROBES
+    ]
+)  # fmt: skip
 
 
 def _scale(out: NDArray[np.float32], resolution: float) -> None:
     """From cells to metres and square metres."""
-    for k, name in enumerate(FEATURES[: -len(_REGION)]):
-        if "_area_" in name:
-            out[:, k] *= resolution**2
-        elif name not in ("slant",) and not name.endswith(("_end", "_stopped", "_ended")):
-            out[:, k] *= resolution
+    out *= np.float32(resolution) ** _FACTORS.astype(np.float32)
+
+
+@njit(cache=True, nogil=True)
+def _contacts(
+    touched: NDArray[np.int32],
+    cols: int,
+    margin: int,
+    labels: NDArray[np.int32],
+    home: NDArray[np.int64],
+    out: NDArray[np.float32],
+) -> None:
+    """Per flood the share of the touched free cells that lie in other regions than the frontier's, and how many these are."""
+    seen = np.zeros(TOUCHED, np.int32)
+    for k in range(len(touched)):
+        for b in range(touched.shape[1]):
+            total, others, count = 0, 0, 0
+            for n in range(TOUCHED):
+                i = touched[k, b, n]
+                if i < 0:
+                    break
+                total += 1
+                label = labels[i // cols - margin, i % cols - margin]
+                if label == home[k]:
+                    continue
+                others += 1
+                new = True
+                for j in range(count):
+                    new = new and seen[j] != label
+                if new:
+                    seen[count] = label
+                    count += 1
+            out[k, 2 * b], out[k, 2 * b + 1] = others / max(total, 1), count
 
 
 def _region_features(
-    cells: NDArray[np.int8],
-    members: NDArray[np.int32],
-    offsets: NDArray[np.int64],
+    frontiers: Sequence[NDArray[np.int32]],
+    home: NDArray[np.int64],
     frames: NDArray[np.float64],
     regions: Regions,
     resolution: float,
 ) -> NDArray[np.float32]:
-    """Doors at each frontier, and the region that holds it."""
-    count = len(offsets) - 1
-    out = np.zeros((count, len(_REGION)), np.float32)
-    width = regions.door_width[members[:, 0], members[:, 1]]
-    clear = cv2.distanceTransform((regions.door_width == 0).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
-    out[:, 0] = np.add.reduceat(width > 0, offsets[:-1], dtype=np.float64) / np.diff(offsets)
-    out[:, 1] = np.minimum(np.minimum.reduceat(clear[members[:, 0], members[:, 1]], offsets[:-1]) * resolution, 10.0)
-    out[:, 2] = np.maximum.reduceat(width, offsets[:-1])
-    home = home_regions(regions, members, offsets)
-    boxes = region_boxes(regions)
-    owners = regions.labels[members[:, 0], members[:, 1]]
-    box = boxes[home]
-    out[:, 3] = box[:, 0] * resolution**2
+    """The region that holds each frontier, and what finished rooms are like."""
+    members = np.concatenate(frontiers)
+    begins = np.cumsum([0, *(len(f) for f in frontiers[:-1])])
+    out = np.zeros((len(frontiers), len(_REGION) - 3), np.float32)
+    out[:, 0] = np.maximum.reduceat(regions.door_width[members[:, 0], members[:, 1]], begins)
+    boxes, count = regions.boxes, regions.count + 1
+    box, sides = boxes[home], np.sort(boxes[:, 3:5] - boxes[:, 1:3], axis=1) * resolution
+    out[:, 1] = box[:, 0] * resolution**2
     low, high = box[:, 1:3] - frames[:, :2], box[:, 3:5] - 1 - frames[:, :2]
-    for column, axis in ((4, frames[:, 2:4]), (6, frames[:, 4:6])):
+    for column, axis in ((2, frames[:, 2:4]), (4, frames[:, 4:6])):
         ends = np.stack([(low * axis).sum(1), (high * axis).sum(1)])
         out[:, column], out[:, column + 1] = ends.min(0) * resolution, ends.max(0) * resolution
-    area = np.maximum((box[:, 3] - box[:, 1]) * (box[:, 4] - box[:, 2]), 1)
-    out[:, 8] = box[:, 0] / area
-    out[:, 9] = np.bincount(owners, minlength=regions.count + 1)[home] * resolution
-    out[:, 10] = np.bincount(home, minlength=regions.count + 1)[home]
-    sums = cv2.integral((cells == UNKNOWN).astype(np.uint8))
-    out[:, 11] = sums[box[:, 3], box[:, 4]] - sums[box[:, 1], box[:, 4]] - sums[box[:, 3], box[:, 2]] + sums[box[:, 1], box[:, 2]]
-    out[:, 11] *= resolution**2
-    finished = boxes[1:, 0][np.bincount(home, minlength=regions.count + 1)[1:] == 0] * resolution**2
-    finished = finished[finished > 2.0]
-    out[:, 12] = np.median(finished) if len(finished) else 0.0
-    out[:, 13] = len(finished)
+    out[:, 6] = box[:, 0] / np.maximum((box[:, 3] - box[:, 1]) * (box[:, 4] - box[:, 2]), 1)
+    out[:, 7], out[:, 8] = sides[home, 1], sides[home, 0]
+    owners = regions.labels[members[:, 0], members[:, 1]]
+    out[:, 9] = np.bincount(owners, minlength=count)[home] * resolution
+    waiting = np.bincount(home, minlength=count)
+    out[:, 10] = waiting[home]
+    out[:, 11] = regions.doors[home]
+    finished = np.flatnonzero((boxes[:, 0] * resolution**2 > 2.0) & (waiting == 0))
+    finished = finished[finished > 0]
+    if len(finished):
+        out[:, 12] = np.median(boxes[finished, 0]) * resolution**2
+        out[:, 13] = len(finished)
+        out[:, 14], out[:, 15] = np.median(sides[finished, 1]), np.median(sides[finished, 0])
     return out
 
 
-def home_regions(regions: Regions, members: NDArray[np.int32], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
+def home_regions(regions: Regions, frontiers: Sequence[NDArray[np.int32]]) -> NDArray[np.int64]:
     """The region int64 (k,) that holds most cells of each frontier; the lowest of equals."""
-    owners = regions.labels[members[:, 0], members[:, 1]].astype(np.int64)
-    frontier = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
-    pairs, counts = np.unique(frontier * (regions.count + 1) + owners, return_counts=True)
-    order = np.lexsort((pairs, -counts, pairs // (regions.count + 1)))
-    _, first = np.unique(pairs[order] // (regions.count + 1), return_index=True)
-    return np.asarray(pairs[order][first] % (regions.count + 1))
+    members = np.concatenate(frontiers)
+    offsets = np.cumsum([0, *(len(f) for f in frontiers)]).astype(np.int64)
+    return _most_common(regions.labels[members[:, 0], members[:, 1]].astype(np.int64), offsets)
+
+
+@njit(cache=True, nogil=True)
+def _most_common(owners: NDArray[np.int64], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Per group the most common value, the lowest of equals."""
+    out = np.zeros(len(offsets) - 1, np.int64)
+    for k in range(len(out)):
+        group = np.sort(owners[offsets[k] : offsets[k + 1]])
+        run, best = 0, 0
+        for n in range(len(group)):
+            run = run + 1 if n and group[n] == group[n - 1] else 1
+            if run > best:
+                best, out[k] = run, group[n]
+    return out

@@ -1,7 +1,8 @@
-"""Kernels that probe the surroundings of one frontier: rays, floods through the unknown, walls in line.
+"""Kernels that probe the surroundings of one frontier: rays, floods through the unknown, walls in line, doors.
 
 A frontier has a frame: `forward` is the grid axis that points most into the unknown, `sideways` the other axis, turned so that
-the frontier's normal leans towards it. Mirrored situations look the same in this frame.
+the frontier's normal leans towards it. Mirrored situations look the same in this frame. All kernels read the bits of a
+`Chart` whose margin is wider than they look.
 """
 
 from __future__ import annotations
@@ -10,77 +11,45 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
+
 RAYS = 16
 _SIN, _COS = np.sin(np.arange(RAYS) * 2 * np.pi / RAYS), np.cos(np.arange(RAYS) * 2 * np.pi / RAYS)
 
-ALONG_ROWS, ALONG_COLS = 1, 2
-"""Bits of `wall_extensions`: the cell continues a wall that runs along its row, along its column."""
+AHEAD, ASIDE, BESIDE = 16, 8, 12
+"""Slices in which walls are looked for: ahead, as far to either side; and to either side, along the way."""
+
+BACK, FORTH = 6, 10
+"""Slices back and ahead that walls beside a frontier's way are measured over."""
+
+TOUCHED = 24
+"""Free cells kept of those that a flood touches."""
 
 
 @njit(cache=True, nogil=True)
-def wall_extensions(cells: NDArray[np.int8], shortest: int, reach: int) -> NDArray[np.uint8]:
-    """Unknown cells that continue a wall straight on, up to the next known cell.
-
-    Args:
-        cells: int8 (rows, cols).
-        shortest: Cells of wall in line that are continued.
-        reach: How many cells far.
-
-    Returns:
-        uint8 (rows, cols), the bits `ALONG_ROWS` and `ALONG_COLS`.
-    """
-    rows, cols = cells.shape
-    bits = np.zeros((rows, cols), np.uint8)
-    for r in range(rows):
-        for side in range(2):
-            run, left = 0, 0
-            for k in range(cols):
-                c = k if side == 0 else cols - 1 - k
-                run, left = _continue(cells[r, c], run, left, shortest, reach)
-                if left > 0 and cells[r, c] == -1:
-                    bits[r, c] |= 1
-    # Column by column, but all columns of a row at once: rows are what lies together in memory.
-    for side in range(2):
-        runs, lefts = np.zeros(cols, np.int32), np.zeros(cols, np.int32)
-        for k in range(rows):
-            r = k if side == 0 else rows - 1 - k
-            for c in range(cols):
-                runs[c], lefts[c] = _continue(cells[r, c], runs[c], lefts[c], shortest, reach)
-                if lefts[c] > 0 and cells[r, c] == -1:
-                    bits[r, c] |= 2
-    return bits
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _continue(value: int, run: int, left: int, shortest: int, reach: int) -> tuple[int, int]:
-    """Length of the wall that ends here, and how far it may still be continued."""
-    if value == 100:
-        return run + 1, 0
-    if value == -1:
-        return 0, (reach if run >= shortest else max(left - 1, 0))
-    return 0, 0
-
-
-@njit(cache=True, nogil=True)
-def frontier_frame(cells: NDArray[np.int8], members: NDArray[np.int32]) -> NDArray[np.float64]:
+def frontier_frame(code: NDArray[np.uint8], members: NDArray[np.int32]) -> NDArray[np.float64]:
     """The frame of a frontier int32 (n, 2).
 
     Returns:
         float64 (8,): row and column of its middle cell, forward (row, col), sideways (row, col), slant of the normal
         (0 straight on, 1 diagonal), number of sides that border the unknown.
     """
-    rows, cols = cells.shape
     normal_row, normal_col, sides = 0, 0, 0
+    mean_row, mean_col = 0.0, 0.0
     for i in range(len(members)):
-        for step in range(4):
-            dr, dc = (step == 0) - (step == 1), (step == 2) - (step == 3)
-            r, c = members[i, 0] + dr, members[i, 1] + dc
-            if 0 <= r < rows and 0 <= c < cols and cells[r, c] == -1:
+        mean_row += members[i, 0] / len(members)
+        mean_col += members[i, 1] / len(members)
+        for dr, dc in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            if code[members[i, 0] + dr, members[i, 1] + dc] & UNKNOWN_BIT:
                 normal_row += dr
                 normal_col += dc
                 sides += 1
+    middle, nearest = 0, np.inf
+    for i in range(len(members)):
+        away = (members[i, 0] - mean_row) ** 2 + (members[i, 1] - mean_col) ** 2
+        if away < nearest:
+            middle, nearest = i, away
     frame = np.zeros(8)
-    middle = np.argmin((members[:, 0] - members[:, 0].mean()) ** 2 + (members[:, 1] - members[:, 1].mean()) ** 2)
     frame[0], frame[1] = members[middle, 0], members[middle, 1]
     row_sign, col_sign = (1.0 if normal_row >= 0 else -1.0), (1.0 if normal_col >= 0 else -1.0)
     if abs(normal_row) >= abs(normal_col):
@@ -93,7 +62,7 @@ def frontier_frame(cells: NDArray[np.int8], members: NDArray[np.int32]) -> NDArr
 
 
 @njit(cache=True, nogil=True)
-def cast_rays(cells: NDArray[np.int8], frame: NDArray[np.float64], reach: int, out: NDArray[np.float32]) -> None:
+def cast_rays(code: NDArray[np.uint8], frame: NDArray[np.float64], reach: int, out: NDArray[np.float32]) -> None:
     """Per ray: length of the first unknown stretch, what ends it, distance to the first wall, unknown cells before that.
 
     What ends it: 0 wall, 1 free, 2 nothing within reach, 3 there is no unknown on the ray. Lengths in cells.
@@ -102,16 +71,13 @@ def cast_rays(cells: NDArray[np.int8], frame: NDArray[np.float64], reach: int, o
         dr, dc = _COS[ray] * frame[2] + _SIN[ray] * frame[4], _COS[ray] * frame[3] + _SIN[ray] * frame[5]
         first, end, hit, unknown = 0, 3, reach, 0
         for t in range(1, reach):
-            r, c = int(np.floor(frame[0] + dr * t + 0.5)), int(np.floor(frame[1] + dc * t + 0.5))
-            if not (0 <= r < cells.shape[0] and 0 <= c < cells.shape[1]):
-                break
-            value = cells[r, c]
-            if value == 100:
+            bits = code[int(frame[0] + dr * t + 0.5), int(frame[1] + dc * t + 0.5)]
+            if bits & WALL_BIT:
                 hit = t
                 if end == 2:
                     end = 0
                 break
-            if value == -1:
+            if bits & UNKNOWN_BIT:
                 unknown += 1
                 if end == 3:
                     end = 2
@@ -124,98 +90,129 @@ def cast_rays(cells: NDArray[np.int8], frame: NDArray[np.float64], reach: int, o
 
 @njit(cache=True, nogil=True)
 def flood_unknown(
-    cells: NDArray[np.int8],
-    barrier: NDArray[np.bool_],
+    code: NDArray[np.uint8],
+    barrier: int,
     members: NDArray[np.int32],
     depths: NDArray[np.int64],
     stamp: NDArray[np.int32],
     mark: int,
     queue: NDArray[np.int32],
     out: NDArray[np.float32],
+    touched: NDArray[np.int32],
 ) -> None:
-    """Flood the unknown behind a frontier, ring by ring, not across a barrier.
+    """Flood the unknown behind a frontier, ring by ring, not into cells with one of the bits of a barrier.
 
     Writes the number of cells within each depth, then the sides at which the flood touches walls, free space and the
     barrier, the share of its starting cells that the barrier takes, and whether it came to an end before the last depth.
-    `stamp` int32 (rows, cols) must not hold `mark`.
+    `stamp` int32 (cells of the chart,) must not hold `mark`. `touched` int32 (TOUCHED,) receives the free cells that the
+    flood touches, evenly thinned out, as indices into the flat chart; -1 for none.
     """
-    rows, cols = cells.shape
+    cols = code.shape[1]
+    flat = code.ravel()
     first = last = started = stopped = walls = free = barred = 0
+    touched[:] = -1
+    stride, kept = 1, 0
     for n in range(len(members)):
-        for step in range(4):
-            r, c = members[n, 0] + (step == 0) - (step == 1), members[n, 1] + (step == 2) - (step == 3)
-            if 0 <= r < rows and 0 <= c < cols and cells[r, c] == -1 and stamp[r, c] != mark:
-                stamp[r, c] = mark
+        i = members[n, 0] * cols + members[n, 1]
+        for step in (cols, -cols, 1, -1):
+            k = i + step
+            if flat[k] & UNKNOWN_BIT and stamp[k] != mark:
+                stamp[k] = mark
                 started += 1
-                if barrier[r, c]:
+                if flat[k] & barrier:
                     stopped += 1
                 else:
-                    queue[last] = r, c
+                    queue[last] = k
                     last += 1
     depth = 1
     for d in range(len(depths)):
-        while depth < depths[d]:
+        while depth < depths[d] and first < last:
             depth += 1
             ring = last
             while first < ring:
-                row, col = queue[first]
+                i = queue[first]
                 first += 1
-                for step in range(4):
-                    r, c = row + (step == 0) - (step == 1), col + (step == 2) - (step == 3)
-                    if not (0 <= r < rows and 0 <= c < cols):
-                        continue
-                    if cells[r, c] == 100:
-                        walls += 1
-                    elif cells[r, c] == 0:
-                        free += 1
-                    elif stamp[r, c] != mark:
-                        if barrier[r, c]:
+                for step in (cols, -cols, 1, -1):
+                    k = i + step
+                    bits = flat[k]
+                    if bits & UNKNOWN_BIT:
+                        if stamp[k] == mark:
+                            continue
+                        if bits & barrier:
                             barred += 1
                             continue
-                        stamp[r, c] = mark
-                        queue[last] = r, c
+                        stamp[k] = mark
+                        queue[last] = k
                         last += 1
+                    elif bits & WALL_BIT:
+                        walls += 1
+                    else:
+                        if free % stride == 0:
+                            if kept == TOUCHED:
+                                for j in range(TOUCHED // 2):
+                                    touched[j] = touched[2 * j]
+                                touched[TOUCHED // 2 :] = -1
+                                kept, stride = TOUCHED // 2, 2 * stride
+                            if free % stride == 0:
+                                touched[kept] = k
+                                kept += 1
+                        free += 1
         out[d] = last
     end = len(depths)
-    out[end], out[end + 1], out[end + 2], out[end + 3], out[end + 4] = (
-        walls,
-        free,
-        barred,
-        stopped / max(started, 1),
-        first == last,
-    )
+    out[end], out[end + 1], out[end + 2] = walls, free, barred
+    out[end + 3], out[end + 4] = stopped / max(started, 1), first == last
 
 
 @njit(cache=True, nogil=True)
-def walls_in_line(
-    cells: NDArray[np.int8], extensions: NDArray[np.uint8], frame: NDArray[np.float64], unit: int, out: NDArray[np.float32]
-) -> None:
+def walls_in_line(code: NDArray[np.uint8], frame: NDArray[np.float64], unit: int, out: NDArray[np.float32]) -> None:
     """The longest walls across the frontier's way, and beside it.
 
-    16 slices of `unit` cells forward: most wall cells on a line across the way within 8 units to either side; the same 16
-    for extensions of walls; 24 slices sideways: most wall cells on a line along the way, from 6 units back to 10 ahead.
+    `AHEAD` slices of `unit` cells forward: most wall cells on a line across the way within `ASIDE` units to either side; the
+    same for extensions of walls; `BESIDE` slices to either side: most wall cells on a line along the way.
     """
-    across = 1 if frame[2] != 0 else 2
-    r0, c0 = int(frame[0]), int(frame[1])
-    ur, uc, vr, vc = int(frame[2]), int(frame[3]), int(frame[4]), int(frame[5])
-    for k in range(16):
+    cols = code.shape[1]
+    flat = code.ravel()
+    across = ALONG_ROWS if frame[2] != 0 else ALONG_COLS
+    origin = int(frame[0]) * cols + int(frame[1])
+    ahead, side = int(frame[2]) * cols + int(frame[3]), int(frame[4]) * cols + int(frame[5])
+    for k in range(AHEAD):
         most, most_extended = 0, 0
         for u in range(k * unit, (k + 1) * unit):
             walls, extended = 0, 0
-            for v in range(-8 * unit, 8 * unit + 1):
-                r, c = r0 + u * ur + v * vr, c0 + u * uc + v * vc
-                if 0 <= r < cells.shape[0] and 0 <= c < cells.shape[1]:
-                    walls += cells[r, c] == 100
-                    extended += extensions[r, c] & across != 0
+            i = origin + u * ahead - ASIDE * unit * side
+            for _ in range(2 * ASIDE * unit + 1):
+                walls += (flat[i] & WALL_BIT) != 0
+                extended += (flat[i] & across) != 0
+                i += side
             most, most_extended = max(most, walls), max(most_extended, extended)
-        out[k], out[16 + k] = most, most_extended
-    for k in range(24):
+        out[k], out[AHEAD + k] = most, most_extended
+    for k in range(2 * BESIDE):
         most = 0
-        for v in range((k - 12) * unit, (k - 11) * unit):
+        for v in range((k - BESIDE) * unit, (k - BESIDE + 1) * unit):
             walls = 0
-            for u in range(-6 * unit, 10 * unit):
-                r, c = r0 + u * ur + v * vr, c0 + u * uc + v * vc
-                if 0 <= r < cells.shape[0] and 0 <= c < cells.shape[1]:
-                    walls += cells[r, c] == 100
+            i = origin + v * side - BACK * unit * ahead
+            for _ in range((BACK + FORTH) * unit):
+                walls += (flat[i] & WALL_BIT) != 0
+                i += ahead
             most = max(most, walls)
-        out[32 + k] = most
+        out[2 * AHEAD + k] = most
+
+
+@njit(cache=True, nogil=True)
+def doors_near(
+    code: NDArray[np.uint8], members: NDArray[np.int32], frame: NDArray[np.float64], reach: int, out: NDArray[np.float32]
+) -> None:
+    """Share of the frontier's cells that lie in doors, cells to the nearest door from its middle, and door cells near it."""
+    inside = 0
+    for i in range(len(members)):
+        inside += (code[members[i, 0], members[i, 1]] & DOOR_BIT) != 0
+    row, col = int(frame[0]), int(frame[1])
+    nearest, free, unknown = reach * reach, 0, 0
+    for dr in range(-reach, reach + 1):
+        for dc in range(-reach, reach + 1):
+            bits = code[row + dr, col + dc]
+            if bits & DOOR_BIT and dr * dr + dc * dc <= reach * reach:
+                nearest = min(nearest, dr * dr + dc * dc)
+                free += (bits & FREE_BIT) != 0
+                unknown += (bits & UNKNOWN_BIT) != 0
+    out[0], out[1], out[2], out[3] = inside / len(members), np.sqrt(nearest), free, unknown

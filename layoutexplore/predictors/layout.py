@@ -2,8 +2,8 @@
 
 Rooms are the seen regions; unknown cells near them belong to their rooms where trees say so (`cell_features`). Whether a
 frontier is closed and how much is left behind it is judged by trees on features of its surroundings (`frontier_features`).
-All were trained on simulated explorations of generated floor plans, of schools and of university floors
-(`layoutexplore.predictors.training`); how they do on buildings they never saw is for its cross-validation to say.
+All were trained on simulated explorations of generated floor plans, of schools and of university floors (`layoutexplore
+evaluate train-predictor`, which also says how they do on buildings that they never saw).
 Rooms are completed only when somebody looks at them: a strategy that asks for classes does not pay for shapes.
 """
 
@@ -13,6 +13,7 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +22,19 @@ from layoutexplore.decision import Decision
 from layoutexplore.frontier_classes import FrontierClasses
 from layoutexplore.grid import UNKNOWN
 from layoutexplore.predictors import cell_features
+from layoutexplore.predictors.cell_features import Candidates, add_judgement, find_candidates
 from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.forest import FOLDER, Forest, load_forests
-from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions
+from layoutexplore.predictors.frontier_features import FEATURES, ProbeMemory, frontier_features, home_regions
 from layoutexplore.predictors.protocol import RoomMap, with_classes
-from layoutexplore.predictors.regions import Regions, region_boxes, seen_regions
+from layoutexplore.predictors.regions import Regions, seen_regions
 
 LEFTOVER = 1.0
 """Square metres: closed frontiers with less left are what strategies put off."""
+
+CLOSED = 0.6
+"""Probability from which a frontier is called closed: on either half of the buildings, trained on the other, Matthews'
+correlation was best near this value (most frontiers are closed, so that a doubtful one is rather open)."""
 
 INSIDE = 0.35
 """Probability from which an unknown cell belongs to a room: the intersection over union is best below a half."""
@@ -46,34 +52,33 @@ class PredictedLayout:
         cells: int8 (rows, cols), what is known; not copied.
         regions: The seen rooms.
         resolution: Metres per cell.
-        forest: Says whether an unknown cell belongs to a room.
+        forests: As for `judge_cells`.
     """
 
-    def __init__(self, cells: NDArray[np.int8], regions: Regions, resolution: float, forest: Forest) -> None:
-        self._cells, self._regions, self._resolution, self._forest = cells, regions, resolution, forest
+    def __init__(self, cells: NDArray[np.int8], regions: Regions, resolution: float, forests: dict[str, Forest]) -> None:
+        self._cells, self._regions, self._resolution, self._forests = cells, regions, resolution, forests
 
     @cached_property
     def rooms(self) -> RoomMap:
         """The completed rooms, and the unseen rest of the building as one more."""
-        candidates = cell_features.find_candidates(self._cells, self._regions, self._resolution)
-        probability = self._forest.probability(candidates.features)
+        candidates = find_candidates(self._cells, self._regions, self._resolution)
+        probability = judge_cells(candidates, self._resolution, self._forests)
         shapes = _judged_shapes(self._cells.shape, self._regions, candidates, probability)
         return complete_regions(self._cells, self._regions, shapes)
 
     @cached_property
     def inside(self) -> NDArray[np.float32]:
-        """float32 (rows, cols): probability that an unknown cell belongs to the seen room next to it; 0 where it is known.
+        """float32 (rows, cols): probability that an unknown cell belongs to a seen room next to it; 0 where it is known.
 
-        Judged more coarsely than the rooms: strategies that look at probabilities need them at every decision.
+        Judged once and more coarsely than the rooms: strategies that look at probabilities need them at every decision.
         """
-        candidates = cell_features.find_candidates(
-            self._cells, self._regions, self._resolution, spacing=COARSE, reach=COARSE_REACH
-        )
-        probability = self._forest.probability(candidates.features)
+        candidates = find_candidates(self._cells, self._regions, self._resolution, spacing=COARSE, reach=COARSE_REACH)
+        probability = self._forests["first"].probability(candidates.features)
         chance = np.zeros(self._cells.shape, np.float32)
-        for square in _squares(candidates):
+        order = np.argsort(probability)  # Of two rooms that a cell may belong to, the likelier one counts.
+        for square in _squares(candidates, order):
             fits = (square < self._cells.shape).all(axis=1)
-            chance[square[fits, 0], square[fits, 1]] = probability[fits]
+            chance[square[fits, 0], square[fits, 1]] = probability[order][fits]
         chance[self._cells != UNKNOWN] = 0.0
         return chance
 
@@ -88,20 +93,23 @@ class LayoutPredictor:
     """Completed rooms, and frontiers judged by trees.
 
     Args:
-        frontier_forests: "closed", "leftover" and "area"; those that ship when None.
-        cell_forest: Whether a cell belongs to a room; the one that ships when None.
+        folder: Where `layoutexplore evaluate train-predictor` wrote the models; those that ship when None.
+
+    Raises:
+        ConfigError: The folder holds no models, or they do not fit this version.
     """
 
-    name = "layout"
-
-    def __init__(self, frontier_forests: dict[str, Forest] | None = None, cell_forest: Forest | None = None) -> None:
-        self._frontiers = frontier_forests or load_forests(FRONTIER_MODEL, FEATURES)
-        self._inside = cell_forest or load_forests(CELL_MODEL, cell_features.FEATURES)["inside"]
+    def __init__(self, folder: Path | None = None) -> None:
+        self.name = f"layout:model={folder}" if folder else "layout"
+        paths = [(folder or FOLDER) / path.name for path in (FRONTIER_MODEL, CELL_MODEL)]
+        self._frontiers = load_forests(paths[0], FEATURES, ("closed", "leftover", "area"))
+        self._cells = load_forests(paths[1], cell_features.FEATURES, ("first", "inside"))
+        self._memory = ProbeMemory()
 
     def rooms(self, decision: Decision) -> RoomMap:
         """The seen regions with what is thought to lie behind their frontiers."""
         cells, resolution = decision.grid.cells, decision.grid.resolution
-        return PredictedLayout(cells, seen_regions(cells, resolution), resolution, self._inside).rooms
+        return PredictedLayout(cells, seen_regions(cells, resolution), resolution, self._cells).rooms
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with class, area and confidence judged by the trees, and a `PredictedLayout`."""
@@ -111,11 +119,10 @@ class LayoutPredictor:
         regions = seen_regions(cells, resolution)
         clusters = [f.cells for f in decision.frontiers]
         visible = np.array([f.visible_area for f in decision.frontiers])
-        features = frontier_features(cells, clusters, visible, regions, resolution)
-        offsets = np.cumsum([0, *(len(c) for c in clusters)])
-        homes = home_regions(regions, np.concatenate(clusters), offsets)
+        features = frontier_features(cells, clusters, visible, regions, resolution, self._memory)
+        homes = home_regions(regions, clusters)
         classes, confidence = judge(features, self._frontiers, homes.astype(np.int32))
-        layout = PredictedLayout(cells, regions, resolution, self._inside)
+        layout = PredictedLayout(cells, regions, resolution, self._cells)
         return dataclasses.replace(with_classes(decision, classes, confidence), layout=layout)
 
 
@@ -133,27 +140,41 @@ def judge(
     closed = np.maximum(forests["closed"].probability(features), leftover)
     area = np.maximum(np.expm1(forests["area"].score(features)), 0.0)
     area = np.where(leftover > 0.5, np.minimum(area, math.nextafter(LEFTOVER, 0.0)), np.maximum(area, LEFTOVER))
-    is_closed = closed > 0.5
+    is_closed = (closed > CLOSED) | (leftover > 0.5)
     classes = FrontierClasses(is_closed, rooms, area, np.ones(len(rooms)), area)
     return classes, np.where(is_closed, closed, 1.0 - closed)
 
 
-def _squares(candidates: cell_features.Candidates) -> Iterator[NDArray[np.int32]]:
-    """The cells int32 (n, 2) of the squares around the candidates, some beyond the grid: one cell of each square at a time."""
+def judge_cells(candidates: Candidates, resolution: float, forests: dict[str, Forest]) -> NDArray[np.float64]:
+    """Probability float64 (n,) that each cell belongs to the room of its region, judged twice.
+
+    Args:
+        candidates: The cells.
+        resolution: Metres per cell.
+        forests: "first" (log-odds), which is followed by "inside", which knows what the first one thinks.
+    """
+    first = forests["first"].probability(candidates.features)
+    return forests["inside"].probability(add_judgement(candidates, first, resolution))
+
+
+def _squares(candidates: Candidates, chosen: NDArray[np.intp]) -> Iterator[NDArray[np.int32]]:
+    """The cells int32 (n, 2) of the squares of some candidates, some beyond the grid: one cell of each square at a time."""
+    corners = candidates.cells[chosen] // candidates.stride * candidates.stride
     for offset in np.ndindex(candidates.stride, candidates.stride):
-        yield candidates.cells - candidates.stride // 2 + np.array(offset, np.int32)
+        yield corners + np.array(offset, np.int32)
 
 
 def _judged_shapes(
-    shape: tuple[int, ...], regions: Regions, candidates: cell_features.Candidates, probability: NDArray[np.float64]
+    shape: tuple[int, ...], regions: Regions, candidates: Candidates, probability: NDArray[np.float64]
 ) -> dict[int, Shape]:
-    """By region the squares around the lattice cells that belong to its room."""
+    """By region the squares of the cells that belong to its room; the likelier one of two rooms has them."""
     claims = np.zeros(shape, np.int32)
-    inside = probability > INSIDE
-    for square in _squares(candidates):
-        fits = inside & (square < shape).all(axis=1)
-        claims[square[fits, 0], square[fits, 1]] = candidates.region[fits]
-    boxes = region_boxes(Regions(claims, regions.count, regions.door_width))
+    order = np.argsort(probability)
+    inside = order[probability[order] > INSIDE]
+    for square in _squares(candidates, inside):
+        fits = (square < shape).all(axis=1)
+        claims[square[fits, 0], square[fits, 1]] = candidates.region[inside][fits]
+    boxes = Regions(claims, regions.count, regions.door_width).boxes
     shapes = {}
     for region in np.unique(candidates.region[inside]).tolist():
         _, row0, col0, row1, col1 = boxes[region].tolist()

@@ -8,6 +8,7 @@ not matter: the distance is measured to walls alone, not to what is unknown.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -43,6 +44,20 @@ class Regions:
     count: int
     door_width: NDArray[np.float32]
 
+    @property
+    def boxes(self) -> NDArray[np.int64]:
+        """int64 (count + 1, 5): number of cells, and the half-open box (row0, col0, row1, col1) around them."""
+        return self._sums[0]
+
+    @property
+    def doors(self) -> NDArray[np.float64]:
+        """float64 (count + 1,): cells of doors in each region, each divided by the width of its door in metres."""
+        return self._sums[1]
+
+    @cached_property
+    def _sums(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        return _sum_up(self.labels, self.door_width, self.count)
+
 
 def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
     """Divide the known free space into the seen parts of rooms.
@@ -59,45 +74,56 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
         (2, 0.8)
     """
     labels, door_width = np.zeros(cells.shape, np.int32), np.zeros(cells.shape, np.float32)
-    box = _known_box(cells, round((DOOR_WIDTHS[1] + WIDENING) / resolution) + 1)
-    part = np.ascontiguousarray(cells[box])
-    occupied, free = part == OCCUPIED, part == FREE
-    doors = find_doors(occupied, resolution)
-    distance = cv2.distanceTransform((~occupied & (doors == 0)).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
-    core = (free & (distance * resolution > CORE)).astype(np.uint8)
+    box = known_box(cells)
+    margin = round((DOOR_WIDTHS[1] + WIDENING) / resolution) + 1
+    part = np.pad(cells[box], margin, constant_values=UNKNOWN)
+    doors = find_doors(part == OCCUPIED, resolution)
+    clear = ((part != OCCUPIED) & (doors == 0)).view(np.uint8)
+    core = cv2.erode(clear, _disc(CORE / resolution))
+    core[part != FREE] = 0
     count, cores = cv2.connectedComponents(core, connectivity=4, ltype=cv2.CV_32S)
-    labels[box], count = _grow(cores.astype(np.int32), free, int(count))
-    door_width[box] = doors
+    grown, count = _grow(cores, part == FREE, int(count))
+    inner = slice(margin, -margin)
+    labels[box], door_width[box] = grown[inner, inner], doors[inner, inner]
     return Regions(labels, count - 1, door_width)
 
 
-def _known_box(cells: NDArray[np.int8], margin: int) -> tuple[slice, slice]:
-    """Where something is known, with a margin; the whole grid when nothing is."""
+@lru_cache(maxsize=8)
+def _disc(radius: float) -> NDArray[np.uint8]:
+    """Cells no further than a radius from the middle one."""
+    reach = np.arange(-int(radius), int(radius) + 1)
+    return (np.hypot(reach[:, None], reach) <= radius).astype(np.uint8)
+
+
+def known_box(cells: NDArray[np.int8]) -> tuple[slice, slice]:
+    """Where something is known; the whole grid when nothing is."""
     known = cells != UNKNOWN
     rows, cols = np.flatnonzero(known.any(1)), np.flatnonzero(known.any(0))
     if len(rows) == 0:
-        return np.s_[:, :]
-    return np.s_[max(rows[0] - margin, 0) : rows[-1] + margin + 1, max(cols[0] - margin, 0) : cols[-1] + margin + 1]
-
-
-def region_boxes(regions: Regions) -> NDArray[np.int64]:
-    """Per region int64 (count + 1, 5): number of cells, and the half-open box (row0, col0, row1, col1) around them."""
-    return _boxes(regions.labels, regions.count)
+        return slice(0, cells.shape[0]), slice(0, cells.shape[1])
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
 
 
 def find_doors(occupied: NDArray[np.bool_], resolution: float) -> NDArray[np.float32]:
-    """Gaps along rows and columns that may be doors: float32 (rows, cols), their width in metres, 0 elsewhere."""
+    """Gaps along rows and columns that may be doors: float32 (rows, cols), their width in metres, 0 elsewhere.
+
+    Where two gaps cross, the narrower one counts.
+    """
     lengths = (*DOOR_WIDTHS, DOOR_WALL, WIDENING, WIDENING_DEPTH)
     sizes = np.array([max(round(length / resolution), 1) for length in lengths], np.int64)
-    along = _gaps(np.ascontiguousarray(occupied), sizes)
-    across = _gaps(np.ascontiguousarray(occupied.T), sizes).T
-    width = np.where((along == 0) | ((across > 0) & (across < along)), across, along)
-    return np.ascontiguousarray(width).astype(np.float32) * np.float32(resolution)
+    occupied = np.ascontiguousarray(occupied)
+    width = np.zeros(occupied.shape, np.float32)
+    for row, col, n in _gaps(occupied, sizes).tolist():
+        width[row, col : col + n] = n * resolution
+    for col, row, n in _gaps(cv2.transpose(occupied.view(np.uint8)).view(np.bool_), sizes).tolist():
+        line = width[row : row + n, col]
+        line[(line == 0) | (line > n * resolution)] = n * resolution
+    return width
 
 
 @njit(cache=True, nogil=True)
 def _gaps(occupied: NDArray[np.bool_], sizes: NDArray[np.int64]) -> NDArray[np.int32]:
-    """Widths in cells of the doors along the rows."""
+    """Doors along the rows int32 (n, 3): row, first column and width in cells."""
     narrowest, widest, wall, widening, depth = int(sizes[0]), int(sizes[1]), int(sizes[2]), int(sizes[3]), int(sizes[4])
     rows, cols = occupied.shape
     runs = np.zeros((rows, cols), np.int32)
@@ -107,7 +133,8 @@ def _gaps(occupied: NDArray[np.bool_], sizes: NDArray[np.int64]) -> NDArray[np.i
             if c == cols or occupied[r, c]:
                 runs[r, begin:c] = c - begin
                 begin = c + 1
-    gaps = np.zeros((rows, cols), np.int32)
+    gaps = np.empty((rows * cols // (narrowest + 1) + 1, 3), np.int32)
+    count = 0
     for r in range(rows):
         c = 1
         while c < cols:
@@ -119,9 +146,10 @@ def _gaps(occupied: NDArray[np.bool_], sizes: NDArray[np.int64]) -> NDArray[np.i
                     and _widens(runs, r, middle, -1, depth, n + widening)
                     and _widens(runs, r, middle, 1, depth, n + widening)
                 ):
-                    gaps[r, c : c + n] = n
+                    gaps[count, 0], gaps[count, 1], gaps[count, 2] = r, c, n
+                    count += 1
             c += max(n, 1)
-    return gaps
+    return gaps[:count].copy()
 
 
 @njit(cache=True, nogil=True)
@@ -149,44 +177,53 @@ def _widens(runs: NDArray[np.int32], r: int, c: int, step: int, depth: int, want
 
 @njit(cache=True, nogil=True)
 def _grow(labels: NDArray[np.int32], free: NDArray[np.bool_], count: int) -> tuple[NDArray[np.int32], int]:
-    """Spread labels over free 4-neighbours in rings; free space without any core becomes regions of its own."""
+    """Spread labels over free 4-neighbours in rings; free space without any core becomes regions of its own.
+
+    The border of both arrays is not free.
+    """
     rows, cols = labels.shape
-    queue = np.empty((rows * cols, 2), np.int32)
+    flat, open_ = labels.ravel(), free.ravel()
+    queue = np.empty(rows * cols, np.int32)
     last = 0
-    for r in range(rows):
-        for c in range(cols):
-            if labels[r, c]:
-                queue[last] = r, c
-                last += 1
-    first = _spread(labels, free, queue, 0, last)
-    for r in range(rows):
-        for c in range(cols):
-            if free[r, c] and labels[r, c] == 0:
-                labels[r, c] = count
-                count += 1
-                queue[first] = r, c
-                first = _spread(labels, free, queue, first, first + 1)
-    return labels, count
+    for i in range(cols, (rows - 1) * cols):
+        if flat[i]:
+            for step in (-cols, -1, 1, cols):
+                if open_[i + step] and flat[i + step] == 0:
+                    queue[last] = i
+                    last += 1
+                    break
+    first = _spread(flat, open_, cols, queue, 0, last)
+    for i in range(cols, (rows - 1) * cols):
+        if open_[i] and flat[i] == 0:
+            flat[i] = count
+            count += 1
+            queue[first] = i
+            first = _spread(flat, open_, cols, queue, first, first + 1)
+    return flat.reshape(rows, cols), count
 
 
 @njit(cache=True, nogil=True)
-def _spread(labels: NDArray[np.int32], free: NDArray[np.bool_], queue: NDArray[np.int32], first: int, last: int) -> int:
-    rows, cols = labels.shape
+def _spread(
+    labels: NDArray[np.int32], free: NDArray[np.bool_], cols: int, queue: NDArray[np.int32], first: int, last: int
+) -> int:
     while first < last:
-        row, col = queue[first]
+        i = queue[first]
         first += 1
-        for step in range(4):
-            r, c = row + (step == 0) - (step == 1), col + (step == 2) - (step == 3)
-            if 0 <= r < rows and 0 <= c < cols and free[r, c] and labels[r, c] == 0:
-                labels[r, c] = labels[row, col]
-                queue[last] = r, c
+        for step in (-cols, cols, -1, 1):
+            k = i + step
+            if free[k] and labels[k] == 0:
+                labels[k] = labels[i]
+                queue[last] = k
                 last += 1
     return last
 
 
 @njit(cache=True, nogil=True)
-def _boxes(labels: NDArray[np.int32], count: int) -> NDArray[np.int64]:
-    boxes = np.zeros((count + 1, 5), np.int64)
+def _sum_up(
+    labels: NDArray[np.int32], door_width: NDArray[np.float32], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Boxes and doors of all regions."""
+    boxes, doors = np.zeros((count + 1, 5), np.int64), np.zeros(count + 1)
     for r in range(labels.shape[0]):
         for c in range(labels.shape[1]):
             label = labels[r, c]
@@ -198,4 +235,6 @@ def _boxes(labels: NDArray[np.int32], count: int) -> NDArray[np.int64]:
             box[0] += 1
             box[1], box[2] = min(box[1], r), min(box[2], c)
             box[3], box[4] = max(box[3], r + 1), max(box[4], c + 1)
-    return boxes
+            if door_width[r, c] > 0:
+                doors[label] += 1.0 / door_width[r, c]
+    return boxes, doors

@@ -16,13 +16,10 @@ from numpy.typing import NDArray
 
 from layoutexplore.decision import Decision
 from layoutexplore.grid import OCCUPIED, UNKNOWN
+from layoutexplore.predictors.chart import continued_walls, draw_chart
 from layoutexplore.predictors.completion import Shape, complete_regions
-from layoutexplore.predictors.frontier_probes import wall_extensions
 from layoutexplore.predictors.protocol import RoomMap, classes_in, with_classes
-from layoutexplore.predictors.regions import Regions, region_boxes, seen_regions
-
-WALL_MIN, WALL_REACH = 0.5, 10.0
-"""Metres: walls from this length on are continued through the unknown, and how far."""
+from layoutexplore.predictors.regions import Regions, seen_regions
 
 LINE_WEIGHT, SHAPE_WEIGHT, COUNT_WEIGHT = 10.0, 10.0, 5.0
 """Weights of the score of a face subset: walls seen on its sides, area missing to its convex hull, number of its sides."""
@@ -89,7 +86,7 @@ def parallel_outline(points: NDArray[np.int32], angle: float) -> NDArray[np.floa
 
 def draw_shapes(cells: NDArray[np.int8], regions: Regions, outline: Outline) -> dict[int, Shape]:
     """The shape of every region that borders the unknown."""
-    angle, boxes = main_angle(cells), region_boxes(regions)
+    angle, boxes = main_angle(cells), regions.boxes
     beside = cv2.dilate((cells == UNKNOWN).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     partial = np.unique(regions.labels[beside & (regions.labels > 0)])
     return {int(region): _draw(regions, boxes, int(region), outline, angle) for region in partial}
@@ -117,9 +114,8 @@ class FaceSubsetPredictor:
         """The seen regions with the faces they take."""
         cells, resolution = decision.grid.cells, decision.grid.resolution
         regions = seen_regions(cells, resolution)
-        shortest, reach = max(round(WALL_MIN / resolution), 1), round(WALL_REACH / resolution)
-        lines = wall_extensions(cells, shortest, reach)
-        inner = ((cells == UNKNOWN) & (lines == 0)).astype(np.uint8)
+        lines = continued_walls(draw_chart(cells, regions, resolution, resolution))
+        inner = ((cells == UNKNOWN) & ~lines).astype(np.uint8)
         _, faces, stats, _ = cv2.connectedComponentsWithStats(inner, connectivity=4)
         candidates = _neighbouring_faces(regions, faces, stats[:, cv2.CC_STAT_AREA] * resolution**2)
         shapes = {}

@@ -1,37 +1,26 @@
-"""Training the trees that judge frontiers and cells, on simulated explorations of floor plans whose rooms are known.
+"""Training the trees that judge frontiers and cells (`layoutexplore evaluate train-predictor`).
 
-Explorations by several strategies are stopped here and there; every frontier is a sample with its true class and the true
-area left, and unknown cells near a seen region are samples of whether they are floor of its room. Plans of one building must
-be trained on together or not at all. To train on one's own plans and to see how the trees do on plans that they never saw:
-
-    python -m layoutexplore.predictors.training office:0-99 school:0-99 plans/ --folds 4 --out models/
+Plans of one building are trained on together or not at all. The cells are judged twice: the second forest also learns from
+what the first one, trained on other buildings, thinks of the neighbourhood.
 """
 
 from __future__ import annotations
 
-import argparse
-import dataclasses
-from collections.abc import Iterable, Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.frontier_classes import classify_frontiers
 from layoutexplore.predictors import cell_features
-from layoutexplore.predictors.cell_features import find_candidates
-from layoutexplore.predictors.forest import FOLDER, Forest, save_forests
-from layoutexplore.predictors.frontier_features import FEATURES, frontier_features
+from layoutexplore.predictors.cell_features import add_judgement
+from layoutexplore.predictors.forest import Forest, save_forests
+from layoutexplore.predictors.frontier_features import FEATURES
 from layoutexplore.predictors.layout import CELL_MODEL, FRONTIER_MODEL, LEFTOVER
-from layoutexplore.predictors.regions import seen_regions
-
-if TYPE_CHECKING:
-    from layoutexplore.evaluation.snapshots import Snapshot
-
-AGENTS = ("nearest", "layout-tour:predictor=oracle", "layout-tour:area=4,predictor=oracle", "wait-8")
-"""Strategies whose explorations are learnt from: what is left unseen depends on who explores."""
+from layoutexplore.predictors.samples import CellSamples, Samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,53 +28,41 @@ class TrainingConfig:
     """How the trees are grown.
 
     Attributes:
-        trees: Trees of a forest.
+        trees: Trees of a forest that judges frontiers.
         leaves: Leaves of a tree.
         rate: Learning rate.
         feature_share: Share of the features that a split may choose from.
-        snapshots: Decisions kept of an exploration.
-        cell_trees: Trees of the forest that judges cells.
+        cell_trees: Trees of either forest that judges cells.
         cell_leaves: Leaves of one of these.
-        cells: Cells kept of a decision.
+        cell_rate: Their learning rate.
+        region_cells: Cells that are learnt from in one region of one decision.
+        inner_folds: Folds of buildings in which the first judgement of cells is made for the second one to learn from.
     """
 
     trees: int = 200
     leaves: int = 24
     rate: float = 0.07
     feature_share: float = 0.3
-    snapshots: int = 8
-    cell_trees: int = 150
+    cell_trees: int = 100
     cell_leaves: int = 31
-    cells: int = 700
+    cell_rate: float = 0.12
+    region_cells: int = 120
+    inner_folds: int = 2
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """Frontiers and cells with what is true of them.
-
-    Attributes:
-        features: float32 (n, features).
-        closed: bool (n,).
-        area: float64 (n,), square metres left in the room behind.
-        building: str (n,).
-        cell_features: float32 (m, cell features).
-        inside: bool (m,), the cell is floor of the room that the region is the seen part of.
-    """
-
-    features: NDArray[np.float32]
-    closed: NDArray[np.bool_]
-    area: NDArray[np.float64]
-    building: NDArray[np.str_]
-    cell_features: NDArray[np.float32]
-    inside: NDArray[np.bool_]
+DEFAULT_TRAINING = TrainingConfig()
 
 
-def fit_forests(samples: Samples, config: TrainingConfig | None = None) -> dict[str, Forest]:
+def deal_groups(groups: Sequence[str], folds: int) -> dict[str, int]:
+    """A fold for each group of buildings: by name in turn, for what comes from one source often has names that sort together."""
+    return {name: k % folds for k, name in enumerate(sorted(set(groups)))}
+
+
+def fit_frontier_forests(samples: Samples, config: TrainingConfig = DEFAULT_TRAINING) -> dict[str, Forest]:
     """Train "closed" and "leftover" (log-odds) and "area" (log of 1 + square metres)."""
     from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostingRegressor
 
-    config = config or TrainingConfig()
-    options = {
+    options: dict[str, Any] = {
         "max_iter": config.trees,
         "learning_rate": config.rate,
         "max_leaf_nodes": config.leaves,
@@ -95,9 +72,7 @@ def fit_forests(samples: Samples, config: TrainingConfig | None = None) -> dict[
         "early_stopping": False,
         "random_state": 0,
     }
-    _, which, counts = np.unique(samples.building, return_inverse=True, return_counts=True)
-    weights = 1.0 / np.sqrt(counts[which])
-    weights /= weights.mean()
+    weights = _weights(samples.building)
     leftover = samples.closed & (samples.area < LEFTOVER)
     forests = {}
     for name, target in (("closed", samples.closed), ("leftover", leftover)):
@@ -107,21 +82,52 @@ def fit_forests(samples: Samples, config: TrainingConfig | None = None) -> dict[
     return forests | {"area": as_forest(model)}
 
 
-def fit_cell_forest(samples: Samples, config: TrainingConfig | None = None) -> Forest:
-    """Train the forest (log-odds) that says whether an unknown cell belongs to a room."""
+def fit_cell_forests(samples: Samples, config: TrainingConfig = DEFAULT_TRAINING) -> dict[str, Forest]:
+    """Train "first" and "inside" (log-odds), which say whether an unknown cell belongs to a room."""
+    cells = [part for part in samples.cells if len(part.inside)]
+    rng = np.random.default_rng(0)
+    chosen = [_some_of_each_region(part, config.region_cells, rng) for part in cells]
+    fold = deal_groups([part.building for part in cells], config.inner_folds)
+    judged: list[NDArray[np.float32]] = [part.candidates.features for part in cells]
+    for k in range(config.inner_folds):
+        others = [n for n, part in enumerate(cells) if fold[part.building] != k]
+        if not others or len(others) == len(cells):
+            continue
+        forest = _fit_cells([judged[n][chosen[n]] for n in others], [cells[n].inside[chosen[n]] for n in others], config)
+        for n in set(range(len(cells))) - set(others):
+            part = cells[n]
+            judged[n] = add_judgement(part.candidates, forest.probability(part.candidates.features), part.resolution)
+    truth = [part.inside[some] for part, some in zip(cells, chosen, strict=True)]
+    first = _fit_cells([part.candidates.features[some] for part, some in zip(cells, chosen, strict=True)], truth, config)
+    return {"first": first, "inside": _fit_cells([f[some] for f, some in zip(judged, chosen, strict=True)], truth, config)}
+
+
+def _some_of_each_region(part: CellSamples, most: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Which cells bool (n,) to learn from: all of a small region, some of a large one."""
+    count = np.bincount(part.candidates.region)[part.candidates.region]
+    return rng.random(len(count)) * count < most
+
+
+def _fit_cells(features: Sequence[NDArray[np.float32]], inside: Sequence[NDArray[np.bool_]], config: TrainingConfig) -> Forest:
     from sklearn.ensemble import HistGradientBoostingClassifier
 
-    config = config or TrainingConfig()
     model = HistGradientBoostingClassifier(
         max_iter=config.cell_trees,
-        learning_rate=0.12,
+        learning_rate=config.cell_rate,
         max_leaf_nodes=config.cell_leaves,
         min_samples_leaf=50,
         l2_regularization=3.0,
         early_stopping=False,
         random_state=0,
     )
-    return as_forest(model.fit(samples.cell_features, samples.inside))
+    return as_forest(model.fit(np.concatenate(features), np.concatenate(inside)))
+
+
+def _weights(building: NDArray[np.str_]) -> NDArray[np.float64]:
+    """A building with many samples counts more than one with few, but not as many times more."""
+    _, which, counts = np.unique(building, return_inverse=True, return_counts=True)
+    weights = 1.0 / np.sqrt(counts[which])
+    return np.asarray(weights / weights.mean())
 
 
 def as_forest(model: object) -> Forest:
@@ -143,102 +149,21 @@ def as_forest(model: object) -> Forest:
     return Forest(first, value.astype(np.float32), second, third, np.array(roots, np.int32), bias)
 
 
-def collect(
-    sources: Iterable[str], *, sensors: Sequence[str] = ("stage", "indoor"), config: TrainingConfig | None = None
-) -> Samples:
-    """Explore floor plans and keep their frontiers.
+def train_models(samples: Samples, folder: Path, held_out: Mapping[str, str], config: TrainingConfig = DEFAULT_TRAINING) -> None:
+    """Train both models and write them, with a list of what they have never seen, into a folder.
 
     Args:
-        sources: Names or paths of floor plans.
-        sensors: Of the explorations.
-        config: For the number of snapshots.
+        samples: What to learn from.
+        folder: Made if need be.
+        held_out: Building by plan, of the plans that the samples do not hold.
+        config: How the trees are grown.
     """
-    from layoutexplore.evaluation.snapshots import explore
-    from layoutexplore.floorplan import FloorPlan
+    from layoutexplore.grid_io import write_atomically
 
-    config = config or TrainingConfig()
-    parts: list[tuple[NDArray[np.generic], ...]] = []
-    for number, source in enumerate(sources):
-        plan = FloorPlan.load(source)
-        for k, sensor in enumerate(sensors):
-            rng = np.random.default_rng([number, k])
-            shares = np.sort(rng.uniform(0.04, 0.985, config.snapshots)).tolist()
-            agent = AGENTS[(number + k) % len(AGENTS)]
-            snapshots = explore(plan, sensor=sensor, seed=number, agent=agent, coverages=shares)
-            parts.extend((*_frontier_samples(s), *_cell_samples(s, config.cells, rng)) for s in snapshots)
-    return Samples(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def _frontier_samples(snapshot: Snapshot) -> tuple[NDArray[np.generic], ...]:
-    """Features, classes, areas and the building of a snapshot's frontiers."""
-    grid, truth = snapshot.decision.grid, snapshot.truth.raster
-    clusters = [f.cells for f in snapshot.decision.frontiers]
-    visible = np.array([f.visible_area for f in snapshot.decision.frontiers])
-    regions = seen_regions(grid.cells, grid.resolution)
-    features = frontier_features(grid.cells, clusters, visible, regions, grid.resolution)
-    true = classify_frontiers(grid.cells, clusters, truth.room_ids, truth.free, grid.resolution)
-    return features, true.is_closed, true.remaining_area, np.full(len(features), snapshot.building)
-
-
-def _cell_samples(snapshot: Snapshot, most: int, rng: np.random.Generator) -> tuple[NDArray[np.generic], ...]:
-    """Features of some unknown cells, and whether each is floor of the true room that its region is mostly part of."""
-    grid, truth = snapshot.decision.grid, snapshot.truth.raster
-    regions = seen_regions(grid.cells, grid.resolution)
-    candidates = find_candidates(grid.cells, regions, grid.resolution)
-    kept = rng.permutation(len(candidates.cells))[:most]
-    rooms = int(truth.room_ids.max()) + 1
-    seen = regions.labels > 0
-    pairs = regions.labels[seen].astype(np.int64) * rooms + truth.room_ids[seen]
-    shared = np.bincount(pairs, minlength=(regions.count + 1) * rooms).reshape(-1, rooms)
-    shared[:, 0] = 0
-    room = shared.argmax(1)[candidates.region[kept]]
-    rows, cols = candidates.cells[kept].T
-    return candidates.features[kept], truth.free[rows, cols] & (truth.room_ids[rows, cols] == room) & (room > 0)
-
-
-def cross_validate(samples: Samples, folds: int, config: TrainingConfig | None = None) -> tuple[NDArray[np.float64], ...]:
-    """Probabilities float64 (n,) of "closed" and of "leftover", each by trees that never saw the sample's building."""
-    names, which = np.unique(samples.building, return_inverse=True)
-    fold = np.random.default_rng(0).permutation(len(names))[which] % folds
-    closed, leftover = np.zeros(len(fold)), np.zeros(len(fold))
-    for k in range(folds):
-        out = fold == k
-        kept = dataclasses.replace(
-            samples,
-            features=samples.features[~out],
-            closed=samples.closed[~out],
-            area=samples.area[~out],
-            building=samples.building[~out],
-        )
-        forests = fit_forests(kept, config)
-        closed[out] = forests["closed"].probability(samples.features[out])
-        leftover[out] = forests["leftover"].probability(samples.features[out])
-    return closed, leftover
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Train from the command line."""
-    from layoutexplore.maps import expand_plans
-
-    parser = argparse.ArgumentParser(description="Train the trees that judge frontiers.")
-    parser.add_argument("plans", nargs="+", help="names, FAMILY:FIRST-LAST, files or folders")
-    parser.add_argument("--folds", type=int, default=0, help="also cross-validate over so many folds of buildings")
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder for the two models")
-    options = parser.parse_args(arguments)
-    sources = [source for spec in options.plans for source in expand_plans(spec)]
-    samples = collect(sources)
+    folder.mkdir(parents=True, exist_ok=True)
     note = f"{len(samples.closed)} frontiers of {len(np.unique(samples.building))} buildings"
-    print(note)
-    if options.folds:
-        closed, leftover = cross_validate(samples, options.folds)
-        right = ((leftover > 0.5) == (samples.closed & (samples.area < LEFTOVER))).mean()
-        print(f"held out: closed or open right {((closed > 0.5) == samples.closed).mean():.3f}, leftover right {right:.3f}")
-    options.out.mkdir(parents=True, exist_ok=True)
-    save_forests(options.out / FRONTIER_MODEL.name, fit_forests(samples), FEATURES, note)
-    inside = {"inside": fit_cell_forest(samples)}
-    save_forests(options.out / CELL_MODEL.name, inside, cell_features.FEATURES, f"{len(samples.inside)} cells, {note}")
-    print(f"written: {options.out}")
-
-
-if __name__ == "__main__":
-    main()
+    save_forests(folder / FRONTIER_MODEL.name, fit_frontier_forests(samples, config), FEATURES, note)
+    count = sum(len(part.inside) for part in samples.cells)
+    save_forests(folder / CELL_MODEL.name, fit_cell_forests(samples, config), cell_features.FEATURES, f"{count} cells, {note}")
+    listed = {"plans": sorted(held_out), "buildings": sorted(set(held_out.values()))}
+    write_atomically(folder / "held_out.json", (json.dumps(listed, indent=1) + "\n").encode())

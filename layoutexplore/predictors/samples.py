@@ -1,0 +1,189 @@
+"""What the trees that judge frontiers and cells learn from: stopped explorations of floor plans whose rooms are known.
+
+Every frontier is a sample with its true class and the true area left, and the unknown cells near a seen region are samples of
+whether they are floor of its room. What is left unseen depends on who explores, so several strategies do.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.floorplan import FloorPlan
+from layoutexplore.frontier_classes import classify_frontiers
+from layoutexplore.predictors.cell_features import Candidates, find_candidates
+from layoutexplore.predictors.frontier_features import frontier_features, home_regions
+from layoutexplore.predictors.regions import Regions, seen_regions
+
+if TYPE_CHECKING:
+    from layoutexplore.evaluation.snapshots import Snapshot
+    from layoutexplore.floorplan import PlanRaster
+
+AGENTS = ("nearest", "layout-tour:predictor=oracle", "layout-tour:area=4,predictor=oracle", "wait-8")
+SENSORS = ("stage", "indoor")
+
+FIRST_SEED = 1000
+"""Of the starts, so that they are others than those of evaluations."""
+
+COVERAGES = (0.04, 0.985)
+"""Between these shares of coverage explorations are stopped."""
+
+REGIONS = 8
+"""Regions of a decision whose cells are kept."""
+
+SAME_SIZE, SAME_NAME = 0.02, 0.9
+"""Plans of one building: sides that differ by less than this share, or names that are as alike as this."""
+
+
+@dataclass(frozen=True, eq=False)
+class CellSamples:
+    """The cells that some regions of one decision may own.
+
+    Attributes:
+        candidates: All cells of these regions.
+        inside: bool (n,), the cell is floor of the room that its region is the seen part of.
+        resolution: Metres per cell.
+        building: Group of the floor plan.
+    """
+
+    candidates: Candidates
+    inside: NDArray[np.bool_]
+    resolution: float
+    building: str
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Frontiers and cells with what is true of them.
+
+    Attributes:
+        features: float32 (n, features).
+        closed: bool (n,).
+        area: float64 (n,), square metres left in the room behind.
+        room: int64 (n,), a number for each region of each decision: that of the frontier.
+        building: str (n,), group of the floor plan.
+        cells: One entry a decision.
+    """
+
+    features: NDArray[np.float32]
+    closed: NDArray[np.bool_]
+    area: NDArray[np.float64]
+    room: NDArray[np.int64]
+    building: NDArray[np.str_]
+    cells: list[CellSamples]
+
+    def of_buildings(self, wanted: Callable[[str], bool]) -> Samples:
+        """The samples of the wanted buildings."""
+        kept = np.isin(self.building, [name for name in np.unique(self.building).tolist() if wanted(name)])
+        arrays = (self.features, self.closed, self.area, self.room, self.building)
+        return Samples(*(array[kept] for array in arrays), [part for part in self.cells if wanted(part.building)])
+
+
+def group_buildings(plans: Sequence[FloorPlan]) -> dict[str, str]:
+    """The group of each plan's name: floors of one building, also where their names or outlines alone tell.
+
+    Two buildings that are taken for one cost a little data and no honesty.
+
+    Example:
+        >>> from layoutexplore.floorplan import floorplan_from_ascii
+        >>> group_buildings([floorplan_from_ascii(".a", name=name) for name in ("Roland1", "Roland2", "Ursy")])
+        {'Roland1': 'Roland1', 'Roland2': 'Roland1', 'Ursy': 'Ursy'}
+    """
+    groups: dict[str, str] = {}
+    for k, plan in enumerate(plans):
+        same = [groups[other.name] for other in plans[:k] if _same_building(plan, other)]
+        groups[plan.name] = same[0] if same else plan.name
+        for name, group in groups.items():
+            if group in same:
+                groups[name] = groups[plan.name]
+    return groups
+
+
+def _same_building(plan: FloorPlan, other: FloorPlan) -> bool:
+    if plan.building == other.building:
+        return True
+    names = [re.sub(r"[\d_]+", "", p.building.lower()) for p in (plan, other)]
+    if all(names) and difflib.SequenceMatcher(None, *names).ratio() >= SAME_NAME:
+        return True
+    sides = np.array([np.subtract(p.bounds[2:], p.bounds[:2]) for p in (plan, other)])
+    return bool((np.abs(sides[0] - sides[1]) < SAME_SIZE * sides.max(0)).all() and sides.min() > 10.0)
+
+
+def protocol_explorations(plan: FloorPlan, store: Path | None) -> list[list[Snapshot]]:
+    """The explorations by which half-seen rooms are evaluated, by each sensor; those in the store are not run again."""
+    from layoutexplore.evaluation.snapshots import explore
+
+    return [explore(plan, sensor=sensor, store=store) for sensor in SENSORS]
+
+
+def stopped_explorations(plan: FloorPlan, starts: int, snapshots: int, store: Path | None) -> Iterator[list[Snapshot]]:
+    """Explorations of a plan by each sensor, stopped here and there; those that are in the store are not run again."""
+    from layoutexplore.evaluation.snapshots import explore
+
+    for start in range(starts):
+        for k, sensor in enumerate(SENSORS):
+            rng = np.random.default_rng([zlib.crc32(plan.content_hash.encode()), k, start])
+            agent = AGENTS[int(rng.integers(len(AGENTS)))]
+            shares = np.sort(rng.uniform(*COVERAGES, snapshots)).tolist()
+            yield explore(plan, sensor=sensor, seed=FIRST_SEED + start, agent=agent, coverages=shares, store=store)
+
+
+def gather(snapshots: Sequence[Sequence[Snapshot]], groups: Mapping[str, str]) -> Samples:
+    """Everything there is to learn from explorations; the group of a plan by its name, itself where there is none."""
+    parts: list[tuple[NDArray[np.generic], ...]] = []
+    cells: list[CellSamples] = []
+    rooms = 0
+    for number, exploration in enumerate(snapshots):
+        rng = np.random.default_rng(number)
+        for snapshot in exploration:
+            group = groups.get(snapshot.plan, snapshot.plan)
+            grid = snapshot.decision.grid
+            regions = seen_regions(grid.cells, grid.resolution)
+            features, closed, area, home = _frontier_samples(snapshot, regions)
+            parts.append((features, closed, area, home + rooms, np.full(len(home), group)))
+            cells.append(_cell_samples(snapshot, regions, group, rng))
+            rooms += regions.count + 1
+    return Samples(*(np.concatenate(column) for column in zip(*parts, strict=True)), cells)
+
+
+def _frontier_samples(
+    snapshot: Snapshot, regions: Regions
+) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float64], NDArray[np.int64]]:
+    """Features, classes, areas and home regions of a snapshot's frontiers."""
+    grid, truth = snapshot.decision.grid, snapshot.truth.raster
+    clusters = [f.cells for f in snapshot.decision.frontiers]
+    visible = np.array([f.visible_area for f in snapshot.decision.frontiers])
+    features = frontier_features(grid.cells, clusters, visible, regions, grid.resolution)
+    true = classify_frontiers(grid.cells, clusters, truth.room_ids, truth.free, grid.resolution)
+    return features, true.is_closed, true.remaining_area, home_regions(regions, clusters)
+
+
+def _cell_samples(snapshot: Snapshot, regions: Regions, group: str, rng: np.random.Generator) -> CellSamples:
+    """The cells of some regions, drawn at random."""
+    grid, truth = snapshot.decision.grid, snapshot.truth.raster
+    order = 1 + rng.permutation(regions.count)
+    chosen = np.zeros(regions.count + 1, np.bool_)
+    chosen[order[:REGIONS]] = True
+    kept = find_candidates(grid.cells, regions, grid.resolution, wanted=chosen)
+    room = seen_rooms(regions, truth)[kept.region]
+    rows, cols = kept.cells.T
+    inside = truth.free[rows, cols] & (truth.room_ids[rows, cols] == room) & (room > 0)
+    return CellSamples(kept, inside, grid.resolution, group)
+
+
+def seen_rooms(regions: Regions, truth: PlanRaster) -> NDArray[np.int64]:
+    """The true room int64 (regions + 1,) that each region is mostly part of; 0 for none."""
+    rooms = int(truth.room_ids.max()) + 1
+    seen = regions.labels > 0
+    pairs = regions.labels[seen].astype(np.int64) * rooms + truth.room_ids[seen]
+    shared = np.bincount(pairs, minlength=(regions.count + 1) * rooms).reshape(-1, rooms)
+    shared[:, 0] = 0
+    return np.asarray(shared.argmax(1))
