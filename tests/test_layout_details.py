@@ -104,6 +104,18 @@ def test_details_are_computed_late_from_what_the_layout_keeps() -> None:
     assert late.draw(panel=120).shape[1] % 5 == 0  # map, clean map, lines, faces, rooms
 
 
+def test_exported_faces_know_their_neighbours() -> None:
+    layout = reconstruct(plan())
+    features = [f["properties"] for f in layout.to_geojson()["features"] if f["properties"]["kind"] == "face"]
+    weights = {(f["id"], n["face"]): n["weight"] for f in features for n in f["neighbours"]}
+    for face in layout.faces:
+        assert [n["face"] for n in features[face.id]["neighbours"]] == list(face.neighbours)
+    assert all(weights[b, a] == weight and 0 <= weight <= 1 for (a, b), weight in weights.items())
+    hall, corridor = (layout.room_labels()[row, 60] for row in (200, 140))
+    between = [w for (a, b), w in weights.items() if (layout.faces[a].room, layout.faces[b].room) == (hall, corridor)]
+    assert between and max(between) > 0.8
+
+
 def test_a_map_without_walls_has_no_lines() -> None:
     layout = reconstruct(OccupancyGrid(np.zeros((60, 60), np.int8), 0.05))
     assert layout.lines == layout.faces == ()

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import shapely
 
-from layoutexplore.layout.types import Layout
+from layoutexplore.layout.types import OUTSIDE, Face, Layout
 
 
 def layout_to_geojson(layout: Layout) -> dict[str, Any]:
     """A FeatureCollection of the rooms, faces, lines and walls of a layout.
 
     Every feature has a property `kind` ("room", "face", "line" or "wall"); the collection's `layout` member holds the
-    method, the directions in degrees, the structure score and the warnings.
+    method, the directions in degrees, the structure score and the warnings. A face's `neighbours` are objects of the
+    neighbour's id (`face`) and the share of the common boundary that seen wall covers (`weight`).
     """
     features = [
         *(_feature(room.polygon, "room", **_room(room)) for room in layout.rooms),
@@ -25,6 +27,7 @@ def layout_to_geojson(layout: Layout) -> dict[str, Any]:
                 face_kind=face.kind.value,
                 inside_share=round(face.inside_share, 4),
                 room=face.room,
+                neighbours=_neighbours(face),
             )
             for face in layout.faces
         ),
@@ -46,6 +49,20 @@ def layout_to_geojson(layout: Layout) -> dict[str, Any]:
         },
         "features": features,
     }
+
+
+def _neighbours(face: Face) -> list[dict[str, Any]]:
+    """The faces on the other side of a face's edges, with the covered share of the boundary between them."""
+    sums: dict[int, tuple[float, float]] = {}
+    for edge in face.edges:
+        length, covered = sums.get(edge.neighbour, (0.0, 0.0))
+        step = math.dist(edge.start, edge.end)
+        sums[edge.neighbour] = length + step, covered + edge.weight * step
+    return [
+        {"face": other, "weight": round(covered / length if length else 0.0, 4)}
+        for other, (length, covered) in sorted(sums.items())
+        if other != OUTSIDE
+    ]
 
 
 def _room(room: Any) -> dict[str, Any]:
