@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from layoutexplore.agents import describe_agents
 from layoutexplore.benchmark.config import BenchmarkConfig
@@ -29,6 +30,7 @@ from layoutexplore.benchmark.episode import Episode, Row, play, prepare
 from layoutexplore.benchmark.layout_effects import layout_effects
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.cli import app
 from layoutexplore.decision import STOP, Choice, Decision
 from layoutexplore.errors import ConfigError
 from layoutexplore.floorplan import FloorPlan, floorplan_from_ascii
@@ -198,6 +200,17 @@ def test_explain_is_yes_or_no() -> None:
         BenchmarkConfig(explain="maybe")  # type: ignore[arg-type]
 
 
+def test_the_command_can_do_without(plan: FloorPlan, tmp_path: Path) -> None:
+    plan.save(tmp_path / "offices.geojson")
+    arguments = ["benchmark", "--plans", str(tmp_path / "offices.geojson"), "--starts", "1", "--agents", AGENT, "--jobs", "1"]
+    for flag, asked in (("--no-explain", False), ("--explain", True)):
+        out = tmp_path / flag
+        result = CliRunner().invoke(app, [*arguments, "--out", str(out), flag])
+        assert result.exit_code == 0, result.output
+        (row,) = ResultsFolder(out).rows()
+        assert math.isnan(row.layout_changed) != asked and (ResultsFolder(out).counterfactual(row) is not None) == asked
+
+
 def test_drift_beyond_the_grid_is_survived(plan: FloorPlan) -> None:
     """A robot that believes to be outside of its map is still asked."""
     config = SimulationConfig(sensor="indoor", odometry_noise=OdometryNoise(translation=0.5, rotation=0.5), max_distance=40.0)
@@ -250,6 +263,13 @@ def test_nothing_to_say_without_a_stop_or_a_finished_baseline() -> None:
     assert early_stops([row("nearest", 100, 0.99), row("tour", 90, 0.99)], "nearest", lambda r: CURVES["nearest"]) == []
     halted = [row("nearest", 100, 0.7, stop="budget"), row("early", 10, 0.5, stop="agent")]
     assert early_stops(halted, "nearest", lambda r: CURVES["nearest"]) == []
+
+
+def test_a_stop_that_never_comes_is_told_too() -> None:
+    rows = [row("nearest", 100, 0.99), row("layout-tour:stop_area=1", 80, 0.99), row("layout-tour", 80, 0.99)]
+    (stop,) = early_stops(rows, "nearest", lambda r: CURVES["nearest"])
+    assert stop.agent == "layout-tour:stop_area=1" and stop.saved.estimate == pytest.approx(0.2)
+    assert stop.stopped == stop.lost.estimate == 0.0
 
 
 def test_more_than_the_goal_is_not_lost_nor_saved_twice() -> None:

@@ -16,9 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import Curves, agents_of, groups
 from layoutexplore.benchmark.counterfactual import Counterfactual
 from layoutexplore.benchmark.episode import Row
+from layoutexplore.errors import LayoutExploreError
 from layoutexplore.exploration_metrics import distance_to_coverage
 from layoutexplore.statistics import Interval, cluster_bootstrap, interquartile_mean, weighted_mean
 
@@ -79,16 +81,17 @@ class EarlyStop:
 
 
 def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[EarlyStop]:
-    """Every agent of which some run ended by itself, in every group, against the baseline's runs to 99 %.
+    """Every agent that stops by itself, in every group, against the baseline's runs to 99 %.
 
-    By itself: the agent stopped, or no frontier was left; not because the coverage or the budget was reached.
+    Those that have a rule of stopping, and those of which some run ended by itself: the agent stopped, or no frontier was left;
+    not because the coverage or the budget was reached.
     """
     found = []
     for sensor, part in groups(rows).items():
         base = {(row.plan, row.start, row.sensor): row for row in part if row.agent == baseline and row.reached99}
         for agent in agents_of(part):
             mine = [row for row in part if row.agent == agent and (row.plan, row.start, row.sensor) in base]
-            if not any(row.stop_reason in ("agent", "no_frontier") for row in mine):
+            if not (mine and (has_stop_rule(agent) or any(row.stop_reason in ("agent", "no_frontier") for row in mine))):
                 continue
             stops = []
             for row in mine:
@@ -96,6 +99,20 @@ def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[Earl
                 stops.append(stop_at(row.plan, row.distance, row.coverage, other.d99, curves(other)))
             found.append(summarise_stops(sensor, agent, stops))
     return found
+
+
+def has_stop_rule(agent: str) -> bool:
+    """Whether an agent is told to stop when little is left.
+
+    Example:
+        >>> has_stop_rule("layout-tour:stop_area=1"), has_stop_rule("layout-tour"), has_stop_rule("one of another version")
+        (True, False, False)
+    """
+    try:
+        options = getattr(make_agent(agent), "options", None)
+    except LayoutExploreError:
+        return False
+    return bool(getattr(options, "stop_area", 0.0) > 0)
 
 
 def stop_at(plan: str, metres: float, coverage: float, baseline_metres: float, baseline_curve: NDArray[np.float64]) -> Stop:
