@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -66,7 +67,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         **options: Any,
     ) -> None:
         self.closed = True  # Until all went well: a failed constructor leaves nothing to close.
-        make = partial(self.environment, **options)
+        make = partial(_make, self.environment, options)
         template = make()
         self.num_envs, self._mode, self._copy = num_envs, _checked_mode(autoreset_mode), copy
         self._crew = _crew(make, template, num_envs, backend, workers, self._mode, max_episode_steps)
@@ -199,6 +200,13 @@ class MotionVectorEnv(ExplorationVectorEnv):
     """Many `MotionEnv`; see `ExplorationVectorEnv`."""
 
     environment = MotionEnv
+
+
+def _make(environment: type[ExplorationEnv[Any]], options: dict[str, Any]) -> ExplorationEnv[Any]:
+    """One of the environments; each has a predictor of its own, since a predictor may remember its run."""
+    if "predictor" in options:
+        options = options | {"predictor": deepcopy(options["predictor"])}
+    return environment(**options)
 
 
 def _crew(

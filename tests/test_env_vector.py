@@ -22,6 +22,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.errors import ConfigError, StartError, UnknownNameError, WorkerError
+from layoutexplore.predictors import make_predictor
 from tests.env_cases import CASES, FRONTIER, IDS, MOTION, make, rooms
 
 SMALL = ObservationConfig(local_size=16, global_size=16, detour=True, privileged=True)
@@ -149,6 +150,24 @@ def test_attributes_calls_and_errors_pass_between_the_vector_and_its_environment
         env.reset(seed=3)
     finally:
         env.close()
+
+
+def test_a_predictor_is_not_shared() -> None:
+    """The oracle is told the floor plan of its own environment alone."""
+    plan = [rooms(), "apartment-01"]
+    env = vector(FRONTIER, 4, backend="serial", plan=plan, predictor=make_predictor("oracle"))
+    singles = [make(FRONTIER, plan=plan, sensor="short", observation=SMALL, predictor="oracle") for _ in range(4)]
+    observations, infos = env.reset(seed=0)
+    assert len(set(infos["plan_index"])) == 2
+    for _ in range(3):
+        env.step(np.zeros(4, np.int64))
+    observations, *_ = env.step(np.zeros(4, np.int64))
+    for k, single in enumerate(singles):
+        single.reset(seed=k)
+        for _ in range(4):
+            observation, *_ = single.step(0)
+        np.testing.assert_array_equal(observations["frontiers"][k], observation["frontiers"])
+    env.close()
 
 
 def test_results_are_copies_unless_told_otherwise() -> None:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from layoutexplore.decision import STOP, Decision
-from layoutexplore.envs.observation import PRIVILEGED_FEATURES, Observation, ObservationConfig, Observer
+from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS
+from layoutexplore.envs.observation import FRONTIER_FEATURES, PRIVILEGED_FEATURES, Observation, ObservationConfig, Observer
 from layoutexplore.envs.rooms import RoomDistances
+from layoutexplore.errors import UnknownNameError
 from layoutexplore.planning import distance_matrix, geodesic_distances
 from layoutexplore.predictors import make_predictor
 from layoutexplore.robot import OdometryNoise
@@ -125,3 +127,41 @@ def test_distances_between_rooms_are_geodesic() -> None:
     np.testing.assert_allclose(distances.to_rooms(here), [field[tuple(cell)] for cell in nearest], atol=1.0)
     exact = distance_matrix(truth.reachable, np.array(nearest, np.int32), 0.1)
     np.testing.assert_allclose(distances.between, exact, atol=1.0)
+
+
+def named_columns(observation: Observation) -> dict[str, np.ndarray]:
+    table = np.asarray(observation["frontiers"]).reshape(-1, len(FRONTIER_FEATURES))
+    return dict(zip(FRONTIER_FEATURES, table[table[:, 0] == 1].T, strict=True))
+
+
+def test_a_predictor_by_name_fills_what_a_layout_tells_and_none_leaves_it_empty() -> None:
+    config = ObservationConfig(detour=True)
+    told = {name: make(predictor=name, plan="office-01", observation=config) for name in ("layout", "oracle", "none")}
+    assert len({str(env.observation_space) for env in told.values()}) == 1
+    shown = {}
+    for name, env in told.items():
+        env.reset(seed=1)
+        for _ in range(8):
+            shown[name] = env.step(0)[0]
+        assert env.observation_space.contains(shown[name])
+    for name in ("layout", "oracle"):
+        columns = named_columns(shown[name])
+        assert set(columns["class"]) == {-1.0, 1.0} and columns["expected_area"].any()
+        assert (columns["confidence"] >= 0.5).all() and shown[name]["robot"][-1] > 0
+    columns = named_columns(shown["none"])
+    assert not any(columns[key].any() for key in ("class", "expected_area", "confidence"))
+    assert columns["tour_rank"].max() == 1.0 and shown["none"]["robot"][-1] == 0
+    known = len(CHANNELS)
+    for key in ("local_map", "global_map"):
+        assert not shown["none"][key][known:].any()
+    for k in range(len(LAYOUT_CHANNELS)):
+        assert shown["layout"]["global_map"][known + k].any(), LAYOUT_CHANNELS[k]
+
+
+def test_predictors_by_name_and_as_objects_are_the_same() -> None:
+    named, given = make(predictor="oracle:flip=0.25"), make(predictor=make_predictor("oracle:flip=0.25"))
+    for env in (named, given):
+        env.reset(seed=2)
+    np.testing.assert_array_equal(named.step(0)[0]["frontiers"], given.step(0)[0]["frontiers"])
+    with pytest.raises(UnknownNameError, match="layout"):
+        make(predictor="layouts")

@@ -15,7 +15,7 @@ from layoutexplore.errors import ConfigError, MapError, StartError
 from layoutexplore.floorplan import FloorPlan, floorplan_from_ascii
 from layoutexplore.grid import Pose
 from layoutexplore.lidar import LidarConfig
-from layoutexplore.robot import OdometryNoise, disc_offsets
+from layoutexplore.robot import OdometryNoise, Robot, disc_offsets, draw_start
 from layoutexplore.simulation import Simulation, SimulationConfig
 
 THREE_ROOMS = """
@@ -184,6 +184,25 @@ def test_bad_starts(start: Pose) -> None:
 def test_bad_options(options: dict[str, object]) -> None:
     with pytest.raises(ConfigError):
         SimulationConfig(**options)  # type: ignore[arg-type]
+
+
+@given(st.integers(0, 10_000), st.floats(0.05, 2.0), st.floats(0.2, 3.0))
+@settings(max_examples=40, deadline=None)
+def test_following_a_path_is_a_row_of_moves(seed: int, pause: float, end: float) -> None:
+    """Until the pause, and up to the move that a wall stops or that walks too far."""
+    rng = np.random.default_rng(seed)
+    raster = three_rooms().rasterize(0.1)
+    start = draw_start(raster, 0.2, rng)
+    points = start[:2] + np.cumsum(rng.choice([-0.1, 0.0, 0.1], (30, 2)), axis=0)
+    quick, slow = (Robot(raster, 0.2, start, OdometryNoise(), rng) for _ in range(2))
+    count = quick.follow(points, pause, end)
+    for x, y in points[:count].tolist():
+        assert slow.walked < pause and not slow.translate(x - slow.pose.x, y - slow.pose.y)[1]
+    assert (quick.pose, quick.believed) == (slow.pose, slow.believed) and quick.walked == pytest.approx(slow.walked)
+    assert [pose for k, pose in enumerate(quick.track) if k == 0 or pose != quick.track[k - 1]] == slow.track
+    if count < len(points) and slow.walked < pause:
+        collided = slow.translate(*(points[count] - slow.pose[:2]).tolist())[1]
+        assert collided or slow.walked >= end
 
 
 def test_plan_without_room_for_the_robot() -> None:

@@ -63,7 +63,7 @@ def test_figures_are_written_as_json(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 
 def test_measurements_by_name() -> None:
     assert [m.name for m in measurements(["mapping", "rays"])] == ["mapping", "rays"]
-    assert len(measurements()) >= 9 and len({m.name for m in measurements()}) == len(measurements())
+    assert len(measurements()) >= 10 and len({m.name for m in measurements()}) == len(measurements())
     with pytest.raises(UnknownNameError, match="did you mean 'frontiers'"):
         measurements(["frontier"])
 

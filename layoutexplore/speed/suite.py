@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import cv2
 
 from layoutexplore.errors import unknown_name
-from layoutexplore.speed import environment, kernels, layout
+from layoutexplore.speed import environment, kernels, layout, vector
 from layoutexplore.speed.measurement import Measurement, Row
 
 
@@ -27,6 +27,7 @@ def measurements(only: Sequence[str] = ()) -> list[Measurement]:
             Measurement("layout", layout.layouts),
             Measurement("steps", environment.frontier_steps),
             Measurement("motion", environment.motion_steps),
+            Measurement("vector", vector.vector_steps),
             Measurement("reset", environment.resets),
             Measurement("memory", environment.memory),
             Measurement("import", environment.import_time),
