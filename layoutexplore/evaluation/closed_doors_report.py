@@ -84,7 +84,13 @@ def draw_panels(triple: Triple, folder: Path) -> list[tuple[str, NDArray[np.uint
 
 
 def write_report(
-    out: Path, triples: Sequence[Triple], scores: Sequence[PairScore], summary: Sequence[Mapping[str, Any]], *, command: str
+    out: Path,
+    triples: Sequence[Triple],
+    scores: Sequence[PairScore],
+    summary: Sequence[Mapping[str, Any]],
+    *,
+    command: str,
+    note: str = "",
 ) -> list[Path]:
     """Write report.html, maps.csv, summary.csv and pictures/NAME_k_doors.png into the folder of the predictions.
 
@@ -94,6 +100,7 @@ def write_report(
         scores: Their scores, in the same order.
         summary: What `summarise` made of them.
         command: Noted on the page.
+        note: What the prediction was trained on.
 
     Returns:
         The files written, the page first.
@@ -117,6 +124,7 @@ def write_report(
         cards=cards,
         buildings=len({score.building for score in scores}),
         command=command,
+        note=note[:1].upper() + note[1:].rstrip("."),
     )
     write_atomically(out / "report.html", page.encode())
     return [out / "report.html", out / "maps.csv", out / "summary.csv"]
