@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from layoutexplore.floorplan import FloorPlan, PlanRaster
 from layoutexplore.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.lidar import LidarConfig
+from layoutexplore.path_table import PathTable
 from layoutexplore.planning import distance_matrix, distances_between
 
 STOP = -1
@@ -76,6 +77,7 @@ class Decision:
         robot_radius: In metres.
         layout: The predicted layout; None without a predictor.
         track: The poses so far, as the robot believes them; it grows with every move.
+        paths: Keeps path lengths from decision to decision; None computes them anew.
     """
 
     step: int
@@ -88,6 +90,7 @@ class Decision:
     robot_radius: float
     layout: Any = None
     track: Sequence[Pose] = ()
+    paths: PathTable | None = None
 
     @cached_property
     def traversable(self) -> NDArray[np.bool_]:
@@ -107,7 +110,8 @@ class Decision:
         lengths = np.zeros((len(frontiers) + 1, len(frontiers) + 1), np.float32)
         lengths[0, 1:] = lengths[1:, 0] = [frontier.path_length for frontier in frontiers]
         cells = np.array([frontier.viewpoint for frontier in frontiers], np.int32).reshape(-1, 2)
-        lengths[1:, 1:] = distance_matrix(self.traversable, cells, self.grid.resolution)
+        between = self.paths.lengths if self.paths else distance_matrix
+        lengths[1:, 1:] = between(self.traversable, cells, self.grid.resolution)
         return lengths
 
     def path_lengths_from(self, index: int, chosen: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float32]:

@@ -39,7 +39,7 @@ def inflate(occupied: NDArray[np.bool_], radius: float, resolution: float) -> ND
     check_resolution(resolution)
     if not (math.isfinite(radius) and radius >= 0):
         raise ConfigError(f"the radius must be metres, 0 or more, got {radius}")
-    world = _checked(occupied)
+    world = check_mask(occupied)
     reach = radius / resolution
     # Centres at exactly the radius are not closer, whatever the rounding of the division.
     limit = reach * reach - 1e-9
@@ -76,12 +76,12 @@ def geodesic_distances(
         >>> geodesic_distances(np.ones((2, 3), bool), Cell(0, 0), 1.0).round(1).tolist()
         [[0.0, 1.0, 2.0], [1.0, 1.399999976158142, 2.4000000953674316]]
     """
-    world = _checked(traversable)
+    world = check_mask(traversable)
     check_resolution(resolution)
-    start = _checked_cells(np.array([source]), world.shape)
-    stops = _checked_cells(np.empty((0, 2)) if stop_at is None else stop_at, world.shape)
+    start = check_cells(np.array([source]), world.shape)
+    stops = check_cells(np.empty((0, 2)) if stop_at is None else stop_at, world.shape)
     space = workspace(world)
-    settled = space.spread(_flat(start, space)[0], _flat(stops, space))
+    settled = space.spread(flat_indices(start, space)[0], flat_indices(stops, space))
     lengths = np.empty(world.shape, np.float32)
     to_metres(space.distance, resolution / STRAIGHT, settled, lengths)
     return lengths
@@ -102,8 +102,8 @@ def descend(distances: NDArray[np.float32], traversable: NDArray[np.bool_], targ
     Raises:
         ConfigError: The target lies outside or cannot be reached.
     """
-    world = _checked(traversable)
-    goal = _checked_cells(np.array([target]), world.shape)[0]
+    world = check_mask(traversable)
+    goal = check_cells(np.array([target]), world.shape)[0]
     if not np.isfinite(distances[goal[0], goal[1]]):
         raise ConfigError(f"cell ({goal[0]}, {goal[1]}) cannot be reached: its distance is infinite")
     path = _walk_down(np.ascontiguousarray(distances, np.float32), _padded(world), goal[0], goal[1])
@@ -129,12 +129,12 @@ def distances_between(
     Raises:
         ConfigError: A cell lies outside of the grid.
     """
-    world = _checked(traversable)
+    world = check_mask(traversable)
     check_resolution(resolution)
-    start, places = _checked_cells(np.array([source]), world.shape), _checked_cells(cells, world.shape)
+    start, places = check_cells(np.array([source]), world.shape), check_cells(cells, world.shape)
     space = workspace(world)
     space.origin = 0
-    units = space.spread_again(int(_flat(start, space)[0]), _flat(places, space))
+    units = space.spread_again(int(flat_indices(start, space)[0]), flat_indices(places, space))
     return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
 
@@ -169,16 +169,16 @@ def distance_matrix(traversable: NDArray[np.bool_], cells: NDArray[np.int32], re
     Raises:
         ConfigError: A cell lies outside of the grid.
     """
-    world = _checked(traversable)
+    world = check_mask(traversable)
     check_resolution(resolution)
-    places = _checked_cells(cells, world.shape)
+    places = check_cells(cells, world.shape)
     n = len(places)
     units = np.full((n, n), FAR, np.int64)
     np.fill_diagonal(units, 0)
     if n > 1:
         space = workspace(world)
-        flat = _flat(places, space)
-        doors, lengths = _entrances(flat, space)
+        flat = flat_indices(places, space)
+        doors, lengths = entrances(flat, space)
         waiting = np.arange(n)
         source, space.origin = 0, 0
         while len(waiting) > 1:
@@ -193,13 +193,15 @@ def distance_matrix(traversable: NDArray[np.bool_], cells: NDArray[np.int32], re
     return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
 
-def _checked(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def check_mask(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The mask, C-contiguous; raises `MapError` unless it is bool (rows, cols) and not empty."""
     if mask.ndim != 2 or mask.dtype != np.bool_ or mask.size == 0:
         raise MapError(f"planning needs a non-empty bool array in two dimensions, got {mask.dtype} {mask.shape}")
     return np.ascontiguousarray(mask)
 
 
-def _checked_cells(cells: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.int64]:
+def check_cells(cells: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """The cells as int64 (n, 2); raises `ConfigError` where one lies outside of a grid of that shape."""
     places = np.asarray(cells, np.int64).reshape(-1, 2)
     outside = ((places < 0) | (places >= np.array(shape))).any(axis=1)
     if outside.any():
@@ -221,12 +223,12 @@ def _trimmed(kernel: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return kernel[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1].astype(np.uint8)
 
 
-def _flat(places: NDArray[np.int64], space: Workspace) -> NDArray[np.int64]:
+def flat_indices(places: NDArray[np.int64], space: Workspace) -> NDArray[np.int64]:
     """Padded flat indices (n,) of cells (n, 2)."""
     return (places[:, 0] + 1) * space.cols + places[:, 1] + 1
 
 
-def _entrances(flat: NDArray[np.int64], space: Workspace) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def entrances(flat: NDArray[np.int64], space: Workspace) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """For each place the cells (n, 8) by which it is entered and the lengths (n, 8) of those moves.
 
     A traversable place is entered "by itself"; one that is not, by the moves that lead out of it, which no search follows.

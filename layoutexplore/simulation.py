@@ -25,6 +25,7 @@ from layoutexplore.floorplan import FloorPlan
 from layoutexplore.frontiers import FrontierDetector
 from layoutexplore.grid import OCCUPIED, Cell, Pose
 from layoutexplore.mapping import Mapper, ScanUpdate
+from layoutexplore.path_table import PathTable
 from layoutexplore.plan_raster import shared_lidar
 from layoutexplore.planning import check_path, descend, geodesic_distances, inflate
 from layoutexplore.robot import PERFECT_ODOMETRY, Robot, check_start, disc_offsets, draw_start, path_is_blocked
@@ -122,6 +123,7 @@ class Simulation:
         self._coverage = Coverage(self.truth.target)
         self._bumped: list[Cell] = []
         self._exhausted = np.zeros(shape, np.bool_)
+        self._paths = PathTable()
         self._curve: list[tuple[float, float, float]] = []
         self.stop_reason = ""
         self.scans = self.decisions = 0
@@ -286,6 +288,7 @@ class Simulation:
             sensor=self.config.lidar,
             robot_radius=self.config.robot_radius,
             track=self.robot.believed_track,
+            paths=self._paths,
         )
         return self.predictor.predict(decision) if self.predictor and decision.frontiers else decision
 

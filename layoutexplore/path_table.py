@@ -1,0 +1,121 @@
+"""Shortest path lengths between places on a map that changes little from one time to the next.
+
+Lengths are kept where the change cannot matter. A path that touches a changed cell, or squeezes past one, leads from its one
+end to there and on to its other end; where even the straight ways together are longer than the kept length, neither the old
+nor the new map has a path of that length through the change, so the length stays exact. What is unknown then is searched from
+as few places as a greedy choice finds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.planning import check_cells, check_mask, entrances, flat_indices
+from layoutexplore.wavefront import DIAGONAL, FAR, STRAIGHT, workspace
+
+_UNKNOWN = -1
+_MOST_CHANGES = 20_000
+"""Changed cells from which everything is forgotten: looking at them all would take longer than searching."""
+_MOST_PLACES = 256
+"""Places that are kept in store; beyond it only those that are asked for are kept."""
+
+
+class PathTable:
+    """Path lengths between the places that are asked for, kept from call to call.
+
+    Example:
+        >>> table = PathTable()
+        >>> open_floor = np.ones((3, 9), bool)
+        >>> table.lengths(open_floor, np.array([[0, 0], [0, 8]]), 1.0)[0].tolist()
+        [0.0, 8.0]
+    """
+
+    def __init__(self) -> None:
+        self._mask = np.zeros((0, 0), np.bool_)
+        self._cells = np.empty((0, 2), np.int64)
+        self._units = np.empty((0, 0), np.int64)
+        self.searches = 0
+
+    def lengths(self, traversable: NDArray[np.bool_], cells: NDArray[np.integer], resolution: float) -> NDArray[np.float32]:
+        """The same as `layoutexplore.planning.distance_matrix`: float32 (n, n) in metres."""
+        world = check_mask(traversable)
+        wanted = check_cells(cells, world.shape)
+        self._adapt(world)
+        rows = self._rows(wanted, world.shape[1])
+        units = self._units[np.ix_(rows, rows)]
+        if (units == _UNKNOWN).any():
+            self._search(world, wanted, units)
+            self._units[np.ix_(rows, rows)] = units
+        return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
+
+    def _adapt(self, world: NDArray[np.bool_]) -> None:
+        """Forget the lengths that may differ on this map, and remember it."""
+        if world.shape != self._mask.shape:
+            self._cells, self._units = np.empty((0, 2), np.int64), np.empty((0, 0), np.int64)
+        else:
+            changes = np.flatnonzero(world != self._mask)
+            if len(changes) == 0:
+                return
+            if len(changes) > _MOST_CHANGES:
+                self._units[:] = _UNKNOWN
+            elif len(self._cells):
+                near = _nearest_change(self._cells, changes, world.shape[1])
+                touched = near[:, None] + near[None, :] - 2 * STRAIGHT <= self._units
+                self._units[touched] = _UNKNOWN
+            np.fill_diagonal(self._units, 0)
+        self._mask = world.copy()
+
+    def _rows(self, wanted: NDArray[np.int64], cols: int) -> NDArray[np.int64]:
+        """The rows int64 (n,) of places in the table, which are added where they are new."""
+        keys, asked = self._cells @ np.array([cols, 1]), wanted @ np.array([cols, 1])
+        if len(keys) + len(asked) > _MOST_PLACES:
+            kept = np.flatnonzero(np.isin(keys, asked))
+            self._cells, self._units, keys = self._cells[kept], self._units[np.ix_(kept, kept)], keys[kept]
+        known = {int(key): k for k, key in enumerate(keys)}
+        rows = np.array([known.setdefault(int(key), len(known)) for key in asked], np.int64)
+        old, count = len(keys), len(known)
+        if count > old:
+            units = np.full((count, count), _UNKNOWN, np.int64)
+            units[:old, :old] = self._units
+            np.fill_diagonal(units, 0)
+            self._units = units
+            self._cells = np.array([divmod(key, cols) for key in known], np.int64)
+        return rows
+
+    def _search(self, world: NDArray[np.bool_], places: NDArray[np.int64], units: NDArray[np.int64]) -> None:
+        """Fill the unknown entries of units int64 (n, n) in place."""
+        space = workspace(world)
+        space.origin = 0
+        flat = flat_indices(places, space)
+        doors, steps = entrances(flat, space)
+        first = -1
+        while True:
+            missing = np.count_nonzero(units == _UNKNOWN, axis=1)
+            most = int(missing.max())
+            if most == 0:
+                return
+            candidates = np.flatnonzero(missing == most)
+            # The outermost place first: what remains lies ever closer together, and searches stop ever sooner.
+            source = int(candidates[np.argmax(units[first, candidates])] if first >= 0 else candidates[0])
+            first = source if first < 0 else first
+            targets = np.flatnonzero(units[source] == _UNKNOWN)
+            ahead = doors[targets]
+            reached = (space.spread_again(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + steps[targets]).min(axis=1)
+            units[source, targets] = units[targets, source] = np.minimum(reached, FAR)
+            self.searches += 1
+
+
+@njit(cache=True, nogil=True)
+def _nearest_change(places: NDArray[np.int64], changes: NDArray[np.int64], cols: int) -> NDArray[np.int64]:
+    """Length int64 (n,) of the straight way (without walls) from each place (n, 2) to the nearest changed cell, flat (m,)."""
+    nearest = np.empty(len(places), np.int64)
+    for k in range(len(places)):
+        best = np.int64(FAR)
+        for change in changes:
+            rows, columns = abs(change // cols - places[k, 0]), abs(change % cols - places[k, 1])
+            shorter = min(rows, columns)
+            best = min(best, STRAIGHT * (max(rows, columns) - shorter) + DIAGONAL * shorter)
+        nearest[k] = best
+    return nearest
