@@ -75,6 +75,12 @@ def test_training_moved_actor_and_critic(trained: Path, tmp_path: Path) -> None:
         assert any(not torch.equal(start[name], end[name]) for name in end if name.startswith(part))
 
 
+def test_what_is_kept_is_the_average_of_the_actor(trained: Path) -> None:
+    state, kept = tensors(trained), safetensors.torch.load_file(trained / "policy.safetensors")
+    assert all(torch.equal(kept[name], state[f"policy.averaged.{name}"]) for name in kept)
+    assert any(not torch.equal(kept[name], state[f"policy.actor.{name}"]) for name in kept)
+
+
 def test_a_run_is_not_overwritten(trained: Path, tmp_path: Path) -> None:
     with pytest.raises(ResultsError, match="add --resume"):
         Run(small_config(tmp_path), trained, device="cpu", resume=False, watcher=Silent())

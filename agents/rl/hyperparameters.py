@@ -116,6 +116,7 @@ class TrainingConfig:
         observation: Keyword arguments of `ObservationConfig`; of Frontier-v0 only.
         reward: Keyword arguments of `PathToMarks`; of Frontier-v0 only.
         critic_steps: Steps at the start from which only the critic learns; of Frontier-v0 only.
+        averaging: Share of the actor's running average that an update leaves; of Frontier-v0 only.
         max_steps: Steps after which an episode is cut off, 0 for never; of Motion-v0 only.
         network: Of Frontier-v0 only.
         imitation: Of Frontier-v0 only.
@@ -140,6 +141,7 @@ class TrainingConfig:
     observation: Mapping[str, Any] = field(default_factory=dict)
     reward: Mapping[str, Any] = field(default_factory=dict)
     critic_steps: int = 0
+    averaging: float = 0.0
     max_steps: int = 0
     network: NetworkConfig | None = None
     imitation: ImitationConfig | None = None
@@ -149,6 +151,8 @@ class TrainingConfig:
             check_whole(name, getattr(self, name))
         for name in ("workers", "seed", "critic_steps", "max_steps"):
             check_whole(name, getattr(self, name), least=0)
+        if not 0 <= self.averaging < 1:
+            raise ConfigError(f"averaging is a share from 0 to less than 1, got {self.averaging}")
         if not self.plans or not self.sensors:
             raise ConfigError("training needs at least one of plans and of sensors")
 

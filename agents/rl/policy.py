@@ -30,6 +30,7 @@ class FrontierPolicy(MaskableActorCriticPolicy):
         **kwargs: For the parent class.
 
     Attributes:
+        averaged: A running average of the actor: what is kept and evaluated. Single updates are noisy.
         actor_waits: Only the critic learns: a critic that knows nothing yet would lead the actor astray.
     """
 
@@ -51,7 +52,17 @@ class FrontierPolicy(MaskableActorCriticPolicy):
         privileged = self.observation_space.spaces.get("privileged")
         self.actor = Actor(self._spec)
         self.critic = Critic(self._spec, privileged.shape[0] if privileged and privileged.shape else 0)
-        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
+        learning = [*self.actor.parameters(), *self.critic.parameters()]
+        self.averaged = Actor(self._spec)
+        self.averaged.load_state_dict(self.actor.state_dict())
+        self.averaged.requires_grad_(False)
+        self.optimizer = self.optimizer_class(learning, lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
+
+    def average(self, kept: float) -> None:
+        """Move the average towards the actor as it is now; `kept` is the share of the old average."""
+        with torch.no_grad():
+            for old, new in zip(self.averaged.parameters(), self.actor.parameters(), strict=True):
+                old.lerp_(new, 1.0 - kept)
 
     def forward(self, obs: Any, deterministic: bool = False, action_masks: Any = None) -> tuple[Tensor, Tensor, Tensor]:
         """Actions (batch,), values (batch, 1) and log-probabilities (batch,)."""

@@ -108,6 +108,7 @@ class Run:
             imitate(actor, self.config, self.watcher.say, lambda: self.stopping)
             if not self.stopping:
                 self._policy.actor.load_state_dict(actor.state_dict())
+                self._policy.averaged.load_state_dict(actor.state_dict())
         self._save()
         self._evaluate()
 
@@ -119,7 +120,7 @@ class Run:
         self.model.set_random_seed(int(np.random.SeedSequence([config.seed, progress.steps]).generate_state(1)[0] >> 1))
         self.model._last_obs = None
         advance = partial(self.watcher.advance, total=config.steps)
-        callback = TrainingCallback(advance, lambda: self.stopping, config.critic_steps)
+        callback = TrainingCallback(advance, lambda: self.stopping, config.critic_steps, config.averaging)
         self.model.learn(target - progress.steps, callback, reset_num_timesteps=False)
         if callback.interrupted:
             self.model.num_timesteps = callback.learnt
@@ -161,14 +162,14 @@ class Run:
         return self.model.policy
 
     def _actor(self) -> Actor:
-        """A copy of the policy's actor on the CPU."""
+        """A copy of the policy's averaged actor on the CPU."""
         assert self.spec is not None
         actor = Actor(self.spec)
-        actor.load_state_dict({name: tensor.cpu() for name, tensor in self._policy.actor.state_dict().items()})
+        actor.load_state_dict({name: tensor.cpu() for name, tensor in self._policy.averaged.state_dict().items()})
         return actor.eval()
 
     def _weights(self) -> dict[str, torch.Tensor]:
-        return dict((self._policy.actor if self.spec else self.model.policy).state_dict())
+        return dict((self._policy.averaged if self.spec else self.model.policy).state_dict())
 
     def _card(self) -> dict[str, Any]:
         """What there is to say of the policy as it is now."""
