@@ -27,6 +27,7 @@ from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.forest import FOLDER, Forest, load_forests, save_forests
 from layoutexplore.predictors.frontier_features import FEATURES, ProbeMemory, frontier_features, home_regions
 from layoutexplore.predictors.frontier_probes import TOUCHED, flood_unknown
+from layoutexplore.predictors.layout import likeliest_overlap
 from layoutexplore.predictors.oracle import OraclePredictor
 from layoutexplore.predictors.regions import Regions, find_doors, seen_regions
 from layoutexplore.predictors.samples import Samples, gather, group_buildings, stopped_explorations
@@ -251,6 +252,21 @@ def test_cells_are_offered_to_two_regions_and_judged_by_their_neighbourhood() ->
     assert features[candidates.region == 1, total] == pytest.approx(40 * 20 * 0.01, rel=0.3)
     some = find_candidates(cells, regions, 0.1, wanted=np.array([False, True, False]))
     np.testing.assert_array_equal(some.features, candidates.features[candidates.region == 1])
+
+
+@settings(max_examples=40, deadline=None)
+@given(values=st.lists(st.tuples(st.integers(1, 3), st.floats(0.01, 0.99)), min_size=1, max_size=12))
+def test_no_threshold_overlaps_more(values: list[tuple[int, float]]) -> None:
+    region, probability = np.array([v[0] for v in values], np.int32), np.array([v[1] for v in values])
+    threshold = likeliest_overlap(region, probability)
+    for k in np.unique(region):
+        mine = probability[region == k]
+
+        def overlap(level: float, mine: NDArray[np.float64] = mine) -> float:
+            inside = mine >= level
+            return float(mine[inside].sum() / (inside.sum() + mine[~inside].sum()))
+
+        assert overlap(threshold[k]) >= max(overlap(level) for level in mine) - 1e-12
 
 
 def test_the_home_of_a_frontier() -> None:

@@ -36,9 +36,6 @@ CLOSED = 0.6
 """Probability from which a frontier is called closed: on either half of the buildings, trained on the other, Matthews'
 correlation was best near this value (most frontiers are closed, so that a doubtful one is rather open)."""
 
-INSIDE = 0.35
-"""Probability from which an unknown cell belongs to a room: the intersection over union is best below a half."""
-
 COARSE, COARSE_REACH = 0.6, 8.0
 """Metres between the cells judged for probabilities in sight, and how far they are judged: a quarter of the work."""
 
@@ -157,6 +154,28 @@ def judge_cells(candidates: Candidates, resolution: float, forests: dict[str, Fo
     return forests["inside"].probability(add_judgement(candidates, first, resolution))
 
 
+def likeliest_overlap(region: NDArray[np.int32], probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Per region float64 (max + 1,) the probability from which its cells make the shape of the greatest expected overlap.
+
+    The expected intersection over union of the likeliest n cells is close to their summed probability over n plus the
+    summed probability of all others, so that the best threshold is that ratio over one plus that ratio: below a half.
+
+    Example:
+        >>> region, probability = np.array([1, 1, 1, 1], np.int32), np.array([0.9, 0.8, 0.4, 0.2])
+        >>> likeliest_overlap(region, probability).tolist()
+        [inf, 0.4]
+    """
+    threshold = np.full(int(region.max(initial=0)) + 1, np.inf)
+    order = np.lexsort((-probability, region))
+    begins = np.flatnonzero(np.diff(region[order], prepend=-1))
+    for part in np.split(order, begins[1:]):
+        if len(part):
+            summed = np.cumsum(probability[part])
+            overlap = summed / (np.arange(1, len(part) + 1) + summed[-1] - summed)
+            threshold[region[part[0]]] = probability[part[overlap.argmax()]]
+    return threshold
+
+
 def _squares(candidates: Candidates, chosen: NDArray[np.intp]) -> Iterator[NDArray[np.int32]]:
     """The cells int32 (n, 2) of the squares of some candidates, some beyond the grid: one cell of each square at a time."""
     corners = candidates.cells[chosen] // candidates.stride * candidates.stride
@@ -169,8 +188,8 @@ def _judged_shapes(
 ) -> dict[int, Shape]:
     """By region the squares of the cells that belong to its room; the likelier one of two rooms has them."""
     claims = np.zeros(shape, np.int32)
-    order = np.argsort(probability)
-    inside = order[probability[order] > INSIDE]
+    order = np.argsort(probability, kind="stable")
+    inside = order[probability[order] >= likeliest_overlap(candidates.region, probability)[candidates.region[order]]]
     for square in _squares(candidates, inside):
         fits = (square < shape).all(axis=1)
         claims[square[fits, 0], square[fits, 1]] = candidates.region[inside][fits]
