@@ -25,7 +25,7 @@ from layoutexplore.benchmark.counterfactual import (
     to_arrays,
     without_layout,
 )
-from layoutexplore.benchmark.early_stop import early_stops, stop_at, try_rule
+from layoutexplore.benchmark.early_stop import early_stops, stop_at, tried_stops, try_rule
 from layoutexplore.benchmark.episode import Episode, Row, play, prepare
 from layoutexplore.benchmark.layout_effects import layout_effects
 from layoutexplore.benchmark.runner import run_benchmark
@@ -275,6 +275,21 @@ def test_a_stop_that_never_comes_is_told_too() -> None:
 def test_more_than_the_goal_is_not_lost_nor_saved_twice() -> None:
     stop = stop_at("a", 100.0, 1.0, 100.0, CURVES["nearest"])
     assert stop.saved == stop.lost == 0.0 and stop.baseline_saved == pytest.approx(0.0) and not stop.early
+
+
+def test_a_tried_rule_is_what_the_agent_would_have_done(plan: FloorPlan, tmp_path: Path) -> None:
+    plan.save(tmp_path / "offices.geojson")
+    agents = ("nearest", "layout-nearest:predictor=oracle", "layout-nearest:stop_area=8,predictor=oracle")
+    simulation = SimulationConfig(coverage_goal=1.0)
+    config = BenchmarkConfig(plans=(str(tmp_path / "offices.geojson"),), starts=2, agents=agents, simulation=simulation)
+    outcome = run_benchmark(config, tmp_path / "out")
+    curves = lambda row: outcome.folder.episode(row)[0]  # noqa: E731
+    found = {stop.agent: stop for stop in early_stops(outcome.rows, "nearest", curves)}
+    (tried,) = tried_stops(outcome.rows, "nearest", agents[1], curves, outcome.folder.counterfactual, [8.0])
+    told = found[agents[2]]
+    assert tried.tried and not told.tried and any(row.stop_reason == "agent" for row in outcome.rows)
+    for a, b in zip(tried.runs, told.runs, strict=True):
+        assert (a.plan, a.saved, a.lost) == (b.plan, pytest.approx(b.saved, abs=1e-4), pytest.approx(b.lost, abs=1e-4))
 
 
 def test_a_rule_is_tried_on_runs_that_went_on() -> None:

@@ -96,15 +96,15 @@ class Counterfactual:
     """What was noted in a run.
 
     Attributes:
-        log: float32 (n, len(LOG)), a row a decision.
+        log: float64 (n, len(LOG)), a row a decision.
         moments: The most decisive ones, in their order.
     """
 
-    log: NDArray[np.float32]
+    log: NDArray[np.float64]
     moments: tuple[Moment, ...]
 
-    def column(self, name: str) -> NDArray[np.float32]:
-        """float32 (n,): a column of the log."""
+    def column(self, name: str) -> NDArray[np.float64]:
+        """float64 (n,): a column of the log."""
         return self.log[:, LOG.index(name)]
 
 
@@ -208,7 +208,7 @@ class Asides:
     def end(self) -> Counterfactual:
         """Everything noted, once the run is over."""
         self._settle()
-        log = np.array(self._rows, np.float32).reshape(-1, len(LOG))
+        log = np.array(self._rows, np.float64).reshape(-1, len(LOG))
         moments = sorted((kept.moment for _, _, kept in self._kept), key=lambda moment: moment.distance)
         return Counterfactual(log, tuple(moments))
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ GOAL = 0.99
 
 POINTS_LOST = 0.02
 """A run that loses more coverage than this has stopped too early."""
+
+THRESHOLDS = (1.0, 2.0, 4.0, 8.0)
+"""Square metres at which stopping is tried on runs that went on."""
 
 Rule = Callable[[Counterfactual], NDArray[np.bool_]]
 """Whether to stop, bool (n,), at each decision of a run."""
@@ -67,6 +70,7 @@ class EarlyStop:
         too_early: Share of the runs that lost more than 2 points.
         stopped: Share of the runs that stopped before 99 %.
         runs: The stops.
+        tried: Whether the rule was tried on runs that went on.
     """
 
     sensor: str
@@ -78,6 +82,7 @@ class EarlyStop:
     too_early: float
     stopped: float
     runs: tuple[Stop, ...]
+    tried: bool = False
 
 
 def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[EarlyStop]:
@@ -99,6 +104,39 @@ def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[Earl
                 stops.append(stop_at(row.plan, row.distance, row.coverage, other.d99, curves(other)))
             found.append(summarise_stops(sensor, agent, stops))
     return found
+
+
+def tried_stops(
+    rows: Iterable[Row],
+    baseline: str,
+    agent: str,
+    curves: Curves,
+    told: Callable[[Row], Counterfactual | None],
+    thresholds: Sequence[float] = THRESHOLDS,
+) -> list[EarlyStop]:
+    """What an agent without a rule would have saved and lost had it stopped where little was left, in every group.
+
+    Args:
+        rows: The runs.
+        baseline: The agent to compare with.
+        agent: Of whose runs.
+        curves: Give the baseline's curves.
+        told: Gives what was noted in a run; runs in which nobody asked do not count.
+        thresholds: Square metres that every frontier must have less of behind it.
+    """
+    found = []
+    for sensor, part in groups(rows).items():
+        base = {(row.plan, row.start, row.sensor): row for row in part if row.agent == baseline and row.reached99}
+        mine = [row for row in part if row.agent == agent and (row.plan, row.start, row.sensor) in base]
+        runs = [(row, c, base[row.plan, row.start, row.sensor]) for row in mine if (c := told(row)) is not None]
+        areas = thresholds if runs else ()
+        found += [try_rule(stops_below(a), runs, curves, sensor=sensor, name=f"{agent}, below {a:g} m²") for a in areas]
+    return found
+
+
+def stops_below(area: float) -> Rule:
+    """The rule of the option `stop_area`: every frontier is closed and has less than `area` square metres left."""
+    return lambda told: (told.column("open_judged") == 0) & (told.column("largest_left") < area)
 
 
 def has_stop_rule(agent: str) -> bool:
@@ -149,7 +187,7 @@ def try_rule(
         if len(at):
             metres, coverage = (float(told.column(name)[at[0]]) for name in ("distance", "coverage"))
         stops.append(stop_at(row.plan, metres, coverage, other.d99, curves(other)))
-    return summarise_stops(sensor, name, stops)
+    return replace(summarise_stops(sensor, name, stops), tried=True)
 
 
 def summarise_stops(sensor: str, agent: str, stops: Sequence[Stop]) -> EarlyStop:

@@ -113,7 +113,7 @@ def _effect(sensor: str, agent: str, runs: Sequence[tuple[Row, Counterfactual]])
     )
 
 
-def _logical(log: NDArray[np.float32], name: str) -> NDArray[np.bool_]:
+def _logical(log: NDArray[np.float64], name: str) -> NDArray[np.bool_]:
     return np.asarray(log[:, LOG.index(name)] > 0)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from layoutexplore.benchmark.analysis import Comparison, Curves
 from layoutexplore.benchmark.counterfactual import Moment
-from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops
+from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops, has_stop_rule, tried_stops
 from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
 from layoutexplore.benchmark.store import ResultsFolder
@@ -65,12 +65,14 @@ def layout_section(
         by_group.setdefault(effect.sensor, []).append(line)
     for lines in by_group.values():
         lines.sort(key=lambda line: (line.effect.agent.partition(":")[0], line.privileged, line.effect.agent))
+    best = _best(next(iter(by_group.values()), []))
     stops: dict[str, list[EarlyStop]] = {}
-    for stop in early_stops(rows, baseline, curves):
+    tried = tried_stops(rows, baseline, best, curves, folder.counterfactual) if best else []
+    for stop in (*early_stops(rows, baseline, curves), *tried):
         stops.setdefault(stop.sensor, []).append(stop)
     return {
         "effects": by_group,
-        "moments": _moments(folder, rows, next(iter(by_group.values()), [])),
+        "moments": _moments(folder, rows, best),
         "stops": {name: (stop_plot(found), found) for name, found in stops.items()},
     }
 
@@ -82,12 +84,15 @@ def _knows(agent: str) -> bool:
         return False  # results of an agent that this version does not have
 
 
-def _moments(folder: ResultsFolder, rows: Sequence[Row], lines: Sequence[EffectLine]) -> list[MomentPicture]:
-    """Moments of the best agent that predicts: most at stake first, from different floor plans before from the same."""
-    honest = [line for line in lines if not line.privileged and line.effect.changed.estimate > 0]
-    if not honest:
-        return []
-    agent = min(honest, key=lambda line: line.d95.ratio.estimate if line.d95 else math.inf).effect.agent
+def _best(lines: Sequence[EffectLine]) -> str:
+    """The agent that predicts, does not stop by itself and needs the fewest metres to 95 %; empty where there is none."""
+    honest = [line for line in lines if not line.privileged and not has_stop_rule(line.effect.agent)]
+    best = min(honest, key=lambda line: line.d95.ratio.estimate if line.d95 else math.inf, default=None)
+    return best.effect.agent if best else ""
+
+
+def _moments(folder: ResultsFolder, rows: Sequence[Row], agent: str) -> list[MomentPicture]:
+    """Moments of an agent: most at stake first, from different runs before from the same."""
     found: list[tuple[Row, Moment]] = []
     for row in rows:
         told = None if row.error or row.agent != agent else folder.counterfactual(row)
