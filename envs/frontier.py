@@ -69,7 +69,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `turn` | direction of its middle relative to the heading, in half turns, -1 ... 1, left positive |
     | `size` | its length |
     | `visible_area` | unknown area that would be in view |
-    | `detour` | metres by which a short tour over the frontiers that need not wait grows when it is visited first |
+    | `detour` | metres by which the tour over the frontiers that need not wait grows when this one is visited first |
     | `tour_rank` | 1 / position in that tour, 0 when it is not in it |
     | `class` | 1 closed (the rest of a room), -1 open (leads on), 0 not predicted |
     | `expected_area` | predicted unknown area behind it |
@@ -78,11 +78,13 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     `robot`: `heading_cos`, `heading_sin`, `distance` travelled, `known_area`, `frontier_count` (over the slots), `map_x`,
     `map_y` (where it is in the global map, 0 ... 1 from the lower left), `map_span` (side of the global map),
     `expected_area` (of all frontiers). Without a predictor, all that a layout would tell is zero. `detour` and `tour_rank` are
-    zero unless switched on. The tour is over the frontiers of 1 m and more that are not closed with less than 1 m² left; when
-    there are none, over those that are.
+    zero unless switched on; the tour is the one that the tour agents follow (`layoutexplore.frontier_tour`), over the frontiers
+    of 1 m and more (0.4 m with a predictor) that are not closed with less than 1 m² left.
 
-    `privileged`: see `PRIVILEGED_FEATURES`. An agent that acts from decisions alone (`Observer`) sees the same
-    observation, with zeros there.
+    `privileged`: `coverage`, `remaining_area` and `building_area`, `rooms_left` (share of the rooms with 1 m² or more to
+    see), `remaining_tour` (length of a tour over their middles), `length_to_95` and `length_to_99` (its parts up to these
+    coverages, estimates), `budget_used`. An agent that acts from decisions alone (`Observer`) sees the same observation, with
+    zeros there.
 
     ## Starting State
     A floor plan drawn from `plan`, and a random free pose in its largest connected area, after one scan all around.
@@ -115,7 +117,11 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     ## Arguments
     ```python
     gymnasium.make("LayoutExplore/Frontier-v0", plan="train", sensor="stage", reward="path_length")
+    gymnasium.make_vec("LayoutExplore/Frontier-v0", num_envs=8, plan=PlanSampler(area=(300.0, 900.0)))
     ```
+
+    Many at once are a vector environment of our own; its options (workers, when to reset) stand in
+    `layoutexplore.envs.vector.ExplorationVectorEnv`.
 
     | Argument | Meaning |
     |---|---|

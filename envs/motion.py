@@ -143,7 +143,10 @@ class MotionEnv(ExplorationEnv[Any]):
     ## Arguments
     ```python
     gymnasium.make("LayoutExplore/Motion-v0", plan="train", actions="continuous", sensor="indoor")
+    gymnasium.make_vec("LayoutExplore/Motion-v0", num_envs=8, backend="serial")
     ```
+
+    Many at once are a vector environment of our own; see `layoutexplore.envs.vector.ExplorationVectorEnv`.
 
     | Argument | Meaning |
     |---|---|
