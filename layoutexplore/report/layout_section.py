@@ -17,8 +17,8 @@ from layoutexplore.errors import LayoutExploreError
 from layoutexplore.report.moments import MomentPicture, moment_picture
 from layoutexplore.report.plots import agent_look, hexadecimal
 
-RIGHT_MOMENTS, WRONG_MOMENTS = 4, 2
-"""Decisive moments that are drawn: in which the prediction was right, and wrong."""
+MOMENTS, WRONG_MOMENTS = 6, 2
+"""Decisive moments that are drawn, and how many of them at most in which the prediction was wrong."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +98,8 @@ def _moments(folder: ResultsFolder, rows: Sequence[Row], agent: str) -> list[Mom
         told = None if row.error or row.agent != agent else folder.counterfactual(row)
         found += [(row, moment) for moment in (told.moments if told else ())]
     found.sort(key=lambda pair: (-pair[1].stake, pair[0].key))
-    shown = _spread((pair for pair in found if pair[1].right), RIGHT_MOMENTS)
-    shown += _spread((pair for pair in found if not pair[1].right), WRONG_MOMENTS)
+    wrong = _spread((pair for pair in found if not pair[1].right), WRONG_MOMENTS)
+    shown = _spread((pair for pair in found if pair[1].right), MOMENTS - len(wrong)) + wrong
     pictures = []
     for row, moment in shown:
         occupied, frame = folder.raster(row.plan)
