@@ -84,7 +84,6 @@ def morphological_labels(free: NDArray[np.bool_], resolution: float, config: Mor
     """Rooms of the morphological method, int32 (rows, cols), 0 outside the free space and where no seed reaches."""
     left = free.astype(np.uint8)
     seeds = np.zeros(free.shape, np.int32)
-    pixel = np.zeros(free.shape, np.uint8)
     kernel, label = np.ones((3, 3), np.uint8), 0
     for _ in range(math.ceil(config.depth / resolution)):
         left = cast("NDArray[np.uint8]", cv2.erode(left, kernel))
@@ -94,10 +93,8 @@ def morphological_labels(free: NDArray[np.bool_], resolution: float, config: Mor
         for index, area in zip(outer, areas * resolution**2, strict=True):
             if config.area_min < area < config.area_max:
                 label += 1
-                cv2.drawContours(seeds, contours, index, label, cv2.FILLED)
-                pixel[:] = 0
-                cv2.drawContours(pixel, contours, index, 1, cv2.FILLED)
-                left[pixel > 0] = 0
+                cv2.drawContours(seeds, [contours[index]], 0, label, cv2.FILLED)
+                cv2.drawContours(left, [contours[index]], 0, 0, cv2.FILLED)
     seeds[~free] = 0
     return grow_labels(seeds, free)
 
