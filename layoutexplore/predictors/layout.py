@@ -36,8 +36,8 @@ CLOSED = 0.6
 """Probability from which a frontier is called closed: on either half of the buildings, trained on the other, Matthews'
 correlation was best near this value (most frontiers are closed, so that a doubtful one is rather open)."""
 
-COARSE, COARSE_REACH = 0.6, 8.0
-"""Metres between the cells judged for probabilities in sight, and how far they are judged: a quarter of the work."""
+COARSE, COARSE_REACH = 0.9, 6.0
+"""Metres between the cells judged for probabilities in sight, and how far they are judged: a tenth of the cells."""
 
 FRONTIER_MODEL, CELL_MODEL = FOLDER / "frontier_model.json", FOLDER / "cell_model.json"
 
