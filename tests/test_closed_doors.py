@@ -6,16 +6,28 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app
 from layoutexplore.closed_doors import predict_closed_rooms
-from layoutexplore.closed_doors.candidates import room_space, wall_thickness
-from layoutexplore.closed_doors.doors import find_doors
+from layoutexplore.closed_doors.candidates import rectangles
+from layoutexplore.closed_doors.doors import DOOR_FEATURES, door_features, find_edges
+from layoutexplore.closed_doors.features import FEATURES, describe
+from layoutexplore.closed_doors.models import shipped_models
+from layoutexplore.closed_doors.prediction import find_doors, turned_scenes
+from layoutexplore.closed_doors.scene import room_space, wall_thickness
+from layoutexplore.closed_doors.simulation import add_outer_doors, find_doorways, plan_cells, shut_rooms
+from layoutexplore.closed_doors.symmetry import best_mirror
+from layoutexplore.closed_doors.training import building_of, collect, find_sources, fit, samples_of, save
 from layoutexplore.errors import MapError
 from layoutexplore.evaluation.closed_doors import evaluate, find_triples, read_cells, score_prediction, summarise
+from layoutexplore.floorplan import floorplan_from_ascii
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.predictors.forest import load_forests
 
 WALL, WIDTH, DEPTH = 6, 80, 90  # cells
 
@@ -44,7 +56,7 @@ def _with_walls(free: NDArray[np.bool_]) -> NDArray[np.int8]:
     return np.where(free, FREE, np.where(rim, OCCUPIED, UNKNOWN)).astype(np.int8)
 
 
-def save(cells: NDArray[np.int8], path: Path) -> None:
+def draw(cells: NDArray[np.int8], path: Path) -> None:
     cv2.imwrite(str(path), np.where(cells == FREE, 254, np.where(cells == OCCUPIED, 0, 205)).astype(np.uint8))
 
 
@@ -52,17 +64,46 @@ def save(cells: NDArray[np.int8], path: Path) -> None:
 def folder(tmp_path: Path) -> Path:
     for k, shut in ((1, (2,)), (2, (2, 3))):
         seen, truth = office(shut)
-        save(seen, tmp_path / f"office_{k}_doors_IN.png")
-        save(truth, tmp_path / "office_GT.png")
-    save(truth, tmp_path / "office_1_doors_OUT.png")
+        draw(seen, tmp_path / f"office_{k}_doors_IN.png")
+        draw(truth, tmp_path / "office_GT.png")
+    draw(truth, tmp_path / "office_1_doors_OUT.png")
     return tmp_path
 
 
 def test_closed_doors_are_found_and_open_ones_are_not() -> None:
-    seen, _ = office((1, 4))
-    found = [d for d in find_doors(seen, 0.05) if d.recess >= 2]
-    assert [(d.start, d.stop) for d in found] == [(10 + k * (WIDTH + WALL) + 25, 10 + k * (WIDTH + WALL) + 45) for k in (1, 4)]
-    assert not [d for d in find_doors(office(())[0], 0.05) if d.recess >= 2]
+    def doors(shut: tuple[int, ...]) -> list[tuple[int, int]]:
+        forest = shipped_models().doors
+        found = find_doors(office(shut)[0], 0.05, lambda turns, edges, features: forest.probability(features))
+        assert not any(found[1:])
+        return [(door.start, door.stop) for door in found[0]]
+
+    assert doors((1, 4)) == [(10 + k * (WIDTH + WALL) + 25, 10 + k * (WIDTH + WALL) + 45) for k in (1, 4)]
+    assert doors(()) == []
+
+
+@given(arrays(np.int8, (9, 40), elements=st.sampled_from([FREE, FREE, FREE, UNKNOWN, OCCUPIED])))
+def test_edges_by_a_slow_search(cells: NDArray[np.int8]) -> None:
+    cells[:3], cells[3, 5:30] = UNKNOWN, OCCUPIED
+    cells[4, 5:30] = FREE
+    slow = []
+    for row in range(1, 8):
+        edge = [cells[row + 1, c] == FREE and cells[row, c] != FREE and cells[row - 1, c] == UNKNOWN for c in range(40)]
+        for start in range(40):
+            if edge[start] and (start == 0 or not edge[start - 1]):
+                stop = next((c for c in range(start, 40) if not edge[c]), 40)
+                slow += [(row, start, stop)] if stop - start >= 12 else []
+    assert [tuple(edge) for edge in find_edges(cells, 0.05).tolist()] == slow
+
+
+def test_an_edge_in_numbers() -> None:
+    seen, _ = office((2,))
+    edges = find_edges(seen, 0.05)
+    left = 10 + 2 * (WIDTH + WALL)
+    (leaf,) = (k for k, edge in enumerate(edges.tolist()) if edge[1:] == [left + 25, left + 45])
+    known = dict(zip(DOOR_FEATURES, door_features(seen, 0.05, edges)[leaf].tolist(), strict=True))
+    assert known["length"] == pytest.approx(1.0) and known["occupied"] == 1 and known["behind"] == pytest.approx(3.0)
+    assert known["recess"] == known["recess_other"] == pytest.approx(0.15)
+    assert known["loose"] == known["loose_other"] == 0
 
 
 def test_walls_keep_their_thickness() -> None:
@@ -73,6 +114,95 @@ def test_walls_keep_their_thickness() -> None:
     for row, col in np.argwhere(seen == UNKNOWN):
         slow[row, col] = (seen[max(row - 2, 0) : row + 3, max(col - 2, 0) : col + 3] == UNKNOWN).all()
     assert np.array_equal(space, slow)
+
+
+def test_one_of_the_rectangles_is_the_room() -> None:
+    seen, _ = office((2,))
+    doors = find_doors(seen, 0.05, lambda turns, edges, features: (features[:, 7] > 0.1) * (features[:, 0] < 2.0) * 1.0)
+    (door,) = doors[0]
+    scene = next(iter(turned_scenes(seen, 0.05, doors)))
+    boxes = rectangles(scene, door)
+    room = np.array([10, 10 + 2 * (WIDTH + WALL), 10 + DEPTH, 10 + 2 * (WIDTH + WALL) + WIDTH])
+    near = np.abs(boxes - room).max(1)
+    assert near.min() <= 2
+    known = dict(zip(FEATURES, describe(scene, door, boxes)[near.argmin()].tolist(), strict=True))
+    assert known["left_contact"] > 0.9 and known["right_contact"] > 0.9 and known["near_contact"] > 0.9 and known["hull"] == 1
+    assert known["width"] == pytest.approx(WIDTH * 0.05, abs=0.15) and known["depth"] == pytest.approx(DEPTH * 0.05, abs=0.15)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_mirror_image_of_a_symmetric_plan_completes_it(axis: int) -> None:
+    seen, truth = office((1,)) if axis else (np.ascontiguousarray(cells.T) for cells in office((1,)))
+    half = np.concatenate([seen, np.flip(seen, axis)], axis)
+    whole = np.concatenate([truth, np.flip(truth, axis)], axis)
+    half[tuple(slice(seen.shape[axis], None) if k == axis else slice(None) for k in (0, 1))] = np.flip(truth, axis)
+    mirror = best_mirror(half)
+    hidden = (whole == FREE) & (half != FREE)
+    assert hidden.any() and (mirror.cells[hidden] == FREE).mean() > 0.98
+    assert mirror.score > 0.3 and mirror.overlap > 0.9
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rooms_shut_at_random_are_hidden_and_nothing_else(seed: int) -> None:
+    _, truth = office(())
+    assert len(find_doorways(truth, 0.05)) == 6
+    rng = np.random.default_rng(seed)
+    seen = shut_rooms(truth, 0.05, rng)
+    assert seen is not None
+    hidden = (truth == FREE) & (seen != FREE)
+    assert not ((seen == FREE) & (truth != FREE)).any()
+    assert hidden[:110].sum() >= 80 * 85 and not hidden[115:].any()
+    parts, _ = cv2.connectedComponents((seen == FREE).astype(np.uint8), connectivity=4)
+    assert parts == 2
+    more, true = add_outer_doors(seen, truth, 0.05, rng, 4)
+    assert ((true == FREE) & (more != FREE)).sum() > hidden.sum() - 200 and more.shape == seen.shape
+
+
+def test_a_map_without_doorways_shuts_nothing() -> None:
+    cells = _with_walls(np.pad(np.ones((60, 60), bool), 8))
+    assert shut_rooms(cells, 0.05, np.random.default_rng(0)) is None
+
+
+def test_a_floor_plan_becomes_a_map() -> None:
+    plan = floorplan_from_ascii("#######\n#aa.bb#\n#aa#bb#\n#######", resolution=1.0)
+    cells = plan_cells(plan, np.random.default_rng(0))
+    assert set(np.unique(cells)) == {FREE, OCCUPIED, UNKNOWN} and (cells == FREE).sum() * 0.05**2 == pytest.approx(9, rel=0.25)
+
+
+def test_learning_from_maps(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    samples = [collect(*office(shut), 0.05, rng) for shut in ((2,), (1, 4), (0, 3, 5))]
+    assert [int(s.is_door.sum()) for s in samples] == [1, 2, 3]
+    assert all(s.boxes.shape == (len(s.agreement), len(FEATURES)) and s.agreement.max() > 0.9 for s in samples)
+    models = fit(samples)
+    seen, truth = office((3,))
+    predicted = predict_closed_rooms(OccupancyGrid(seen, 0.05), models)
+    assert score_prediction(predicted.grid.free, seen == FREE, truth == FREE).iou > 0.9
+    save(models, tmp_path / "models", "a note")
+    again = load_forests(tmp_path / "models" / "rooms.json", FEATURES)["agreement"]
+    boxes = samples[0].boxes
+    assert np.allclose(again.score(boxes), models.rooms.score(boxes), atol=1e-3)
+
+
+def test_samples_are_kept(folder: Path, tmp_path: Path) -> None:
+    sources = find_sources(folder, [])
+    assert [s.name for s in sources[:2]] == ["office_2_doors", "office-shut-0"]
+    first = samples_of(sources[0], tmp_path / "cache")
+    again = samples_of(sources[0], tmp_path / "cache")
+    assert first is not None and again is not None and np.array_equal(first.boxes, again.boxes)
+    assert [p.name for p in (tmp_path / "cache").iterdir()] == ["office_2_doors.npz"]
+    assert building_of("battle_2") == building_of("battle_1") == building_of("battle2") == "battle"
+
+
+def test_command_holds_buildings_out(folder: Path, tmp_path: Path) -> None:
+    for path in list(folder.glob("office_*")):
+        if "OUT" not in path.name:
+            (folder / path.name.replace("office", "school")).write_bytes(path.read_bytes())
+    arguments = ["evaluate", "closed-doors", str(folder), "--out", str(tmp_path / "out"), "--no-report", "--folds", "2"]
+    result = CliRunner().invoke(app, [*arguments, "--cache", str(tmp_path / "cache")])
+    assert result.exit_code == 0, result.output
+    assert "every building was held out" in result.output and result.output.count("never seen") == 4
+    assert len(list((tmp_path / "cache").iterdir())) == 12
 
 
 @pytest.mark.parametrize("turns", range(4))

@@ -1,39 +1,32 @@
-"""Closed doors in a grid: straight stretches of wall that are set back between two jambs, with nothing known behind.
+"""Closed doors in a grid: straight edges between free and unknown space that trees tell from walls.
 
-A shut leaf is seen from one side only. It is a straight, unbroken line of occupied cells, free in front, unknown behind,
-and at both ends the wall's face steps forward by a part of the wall's thickness.
+A shut leaf is seen from one side only: a straight, clean line of occupied cells, free in front, unknown behind. It ends at
+jambs, where the face of the wall steps forward, or runs on into the wall, where a range sensor never marks a cell. An opening
+that nothing marks but that was never looked into is a door too. The trees are trained by `layoutexplore.closed_doors.training`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
 
-_BREAK = 5  # a leaf may be broken by stray cells, fewer than this
+DOOR_FEATURES = (
+    *("length", "occupied", "run", "buried", "buried_other", "loose", "loose_other"),
+    *("recess", "recess_other", "jamb", "jamb_other", "flat", "flat_other"),
+    *("behind", "behind_share", "ahead", "ahead_most", "clean", "rough", "rough_other", "gap", "gap_other"),
+)
+"""What is known of an edge; see `door_features`."""
 
+WIDTHS = (0.6, 3.4)
+"""Narrowest and widest opening in metres."""
 
-@dataclass(frozen=True, kw_only=True)
-class DoorConfig:
-    """What a closed door looks like, in metres.
-
-    Attributes:
-        width_min: Narrowest leaf.
-        width_max: Widest leaf.
-        recess_min: Least depth of the niche it stands in, at both ends.
-        recess_max: Deepest niche; beyond it the ends are corners of a room.
-        behind: Least depth of unknown space behind it.
-    """
-
-    width_min: float = 0.7
-    width_max: float = 2.8
-    recess_min: float = 0.1
-    recess_max: float = 1.0
-    behind: float = 0.6
+_RECESS = 1.0  # metres by which a jamb stands before a leaf at most; beyond it the ends are corners of a room
+_BESIDE = 1.0  # metres beside an edge that are looked at
+_BEHIND, _AHEAD = 3.0, 5.0  # metres looked at behind and ahead
 
 
 @dataclass(frozen=True)
@@ -46,6 +39,7 @@ class Door:
         stop: Column behind its last one.
         recess: Rows by which the wall's face stands before the leaf, the smaller of both ends.
         recess_other: The larger of both.
+        probability: That it is a door and no wall, 0..1.
     """
 
     row: int
@@ -53,51 +47,86 @@ class Door:
     stop: int
     recess: int
     recess_other: int
+    probability: float = 1.0
 
 
-def find_doors(cells: NDArray[np.int8], resolution: float, config: DoorConfig | None = None) -> list[Door]:
-    """The closed doors of one direction: free space at higher rows, unknown at lower ones.
+def find_edges(cells: NDArray[np.int8], resolution: float) -> NDArray[np.int64]:
+    """Straight edges with free space at the next higher row and unknown space at the next lower one, as wide as doors.
 
     Args:
         cells: int8 (rows, cols), as in `OccupancyGrid`.
         resolution: Metres a cell.
-        config: What a door looks like.
+
+    Returns:
+        int64 (n, 3): row, first column, column behind the last.
     """
-    config = config or DoorConfig()
-    reach = max(round(config.recess_max / resolution), 2)
-    padded = np.pad(cells, reach + 4, constant_values=UNKNOWN)
-    occupied, free, unknown = padded == OCCUPIED, padded == FREE, padded == UNKNOWN
-    leaf = occupied.copy()
-    leaf[:-2] &= free[1:-1] | free[2:]
-    leaf[1:] &= unknown[:-1]
-    leaf = cv2.morphologyEx(leaf.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((1, _BREAK), np.uint8)) > 0
-    found = []
-    shift = reach + 4
-    least = config.recess_min / resolution - 0.5
-    for row in (np.flatnonzero(leaf[shift:-shift].any(axis=1)) + shift).tolist():
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], leaf[row], [False]]))).tolist()
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
-            if not config.width_min <= (stop - start) * resolution <= config.width_max:
-                continue
-            left = _step(occupied, free, row, range(start - 3, start + 2), reach)
-            right = _step(occupied, free, row, range(stop - 1, stop + 4), reach)
-            if min(left, right) < least or not _hides(unknown, row, start, stop, round(config.behind / resolution)):
-                continue
-            found.append(Door(row - shift, start - shift, stop - shift, min(left, right), max(left, right)))
-    return found
+    free, unknown = cells == FREE, cells == UNKNOWN
+    edge = np.zeros((cells.shape[0], cells.shape[1] + 2), np.int8)
+    edge[1:-1, 1:-1] = free[2:] & ~free[1:-1] & unknown[:-2]
+    step = np.diff(edge, axis=1)
+    rows, starts = np.nonzero(step == 1)
+    stops = np.nonzero(step == -1)[1]
+    length = (stops - starts) * resolution
+    kept = (length > WIDTHS[0] - resolution / 2) & (length < WIDTHS[1])
+    return np.stack([rows, starts, stops], 1)[kept].astype(np.int64)
 
 
-def _step(occupied: NDArray[np.bool_], free: NDArray[np.bool_], row: int, columns: range, reach: int) -> int:
-    """Rows by which the wall's face stands before the leaf at one of its ends; 0 for none within reach."""
-    best = 0
-    for column in columns:
-        rows = np.flatnonzero(occupied[row + 1 : row + reach + 1, column])
-        if len(rows) and free[row + rows[-1] + 2 : row + rows[-1] + 4, column].any():
-            best = max(best, int(rows[-1]) + 1)
-    return best
+def door_features(cells: NDArray[np.int8], resolution: float, edges: NDArray[np.int64]) -> NDArray[np.float32]:
+    """`DOOR_FEATURES` of edges, float32 (n, features); lengths in metres, shares 0..1.
+
+    Args:
+        cells: int8 (rows, cols), as in `OccupancyGrid`.
+        resolution: Metres a cell.
+        edges: As from `find_edges`.
+    """
+    pad = round(max(_BEHIND, _AHEAD) / resolution) + 4
+    padded = np.pad(cells, pad, constant_values=UNKNOWN)
+    return np.array([_describe(padded, resolution, *(edge + pad)) for edge in edges], np.float32).reshape(-1, len(DOOR_FEATURES))
 
 
-def _hides(unknown: NDArray[np.bool_], row: int, start: int, stop: int, depth: int) -> bool:
-    """Whether nothing is known behind the leaf down to a depth."""
-    columns = [start + 3, (start + stop) // 2, stop - 4]
-    return bool(unknown[max(row - depth, 0) : row, columns].all())
+def _describe(cells: NDArray[np.int8], resolution: float, row: int, start: int, stop: int) -> list[float]:
+    cut = np.s_[row - round(_BEHIND / resolution) : row + round(_AHEAD / resolution)]
+    middle = row - cut.start
+    occupied, free, unknown = (cells[cut] == value for value in (OCCUPIED, FREE, UNKNOWN))
+    beside = round(_BESIDE / resolution)
+    line = occupied[middle]
+    buried = line & unknown[middle - 1] & unknown[middle + 1]
+    loose = line & free[middle - 1] & free[middle + 1]
+    edge = free[2:] & ~free[1:-1] & unknown[:-2]
+    near = edge[middle - 3 : middle + 2].any(0)
+    ends: list[list[float]] = []
+    run = stop - start if line[start:stop].mean() > 0.5 else 0
+    for columns, jambs in (
+        (np.arange(start - 1, start - 1 - beside, -1), range(start - 3, start + 2)),
+        (np.arange(stop, stop + beside), range(stop - 1, stop + 4)),
+    ):
+        more = int(np.argmin(np.append(line[columns], False))) if run else 0
+        run += more
+        on = columns[:more]
+        reach = round(_RECESS / resolution)
+        steps = [_step(occupied[middle + 1 :, c], free[middle + 1 :, c], reach) for c in jambs]
+        jamb = max(int(occupied[middle + 1 : middle + 1 + 2 * reach, c].sum()) for c in jambs)
+        rough = (occupied[middle - 3 : middle + 4, columns].sum() - more) / 3
+        gap = _run(~occupied[middle - 1 : middle + 2, columns].any(0))
+        ends.append([buried[on].sum(), loose[on].sum(), max(steps), jamb, near[columns].mean() / resolution, rough, gap])
+    pairs = np.sort(np.array(ends), axis=0).T * resolution
+    shut = occupied[middle, start:stop].mean()
+    probes = [start + 2, (start + stop) // 2, stop - 3]
+    behind = min(_run(unknown[:middle, c][::-1]) for c in probes)
+    ahead = sorted(_run(free[middle + 2 :, c]) for c in probes)
+    share = unknown[middle - beside : middle, start:stop].mean()
+    lengths = np.array([stop - start, run]) * resolution
+    clean = (stop - start) / max(run, stop - start)
+    depths = [behind * resolution, share, ahead[1] * resolution, ahead[2] * resolution]
+    return [lengths[0], shut, lengths[1], *pairs[:5].ravel(), *depths, clean, *pairs[5:].ravel()]
+
+
+def _run(mask: NDArray[np.bool_]) -> int:
+    """Length of the run of true values that a mask begins with."""
+    return int(np.argmin(np.append(mask, False)))
+
+
+def _step(occupied: NDArray[np.bool_], free: NDArray[np.bool_], reach: int) -> int:
+    """Cells by which the face of a wall stands before a leaf in one column; 0 for none within reach."""
+    found = np.flatnonzero(occupied[:reach])
+    return int(found[-1]) + 1 if len(found) and free[found[-1] + 1 : found[-1] + 3].any() else 0

@@ -1,36 +1,37 @@
 """Rooms behind closed doors: doors are found, rectangles behind each are judged by trees, and the best are drawn.
 
-The trees estimate how well a rectangle agrees with the unseen rooms it touches; `layoutexplore.closed_doors.training`
-makes them. The task is that of the ECMR 2021 paper on rooms behind closed doors; the way is another.
-
-The shipped trees were trained on the 8 buildings with a published answer: scores on these are not scores on new buildings.
-With each building withheld in turn, the interquartile mean of the never-seen IoU was 0.46 on 49 of their 78 maps, under that
-of the published answers.
+One forest tells closed doors from walls, the other estimates how well a rectangle agrees with the room behind a door;
+`layoutexplore.closed_doors.training` makes both. The task is that of the ECMR 2021 paper on rooms behind closed doors; the
+way is another.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.closed_doors.candidates import FEATURES, Scene, room_space, wall_thickness
-from layoutexplore.closed_doors.doors import Door, find_doors
+from layoutexplore.closed_doors.candidates import rectangles
+from layoutexplore.closed_doors.doors import DOOR_FEATURES, Door, door_features, find_edges
+from layoutexplore.closed_doors.features import describe
+from layoutexplore.closed_doors.models import Models, shipped_models
+from layoutexplore.closed_doors.scene import Scene, room_space, wall_thickness
+from layoutexplore.closed_doors.symmetry import best_mirror
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.predictors.forest import Forest, load_forests
 
-MODEL = Path(__file__).with_name("model.json")
-"""The shipped trees."""
-
-AGREEMENT = "agreement"
-"""Name of the trees in the model's file."""
+LEAST_DOOR = 0.25
+"""Edges less likely to be doors are walls."""
 
 LEAST = 0.3
-"""Rectangles whose estimated agreement is lower are not drawn."""
+"""Rectangles whose estimated agreement, times the probability of their door, is lower are not drawn."""
+
+_MARK = 16  # cells by which the line that marks a door may run on into the wall
+
+Judge = Callable[[int, NDArray[np.int64], NDArray[np.float32]], NDArray[np.float64]]
+"""From quarter turns, edges int64 (n, 3) and their features to the probability float64 (n,) that each is a door."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,57 +51,98 @@ class ClosedRooms:
     doors: int
 
 
-def predict_closed_rooms(grid: OccupancyGrid, forest: Forest | None = None) -> ClosedRooms:
+def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> ClosedRooms:
     """Predict the rooms behind the closed doors of a grid whose walls run along rows and columns.
 
     Args:
         grid: What has been seen.
-        forest: Trees that estimate the agreement; the shipped ones when None.
+        models: Trees that find doors and judge rooms; the shipped ones when None.
     """
-    forest = forest or load_forests(MODEL, FEATURES)[AGREEMENT]
+    models = models or shipped_models()
     cells = np.where(grid.free, FREE, np.where(grid.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
+    doors = find_doors(cells, grid.resolution, lambda turns, edges, features: models.doors.probability(features))
     rooms = np.zeros(grid.shape, np.bool_)
-    confidence, doors = [], 0
-    for turns, scene, door in door_scenes(cells, grid.resolution):
-        doors += 1
-        boxes = scene.rectangles(door)
-        if not len(boxes):
-            continue
-        agreement = forest.score(scene.features(door, boxes).astype(np.float32))
-        best = int(agreement.argmax())
-        if agreement[best] < LEAST:
-            continue
-        confidence.append(float(np.clip(agreement[best], 0, 1)))
-        top, left, bottom, right = boxes[best]
-        np.rot90(rooms, turns)[top:bottom, left:right] = True
-    if doors:
-        rooms &= room_space(cells, wall_thickness(cells, grid.resolution))
+    confidence = []
+    if any(doors):
+        for turns, scene in enumerate(turned_scenes(cells, grid.resolution, doors)):
+            for door in doors[turns]:
+                box, agreement = _best_room(scene, door, models)
+                if agreement < LEAST:
+                    continue
+                confidence.append(min(agreement, 1.0))
+                top, left, bottom, right = box
+                np.rot90(rooms, turns)[top:bottom, left:right] = True
+        rooms &= room_space(without_doors(cells, doors), wall_thickness(cells, grid.resolution)) & (cells == UNKNOWN)
     rim = cv2.dilate(rooms.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     drawn = np.where(rooms, FREE, np.where(rim & (cells == UNKNOWN), OCCUPIED, grid.cells)).astype(np.int8)
-    return ClosedRooms(OccupancyGrid(drawn, grid.resolution, grid.origin), rooms, tuple(confidence), doors)
+    return ClosedRooms(OccupancyGrid(drawn, grid.resolution, grid.origin), rooms, tuple(confidence), sum(map(len, doors)))
 
 
-def door_scenes(cells: NDArray[np.int8], resolution: float) -> Iterator[tuple[int, Scene, Door]]:
-    """Every closed door with the grid turned to it, and the number of quarter turns (`numpy.rot90`)."""
-    if not (cells != UNKNOWN).any():
-        return
-    views = [np.ascontiguousarray(np.rot90(cells, turns)) for turns in range(4)]
-    doors = [find_doors(view, resolution) for view in views]
+def _best_room(scene: Scene, door: Door, models: Models) -> tuple[tuple[int, ...], float]:
+    """The best rectangle behind a door (top, left, bottom, right) and its estimated agreement, 0 without any."""
+    boxes = rectangles(scene, door)
+    if not len(boxes):
+        return (), 0.0
+    agreement = models.rooms.score(describe(scene, door, boxes).astype(np.float32))
+    best = int(agreement.argmax())
+    return tuple(int(v) for v in boxes[best]), float(agreement[best]) * door.probability
+
+
+def find_doors(cells: NDArray[np.int8], resolution: float, judge: Judge) -> list[list[Door]]:
+    """The closed doors of a grid turned by 0, 1, 2 and 3 quarters (`numpy.rot90`).
+
+    Args:
+        cells: int8 (rows, cols), as in `OccupancyGrid`.
+        resolution: Metres a cell.
+        judge: Which edges are doors.
+    """
+    recess = [DOOR_FEATURES.index("recess"), DOOR_FEATURES.index("recess_other")]
+    doors = []
+    for turns in range(4):
+        view = np.ascontiguousarray(np.rot90(cells, turns))
+        edges = find_edges(view, resolution)
+        features = door_features(view, resolution, edges)
+        chances = judge(turns, edges, features)
+        steps = np.rint(features[:, recess] / resolution).astype(np.int64)
+        likely = np.flatnonzero(chances >= LEAST_DOOR)
+        numbers = np.concatenate([edges, steps], axis=1)
+        found = [(*(int(v) for v in numbers[k]), float(chances[k])) for k in likely]
+        doors.append([Door(row, start, stop, least, most, chance) for row, start, stop, least, most, chance in found])
+    return doors
+
+
+def turned_scenes(cells: NDArray[np.int8], resolution: float, doors: Sequence[Sequence[Door]]) -> Iterator[Scene]:
+    """The grid turned by 0, 1, 2 and 3 quarters, with its doors as from `find_doors`; something must be known."""
     leaves = np.zeros(cells.shape, np.bool_)
     for turns, found in enumerate(doors):
         for door in found:
             np.rot90(leaves, turns)[door.row, door.start : door.stop] = True
+    mirror = best_mirror(cells)
     thickness, hull = wall_thickness(cells, resolution), _hull(cells != UNKNOWN)
-    for turns, (view, found) in enumerate(zip(views, doors, strict=True)):
-        turned = (np.ascontiguousarray(np.rot90(mask, turns)) for mask in (hull, leaves))
-        scene = Scene(view, resolution, thickness, *turned)
+    possible = room_space(without_doors(cells, doors), thickness)
+    for turns in range(4):
+        view, mirrored = (np.ascontiguousarray(np.rot90(layer, turns)) for layer in (cells, mirror.cells))
+        around, shut, space = (np.ascontiguousarray(np.rot90(layer, turns)) for layer in (hull, leaves, possible))
+        likeness = (mirror.score, mirror.overlap)
+        yield Scene(view, resolution, thickness, around, shut, mirrored, likeness, space)
+
+
+def without_doors(cells: NDArray[np.int8], doors: Sequence[Sequence[Door]]) -> NDArray[np.int8]:
+    """The cells int8 (rows, cols) with the leaves of doors, their jambs and niches unknown: walls as if without doors."""
+    out = cells.copy()
+    for turns, found in enumerate(doors):
+        view = np.rot90(out, turns)
         for door in found:
-            yield turns, scene, door
+            rows = slice(max(door.row - 1, 0), door.row + max(door.recess_other, 1))
+            view[rows, door.start : door.stop] = UNKNOWN
+            beside = view[rows, max(door.start - _MARK, 0) : door.stop + _MARK]
+            beside[beside == OCCUPIED] = UNKNOWN
+    return out
 
 
 def _hull(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The convex hull of the known cells."""
-    points = np.argwhere(known)[:, ::-1].astype(np.int32)
+    outlines, _ = cv2.findContours(known.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     mask = np.zeros(known.shape, np.uint8)
-    cv2.fillConvexPoly(mask, np.asarray(cv2.convexHull(points), np.int32), 1)
+    cv2.fillConvexPoly(mask, np.asarray(cv2.convexHull(np.concatenate(outlines)), np.int32), 1)
     return mask > 0

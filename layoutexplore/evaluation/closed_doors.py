@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -23,6 +23,9 @@ from layoutexplore.errors import MapError
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.grid_io import read_image, write_atomically
 from layoutexplore.statistics import cluster_bootstrap, weighted_interquartile_mean, weighted_mean
+
+if TYPE_CHECKING:
+    from layoutexplore.closed_doors.models import Models
 
 OCCUPIED_GREY, UNKNOWN_GREY, FREE_GREY = 0, 205, 254
 _NAME = re.compile(r"(?P<building>.+)_(?P<k>\d+)_doors_IN\.png")
@@ -139,8 +142,8 @@ def _share(part: int, whole: int) -> float:
     return part / whole if whole else 1.0
 
 
-def evaluate_triple(triple: Triple, resolution: float, out: Path | None = None) -> PairScore:
-    """Predict one map, score it, and write NAME_k_doors_pred.png into a folder."""
+def evaluate_triple(triple: Triple, resolution: float, out: Path | None = None, models: Models | None = None) -> PairScore:
+    """Predict one map, score it, and write NAME_k_doors_pred.png into a folder; by the shipped models when None are given."""
     import time
 
     cells = read_cells(triple.seen)
@@ -148,7 +151,7 @@ def evaluate_triple(triple: Triple, resolution: float, out: Path | None = None) 
     seen, truth = cells == FREE, read_cells(triple.truth, shape) == FREE
     begin = time.perf_counter()
     # rows run downwards here as in the image: the prediction is the same mirrored
-    predicted = predict_closed_rooms(OccupancyGrid(cells, resolution))
+    predicted = predict_closed_rooms(OccupancyGrid(cells, resolution), models)
     seconds = time.perf_counter() - begin
     if out is not None:
         grey = np.where(predicted.grid.free, FREE_GREY, np.where(predicted.grid.occupied, OCCUPIED_GREY, UNKNOWN_GREY))
@@ -169,6 +172,40 @@ def evaluate(triples: Sequence[Triple], *, resolution: float, out: Path | None =
         return
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         yield from pool.map(evaluate_triple, triples, [resolution] * len(triples), [out] * len(triples))
+
+
+def cross_validate(
+    folder: Path,
+    triples: Sequence[Triple],
+    folds: int,
+    *,
+    plans: Sequence[str] = (),
+    cache: Path | None = None,
+    resolution: float,
+    out: Path | None = None,
+) -> Iterator[PairScore]:
+    """Evaluate maps in order, each by models that were trained without its building (all floors of it, and all plans).
+
+    Args:
+        folder: Where the maps are.
+        triples: The maps, as from `find_triples`.
+        folds: Groups of buildings; at most one a building.
+        plans: Floor plans to train on besides; see `layoutexplore.closed_doors.training`.
+        cache: Folder that keeps what is learnt from, so that a run that was stopped goes on.
+        resolution: Metres a cell.
+        out: Folder for the predictions.
+    """
+    from layoutexplore.closed_doors.training import building_of, collect_all, find_sources, fit
+
+    buildings = list(dict.fromkeys(building_of(t.building) for t in triples))
+    fold = {name: k % folds for k, name in enumerate(buildings)}
+    collected = list(collect_all(find_sources(folder, plans), cache))
+    models: dict[int, Models] = {}
+    for triple in triples:
+        k = fold[building_of(triple.building)]
+        if k not in models:
+            models[k] = fit(samples for source, samples in collected if fold.get(source.building) != k)
+        yield evaluate_triple(triple, resolution, out, models[k])
 
 
 def summarise(scores: Sequence[PairScore]) -> list[dict[str, Any]]:

@@ -1,0 +1,152 @@
+"""What is known of a rectangle behind a closed door: how well each side is supported, what it touches, how usual it is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.closed_doors.doors import Door
+from layoutexplore.closed_doors.scene import Scene, peaks
+
+FEATURES = (
+    *("left_contact", "right_contact", "far_contact", "near_contact"),
+    *("left_line", "right_line", "far_line", "left_gap", "right_gap", "far_gap"),
+    *("left_end", "right_end", "far_end", "all_contact", "corner"),
+    *("width", "depth", "area", "aspect", "possible", "hull", "in_box"),
+    *("door_width", "recess", "recess_other", "offset", "doors", "same_doors", "cut_ahead"),
+    *("left_edge", "right_edge", "left_door", "right_door", "width_seen", "depth_seen", "left_lines", "right_lines", "far_lines"),
+    *("mirror_free", "mirror_wall", "mirror_left", "mirror_right", "mirror_far", "mirror_score", "mirror_overlap"),
+    *("left_beyond", "right_beyond", "far_left", "far_right", "left_outline", "right_outline", "side_lines"),
+)
+"""What is known of a rectangle; see `describe`."""
+
+
+def describe(scene: Scene, door: Door, boxes: NDArray[np.int64]) -> NDArray[np.float64]:
+    """`FEATURES` of rectangles, float64 (n, features); lengths in metres, shares 0..1."""
+    top, left, bottom, right = boxes.T
+    height, width = bottom - top, right - left
+    t, res, reach = scene.thickness, scene.resolution, scene.thickness + 4
+
+    contacts = [
+        _contact(scene, boxes, "left", reach), _contact(scene, boxes, "right", reach),
+        _contact(scene, boxes, "top", reach), _contact(scene, boxes, "bottom", reach),
+    ]  # fmt: skip
+    lines, gaps = [], []
+    for same, other, position, shift in (
+        (scene.faces[0], scene.faces[1], left - 1, -t),
+        (scene.faces[1], scene.faces[0], right, t),
+        (scene.faces[2], scene.faces[3], top - 1, -t),
+    ):
+        support = _around(same, position) + _around(other, position + shift)
+        lines.append(np.log1p(support * res))
+        gaps.append(_around(same, position) * res)
+    area = width * height
+    known_box = scene.box
+    inside = (
+        (np.minimum(bottom, known_box[1] + 1) - np.maximum(top, known_box[0])).clip(0)
+        * (np.minimum(right, known_box[3] + 1) - np.maximum(left, known_box[2])).clip(0)
+    )  # fmt: skip
+    ends = [
+        _contact(scene, boxes, "left", reach, part="far"), _contact(scene, boxes, "right", reach, part="far"),
+        _contact(scene, np.stack([top, left, bottom, right], 1), "top", 3 * reach),
+    ]  # fmt: skip
+    rim = np.stack([top - reach, left - reach, bottom + reach, right + reach], 1)
+    rows = np.full_like(top, door.row)
+    front = np.stack([rows - 3, left, rows + 4, right], 1)
+    sides = np.stack(contacts[:3])
+    ahead = np.stack([top - round(1.5 / res), left, top, right], 1)
+    columns = [
+        *contacts, *lines, *gaps, *ends, sides.mean(0), np.sort(sides, 0)[1],
+        width * res, height * res, area * res**2, np.minimum(width, height) / np.maximum(width, height),
+        scene.count("possible", boxes) / area, scene.count("hull", boxes) / area, inside / area,
+        np.full(len(boxes), (door.stop - door.start) * res), np.full(len(boxes), door.recess * res),
+        np.full(len(boxes), door.recess_other * res),
+        np.abs((door.start + door.stop) / 2 - (left + right) / 2) / width,
+        scene.count("leaves", rim) * res, scene.count("leaves", front) * res,
+        scene.count("possible", ahead) / np.maximum(width * round(1.5 / res), 1),
+        *_fit(scene, door, boxes), *_neighbours(scene, boxes),
+    ]  # fmt: skip
+    return np.stack(columns, 1).astype(np.float64)
+
+
+def _fit(scene: Scene, door: Door, boxes: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+    """Distances to this door and the next ones, how usual the size is, lines beyond, and the mirrored plan."""
+    top, left, bottom, right = boxes.T
+    res, reach = scene.resolution, scene.thickness + 4
+    around = np.array(scene.leaves[max(door.row - 3, 0) : door.row + 4].any(axis=0))
+    around[door.start : door.stop] = False
+    others = np.flatnonzero(around)
+    far = round(5.0 / res)
+    places = np.concatenate([[-far], others, [len(around) + far]])
+    before = left - places[np.searchsorted(places, left) - 1]
+    after = places[np.searchsorted(places, right)] - right
+    area, size = (bottom - top) * (right - left), len(boxes)
+    lines = []
+    for same, a, b in (
+        (scene.faces[0], left - 1, np.full(size, door.start)),
+        (scene.faces[1], np.full(size, door.stop), right),
+        (scene.faces[2], top - 1, bottom),
+    ):
+        strong = np.concatenate([[0], np.cumsum(peaks(same))])
+        lines.append(strong[np.clip(b - 3, 0, len(strong) - 1)] - strong[np.clip(a + 4, 0, len(strong) - 1)])
+    rims = [
+        np.stack([top, left - reach, bottom, left + 2], 1), np.stack([top, right - 2, bottom, right + reach], 1),
+        np.stack([top - reach, left, top + 2, right], 1),
+    ]  # fmt: skip
+    lengths = (bottom - top, bottom - top, right - left)
+    mirrored = [np.minimum(scene.count("mirror_wall", rim) / length, 2.0) for rim, length in zip(rims, lengths, strict=True)]
+    inner_box = np.stack([top + 4, left + 4, bottom - 4, right - 4], 1)
+    return [
+        (door.start - left) * res, (right - door.stop) * res, np.minimum(before, far) * res, np.minimum(after, far) * res,
+        _seen(scene.widths[0], right - left), _seen(scene.widths[1], bottom - top), *lines,
+        scene.count("mirror_free", boxes) / area, scene.count("mirror_wall", inner_box) / np.sqrt(area), *mirrored,
+        np.full(size, scene.likeness[0]), np.full(size, scene.likeness[1]),
+    ]  # fmt: skip
+
+
+def _neighbours(scene: Scene, boxes: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+    """How the far side fits the far walls of the rooms beside, and the sides the walls of the rooms opposite."""
+    top, left, bottom, right = boxes.T
+    res, reach, t = scene.resolution, scene.thickness + 4, scene.thickness
+    metre, wide = round(1.0 / res), round(6.0 / res)
+    above = np.stack([np.maximum(top - metre, 0), left, top, right], 1)
+    out: list[NDArray[np.floating]] = [_contact(scene, above, side, reach) for side in ("left", "right")]
+    for a, b in ((left - t - wide, left - t), (right + t, right + t + wide)):
+        out.append(scene.count("far", np.stack([top - 3, a, top + 3, b], 1)) * res)
+    for a, b in ((left - t - metre, left - t), (right + t, right + t + metre)):
+        out.append(scene.count("outline", np.stack([top - 3 - t // 2, a, top + 3, b], 1)) / metre)
+    across = np.stack([bottom, left - 3, bottom + wide * 2, left + 3], 1)
+    other = np.stack([bottom, right - 3, bottom + wide * 2, right + 3], 1)
+    out.append((scene.count("start", across) + scene.count("stop", other)) * res)
+    return [np.asarray(column, np.float64) for column in out]
+
+
+def _contact(scene: Scene, boxes: NDArray[np.int64], side: str, reach: int, part: str = "all") -> NDArray[np.float64]:
+    """Share of a side behind which something known lies within reach, from samples along it."""
+    top, left, bottom, right = boxes.T
+    first, last = (top, bottom) if side in ("left", "right") else (left, right)
+    if part == "far":
+        last = first + np.minimum(last - first, round(1.0 / scene.resolution))
+    found = np.zeros(len(boxes))
+    samples = 12
+    for k in range(samples):
+        a = first + (last - first) * k // samples
+        b = np.maximum(first + (last - first) * (k + 1) // samples, a + 1)
+        box = {
+            "left": [a, left - reach, b, left],
+            "right": [a, right, b, right + reach],
+            "top": [top - reach, a, top, b],
+            "bottom": [bottom, a, bottom + reach, b],
+        }[side]
+        found += scene.count("known", np.stack(box, 1)) >= (b - a) * 0.5
+    return found / samples
+
+
+def _seen(lengths: NDArray[np.float64], values: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Logarithm of 1 + the metres of free space of such a length."""
+    return np.asarray(np.log1p(lengths[np.clip(values, 0, len(lengths) - 1)]))
+
+
+def _around(support: NDArray[np.int64], position: NDArray[np.int64]) -> NDArray[np.int64]:
+    index = np.clip(position, 2, len(support) - 3)
+    return np.asarray(sum(support[index + k] for k in (-2, -1, 0, 1, 2)))

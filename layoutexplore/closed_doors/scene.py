@@ -1,0 +1,161 @@
+"""A grid turned to the closed doors of one direction, and what is computed from it once for all of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
+
+LARGEST = 20.0
+"""Longest side of a room behind a closed door, in metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A turned grid and what is computed from it once for all doors of a direction.
+
+    Attributes:
+        cells: int8 (rows, cols), rooms lie towards lower rows of their doors.
+        resolution: Metres a cell.
+        thickness: Thickness of the walls in cells.
+        hull: Bool (rows, cols): the convex hull of what is known.
+        leaves: Bool (rows, cols): the closed doors of all directions.
+        mirrored: int8 (rows, cols): the mirror image of the plan laid over it.
+        likeness: How well the mirror image fits, and how much of it overlaps (`Mirror.score`, `Mirror.overlap`).
+        possible: Bool (rows, cols): unknown and at least a wall's thickness away from everything known but the doors.
+    """
+
+    cells: NDArray[np.int8]
+    resolution: float
+    thickness: int
+    hull: NDArray[np.bool_]
+    leaves: NDArray[np.bool_]
+    mirrored: NDArray[np.int8]
+    likeness: tuple[float, float]
+    possible: NDArray[np.bool_]
+
+    @cached_property
+    def widths(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Metres of free space seen in rows of each length, and in columns of each length (index: cells)."""
+        return _run_lengths(self.cells, self.resolution), _run_lengths(self.cells.T, self.resolution)
+
+    @cached_property
+    def _face_layers(self) -> dict[str, NDArray[np.bool_]]:
+        """Cells just inside walls that a side of a room may be in line with, seen from the room's side or a wall away."""
+        free, occupied, t = self.cells == FREE, self.cells == OCCUPIED, self.thickness
+        shape = self.cells.shape
+        below, above, right, left = (np.zeros(shape, np.bool_) for _ in range(4))
+        below[1:], above[:-1] = occupied[:-1] & free[1:], occupied[1:] & free[:-1]
+        right[:, 1:], left[:, :-1] = occupied[:, :-1] & free[:, 1:], occupied[:, 1:] & free[:, :-1]
+        known = self.cells != UNKNOWN
+        outline = np.zeros(shape, np.bool_)
+        outline[1:] = known[1:] & ~known[:-1]
+        return {
+            "far": below | _moved(above, t, 0),
+            "start": right | _moved(left, 0, t),
+            "stop": left | _moved(right, 0, -t),
+            "outline": outline,
+        }
+
+    @cached_property
+    def sums(self) -> dict[str, NDArray[np.int32]]:
+        """Integral images of what the features count."""
+        known = self.cells != UNKNOWN
+        layers = {
+            "known": known,
+            "possible": self.possible,
+            "hull": self.hull,
+            "leaves": self.leaves,
+            **self._face_layers,
+            "mirror_free": self.mirrored == FREE,
+            "mirror_wall": self.mirrored == OCCUPIED,
+        }
+        return {name: integral(layer) for name, layer in layers.items()}
+
+    @cached_property
+    def box(self) -> tuple[int, int, int, int]:
+        """First and last known row, first and last known column."""
+        rows, cols = np.nonzero(self.cells != UNKNOWN)
+        return int(rows.min()), int(rows.max()), int(cols.min()), int(cols.max())
+
+    @cached_property
+    def faces(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """Length of the walls with their face on each column (free right, free left) and row (free below, free above)."""
+        free, occupied = self.cells == FREE, self.cells == OCCUPIED
+        right = (occupied[:, :-1] & free[:, 1:] & _solid(occupied[:, :-1], (9, 1))).sum(0)
+        left = (occupied[:, 1:] & free[:, :-1] & _solid(occupied[:, 1:], (9, 1))).sum(0)
+        below = (occupied[:-1] & free[1:] & _solid(occupied[:-1], (1, 9))).sum(1)
+        above = (occupied[1:] & free[:-1] & _solid(occupied[1:], (1, 9))).sum(1)
+        return np.append(right, 0), np.insert(left, 0, 0), np.append(below, 0), np.insert(above, 0, 0)
+
+    def count(self, name: str, box: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Cells of a layer in boxes int (n, 4) of top, left, bottom, right (bottom and right not included)."""
+        s = self.sums[name]
+        top, bottom = np.clip(box[:, 0], 0, s.shape[0] - 1), np.clip(box[:, 2], 0, s.shape[0] - 1)
+        left, right = np.clip(box[:, 1], 0, s.shape[1] - 1), np.clip(box[:, 3], 0, s.shape[1] - 1)
+        return np.asarray(s[bottom, right] - s[top, right] - s[bottom, left] + s[top, left], np.int64)
+
+
+def integral(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Integral image int32 (rows + 1, cols + 1) of a mask."""
+    return np.asarray(cv2.integral(np.ascontiguousarray(mask, np.uint8), sdepth=cv2.CV_32S))
+
+
+def room_space(cells: NDArray[np.int8], thickness: int) -> NDArray[np.bool_]:
+    """Bool (rows, cols): unknown cells at least a wall's thickness away from everything known."""
+    unknown = (cells == UNKNOWN).astype(np.uint8)
+    size = 2 * max(thickness - 1, 0) + 1
+    return np.asarray(cv2.erode(unknown, np.ones((size, size), np.uint8)) > 0)
+
+
+def wall_thickness(cells: NDArray[np.int8], resolution: float) -> int:
+    """Usual thickness of the walls in cells: that of most stretches that are not free between two free cells."""
+    counts = np.zeros(round(0.8 / resolution) + 1, np.int64)
+    for turned in (cells, cells.T):
+        free = np.pad(turned == FREE, ((0, 0), (1, 1)), constant_values=True).ravel()
+        edges = np.flatnonzero(np.diff(free.astype(np.int8)))
+        lengths = edges[1:][free[edges[1:] + 1]] - edges[:-1][free[edges[1:] + 1]]
+        lengths = lengths[lengths < len(counts)]
+        counts += np.bincount(lengths, minlength=len(counts))
+    counts[: max(round(0.2 / resolution), 2)] = 0
+    if counts.sum() < 100:
+        return max(round(0.2 / resolution), 2)
+    return max(int(np.argmax(np.convolve(counts, [1, 2, 1], "same"))), 2)
+
+
+def peaks(support: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Where the walls in line are longest within 5 cells, and 0.5 m long at least."""
+    smooth = np.convolve(support, [1, 1, 1], "same")
+    highest = cv2.dilate(smooth.astype(np.float32).reshape(1, -1), np.ones((1, 11), np.uint8))[0]
+    return np.asarray((smooth == highest) & (smooth >= 10))
+
+
+def _solid(mask: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Cells of a mask that belong to a straight run of the size of a kernel, small breaks forgiven."""
+    share = cv2.blur(mask.astype(np.float32), (size[1], size[0]), borderType=cv2.BORDER_CONSTANT)
+    return np.asarray(mask & (share >= 0.6))
+
+
+def _run_lengths(cells: NDArray[np.int8], resolution: float) -> NDArray[np.float64]:
+    """Metres of free space in runs along rows, by their length in cells, smoothed over 5 cells."""
+    free = np.pad(cells == FREE, ((0, 0), (1, 1))).astype(np.int8).ravel()
+    step = np.diff(free)
+    lengths = np.flatnonzero(step == -1) - np.flatnonzero(step == 1)
+    most = round(LARGEST / resolution) + 3
+    counts = np.bincount(lengths[lengths < most], minlength=most) * resolution
+    return np.asarray(np.convolve(counts, np.ones(5), "same"))
+
+
+def _moved(mask: NDArray[np.bool_], rows: int, cols: int) -> NDArray[np.bool_]:
+    """A mask moved down and right, what leaves it lost."""
+    out = np.zeros_like(mask)
+    height, width = mask.shape
+    out[max(rows, 0) : height + min(rows, 0), max(cols, 0) : width + min(cols, 0)] = mask[
+        max(-rows, 0) : height + min(-rows, 0), max(-cols, 0) : width + min(-cols, 0)
+    ]
+    return out
