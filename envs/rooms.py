@@ -16,7 +16,7 @@ from layoutexplore.decision import Truth
 from layoutexplore.floorplan import PlanRaster
 from layoutexplore.frontier_tour import LITTLE_LEFT
 from layoutexplore.grid import Cell, Pose
-from layoutexplore.planning import geodesic_distances
+from layoutexplore.planning import distances_between
 
 _BLOCK = 4
 """Cells of the plan per cell of the kept distance fields, along each axis."""
@@ -61,11 +61,14 @@ class RoomLedger:
         Returns:
             Number of rooms that were finished (less than 1 m² left) before the robot came to them a second time.
         """
-        for x, y, _ in track[self._walked :]:
-            room = int(self._ids.reshape(self._raster.shape)[self._raster.world_to_cell(x, y)])
-            if room and room != self._room:
-                self.visits[room] += 1
-                self._room = room
+        if len(track) > self._walked:
+            origin, resolution = self._raster.origin, self._raster.resolution
+            cols, rows = np.floor((np.array(track[self._walked :])[:, :2] - origin[:2]) / resolution).astype(np.int64).T
+            rooms = self._ids[rows * self._raster.shape[1] + cols]
+            rooms = rooms[rooms > 0]
+            entered = rooms[np.diff(rooms, prepend=self._room) != 0]
+            np.add.at(self.visits, entered, 1)
+            self._room = int(rooms[-1]) if len(rooms) else self._room
         self._walked = len(track)
         open_before = self.open
         self.left = self._count(unseen)
@@ -88,17 +91,23 @@ class RoomDistances:
         raster = truth.raster
         ids = np.where(truth.target, raster.room_ids, 0)
         self.rooms = np.flatnonzero(np.bincount(ids.ravel())[1:]) + 1
-        self._blocks = np.empty((len(self.rooms), *(-(-n // _BLOCK) for n in raster.shape)), np.float16)
-        places = [_middle(np.argwhere(ids == room), truth.reachable) for room in self.rooms.tolist()]
-        self.between = np.zeros((len(places), len(places)))
-        for k, place in enumerate(places):
-            field = geodesic_distances(truth.reachable, place, raster.resolution)
-            self._blocks[k] = _block_minimum(field)
-            self.between[k] = [field[other] for other in places]
+        middles = [_middle(np.argwhere(ids == room), truth.reachable) for room in self.rooms.tolist()]
+        # One reachable cell stands for its block; it is what the fields are kept for.
+        cells = np.argwhere(truth.reachable)
+        width = -(-raster.shape[1] // _BLOCK)
+        blocks, first = np.unique(cells[:, 0] // _BLOCK * width + cells[:, 1] // _BLOCK, return_index=True)
+        self._place = np.zeros(-(-raster.shape[0] // _BLOCK) * width, np.int32)
+        self._place[blocks], self._width = np.arange(len(blocks)), width
+        targets = np.concatenate([np.array(middles, np.int64).reshape(-1, 2), cells[first]]).astype(np.int32)
+        fields = [distances_between(truth.reachable, middle, targets, raster.resolution) for middle in middles]
+        table = np.array(fields, np.float32).reshape(len(middles), len(targets))
+        self.between = table[:, : len(middles)].astype(np.float64)
+        self._fields = table[:, len(middles) :].astype(np.float16)
 
     def to_rooms(self, cell: Cell) -> NDArray[np.float64]:
-        """Path lengths float64 (n,) in metres from a cell to the rooms' middles, to half a metre."""
-        return self._blocks[:, cell.row // _BLOCK, cell.col // _BLOCK].astype(np.float64)
+        """Path lengths float64 (n,) in metres from a reachable cell to the rooms' middles, to half a metre."""
+        place = self._place[cell.row // _BLOCK * self._width + cell.col // _BLOCK]
+        return self._fields[:, place].astype(np.float64)
 
 
 def room_distances(truth: Truth) -> RoomDistances:
@@ -119,15 +128,6 @@ def _middle(cells: NDArray[np.int64], reachable: NDArray[np.bool_]) -> Cell:
     candidates = inside if len(inside) else np.argwhere(reachable)
     nearest = candidates[np.argmin(((candidates - cells.mean(axis=0)) ** 2).sum(axis=1))]
     return Cell(int(nearest[0]), int(nearest[1]))
-
-
-def _block_minimum(field: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The least value in each block of `_BLOCK` x `_BLOCK` cells; blocks at the edge may be smaller."""
-    rows, cols = (-(-n // _BLOCK) * _BLOCK for n in field.shape)
-    padded = np.full((rows, cols), np.inf, np.float32)
-    padded[: field.shape[0], : field.shape[1]] = field
-    least: NDArray[np.float32] = padded.reshape(rows // _BLOCK, _BLOCK, cols // _BLOCK, _BLOCK).min(axis=(1, 3))
-    return least
 
 
 @njit(cache=True, nogil=True)
