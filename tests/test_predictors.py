@@ -20,16 +20,12 @@ from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.floorplan import floorplan_from_ascii
 from layoutexplore.frontiers import find_frontiers
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
-from layoutexplore.predictors.cell_features import FEATURES as CELL_FEATURES
-from layoutexplore.predictors.cell_features import add_judgement, find_candidates
-from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, UNKNOWN_BIT, draw_chart
 from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.forest import FOLDER, Forest, load_forests, save_forests
-from layoutexplore.predictors.frontier_features import FEATURES, ProbeMemory, frontier_features, home_regions
-from layoutexplore.predictors.frontier_probes import TOUCHED, flood_unknown
+from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions
 from layoutexplore.predictors.layout import likeliest_overlap
 from layoutexplore.predictors.oracle import OraclePredictor
-from layoutexplore.predictors.regions import Regions, find_doors, seen_regions
+from layoutexplore.predictors.regions import Regions, seen_regions
 from layoutexplore.predictors.samples import Samples, gather, group_buildings, stopped_explorations
 from layoutexplore.predictors.shapes import main_angle
 from layoutexplore.predictors.training import TrainingConfig, deal_groups, fit_frontier_forests, train_models
@@ -138,122 +134,6 @@ def test_mirrored_and_turned_frontiers_look_the_same() -> None:
             np.testing.assert_allclose(features[:, names], expected, rtol=1e-5)
 
 
-def test_walls_go_on_through_the_unknown() -> None:
-    cells = np.full((9, 12), -1, np.int8)
-    cells[4, 1:4] = 100
-    cells[4, 8] = 0
-    chart = draw_chart(cells, nothing_seen(cells.shape), 0.15, 0.3)
-    code = chart.code[chart.margin : -chart.margin, chart.margin : -chart.margin]
-    assert np.argwhere(code & ALONG_ROWS).tolist() == [[4, 0], [4, 4], [4, 5], [4, 6], [4, 7]]
-    assert not (code & ALONG_COLS).any()
-
-
-def nothing_seen(shape: tuple[int, int]) -> Regions:
-    return Regions(np.zeros(shape, np.int32), 0, np.zeros(shape, np.float32))
-
-
-grids = hnp.arrays(np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 100]))
-
-
-@settings(max_examples=40, deadline=None)
-@given(cells=grids)
-def test_a_chart_against_a_slow_one(cells: NDArray[np.int8]) -> None:
-    chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 0.4)
-    padded = np.pad(cells, chart.margin, constant_values=-1)
-    expected = np.zeros(padded.shape, np.uint8)
-    for turned, bit in ((False, ALONG_ROWS), (True, ALONG_COLS)):
-        lines, bits = (padded.T, expected.T) if turned else (padded, expected)
-        for line, marked in zip(lines, bits, strict=True):
-            text = "".join({-1: "?", 0: ".", 100: "#"}[int(v)] for v in line)
-            for c, value in enumerate(text):
-                left, right = text[:c].rstrip("?"), text[c + 1 :].lstrip("?")
-                if value == "?" and (left.endswith("##") or right.startswith("##")):
-                    marked[c] |= bit
-    assert (chart.code & (ALONG_ROWS | ALONG_COLS) == expected).all()
-    assert ((chart.code & UNKNOWN_BIT > 0) == (padded == -1)).all()
-
-
-@settings(max_examples=40, deadline=None)
-@given(cells=grids, where=st.tuples(st.integers(0, 3), st.integers(0, 3)))
-def test_a_larger_grid_tells_nothing_more(cells: NDArray[np.int8], where: tuple[int, int]) -> None:
-    clusters = find_frontiers(cells)
-    frontiers = [clusters.cluster(k) for k in range(len(clusters))]
-    if not frontiers:
-        return
-    larger = np.full((cells.shape[0] + 5, cells.shape[1] + 7), -1, np.int8)
-    larger[where[0] : where[0] + cells.shape[0], where[1] : where[1] + cells.shape[1]] = cells
-    moved = [f + np.array(where, np.int32) for f in frontiers]
-    visible = np.zeros(len(frontiers))
-    expected = frontier_features(cells, frontiers, visible, seen_regions(cells, 0.2), 0.2)
-    np.testing.assert_array_equal(frontier_features(larger, moved, visible, seen_regions(larger, 0.2), 0.2), expected)
-
-
-@settings(max_examples=40, deadline=None)
-@given(data=st.data())
-def test_a_memory_changes_nothing(data: st.DataObject) -> None:
-    rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
-    cells = rng.choice(np.array([-1, 0, 0, 100], np.int8), (30, 150))
-    memory = ProbeMemory()
-    for _ in range(4):
-        clusters = find_frontiers(cells)
-        frontiers = [clusters.cluster(k) for k in range(len(clusters))]
-        args = (cells, frontiers, np.zeros(len(frontiers)), seen_regions(cells, 0.4), 0.4)
-        np.testing.assert_array_equal(frontier_features(*args, memory), frontier_features(*args))
-        r, c = rng.integers(0, 26), rng.integers(0, 146)
-        cells[r : r + 4, c : c + 4] = rng.choice(np.array([-1, 0, 100], np.int8), (4, 4))
-
-
-@settings(max_examples=40, deadline=None)
-@given(cells=grids)
-def test_a_flood_against_a_slow_one(cells: NDArray[np.int8]) -> None:
-    clusters = find_frontiers(cells)
-    if not len(clusters):
-        return
-    chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 1.4)
-    members = clusters.cluster(0) + np.int32(chart.margin)
-    depths = np.array([1, 3, 5], np.int64)
-    out, touched = np.zeros(8, np.float32), np.zeros(TOUCHED, np.int32)
-    stamp, queue = np.zeros(chart.code.size, np.int32), np.zeros(chart.code.size, np.int32)
-    flood_unknown(chart.code, ALONG_ROWS, members, depths, stamp, 1, queue, out, touched)
-    open_cells = (chart.code & UNKNOWN_BIT > 0) & (chart.code & ALONG_ROWS == 0)
-    reached = np.zeros(chart.code.shape, np.bool_)
-    reached[members[:, 0], members[:, 1]] = True
-    behind = 0
-    for depth in range(1, 6):
-        grown = np.pad(reached, 1)
-        grown = grown[:-2, 1:-1] | grown[2:, 1:-1] | grown[1:-1, :-2] | grown[1:-1, 2:]
-        reached |= grown & open_cells
-        behind = int((reached & open_cells).sum())
-        if depth in depths:
-            assert out[depths.tolist().index(depth)] == behind
-    assert (chart.code.ravel()[touched[touched >= 0]] & UNKNOWN_BIT == 0).all()
-
-
-def test_doors_are_the_narrower_of_two_gaps() -> None:
-    rows = ["#########", "#...#...#", "#.......#", "#...#...#", "#########"]
-    cells = np.array([[c == "#" for c in row] for row in rows])
-    width = find_doors(np.kron(cells, np.ones((8, 8), np.bool_)), 0.1)
-    assert width.dtype == np.float32 and np.unique(width).tolist() == pytest.approx([0.0, 0.8])
-    assert (width[18:22, 34:38] > 0).all() and not width[:16].any() and not width[24:].any()
-
-
-def test_cells_are_offered_to_two_regions_and_judged_by_their_neighbourhood() -> None:
-    cells = np.full((40, 60), -1, np.int8)
-    cells[:, :20], cells[:, 40:] = 0, 0
-    regions = seen_regions(cells, 0.1)
-    candidates = find_candidates(cells, regions, 0.1)
-    assert sorted(set(candidates.region.tolist())) == [1, 2] and set(candidates.rank.tolist()) == {0, 1}
-    assert (cells[candidates.cells[:, 0], candidates.cells[:, 1]] == -1).all()
-    inside = (candidates.region == 1).astype(float)
-    features = add_judgement(candidates, inside, 0.1)
-    at = CELL_FEATURES.index("judged_near")
-    assert (features[candidates.region == 1, at] == 1.0).all() and (features[candidates.region == 2, at] == 0.0).all()
-    total = CELL_FEATURES.index("judged_total")
-    assert features[candidates.region == 1, total] == pytest.approx(40 * 20 * 0.01, rel=0.3)
-    some = find_candidates(cells, regions, 0.1, wanted=np.array([False, True, False]))
-    np.testing.assert_array_equal(some.features, candidates.features[candidates.region == 1])
-
-
 @settings(max_examples=40, deadline=None)
 @given(values=st.lists(st.tuples(st.integers(1, 3), st.floats(0.01, 0.99)), min_size=1, max_size=12))
 def test_no_threshold_overlaps_more(values: list[tuple[int, float]]) -> None:
@@ -298,7 +178,7 @@ def test_forests_are_what_was_trained(tmp_path: Path) -> None:
     features = rng.normal(size=(600, len(names))).astype(np.float32)
     closed = features[:, 3] > 0
     area = np.abs(features[:, 5]).astype(float) * 3
-    samples = Samples(features, closed, area, np.zeros(600, np.int64), np.where(rng.random(600) < 0.5, "a", "b"), [])
+    samples = Samples(features, closed, area, np.where(rng.random(600) < 0.5, "a", "b"), [])
     forests = fit_frontier_forests(samples, TrainingConfig(trees=15, rate=0.3, feature_share=1.0))
     assert ((forests["closed"].probability(features) > 0.5) == closed).mean() > 0.95
     path = tmp_path / "model.json"
@@ -363,7 +243,7 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
         floorplan_from_ascii(plan, resolution=0.9, name=name).save(tmp_path / f"{name}.geojson")
     paths = [str(tmp_path / f"{name}.geojson") for name in ("north", "south")]
     out = tmp_path / "models"
-    arguments = ["evaluate", "train-predictor", *paths, "--folds", "2", "--stops", "3", "--out", str(out)]
+    arguments = ["evaluate", "train-predictor", *paths, "--folds", "2", "--stops", "2", "--trees", "4", "--out", str(out)]
     result = CliRunner().invoke(cli.app, [*arguments, "--store", str(tmp_path / "store")])
     assert result.exit_code == 0, result.output
     assert "held out" in result.output and "hidden_iou" in result.output

@@ -21,6 +21,7 @@ def train_predictor(
     ] = 0,
     starts: Annotated[int, typer.Option(min=1, help="Explorations per sensor of a plan from a file; others take one.")] = 1,
     stops: Annotated[int, typer.Option(min=1, help="Decisions kept of an exploration.")] = 8,
+    trees: Annotated[int, typer.Option(min=2, help="Trees of a forest; few for a quick try.")] = 200,
     store: Annotated[Path | None, typer.Option(help="Folder that keeps the explorations, to go on or train again later.")] = None,
 ) -> None:
     """Explore floor plans, train the predictor `layout` on what is seen, and say how it does on buildings it never saw.
@@ -34,8 +35,9 @@ def train_predictor(
     from layoutexplore.errors import ConfigError
     from layoutexplore.floorplan import FloorPlan
     from layoutexplore.predictors.samples import gather, group_buildings, protocol_explorations, stopped_explorations
-    from layoutexplore.predictors.training import deal_groups, train_models
+    from layoutexplore.predictors.training import TrainingConfig, deal_groups, train_models
 
+    config = TrainingConfig(trees=trees, cell_trees=trees // 2)
     sources = find_plans(plans)
     explored: list[list[Snapshot]] = []
     asked: dict[str, list[Snapshot]] = {}
@@ -62,10 +64,10 @@ def train_predictor(
         for k, folder in enumerate(models):
             held_out = {plan.name: plan.building for plan in files if fold[groups[plan.name]] == k}
             kept = samples.of_buildings(lambda group, k=k: fold.get(group) != k)  # type: ignore[misc]
-            train_models(kept, folder, held_out)
+            train_models(kept, folder, held_out, config)
             typer.echo(f"written: {folder}, trained without {', '.join(sorted(set(held_out.values())))}")
         _test(asked, {name: models[fold[group]] for name, group in groups.items()})
-    train_models(samples, out, {})
+    train_models(samples, out, {}, config)
     typer.echo(f"written: {out}")
 
 

@@ -124,7 +124,7 @@ class ProbeMemory:
             self._touched, self._mark = np.zeros((1, len(_BARRIERS), TOUCHED), np.int32), 0
             return np.full(len(keys), -1, np.int64)
         old = np.array([self._known.get(key, -1) for key in keys], np.int64)
-        changes = cv2.integral(_changed_blocks(self._chart.code, chart.code, BLOCK))
+        changes = np.asarray(cv2.integral(_changed_blocks(self._chart.code, chart.code, BLOCK)), np.int32)
         _forget_changed(changes, members, offsets, chart.margin // BLOCK + 1, old)
         return old
 

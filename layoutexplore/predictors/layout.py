@@ -2,8 +2,11 @@
 
 Rooms are the seen regions; unknown cells near them belong to their rooms where trees say so (`cell_features`). Whether a
 frontier is closed and how much is left behind it is judged by trees on features of its surroundings (`frontier_features`).
-All were trained on simulated explorations of generated floor plans, of schools and of university floors (`layoutexplore
-evaluate train-predictor`, which also says how they do on buildings that they never saw).
+All learn from simulated explorations of floor plans (`layoutexplore evaluate train-predictor`, which also says how they do on
+buildings that they never saw). The models that ship learnt frontiers of 22 schools and university buildings and 9 generated
+plans, and cells of the same and some 40 more generated plans. Trained on half of the real buildings in the same way and
+tested on the other half, by the protocol of `layoutexplore evaluate partial-rooms`: hidden IoU 0.53 (interquartile mean of
+760 rooms), Matthews' correlation of closed and open 0.78, "closed with less than 1 m2 left" right for 97 % of 4985 frontiers.
 Rooms are completed only when somebody looks at them: a strategy that asks for classes does not pay for shapes.
 """
 
@@ -36,8 +39,8 @@ CLOSED = 0.6
 """Probability from which a frontier is called closed: on either half of the buildings, trained on the other, Matthews'
 correlation was best near this value (most frontiers are closed, so that a doubtful one is rather open)."""
 
-COARSE, COARSE_REACH = 0.9, 6.0
-"""Metres between the cells judged for probabilities in sight, and how far they are judged: a tenth of the cells."""
+COARSE, COARSE_REACH = 0.6, 8.0
+"""Metres between the cells judged for probabilities in sight, and how far they are judged: a quarter of the work."""
 
 FRONTIER_MODEL, CELL_MODEL = FOLDER / "frontier_model.json", FOLDER / "cell_model.json"
 
@@ -71,11 +74,11 @@ class PredictedLayout:
         """
         candidates = find_candidates(self._cells, self._regions, self._resolution, spacing=COARSE, reach=COARSE_REACH)
         probability = self._forests["first"].probability(candidates.features)
-        rows, cols = self._cells.shape
-        squares = np.zeros((-(-rows // candidates.stride), -(-cols // candidates.stride)), np.float32)
-        at = candidates.cells // candidates.stride
-        np.maximum.at(squares, (at[:, 0], at[:, 1]), probability.astype(np.float32))  # Of two rooms the likelier one counts.
-        chance: NDArray[np.float32] = squares.repeat(candidates.stride, 0).repeat(candidates.stride, 1)[:rows, :cols]
+        chance = np.zeros(self._cells.shape, np.float32)
+        order = np.argsort(probability)  # Of two rooms that a cell may belong to, the likelier one counts.
+        for square in _squares(candidates, order):
+            fits = (square < self._cells.shape).all(axis=1)
+            chance[square[fits, 0], square[fits, 1]] = probability[order][fits]
         chance[self._cells != UNKNOWN] = 0.0
         return chance
 

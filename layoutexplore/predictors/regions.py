@@ -82,7 +82,7 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
     core = cv2.erode(clear, _disc(CORE / resolution))
     core[part != FREE] = 0
     count, cores = cv2.connectedComponents(core, connectivity=4, ltype=cv2.CV_32S)
-    grown, count = _grow(cores, part == FREE, int(count))
+    grown, count = _grow(np.asarray(cores, np.int32), part == FREE, int(count))
     inner = slice(margin, -margin)
     labels[box], door_width[box] = grown[inner, inner], doors[inner, inner]
     return Regions(labels, count - 1, door_width)
@@ -113,12 +113,20 @@ def find_doors(occupied: NDArray[np.bool_], resolution: float) -> NDArray[np.flo
     sizes = np.array([max(round(length / resolution), 1) for length in lengths], np.int64)
     occupied = np.ascontiguousarray(occupied)
     width = np.zeros(occupied.shape, np.float32)
-    for row, col, n in _gaps(occupied, sizes).tolist():
-        width[row, col : col + n] = n * resolution
-    for col, row, n in _gaps(cv2.transpose(occupied.view(np.uint8)).view(np.bool_), sizes).tolist():
-        line = width[row : row + n, col]
-        line[(line == 0) | (line > n * resolution)] = n * resolution
+    _paint(_gaps(occupied, sizes), resolution, width)
+    _paint(_gaps(cv2.transpose(occupied.view(np.uint8)).view(np.bool_), sizes), resolution, width.T)
     return width
+
+
+@njit(cache=True, nogil=True)
+def _paint(gaps: NDArray[np.int32], resolution: float, width: NDArray[np.float32]) -> None:
+    """Write the width of gaps (row, first column, cells) in metres where none is or a wider one."""
+    for k in range(len(gaps)):
+        row, col, n = gaps[k]
+        metres = np.float32(n * resolution)
+        for c in range(col, col + n):
+            if width[row, c] == 0 or width[row, c] > metres:
+                width[row, c] = metres
 
 
 @njit(cache=True, nogil=True)

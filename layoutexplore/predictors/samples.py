@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from layoutexplore.floorplan import FloorPlan
 from layoutexplore.frontier_classes import classify_frontiers
 from layoutexplore.predictors.cell_features import Candidates, find_candidates
-from layoutexplore.predictors.frontier_features import frontier_features, home_regions
+from layoutexplore.predictors.frontier_features import frontier_features
 from layoutexplore.predictors.regions import Regions, seen_regions
 
 if TYPE_CHECKING:
@@ -68,7 +68,6 @@ class Samples:
         features: float32 (n, features).
         closed: bool (n,).
         area: float64 (n,), square metres left in the room behind.
-        room: int64 (n,), a number for each region of each decision: that of the frontier.
         building: str (n,), group of the floor plan.
         cells: One entry a decision.
     """
@@ -76,15 +75,14 @@ class Samples:
     features: NDArray[np.float32]
     closed: NDArray[np.bool_]
     area: NDArray[np.float64]
-    room: NDArray[np.int64]
     building: NDArray[np.str_]
     cells: list[CellSamples]
 
     def of_buildings(self, wanted: Callable[[str], bool]) -> Samples:
         """The samples of the wanted buildings."""
         kept = np.isin(self.building, [name for name in np.unique(self.building).tolist() if wanted(name)])
-        arrays = (self.features, self.closed, self.area, self.room, self.building)
-        return Samples(*(array[kept] for array in arrays), [part for part in self.cells if wanted(part.building)])
+        cells = [part for part in self.cells if wanted(part.building)]
+        return Samples(self.features[kept], self.closed[kept], self.area[kept], self.building[kept], cells)
 
 
 def group_buildings(plans: Sequence[FloorPlan]) -> dict[str, str]:
@@ -110,8 +108,8 @@ def group_buildings(plans: Sequence[FloorPlan]) -> dict[str, str]:
 def _same_building(plan: FloorPlan, other: FloorPlan) -> bool:
     if plan.building == other.building:
         return True
-    names = [re.sub(r"[\d_]+", "", p.building.lower()) for p in (plan, other)]
-    if all(names) and difflib.SequenceMatcher(None, *names).ratio() >= SAME_NAME:
+    name, second = (re.sub(r"[\d_]+", "", p.building.lower()) for p in (plan, other))
+    if name and second and difflib.SequenceMatcher(None, name, second).ratio() >= SAME_NAME:
         return True
     sides = np.array([np.subtract(p.bounds[2:], p.bounds[:2]) for p in (plan, other)])
     return bool((np.abs(sides[0] - sides[1]) < SAME_SIZE * sides.max(0)).all() and sides.min() > 10.0)
@@ -138,32 +136,31 @@ def stopped_explorations(plan: FloorPlan, starts: int, snapshots: int, store: Pa
 
 def gather(snapshots: Sequence[Sequence[Snapshot]], groups: Mapping[str, str]) -> Samples:
     """Everything there is to learn from explorations; the group of a plan by its name, itself where there is none."""
-    parts: list[tuple[NDArray[np.generic], ...]] = []
+    features, closed, area, building = [], [], [], []
     cells: list[CellSamples] = []
-    rooms = 0
     for number, exploration in enumerate(snapshots):
         rng = np.random.default_rng(number)
         for snapshot in exploration:
             group = groups.get(snapshot.plan, snapshot.plan)
             grid = snapshot.decision.grid
             regions = seen_regions(grid.cells, grid.resolution)
-            features, closed, area, home = _frontier_samples(snapshot, regions)
-            parts.append((features, closed, area, home + rooms, np.full(len(home), group)))
+            found = _frontier_samples(snapshot, regions)
+            features.append(found[0])
+            closed.append(found[1])
+            area.append(found[2])
+            building.append(np.full(len(found[0]), group))
             cells.append(_cell_samples(snapshot, regions, group, rng))
-            rooms += regions.count + 1
-    return Samples(*(np.concatenate(column) for column in zip(*parts, strict=True)), cells)
+    return Samples(np.concatenate(features), np.concatenate(closed), np.concatenate(area), np.concatenate(building), cells)
 
 
-def _frontier_samples(
-    snapshot: Snapshot, regions: Regions
-) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float64], NDArray[np.int64]]:
-    """Features, classes, areas and home regions of a snapshot's frontiers."""
+def _frontier_samples(snapshot: Snapshot, regions: Regions) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float64]]:
+    """Features, classes and areas of a snapshot's frontiers."""
     grid, truth = snapshot.decision.grid, snapshot.truth.raster
     clusters = [f.cells for f in snapshot.decision.frontiers]
     visible = np.array([f.visible_area for f in snapshot.decision.frontiers])
     features = frontier_features(grid.cells, clusters, visible, regions, grid.resolution)
     true = classify_frontiers(grid.cells, clusters, truth.room_ids, truth.free, grid.resolution)
-    return features, true.is_closed, true.remaining_area, home_regions(regions, clusters)
+    return features, true.is_closed, true.remaining_area
 
 
 def _cell_samples(snapshot: Snapshot, regions: Regions, group: str, rng: np.random.Generator) -> CellSamples:

@@ -1,0 +1,133 @@
+"""What is known, drawn as a chart, and what is probed in it: against slow versions, without the grid's border, remembered."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers import find_frontiers
+from layoutexplore.predictors.cell_features import FEATURES as CELL_FEATURES
+from layoutexplore.predictors.cell_features import add_judgement, find_candidates
+from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, UNKNOWN_BIT, draw_chart
+from layoutexplore.predictors.frontier_features import ProbeMemory, frontier_features
+from layoutexplore.predictors.frontier_probes import TOUCHED, flood_unknown
+from layoutexplore.predictors.regions import Regions, find_doors, seen_regions
+
+grids = hnp.arrays(np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 100]))
+
+
+def nothing_seen(shape: tuple[int, int]) -> Regions:
+    return Regions(np.zeros(shape, np.int32), 0, np.zeros(shape, np.float32))
+
+
+def test_walls_go_on_through_the_unknown() -> None:
+    cells = np.full((9, 12), -1, np.int8)
+    cells[4, 1:4] = 100
+    cells[4, 8] = 0
+    chart = draw_chart(cells, nothing_seen(cells.shape), 0.15, 0.3)
+    code = chart.code[chart.margin : -chart.margin, chart.margin : -chart.margin]
+    assert np.argwhere(code & ALONG_ROWS).tolist() == [[4, 0], [4, 4], [4, 5], [4, 6], [4, 7]]
+    assert not (code & ALONG_COLS).any()
+
+
+@settings(max_examples=40, deadline=None)
+@given(cells=grids)
+def test_a_chart_against_a_slow_one(cells: NDArray[np.int8]) -> None:
+    chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 0.4)
+    padded = np.pad(cells, chart.margin, constant_values=-1)
+    expected = np.zeros(padded.shape, np.uint8)
+    for turned, bit in ((False, ALONG_ROWS), (True, ALONG_COLS)):
+        lines, bits = (padded.T, expected.T) if turned else (padded, expected)
+        for line, marked in zip(lines, bits, strict=True):
+            text = "".join({-1: "?", 0: ".", 100: "#"}[int(v)] for v in line)
+            for c, value in enumerate(text):
+                left, right = text[:c].rstrip("?"), text[c + 1 :].lstrip("?")
+                if value == "?" and (left.endswith("##") or right.startswith("##")):
+                    marked[c] |= bit
+    assert (chart.code & (ALONG_ROWS | ALONG_COLS) == expected).all()
+    assert ((chart.code & UNKNOWN_BIT > 0) == (padded == -1)).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(cells=grids, where=st.tuples(st.integers(0, 3), st.integers(0, 3)))
+def test_a_larger_grid_tells_nothing_more(cells: NDArray[np.int8], where: tuple[int, int]) -> None:
+    clusters = find_frontiers(cells)
+    frontiers = [clusters.cluster(k) for k in range(len(clusters))]
+    if not frontiers:
+        return
+    larger = np.full((cells.shape[0] + 5, cells.shape[1] + 7), -1, np.int8)
+    larger[where[0] : where[0] + cells.shape[0], where[1] : where[1] + cells.shape[1]] = cells
+    moved = [f + np.array(where, np.int32) for f in frontiers]
+    visible = np.zeros(len(frontiers))
+    expected = frontier_features(cells, frontiers, visible, seen_regions(cells, 0.2), 0.2)
+    np.testing.assert_array_equal(frontier_features(larger, moved, visible, seen_regions(larger, 0.2), 0.2), expected)
+
+
+@settings(max_examples=12, deadline=None)
+@given(data=st.data())
+def test_a_memory_changes_nothing(data: st.DataObject) -> None:
+    rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
+    cells = rng.choice(np.array([-1, 0, 0, 100], np.int8), (30, 150))
+    memory = ProbeMemory()
+    for _ in range(4):
+        clusters = find_frontiers(cells)
+        frontiers = [clusters.cluster(k) for k in range(len(clusters))]
+        args = (cells, frontiers, np.zeros(len(frontiers)), seen_regions(cells, 0.4), 0.4)
+        np.testing.assert_array_equal(frontier_features(*args, memory), frontier_features(*args))
+        r, c = rng.integers(0, 26), rng.integers(0, 146)
+        cells[r : r + 4, c : c + 4] = rng.choice(np.array([-1, 0, 100], np.int8), (4, 4))
+
+
+@settings(max_examples=40, deadline=None)
+@given(cells=grids)
+def test_a_flood_against_a_slow_one(cells: NDArray[np.int8]) -> None:
+    clusters = find_frontiers(cells)
+    if not len(clusters):
+        return
+    chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 1.4)
+    members = clusters.cluster(0) + np.int32(chart.margin)
+    depths = np.array([1, 3, 5], np.int64)
+    out, touched = np.zeros(8, np.float32), np.zeros(TOUCHED, np.int32)
+    stamp, queue = np.zeros(chart.code.size, np.int32), np.zeros(chart.code.size, np.int32)
+    flood_unknown(chart.code, ALONG_ROWS, members, depths, stamp, 1, queue, out, touched)
+    open_cells = (chart.code & UNKNOWN_BIT > 0) & (chart.code & ALONG_ROWS == 0)
+    reached = np.zeros(chart.code.shape, np.bool_)
+    reached[members[:, 0], members[:, 1]] = True
+    behind = 0
+    for depth in range(1, 6):
+        grown = np.pad(reached, 1)
+        grown = grown[:-2, 1:-1] | grown[2:, 1:-1] | grown[1:-1, :-2] | grown[1:-1, 2:]
+        reached |= grown & open_cells
+        behind = int((reached & open_cells).sum())
+        if depth in depths:
+            assert out[depths.tolist().index(depth)] == behind
+    assert (chart.code.ravel()[touched[touched >= 0]] & UNKNOWN_BIT == 0).all()
+
+
+def test_doors_are_the_narrower_of_two_gaps() -> None:
+    rows = ["#########", "#...#...#", "#.......#", "#...#...#", "#########"]
+    cells = np.array([[c == "#" for c in row] for row in rows])
+    width = find_doors(np.kron(cells, np.ones((8, 8), np.bool_)), 0.1)
+    assert width.dtype == np.float32 and np.unique(width).tolist() == pytest.approx([0.0, 0.8])
+    assert (width[18:22, 34:38] > 0).all() and not width[:16].any() and not width[24:].any()
+
+
+def test_cells_are_offered_to_two_regions_and_judged_by_their_neighbourhood() -> None:
+    cells = np.full((40, 60), -1, np.int8)
+    cells[:, :20], cells[:, 40:] = 0, 0
+    regions = seen_regions(cells, 0.1)
+    candidates = find_candidates(cells, regions, 0.1)
+    assert sorted(set(candidates.region.tolist())) == [1, 2] and set(candidates.rank.tolist()) == {0, 1}
+    assert (cells[candidates.cells[:, 0], candidates.cells[:, 1]] == -1).all()
+    inside = (candidates.region == 1).astype(float)
+    features = add_judgement(candidates, inside, 0.1)
+    at = CELL_FEATURES.index("judged_near")
+    assert (features[candidates.region == 1, at] == 1.0).all() and (features[candidates.region == 2, at] == 0.0).all()
+    total = CELL_FEATURES.index("judged_total")
+    assert features[candidates.region == 1, total] == pytest.approx(40 * 20 * 0.01, rel=0.3)
+    some = find_candidates(cells, regions, 0.1, wanted=np.array([False, True, False]))
+    np.testing.assert_array_equal(some.features, candidates.features[candidates.region == 1])
