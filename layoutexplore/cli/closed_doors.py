@@ -54,13 +54,12 @@ def closed_doors(
         typer.echo(f"{triple.name}: never seen {score.hidden_m2:.0f} m2, IoU {score.ours.iou:.3f}{theirs}")
     summary = summarise(scores)
     _print(summary)
-    if folds:
-        typer.echo(f"note: every building was held out, in {folds} groups")
-    else:
-        typer.echo(f"note: {NOTE}")
+    note = f"every building was held out, in {folds} groups" if folds else NOTE
+    typer.echo(f"note: {note}")
     written = write_pictures(triples, scores, out)
     if report:
-        written += write_report(out, triples, scores, summary, command=shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
+        command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+        written += write_report(out, triples, scores, summary, command=command, note=note)
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
     if json_file is not None:
         data = {"summary": summary, "maps": [asdict(score) for score in scores]}
