@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -44,6 +44,7 @@ def segmentation(
     method: Methods = None,
     protocol: Annotated[str, typer.Option(help="rose2, or bormann: segments and rooms up to 100 pixels are dropped.")] = "rose2",
     folds: Annotated[int, typer.Option(help="Cross-validate the default method over so many folds of buildings.")] = 0,
+    seeds: Annotated[int, typer.Option(min=1, help="Train the folds' judges so often, with other seeds.")] = 1,
     buildings: Annotated[
         Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME), for the folds.")
     ] = None,
@@ -58,7 +59,7 @@ def segmentation(
 ) -> None:
     """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all."""
     from layoutexplore.errors import ConfigError
-    from layoutexplore.evaluation.segmentation import evaluate_cases, find_cases, summarise
+    from layoutexplore.evaluation.segmentation import evaluate_cases, find_cases, seed_spread, summarise
     from layoutexplore.layout.registry import layout_method
     from layoutexplore.segmentation_metrics import PROTOCOLS
 
@@ -68,12 +69,23 @@ def segmentation(
     for name in methods:
         layout_method(name)
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
+    if seeds > 1 and not folds:
+        raise ConfigError("--seeds trains judges again: it needs --folds")
     if folds:
         if methods != ["default"]:
             raise ConfigError("--folds cross-validates the default method, the only one that is trained")
         from layoutexplore.evaluation.cross_validation import cross_validate
 
-        results = cross_validate(cases, folds, protocol=protocol, resolution=resolution, simulated=simulated, plans=_plans(plans))
+        results = cross_validate(
+            cases,
+            folds,
+            protocol=protocol,
+            resolution=resolution,
+            simulated=simulated,
+            plans=_plans(plans),
+            seeds=seeds,
+            progress=_training_progress(),
+        )
     else:
         results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
     collected = []
@@ -82,9 +94,11 @@ def segmentation(
         typer.echo(_line(row))
     rows = [row for _, row, _ in collected]
     _print_summary(summarise(rows))
+    if seeds > 1:
+        _print_spread(seed_spread(rows))
     if json_file is not None:
         numbers = {"protocol": protocol, "resolution": resolution, "folds": folds, "maps": [asdict(r) for r in rows]}
-        _write_json(json_file, numbers | {"summary": summarise(rows)})
+        _write_json(json_file, numbers | {"summary": summarise(rows), "seeds": seed_spread(rows)})
     if out is not None:
         from layoutexplore.evaluation.segmentation_report import write_report
 
@@ -101,14 +115,17 @@ def _line(row: MapScore) -> str:
     return f"{row.folder}/{row.map} {row.method}: {values}  {row.segments}/{row.rooms} rooms  {row.ms:.0f} ms{note}"
 
 
+_NAMES = ("P", "R", "IoU_s", "IoU_g", "1-1", "A_FC", "A_BC")
+"""The measures in tables, in their order."""
+
+
 def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     from layoutexplore.segmentation_metrics import MEASURES
 
-    names = ("P", "R", "IoU_s", "IoU_g", "1-1", "A_FC", "A_BC")
-    table = Table("set", "method", "maps", *names, "segments/rooms", "ms", box=None)
+    table = Table("set", "method", "maps", *_NAMES, "segments/rooms", "ms", box=None)
     for line in lines:
         values = [f"{100 * line[m]:.1f}±{100 * line[m + '_std']:.1f}" for m in MEASURES]
         counts = f"{line['segments']:.1f}/{line['rooms']:.1f}"
@@ -117,6 +134,32 @@ def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
         )
     console = Console()
     (console if console.is_terminal else Console(width=200)).print(table)
+
+
+def _print_spread(lines: Sequence[dict[str, Any]]) -> None:
+    from layoutexplore.segmentation_metrics import MEASURES
+
+    for line in lines:
+        values = ", ".join(f"{name} {100 * line[m]:.1f}" for name, m in zip(_NAMES, MEASURES, strict=True))
+        typer.echo(f"{line['folder']}, standard deviation of the mean over {line['seeds']} seeds: {values}")
+
+
+def _training_progress() -> Callable[[str, int, int], None]:
+    """Shows on the error stream what takes long before and between the scores."""
+    from rich.console import Console
+
+    from layoutexplore.cli.progress import ProgressLine
+
+    console = Console(stderr=True)
+    lines: dict[str, ProgressLine] = {}  # one for each thing that is done
+
+    def show(what: str, done: int, total: int) -> None:
+        line = lines.setdefault(what, ProgressLine(console, what))
+        line.advance(done, total, done / total)
+        if done == total:
+            line.__exit__(None, None, None)
+
+    return show
 
 
 def _read_buildings(path: Path) -> dict[str, str]:
@@ -152,6 +195,7 @@ def train(
     plans: Annotated[
         list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
     ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     resolution: Resolution = 0.05,
 ) -> None:
     """Train the judge of the default method, which decides what pieces of a map are one room."""
@@ -160,7 +204,9 @@ def train(
     from layoutexplore.layout.merging_model import save_forest
 
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
-    forest = train_judge(cases, resolution=resolution, simulated=simulated, plans=_plans(plans))
+    forest = train_judge(
+        cases, resolution=resolution, simulated=simulated, plans=_plans(plans), seed=seed, progress=_training_progress()
+    )
     note = f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} simulated ones"
     save_forest(forest, out, note=note)
     typer.echo(f"written: {out}, {len(forest.roots)} trees")

@@ -1,24 +1,30 @@
 """The default method judged on buildings that its judge of merges has never seen.
 
-The buildings are dealt into folds; for each fold the judge is trained on the maps of all the others, and on maps
-simulated from generated floor plans, and the method is scored on the fold.
+The buildings are dealt into folds; for each fold the judge is trained on the maps of all the others, on these maps while
+being explored, and on maps simulated from floor plans, and the method is scored on the fold. Training takes chance: with
+several seeds, the spread of the means over the seeds is what a difference between two trainings has to exceed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.evaluation.explored_maps import explored_examples
 from layoutexplore.evaluation.segmentation import Case, MapScore, read_case, score_case
 from layoutexplore.evaluation.simulated_maps import simulated_examples
 from layoutexplore.grid import OccupancyGrid
 from layoutexplore.layout.default import DefaultConfig, reconstruct_with
 from layoutexplore.layout.merging import Forest
-from layoutexplore.layout.merging_training import Example, make_example, train_forest
+from layoutexplore.layout.merging_training import Example, TrainingConfig, make_example, train_forest
 from layoutexplore.layout.types import Layout
+
+EXPLORED = 2
+"""So many maps of a building and folder are explored to train on."""
 
 
 def deal_folds(cases: Sequence[Case], folds: int) -> dict[str, int]:
@@ -39,19 +45,50 @@ def deal_folds(cases: Sequence[Case], folds: int) -> dict[str, int]:
     return dealt
 
 
-def training_examples(cases: Sequence[Case], resolution: float) -> list[Example]:
-    """What the judge learns from the maps."""
-    examples = []
-    for case in cases:
+Progress = Callable[[str, int, int], None]
+"""Told what is being done, how often it has been done, and how often it will be."""
+
+
+def _silent(what: str, done: int, total: int) -> None:
+    """Progress that nobody looks at."""
+
+
+def training_examples(cases: Sequence[Case], resolution: float, progress: Progress = _silent) -> list[Example]:
+    """What the judge learns from the maps, and from some of them while being explored.
+
+    Of each building and folder, the largest `EXPLORED` maps are explored.
+    """
+    examples, largest = [], _largest(cases, resolution)
+    for k, case in enumerate(cases):
         grid, truth, _ = read_case(case, resolution)
         examples.append(make_example(grid.cells, truth, resolution, building=case.building, kind=case.folder))
+        if case in largest:
+            rng = np.random.default_rng([1, k])
+            examples += explored_examples(grid.cells, truth, resolution, building=case.building, kind=case.folder, rng=rng)
+        progress("maps cut into pieces", k + 1, len(cases))
     return examples
 
 
+def _largest(cases: Sequence[Case], resolution: float) -> set[Case]:
+    groups: dict[tuple[str, str], list[tuple[int, int]]] = {}
+    for k, case in enumerate(cases):
+        known = int(np.count_nonzero(read_case(case, resolution)[0].free))
+        groups.setdefault((case.building, case.folder), []).append((-known, k))
+    return {cases[k] for group in groups.values() for _, k in sorted(group)[:EXPLORED]}
+
+
 def cross_validate(
-    cases: Sequence[Case], folds: int, *, protocol: str, resolution: float, simulated: int, plans: Sequence[str] = ()
+    cases: Sequence[Case],
+    folds: int,
+    *,
+    protocol: str,
+    resolution: float,
+    simulated: int,
+    plans: Sequence[str] = (),
+    seeds: int = 1,
+    progress: Progress = _silent,
 ) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
-    """Score the default method on every map with a judge that has not seen its building.
+    """Score the default method on every map with a judge that has not seen its building, once for each seed.
 
     Args:
         cases: The maps.
@@ -60,22 +97,36 @@ def cross_validate(
         resolution: Metres a pixel.
         simulated: Number of simulated maps to train on besides.
         plans: Floor plans to simulate maps of, besides generated ones.
+        seeds: The judges are trained so many times, with seeds 0, 1, ...
+        progress: Told of what takes long.
     """
     dealt = deal_folds(cases, folds)
-    extra = simulated_examples(simulated, tuple(plans))
-    examples = training_examples(cases, resolution)
-    for fold in range(folds):
-        forest = train_forest([*(e for e in examples if dealt[e.building] != fold), *extra])
+    examples = training_examples(cases, resolution, progress)
+    extra = simulated_examples(simulated, tuple(plans), progress=progress)
+    for seed in range(seeds):
+        for fold in range(folds):
+            config = TrainingConfig(seed=seed)
+            forest = train_forest([*(e for e in examples if dealt[e.building] != fold), *extra], config)
+            progress("judges trained", seed * folds + fold + 1, seeds * folds)
 
-        def run(grid: OccupancyGrid, forest: Forest = forest) -> Layout:
-            return reconstruct_with(grid, DefaultConfig(), forest)
+            def run(grid: OccupancyGrid, forest: Forest = forest) -> Layout:
+                return reconstruct_with(grid, DefaultConfig(), forest)
 
-        for case in cases:
-            if dealt[case.building] == fold:
-                row, layout = score_case(case, "default", protocol=protocol, resolution=resolution, run=run)
-                yield case, MapScore(**{**row.__dict__, "fold": fold}), layout.labels
+            for case in cases:
+                if dealt[case.building] == fold:
+                    row, layout = score_case(case, "default", protocol=protocol, resolution=resolution, run=run)
+                    yield case, replace(row, fold=fold, seed=seed), layout.labels
 
 
-def train_judge(cases: Sequence[Case], *, resolution: float, simulated: int, plans: Sequence[str] = ()) -> Forest:
+def train_judge(
+    cases: Sequence[Case],
+    *,
+    resolution: float,
+    simulated: int,
+    plans: Sequence[str] = (),
+    seed: int = 0,
+    progress: Progress = _silent,
+) -> Forest:
     """The judge that ships: trained on all given maps and on simulated ones."""
-    return train_forest([*training_examples(cases, resolution), *simulated_examples(simulated, tuple(plans))])
+    examples = training_examples(cases, resolution, progress)
+    return train_forest([*examples, *simulated_examples(simulated, tuple(plans), progress=progress)], TrainingConfig(seed=seed))

@@ -77,6 +77,7 @@ class MapScore:
     rooms: int
     ms: float
     fold: int = -1
+    seed: int = 0
     warnings: str = ""
 
 
@@ -212,6 +213,21 @@ def summarise(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
         for column in COLUMNS:
             values = np.array([getattr(row, column) for row in part], np.float64)
             line[column], line[f"{column}_std"] = float(values.mean()), float(values.std())
+        out.append(line)
+    return out
+
+
+def seed_spread(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
+    """Standard deviation (ddof 1) over the seeds of the means over the maps of each folder, in the order of appearance."""
+    groups: dict[str, dict[int, list[MapScore]]] = {}
+    for row in rows:
+        groups.setdefault(row.folder, {}).setdefault(row.seed, []).append(row)
+    out = []
+    for folder, seeds in groups.items():
+        line: dict[str, Any] = {"folder": folder, "seeds": len(seeds)}
+        for column in MEASURES:
+            means = [np.mean([getattr(row, column) for row in part]) for part in seeds.values()]
+            line[column] = float(np.std(means, ddof=1)) if len(means) > 1 else float("nan")
         out.append(line)
     return out
 

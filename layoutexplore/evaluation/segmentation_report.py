@@ -75,7 +75,7 @@ def _matched(found: NDArray[np.int32], truth: NDArray[np.int32]) -> NDArray[np.i
 def write_report(
     out: Path, results: Sequence[tuple[Case, MapScore, NDArray[np.int32]]], *, title: str, protocol: str, resolution: float
 ) -> list[Path]:
-    """Write `results.csv`, `pictures/SET_MAP_METHOD.png` and `report.html` into a folder.
+    """Write `results.csv`, `pictures/SET_MAP_METHOD.png` (of seed 0) and `report.html` into a folder.
 
     Args:
         out: The folder; made when missing.
@@ -88,7 +88,8 @@ def write_report(
     (out / "pictures").mkdir(parents=True, exist_ok=True)
     write_atomically(out / "results.csv", to_csv(rows).encode())
     pictures = []
-    for case, row, labels in sorted(results, key=lambda r: (r[1].one_to_one, r[1].folder, r[1].map, r[1].method)):
+    first = [result for result in results if result[1].seed == 0]
+    for case, row, labels in sorted(first, key=lambda r: (r[1].one_to_one, r[1].folder, r[1].map, r[1].method)):
         picture = comparison_picture(case, labels, resolution)
         name = f"{row.folder}_{row.map}_{row.method}.png"
         _, data = cv2.imencode(".png", picture[:, :, ::-1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -28,17 +28,20 @@ STOPS, NEIGHBOURHOODS = (6, 15, 40), (10, 25, 60, 150, 400)
 """Scans a map, and how many of 600 random places, the nearest to the start, they are spread over."""
 
 
-def furnish(occupied: NDArray[np.bool_], rooms: NDArray[np.int32], density: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+def furnish(
+    occupied: NDArray[np.bool_], rooms: NDArray[np.int32], density: float, resolution: float, rng: np.random.Generator
+) -> NDArray[np.bool_]:
     """Add furniture: columns, cupboards, tables on four legs, things that stand askew; none reaches through a wall.
 
     Args:
         occupied: bool (rows, cols).
         rooms: int32 (rows, cols), room of each cell, 0 for none.
         density: Pieces a square metre.
+        resolution: Metres a cell.
         rng: Source of randomness.
     """
     out, floor = occupied.copy(), np.argwhere(rooms > 0)
-    for _ in range(int(len(floor) * RESOLUTION**2 * density)):
+    for _ in range(int(len(floor) * resolution**2 * density)):
         row, col = (int(v) for v in floor[rng.integers(len(floor))])
         reach = 44
         part = np.s_[max(row - reach, 0) : row + reach, max(col - reach, 0) : col + reach]
@@ -76,7 +79,7 @@ def see(occupied: NDArray[np.bool_], rooms: NDArray[np.int32], origin: Pose, rng
     noise = float(rng.choice(NOISES)) if kind == "noisy" else 0.0
     sensor = LidarConfig(range_max=float(rng.choice(RANGES)), fov=2 * np.pi, beams=int(rng.choice(BEAMS)), range_noise_std=noise)
     lidar, mapper = Lidar(sensor, occupied, RESOLUTION, origin), Mapper(occupied.shape, RESOLUTION, origin)
-    for cell in _stops(~inflate(occupied, 0.15, RESOLUTION) & (rooms > 0), rng):
+    for cell in choose_stops(~inflate(occupied, 0.15, RESOLUTION) & (rooms > 0), RESOLUTION, rng):
         x, y = mapper.grid.cell_to_world(*cell)
         pose = Pose(x, y, float(rng.uniform(0, 2 * np.pi)))
         if kind == "explored":
@@ -87,12 +90,19 @@ def see(occupied: NDArray[np.bool_], rooms: NDArray[np.int32], origin: Pose, rng
     return mapper.grid.cells.copy() if (mapper.grid.cells == FREE).any() else None
 
 
-def _stops(allowed: NDArray[np.bool_], rng: np.random.Generator) -> list[tuple[int, int]]:
+def choose_stops(allowed: NDArray[np.bool_], resolution: float, rng: np.random.Generator) -> list[tuple[int, int]]:
+    """Places to scan from, spread over the surroundings of a random start; none where there is hardly any space.
+
+    Args:
+        allowed: bool (rows, cols), where the robot may be.
+        resolution: Metres a cell.
+        rng: Source of randomness.
+    """
     places = np.argwhere(allowed)
     if len(places) < 100:
         return []
     start = places[rng.integers(len(places))]
-    away = geodesic_distances(allowed, Cell(int(start[0]), int(start[1])), RESOLUTION)
+    away = geodesic_distances(allowed, Cell(int(start[0]), int(start[1])), resolution)
     some = places[rng.permutation(len(places))[:600]]
     distances = away[some[:, 0], some[:, 1]]
     some = some[np.argsort(distances, kind="stable")][: int(np.isfinite(distances).sum())]
@@ -106,27 +116,31 @@ def simulated_example(plan: FloorPlan, rng: np.random.Generator) -> Example | No
     if raster.room_ids.size > LARGEST:
         return None
     density = float(rng.choice(DENSITIES))
-    occupied = furnish(raster.occupied, raster.room_ids, density, rng) if density else raster.occupied
+    occupied = furnish(raster.occupied, raster.room_ids, density, RESOLUTION, rng) if density else raster.occupied
     cells = see(occupied, raster.room_ids, raster.origin, rng)
     if cells is None:
         return None
     return make_example(cells, raster.room_ids, RESOLUTION, building=SIMULATED, kind=plan.name)
 
 
-@lru_cache(maxsize=2)
-def simulated_examples(count: int, plans: tuple[str, ...] = (), seed: int = 1) -> tuple[Example, ...]:
+def simulated_examples(
+    count: int, plans: tuple[str, ...] = (), seed: int = 1, progress: Callable[[str, int, int], None] | None = None
+) -> tuple[Example, ...]:
     """Maps of floor plans: every third of a given one in turn, the others generated, of all families in turn.
 
     Args:
         count: Maps; a few are left out where the plan is too large.
         plans: Files of floor plans, or names that `layoutexplore.maps.load_plan` knows.
         seed: Of furniture, scans and plans; the same seed gives the same maps.
+        progress: Told what is being done, how often it has been done, and how often it will be.
     """
     from layoutexplore.maps import load_plan
     from layoutexplore.maps.generator import FAMILIES, generate
 
     families, out = sorted(FAMILIES), []
     for k in range(count):
+        if progress is not None:
+            progress("maps simulated", k + 1, count)
         try:
             given = plans and k % 3 == 0
             plan = load_plan(plans[k // 3 % len(plans)]) if given else generate(families[k % len(families)], 1000 * seed + k)

@@ -4,10 +4,12 @@
 2. Short gaps in line with walls are candidate doors. With them shut, what floats freely and is small is clutter; the rest
    is wall.
 3. The distance to walls, shut doors and unseen space falls into basins: more pieces than there are rooms.
-4. A small forest of decision trees looks at two touching pieces (the pass between them, the doors and walls in line with
-   it, their shapes and that of their union, ...) and merges the surest pair, again and again, while it is likely that
-   both belong to one room.
-5. Pieces too small for a room are dropped; the rooms' cells are turned back.
+4. Slivers join the neighbour they open to most widely. Representative lines through the long walls cut the map into
+   faces and rooms of their own (the idea of ROSE2), which are no result but evidence.
+5. Small forests of decision trees look at two touching pieces (the pass between them, the doors and walls in line with it,
+   the lines between them, their shapes and that of their union, ...) and merge the surest pair, again and again, while it
+   is likely that both belong to one room.
+6. Pieces too small for a room are dropped; the rooms' cells are turned back.
 
 What varies from map to map is in the features; there is one set of parameters.
 """
@@ -32,6 +34,7 @@ from layoutexplore.layout.default_details import DefaultDetails
 from layoutexplore.layout.default_turn import Turned, main_direction, posture_of, surfaces, trinary_part, turn, turn_back
 from layoutexplore.layout.face_model import WallModel
 from layoutexplore.layout.frame import angles_to_world, to_world
+from layoutexplore.layout.line_evidence import find_evidence
 from layoutexplore.layout.merging import Forest, merge_pieces
 from layoutexplore.layout.merging_graph import PieceGraph, piece_graph, spread_into
 from layoutexplore.layout.merging_model import load_forest
@@ -40,6 +43,7 @@ from layoutexplore.layout.outlines import rooms_of_labels
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.rose2 import Rose2Config, chain_walls, with_perpendicular
 from layoutexplore.layout.segments import find_segments
+from layoutexplore.layout.slivers import absorb_slivers
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, LayoutRoom, empty_layout, has_free_space
 from layoutexplore.layout.wavefront import grow_labels
@@ -58,6 +62,7 @@ class DefaultConfig(OpeningConfig):
         chink: Unseen space between seen space narrower than twice this is taken as free.
         basin_share: Two basins are one where the pass between them is at least this share of the lower peak ...
         basin_wide: ... or so far from all obstacles.
+        sliver_area: Smaller pieces join the neighbour they open to most widely before any pair is judged [m2].
         merge_level: Pieces merge while the log-odds of belonging together are at least this.
         room_area: Smallest room [m2].
         wall_half: A room's polygon reaches so far into its walls, to the middle of those between two rooms.
@@ -68,7 +73,8 @@ class DefaultConfig(OpeningConfig):
     chink: float = 0.25
     basin_share: float = 0.85
     basin_wide: float = 1.5
-    merge_level: float = 0.0
+    sliver_area: float = 0.5
+    merge_level: float = 0.2
     room_area: float = 1.5
     wall_half: float = 0.3
 
@@ -91,7 +97,8 @@ class Pieces:
         turned: The known part of the map, aligned with its walls.
         labels: int32 of the shape of `turned.cells`, the pieces.
         clutter: bool, occupied cells that are no wall.
-        graph: What the pieces are like.
+        graph: What the pieces are like, slivers having joined their neighbours.
+        part: int32 (k + 1,), the piece of the graph that each labelled piece is a part of, 0 for none.
         structure: The directions of its walls, in the frame of its known part (the profile in the frame it was laid down in).
     """
 
@@ -99,6 +106,7 @@ class Pieces:
     labels: NDArray[np.int32]
     clutter: NDArray[np.bool_]
     graph: PieceGraph
+    part: NDArray[np.int32]
     structure: Directions
 
 
@@ -139,16 +147,18 @@ def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfi
             wall=wall,
             distance=np.ascontiguousarray(distance),
             openings=openings,
+            lines=find_evidence(turned.cells, wall, resolution),
             resolution=resolution,
         )
-    return Pieces(turned, labels, occupied & ~wall, graph, structure)
+        graph, part_of = absorb_slivers(graph, config.sliver_area)
+    return Pieces(turned, labels, occupied & ~wall, graph, part_of, structure)
 
 
 def merge_into_rooms(
     pieces: Pieces, grid: OccupancyGrid, config: DefaultConfig, forest: Forest
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Room labels of the grid's cells that are not occupied, and the rooms' footprints: with the furniture and half the walls."""
-    into = merge_pieces(pieces.graph, forest, level=config.merge_level)
+    into = merge_pieces(pieces.graph, forest, level=config.merge_level)[pieces.part]
     footprint = turn_back(pieces.labels, pieces.turned, grid.shape)
     if pieces.turned.angle:
         footprint = grow_labels(footprint, grid.free)

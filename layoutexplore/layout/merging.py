@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from layoutexplore.layout.merging_graph import (
     ACROSS_ROWS,
+    APART,
     AREA,
     CLUTTER,
     COL0,
     COL1,
+    COVERED,
     DOOR,
     FAR,
     LONG,
@@ -21,6 +23,7 @@ from layoutexplore.layout.merging_graph import (
     NEAR_MIN,
     OPEN,
     OPEN_END,
+    PARTED,
     PASS,
     PEAK,
     ROW0,
@@ -41,7 +44,8 @@ FEATURES = (
     "fill_small", "fill_large", "fill_union", "fill_change", "aspect_small", "aspect_large", "aspect_union", "misalignment",
     "line_near", "line_near_min", "line_far", "unknown_small", "unknown_large", "clutter_small", "clutter_large",
     "wall_small", "wall_large", "straightness", "through", "facing_small", "facing_large",
-    "only_way_small", "only_way_large", "map_clutter", "map_unknown", "map_radius",
+    "only_way_small", "only_way_large", "parted", "covered", "apart",
+    "same_room", "room_share_small", "room_share_large", "room_overlap", "room_fit", "map_clutter", "map_unknown", "map_radius",
 )  # fmt: skip
 """What is known of a pair of touching pieces, in this order; the small one is the one of less known free space."""
 
@@ -76,6 +80,11 @@ def _aspect(rows: float, cols: float) -> float:
 
 
 @njit(cache=True, nogil=True)
+def _smaller(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    return bool(a[AREA] < b[AREA] or (a[AREA] == b[AREA] and a[SPACE] <= b[SPACE]))
+
+
+@njit(cache=True, nogil=True)
 def _features(
     a: NDArray[np.float64],
     b: NDArray[np.float64],
@@ -84,7 +93,7 @@ def _features(
     world: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
-    s, t = (a, b) if (a[AREA], a[SPACE]) <= (b[AREA], b[SPACE]) else (b, a)
+    s, t = (a, b) if _smaller(a, b) else (b, a)
     n = max(e[OPEN], 1.0)
     out[0] = np.log(max(s[AREA], 1.0) * resolution**2)
     out[1] = np.log(max(t[AREA], 1.0) * resolution**2)
@@ -131,9 +140,33 @@ def _features(
     out[35] = e[OPEN] / max(lying * wt + (1 - lying) * ht, 1.0)
     out[36] = e[OPEN] / max(s[SIDES] - s[WALL_SIDES] - s[OPEN_END], e[OPEN], 1.0)
     out[37] = e[OPEN] / max(t[SIDES] - t[WALL_SIDES] - t[OPEN_END], e[OPEN], 1.0)
-    out[38] = world[0]
-    out[39] = world[1]
-    out[40] = world[2]
+    out[38] = e[PARTED] / n
+    out[39] = e[COVERED] / n
+    out[40] = e[APART] / n
+    out[46] = world[0]
+    out[47] = world[1]
+    out[48] = world[2]
+
+
+@njit(cache=True, nogil=True)
+def _room_features(a: NDArray[np.float64], b: NDArray[np.float64], size: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    """What the rooms of the lines say of a small and a large piece; `size` (r + 1,) is what all pieces have in each room."""
+    total_a, total_b = max(a.sum(), 1.0), max(b.sum(), 1.0)
+    same = overlap = most_a = most_b = fit_a = fit_b = fit = 0.0
+    for k in range(1, len(size)):
+        x, y = a[k], b[k]
+        if x == 0 and y == 0:
+            continue
+        same += x * y
+        overlap += min(x / total_a, y / total_b)
+        most_a, most_b = max(most_a, x), max(most_b, y)
+        fit_a, fit_b = max(fit_a, x / (total_a + size[k] - x)), max(fit_b, y / (total_b + size[k] - y))
+        fit = max(fit, (x + y) / (total_a + total_b + size[k] - x - y))
+    out[41] = same / (total_a * total_b)
+    out[42] = most_a / total_a
+    out[43] = most_b / total_b
+    out[44] = overlap
+    out[45] = fit - max(fit_a, fit_b)
 
 
 @njit(cache=True, nogil=True)
@@ -169,6 +202,7 @@ def _agglomerate(
     nodes: NDArray[np.float64],
     ends: NDArray[np.int32],
     edges: NDArray[np.float64],
+    rooms: NDArray[np.float64],
     resolution: float,
     forest: tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], float],
     level: float,
@@ -188,7 +222,7 @@ def _agglomerate(
         slots[ends[e, 0], ends[e, 1]] = e
         slots[ends[e, 1], ends[e, 0]] = e
     x = np.empty(FEATURE_COUNT)
-    world = _surroundings(nodes, resolution)
+    world, size = _surroundings(nodes, resolution), rooms.sum(axis=0)
     written = 0
     while True:
         best, best_odds = -1, -1e9
@@ -196,7 +230,12 @@ def _agglomerate(
             if gone[e]:
                 continue
             if stale[e]:
-                _features(nodes[ends[e, 0]], nodes[ends[e, 1]], edges[e], resolution, world, x)
+                i, j = ends[e, 0], ends[e, 1]
+                _features(nodes[i], nodes[j], edges[e], resolution, world, x)
+                if _smaller(nodes[i], nodes[j]):
+                    _room_features(rooms[i], rooms[j], size, x)
+                else:
+                    _room_features(rooms[j], rooms[i], size, x)
                 odds[e] = _log_odds(x, feature, threshold, left, right, roots, bias)
                 stale[e] = False
                 if learning and written < len(samples):
@@ -225,6 +264,7 @@ def _agglomerate(
         first[ROW0], first[COL0] = min(first[ROW0], second[ROW0]), min(first[COL0], second[COL0])
         first[ROW1], first[COL1] = max(first[ROW1], second[ROW1]), max(first[COL1], second[COL1])
         first[PEAK] = max(first[PEAK], second[PEAK])
+        rooms[a] += rooms[b]
         if learning:
             truth[a] += truth[b]
         for n in range(1, count):
@@ -271,7 +311,15 @@ def merge_pieces(graph: PieceGraph, forest: Forest, *, level: float = 0.0) -> ND
     numbers = (forest.feature, forest.threshold, forest.left, forest.right, forest.roots, forest.bias)
     nothing = np.zeros((0, 0))
     into, _ = _agglomerate(
-        graph.nodes.copy(), graph.ends.copy(), graph.edges.copy(), graph.resolution, numbers, level, nothing, nothing
+        graph.nodes.copy(),
+        graph.ends.copy(),
+        graph.edges.copy(),
+        graph.rooms.copy(),
+        graph.resolution,
+        numbers,
+        level,
+        nothing,
+        nothing,
     )
     return into
 
@@ -291,8 +339,8 @@ def judge_with_truth(graph: PieceGraph, forest: Forest, rooms: NDArray[np.float6
     numbers = (forest.feature, forest.threshold, forest.left, forest.right, forest.roots, forest.bias)
     pairs = len(graph.ends)
     samples = np.zeros((min(80 * pairs + 100, 400_000), FEATURE_COUNT + 2))
-    nodes, ends, edges = graph.nodes.copy(), graph.ends.copy(), graph.edges.copy()
-    _, n = _agglomerate(nodes, ends, edges, graph.resolution, numbers, 0.0, rooms.copy(), samples)
+    nodes, ends, edges, within = graph.nodes.copy(), graph.ends.copy(), graph.edges.copy(), graph.rooms.copy()
+    _, n = _agglomerate(nodes, ends, edges, within, graph.resolution, numbers, 0.0, rooms.copy(), samples)
     later = np.linspace(pairs, n - 1, min(pairs, max(n - pairs, 0))).astype(np.int64)
     chosen = np.concatenate([np.arange(min(pairs, n)), later])
     return np.asarray(samples[chosen])

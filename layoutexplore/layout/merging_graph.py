@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.layout.line_evidence import LineEvidence, count_rooms
 from layoutexplore.layout.openings import Openings, thicken
 
 # Columns of the node table. AREA: known free cells; SPACE: all cells; SIDES: sides shared with anything else;
@@ -21,12 +22,17 @@ NODE_COLUMNS = 11
 
 # Columns of the edge table. OPEN: sides in direct contact; ACROSS_ROWS: those between two rows; DOOR: those in an
 # opening, with sums of its WIDTH and the LONG and SHORT run beside it [m]; PASS: largest distance to the obstacles on
-# the contact [cells]; NEAR, NEAR_MIN, FAR: sums of the share of wall in line with the contact; THROUGH: contact across a wall.
-OPEN, ACROSS_ROWS, DOOR, WIDTH, LONG, SHORT, PASS, NEAR, NEAR_MIN, FAR, THROUGH = range(11)
-EDGE_COLUMNS = 11
+# the contact [cells]; NEAR, NEAR_MIN, FAR: sums of the share of wall in line with the contact; THROUGH: contact across a
+# wall; PARTED, COVERED, APART: sides near which lies an edge between two faces of the representative lines, sums of the
+# covered shares of these edges, and sides near which two of their rooms meet.
+OPEN, ACROSS_ROWS, DOOR, WIDTH, LONG, SHORT, PASS, NEAR, NEAR_MIN, FAR, THROUGH, PARTED, COVERED, APART = range(14)
+EDGE_COLUMNS = 14
 
 NEAR_REACH, FAR_REACH = 1.5, 6.0
 """How far walls in line with a contact are looked for on either side, in metres."""
+
+BESIDE = 0.3
+"""A line lies near a contact within this distance [m]."""
 
 WALL_THICKNESS = 0.5
 """Two pieces touch across an obstacle up to twice so thick [m]."""
@@ -40,12 +46,14 @@ class PieceGraph:
         nodes: float64 (k + 1, NODE_COLUMNS), row 0 is empty.
         ends: int32 (m, 2), the two pieces of each contact, the lower first.
         edges: float64 (m, EDGE_COLUMNS).
+        rooms: float64 (k + 1, r + 1), known free cells of each piece in each room of the lines, column 0 in none.
         resolution: Metres a cell.
     """
 
     nodes: NDArray[np.float64]
     ends: NDArray[np.int32]
     edges: NDArray[np.float64]
+    rooms: NDArray[np.float64]
     resolution: float
 
 
@@ -66,7 +74,7 @@ def _run_sums(thick: NDArray[np.uint8]) -> NDArray[np.int32]:
 def _share(sums: NDArray[np.int32], r: int, begin: int, end: int) -> float:
     """Share of wall among the cells begin <= c < end of a row; what lies outside the grid is no wall."""
     low, high = min(max(begin, 0), sums.shape[1] - 1), min(end, sums.shape[1] - 1)
-    return (sums[r, max(low, high)] - sums[r, low]) / (end - begin)
+    return float(sums[r, max(low, high)] - sums[r, low]) / (end - begin)
 
 
 @njit(cache=True, nogil=True)
@@ -213,6 +221,36 @@ def _nodes(
 
 
 @njit(cache=True, nogil=True)
+def _add_evidence(
+    edge: NDArray[np.float64],
+    r: int,
+    c: int,
+    above: bool,
+    lines: tuple[
+        NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], int
+    ],
+) -> None:
+    """Add what the representative lines say of the side between cell (r, c) and the one `above` it, or right of it."""
+    row_strip, col_strip, face, room, edge_above, edge_right, reach = lines
+    covered = 0.0
+    if above:
+        n, m = row_strip[max(r - reach, 0)], col_strip[c]
+        far_n, far_m = row_strip[min(r + 1 + reach, len(row_strip) - 1)], m
+        for k in range(n, far_n):
+            covered = max(covered, edge_above[k, m])
+    else:
+        n, m = row_strip[r], col_strip[max(c - reach, 0)]
+        far_n, far_m = n, col_strip[min(c + 1 + reach, len(col_strip) - 1)]
+        for k in range(m, far_m):
+            covered = max(covered, edge_right[n, k])
+    if face[n, m] != face[far_n, far_m]:
+        edge[PARTED] += 1
+        edge[COVERED] += covered
+    if room[n, m] != room[far_n, far_m]:
+        edge[APART] += 1
+
+
+@njit(cache=True, nogil=True)
 def _add_contact(
     edge: NDArray[np.float64],
     r: int,
@@ -251,6 +289,9 @@ def _contacts(
     gap: NDArray[np.int32],
     gaps: NDArray[np.float64],
     walls: tuple[NDArray[np.int32], NDArray[np.int32], int, int],
+    lines: tuple[
+        NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], int
+    ],
     nodes: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """The contacts; adds their sides to the nodes."""
@@ -291,6 +332,7 @@ def _contacts(
                 edges[e, THROUGH] += 1
             else:
                 _add_contact(edges[e], r, c, above, distance, gap, gaps, walls)
+                _add_evidence(edges[e], r, c, above, lines)
     return ends[:m].copy(), edges[:m].copy()
 
 
@@ -302,6 +344,7 @@ def piece_graph(
     wall: NDArray[np.bool_],
     distance: NDArray[np.float32],
     openings: Openings,
+    lines: LineEvidence,
     resolution: float,
 ) -> PieceGraph:
     """The graph of a map's pieces.
@@ -313,6 +356,7 @@ def piece_graph(
         wall: bool (rows, cols), occupied cells that are.
         distance: float32 (rows, cols), distance to the walls in cells.
         openings: The candidate openings.
+        lines: The representative lines.
         resolution: Metres a cell.
     """
     steps = max(round(WALL_THICKNESS / resolution), 1)
@@ -332,6 +376,7 @@ def piece_graph(
         openings.gap,
         openings.table.astype(np.float64) * resolution,
         (along_rows, along_cols, near, far),
+        (lines.row_strip, lines.col_strip, lines.face, lines.room, lines.above, lines.right, max(round(BESIDE / resolution), 1)),
         nodes,
     )
-    return PieceGraph(nodes, ends, edges, resolution)
+    return PieceGraph(nodes, ends, edges, count_rooms(labels, free, lines), resolution)

@@ -1,0 +1,272 @@
+"""Representative lines as evidence of where rooms end, on a grid whose walls run along rows and columns.
+
+ROSE keeps what agrees with the long walls of a map: inside a ridge of its spectrum, an occupied cell scores what lies in line
+with it along the ridge's wall direction. Where walls run along rows and columns, that is a running sum over the rows or the
+columns. Cells that score enough are walls; walls in line make a representative line through the whole map; the lines of
+both directions cut the map into faces, whose edges are covered by wall or not, and faces with uncovered edges cluster to
+rooms as in ROSE2 (section III-C). Two pieces that lie on two sides of a line, or in two such rooms, are rarely one room,
+even where no wall was seen between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.grid import UNKNOWN
+from layoutexplore.layout.default_turn import surfaces
+from layoutexplore.layout.openings import thicken
+from layoutexplore.layout.rooms import FaceGraph, cluster_faces
+from layoutexplore.layout.walls import components, sums
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvidenceConfig:
+    """How lines are found; lengths in metres.
+
+    Attributes:
+        wall_length: What lies in line with a cell within half of this on either side supports it (ROSE).
+        level: Least score of a wall, as a share of the best (ROSE2) ...
+        support: ... and the least wall in line with it.
+        run: And around a wall's cell, over so long ...
+        run_share: ... this share is wall.
+        slack: A wall may step aside by this much.
+        line_distance: Two lines are at least so far apart.
+        line_length: Least wall on a line.
+        line_weight: A line covered for a smaller share of its length does not part faces ...
+        edge_weight: ... except where an edge is covered for this share.
+        known_share: Faces of which less is known belong to no room.
+        sigma: Scale of the covered share in the affinity of two faces.
+        affinity: Least normalised affinity of faces of one room.
+    """
+
+    wall_length: float = 8.0
+    level: float = 0.18
+    support: float = 1.25
+    run: float = 0.8
+    run_share: float = 0.75
+    slack: float = 0.1
+    line_distance: float = 1.0
+    line_length: float = 1.0
+    line_weight: float = 0.1
+    edge_weight: float = 0.6
+    known_share: float = 0.2
+    sigma: float = 0.1
+    affinity: float = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class LineEvidence:
+    """Faces and rooms of the lines, looked up by row and column.
+
+    Attributes:
+        row_strip: int32 (rows,), strip between the lines along the rows that each row lies in.
+        col_strip: int32 (cols,), the same for the columns.
+        face: int32 (row strips, col strips), the face of each crossing of strips.
+        room: int32 (row strips, col strips), its room, numbered from 1, 0 for none.
+        above: float64 (row strips, col strips), covered share of the edge to the strip above.
+        right: float64 (row strips, col strips), and to the strip on the right.
+    """
+
+    row_strip: NDArray[np.int32]
+    col_strip: NDArray[np.int32]
+    face: NDArray[np.int32]
+    room: NDArray[np.int32]
+    above: NDArray[np.float64]
+    right: NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True)
+def _supported(
+    cells: NDArray[np.int64], thick: NDArray[np.uint8], half: int, level: float, least: float, near: int, near_least: float
+) -> NDArray[np.bool_]:
+    """Which of the occupied cells (flat, rising) have enough wall in line with them in their row."""
+    cols = thick.shape[1]
+    score = np.zeros(len(cells), np.int32)
+    sums = np.zeros(cols + 1, np.int32)
+    row = -1
+    for n in range(len(cells)):
+        r, c = cells[n] // cols, cells[n] % cols
+        if r != row:
+            row, total = r, 0
+            for k in range(cols):
+                total += thick[r, k]
+                sums[k + 1] = total
+        if sums[min(c + near + 1, cols)] - sums[max(c - near, 0)] >= near_least:
+            score[n] = sums[min(c + half + 1, cols)] - sums[max(c - half, 0)]
+    best = score.max() if len(score) else 0
+    return score >= max(level * best, least)
+
+
+@njit(cache=True, nogil=True)
+def _offsets(profile: NDArray[np.float64], slack: int, reach: int, least: float) -> NDArray[np.int64]:
+    """Rows of the lines: the row with most wall within `slack` first, none within `reach` of another."""
+    n = len(profile)
+    left = profile.copy()
+    out = np.empty(n, np.int64)
+    count = 0
+    while True:
+        best, best_sum = -1, least
+        for r in range(n):
+            if left[r] <= 0:
+                continue
+            total = 0.0
+            for k in range(max(r - slack, 0), min(r + slack + 1, n)):
+                total += left[k]
+            if total > best_sum or (total == best_sum and best >= 0 and left[r] > left[best]):
+                best, best_sum = r, total
+        if best < 0:
+            break
+        out[count] = best
+        count += 1
+        for k in range(max(best - reach, 0), min(best + reach + 1, n)):
+            left[k] = 0.0
+    return np.sort(out[:count])
+
+
+@njit(cache=True, nogil=True)
+def _coverage(cells: NDArray[np.int64], cols: int, offsets: NDArray[np.int64], reach: int, joint: int) -> NDArray[np.int32]:
+    """int32 (lines, cols + 1): covered cells of each line before each column; gaps up to 2 `joint` are covered too."""
+    covered = np.zeros((len(offsets), cols), np.bool_)
+    for i in cells:
+        r, c = i // cols, i % cols
+        k = np.searchsorted(offsets, r)
+        best = -1
+        for j in range(max(k - 1, 0), min(k + 1, len(offsets))):
+            if abs(offsets[j] - r) <= reach and (best < 0 or abs(offsets[j] - r) < abs(offsets[best] - r)):
+                best = j
+        if best >= 0:
+            for d in range(max(c - joint, 0), min(c + joint + 1, cols)):
+                covered[best, d] = True
+    sums = np.zeros((len(offsets), cols + 1), np.int32)
+    for k in range(len(offsets)):
+        for c in range(cols):
+            sums[k, c + 1] = sums[k, c] + covered[k, c]
+    return sums
+
+
+def _lines(occupied: NDArray[np.bool_], resolution: float, config: EvidenceConfig) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Rows of the lines along the rows, and their covered cells before each column."""
+    thick = thicken(occupied, max(round(config.slack / resolution), 1), across_rows=True)
+    cells = np.flatnonzero(occupied)
+    half = max(round(config.wall_length / resolution / 2), 1)
+    near = max(round(config.run / resolution / 2), 1)
+    walls = cells[
+        _supported(cells, thick, half, config.level, config.support / resolution, near, config.run_share * (2 * near + 1))
+    ]
+    cols = occupied.shape[1]
+    profile = np.bincount(walls // cols, minlength=occupied.shape[0]).astype(np.float64)
+    reach = max(round(config.line_distance / resolution / 2), 1)
+    offsets = _offsets(profile, max(round(config.slack / resolution), 1), reach, config.line_length / resolution)
+    return offsets, _coverage(walls, cols, offsets, reach, max(round(config.slack / resolution / 2), 1))
+
+
+def _edges(
+    sums: NDArray[np.int32], bounds: NDArray[np.int64], config: EvidenceConfig
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Covered share (lines, strips) of the edges between bounds (strips + 1,), and whether they part faces at all."""
+    share = np.diff(sums[:, bounds], axis=1) / np.maximum(np.diff(bounds), 1)
+    dropped = sums[:, -1] < config.line_weight * (sums.shape[1] - 1)
+    return share, dropped[:, None] & (share < config.edge_weight)
+
+
+def find_evidence(
+    cells: NDArray[np.int8], wall: NDArray[np.bool_], resolution: float, config: EvidenceConfig | None = None
+) -> LineEvidence:
+    """Lines, faces and rooms of a grid whose walls run along rows and columns.
+
+    Args:
+        cells: int8 (rows, cols), trinary.
+        wall: bool (rows, cols), the occupied cells that may be wall.
+        resolution: Metres a cell.
+        config: The options.
+    """
+    config = config or EvidenceConfig()
+    occupied = surfaces(cells) & wall
+    rows, cols = cells.shape
+    row_lines, row_sums = _lines(occupied, resolution, config)
+    col_lines, col_sums = _lines(cv2.transpose(occupied.view(np.uint8)).view(np.bool_), resolution, config)
+    row_bounds, col_bounds = np.concatenate(([0], row_lines, [rows])), np.concatenate(([0], col_lines, [cols]))
+    shape = len(row_bounds) - 1, len(col_bounds) - 1
+    above, above_open = _edges(row_sums, col_bounds, config)
+    right, right_open = (sides.T for sides in _edges(col_sums, row_bounds, config))
+    index = np.arange(shape[0] * shape[1]).reshape(shape)
+    first = np.concatenate((index[:-1].ravel(), index[:, :-1].ravel()))
+    second = np.concatenate((index[1:].ravel(), index[:, 1:].ravel()))
+    opened = np.concatenate((above_open.ravel(), right_open.ravel()))
+    share = np.concatenate((above.ravel(), right.ravel()))
+    height, width = np.diff(row_bounds)[:, None].astype(np.float64), np.diff(col_bounds)[None, :].astype(np.float64)
+    length = np.concatenate((np.repeat(width, len(above), axis=0).ravel(), np.repeat(height, right.shape[1], axis=1).ravel()))
+    face = components(first[opened], second[opened], index.size)
+    known = cv2.integral((cells != UNKNOWN).view(np.uint8))[np.ix_(row_bounds, col_bounds)]
+    known_share = np.diff(np.diff(known.astype(np.float64), axis=0), axis=1) / np.maximum(height * width, 1)
+    room = _rooms(
+        face, (first, second), share, length, np.asarray(known_share, np.float64).ravel(), (height * width).ravel(), config
+    )
+    return LineEvidence(
+        row_strip=np.searchsorted(row_lines, np.arange(rows), side="right").astype(np.int32),
+        col_strip=np.searchsorted(col_lines, np.arange(cols), side="right").astype(np.int32),
+        face=face.reshape(shape).astype(np.int32),
+        room=room.reshape(shape).astype(np.int32),
+        above=np.pad(above, ((0, 1), (0, 0))),
+        right=np.pad(right, ((0, 0), (0, 1))),
+    )
+
+
+@njit("void(int32[:,::1], boolean[:,::1], int32[::1], int32[::1], int32[:,::1], float64[:,::1])", cache=True, nogil=True)
+def _count(
+    labels: NDArray[np.int32],
+    free: NDArray[np.bool_],
+    row_strip: NDArray[np.int32],
+    col_strip: NDArray[np.int32],
+    room: NDArray[np.int32],
+    out: NDArray[np.float64],
+) -> None:
+    for r in range(labels.shape[0]):
+        of_row = room[row_strip[r]]
+        for c in range(labels.shape[1]):
+            if labels[r, c] > 0 and free[r, c]:
+                out[labels[r, c], of_row[col_strip[c]]] += 1
+
+
+def count_rooms(labels: NDArray[np.int32], free: NDArray[np.bool_], evidence: LineEvidence) -> NDArray[np.float64]:
+    """float64 (k + 1, rooms + 1): known free cells of each piece in each room of the lines, column 0 in none.
+
+    Args:
+        labels: int32 (rows, cols), the pieces, from 1.
+        free: bool (rows, cols), known free cells.
+        evidence: The rooms.
+    """
+    out = np.zeros((int(labels.max(initial=0)) + 1, int(evidence.room.max(initial=0)) + 1))
+    _count(labels, free, evidence.row_strip, evidence.col_strip, evidence.room, out)
+    return out
+
+
+def _rooms(
+    face: NDArray[np.int64],
+    pairs: tuple[NDArray[np.int64], NDArray[np.int64]],
+    share: NDArray[np.float64],
+    length: NDArray[np.float64],
+    known_share: NDArray[np.float64],
+    size: NDArray[np.float64],
+    config: EvidenceConfig,
+) -> NDArray[np.int64]:
+    """Room of each crossing of strips, from 1, 0 for none; `pairs` are the crossings on both sides of the edges."""
+    count = int(face.max()) + 1
+    total = np.maximum(np.bincount(face, size, count), 1)
+    inside = np.bincount(face, known_share * size, count) >= config.known_share * total
+    low, high = np.sort(np.stack((face[pairs[0]], face[pairs[1]])), axis=0)
+    differ = low != high
+    pair, inverse = np.unique(low[differ] * count + high[differ], return_inverse=True)
+    inverse = inverse.reshape(-1)
+    graph = FaceGraph(
+        first=pair // count,
+        second=pair % count,
+        length=sums(inverse, length[differ], len(pair)),
+        covered=sums(inverse, (share * length)[differ], len(pair)),
+    )
+    return cluster_faces(graph, inside, config.sigma, config.affinity)[face] + 1
