@@ -84,6 +84,18 @@ def door_features(cells: NDArray[np.int8], resolution: float, edges: NDArray[np.
     return np.array([_describe(padded, resolution, *(edge + pad)) for edge in edges], np.float32).reshape(-1, len(DOOR_FEATURES))
 
 
+def is_marked(features: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Edges that are shut and stand between two jambs, or whose line runs on inside the wall: doors by what they look like.
+
+    Args:
+        features: `DOOR_FEATURES`, float32 (n, features).
+    """
+    known = dict(zip(DOOR_FEATURES, features.T, strict=True))
+    niche = (known["recess"] > 0.09) & (known["behind"] > 1.0) & (known["ahead_most"] > 1.0) & (known["length"] < 2.9)
+    inside = known["buried"] + known["buried_other"] > 0.09
+    return np.asarray((known["occupied"] > 0.9) & (niche | inside))
+
+
 def _describe(cells: NDArray[np.int8], resolution: float, row: int, start: int, stop: int) -> list[float]:
     cut = np.s_[row - round(_BEHIND / resolution) : row + round(_AHEAD / resolution)]
     middle = row - cut.start

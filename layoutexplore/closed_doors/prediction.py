@@ -3,6 +3,10 @@
 One forest tells closed doors from walls, the other estimates how well a rectangle agrees with the room behind a door;
 `layoutexplore.closed_doors.training` makes both. The task is that of the ECMR 2021 paper on rooms behind closed doors; the
 way is another.
+
+The shipped trees were trained on the 8 buildings with a published answer, on the same with other doors shut, and on floor plans:
+scores on these are not scores on new buildings. With each building withheld and the trees alone finding doors, the interquartile
+mean of the never-seen IoU was 0.46 and the free-space IoU 0.85 on 37 of their 74 maps, under those of the published answers.
 """
 
 from __future__ import annotations
@@ -15,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.candidates import rectangles
-from layoutexplore.closed_doors.doors import DOOR_FEATURES, Door, door_features, find_edges
+from layoutexplore.closed_doors.doors import DOOR_FEATURES, Door, door_features, find_edges, is_marked
 from layoutexplore.closed_doors.features import describe
 from layoutexplore.closed_doors.models import Models, shipped_models
 from layoutexplore.closed_doors.scene import Scene, room_space, wall_thickness
@@ -25,7 +29,10 @@ from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 LEAST_DOOR = 0.25
 """Edges less likely to be doors are walls."""
 
-LEAST = 0.3
+MARKED = 0.6
+"""Least probability of an edge that looks like a door (`is_marked`), whatever the trees say."""
+
+LEAST = 0.2
 """Rectangles whose estimated agreement, times the probability of their door, is lower are not drawn."""
 
 _MARK = 16  # cells by which the line that marks a door may run on into the wall
@@ -60,7 +67,7 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
     """
     models = models or shipped_models()
     cells = np.where(grid.free, FREE, np.where(grid.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
-    doors = find_doors(cells, grid.resolution, lambda turns, edges, features: models.doors.probability(features))
+    doors = find_doors(cells, grid.resolution, lambda turns, edges, features: door_probability(features, models))
     rooms = np.zeros(grid.shape, np.bool_)
     confidence = []
     if any(doors):
@@ -76,6 +83,11 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
     rim = cv2.dilate(rooms.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     drawn = np.where(rooms, FREE, np.where(rim & (cells == UNKNOWN), OCCUPIED, grid.cells)).astype(np.int8)
     return ClosedRooms(OccupancyGrid(drawn, grid.resolution, grid.origin), rooms, tuple(confidence), sum(map(len, doors)))
+
+
+def door_probability(features: NDArray[np.float32], models: Models) -> NDArray[np.float64]:
+    """The probability float64 (n,) that edges with these `DOOR_FEATURES` are closed doors."""
+    return np.maximum(models.doors.probability(features), MARKED * is_marked(features))
 
 
 def _best_room(scene: Scene, door: Door, models: Models) -> tuple[tuple[int, ...], float]:

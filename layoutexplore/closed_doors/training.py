@@ -124,8 +124,8 @@ def agreement_of(
     return np.asarray(inside(hidden & scene.possible) / np.maximum(size + room.sum() - inside(room), 1))
 
 
-def fit(samples: Iterable[Samples]) -> Models:
-    """Train both forests on the samples of several maps."""
+def fit(samples: Iterable[Samples], *, trees: int = 150) -> Models:
+    """Train both forests on the samples of several maps; `trees` is the number of those that judge rectangles."""
     from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostingRegressor
 
     parts = list(samples)
@@ -137,7 +137,7 @@ def fit(samples: Iterable[Samples]) -> Models:
         max_iter=80, learning_rate=0.08, max_leaf_nodes=8, min_samples_leaf=15, max_features=0.4, **common
     )
     rooms = HistGradientBoostingRegressor(
-        max_iter=150, learning_rate=0.08, max_leaf_nodes=12, min_samples_leaf=40, max_features=0.3, **common
+        max_iter=trees, learning_rate=0.08, max_leaf_nodes=12, min_samples_leaf=40, max_features=0.3, **common
     )
     return Models(as_forest(doors.fit(edges, is_door)), as_forest(rooms.fit(boxes, agreement, weight)))
 
