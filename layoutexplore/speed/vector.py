@@ -20,7 +20,7 @@ from layoutexplore.speed.floors import plan
 from layoutexplore.speed.measurement import Row
 
 _ID = "LayoutExplore/Frontier-v0"
-_ENVIRONMENTS, _STEPS, _TURNS = 4, 12, 4
+_ENVIRONMENTS, _STEPS, _TURNS = 4, 10, 3
 _MAPLESS = {"local_map": False, "global_map": False}
 
 _SETTINGS: tuple[tuple[str, dict[str, Any], float], ...] = (
