@@ -6,7 +6,7 @@ way is another.
 
 The shipped trees were trained on the 8 buildings with a published answer, on the same with other doors shut, and on floor plans:
 scores on these are not scores on new buildings. With each building withheld and the trees alone finding doors, the interquartile
-mean of the never-seen IoU was 0.60 and the free-space IoU 0.87 on two thirds of their 74 maps, under those of the published answers.
+mean of the never-seen IoU was 0.60 and the free-space IoU 0.87 on two thirds of their 74 maps, under the published answers.
 """
 
 from __future__ import annotations
