@@ -25,6 +25,7 @@ SMALL: dict[str, Any] = {
     "predictor": "none",
     "checkpoint_every": 32,
     "critic_steps": 16,
+    "averaging": 0.8,
     "network": {"width": 8, "layers": 1, "heads": 2},
     "learning": {"n_steps": 8, "batch_size": 8, "n_epochs": 2},
     "evaluation": {"every": 32, "plans": ["apartment-01"], "starts": 1, "references": ["nearest"]},
