@@ -87,7 +87,8 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
 
 def door_probability(features: NDArray[np.float32], models: Models) -> NDArray[np.float64]:
     """The probability float64 (n,) that edges with these `DOOR_FEATURES` are closed doors."""
-    return np.maximum(models.doors.probability(features), MARKED * is_marked(features))
+    chances: NDArray[np.float64] = np.maximum(models.doors.probability(features), MARKED * is_marked(features))
+    return chances
 
 
 def _best_room(scene: Scene, door: Door, models: Models) -> tuple[tuple[int, ...], float]:
@@ -119,9 +120,9 @@ def find_doors(cells: NDArray[np.int8], resolution: float, judge: Judge) -> list
         chances = judge(turns, edges, features)
         steps = np.rint(features[:, recess] / resolution).astype(np.int64)
         likely = np.flatnonzero(chances >= LEAST_DOOR)
-        numbers = np.concatenate([edges, steps], axis=1)
-        found = [(*(int(v) for v in numbers[k]), float(chances[k])) for k in likely]
-        doors.append([Door(row, start, stop, least, most, chance) for row, start, stop, least, most, chance in found])
+        numbers = np.concatenate([edges, steps], axis=1)[likely].tolist()
+        found = zip(numbers, chances[likely].tolist(), strict=True)
+        doors.append([Door(row, start, stop, least, most, chance) for (row, start, stop, least, most), chance in found])
     return doors
 
 
