@@ -193,7 +193,8 @@ def find_evidence(
     row_bounds, col_bounds = np.concatenate(([0], row_lines, [rows])), np.concatenate(([0], col_lines, [cols]))
     shape = len(row_bounds) - 1, len(col_bounds) - 1
     above, above_open = _edges(row_sums, col_bounds, config)
-    right, right_open = (sides.T for sides in _edges(col_sums, row_bounds, config))
+    share_right, open_right = _edges(col_sums, row_bounds, config)
+    right, right_open = share_right.T, open_right.T
     index = np.arange(shape[0] * shape[1]).reshape(shape)
     first = np.concatenate((index[:-1].ravel(), index[:, :-1].ravel()))
     second = np.concatenate((index[1:].ravel(), index[:, 1:].ravel()))
@@ -204,9 +205,7 @@ def find_evidence(
     face = components(first[opened], second[opened], index.size)
     known = cv2.integral((cells != UNKNOWN).view(np.uint8))[np.ix_(row_bounds, col_bounds)]
     known_share = np.diff(np.diff(known.astype(np.float64), axis=0), axis=1) / np.maximum(height * width, 1)
-    room = _rooms(
-        face, (first, second), share, length, np.asarray(known_share, np.float64).ravel(), (height * width).ravel(), config
-    )
+    room = _rooms(face, (first, second), share, length, known_share.ravel(), (height * width).ravel(), config)
     return LineEvidence(
         row_strip=np.searchsorted(row_lines, np.arange(rows), side="right").astype(np.int32),
         col_strip=np.searchsorted(col_lines, np.arange(cols), side="right").astype(np.int32),
