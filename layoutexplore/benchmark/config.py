@@ -27,6 +27,8 @@ QUICK_AGENTS = (
     "gain-over-distance",
     "wait-3",
     "tour",
+    "latency-tour",
+    "layout-tour",
     "clairvoyant",
 )
 """What runs when no agent is named: one of each kind of strategy."""

@@ -20,7 +20,7 @@ DEFAULT_OUT = Path("benchmark-results")
 BENCHMARK_HELP = """Run exploration strategies on floor plans and report who needs how many metres.
 
 Every agent runs the same cells: floor plan, start and sensor. \
-Without arguments, eight agents explore a small suite of plans in a few minutes. \
+Without arguments, ten agents explore a small suite of plans in a few minutes. \
 What is finished stays in the results folder: the same command continues where it was stopped.
 
 [bold]Examples[/bold]
