@@ -192,7 +192,7 @@ def test_the_readme_opens_with_the_two_commands() -> None:
 
 
 @pytest.mark.parametrize(
-    "block", re.findall(r"```python\n(.*?)```", README, re.DOTALL), ids=["gymnasium", "simulation", "layout"]
+    "block", re.findall(r"```python\n(.*?)```", README, re.DOTALL), ids=["gymnasium", "simulation", "vector", "layout"]
 )
 def test_the_readme_runs(block: str, capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block, "README.md", "exec"), {})
