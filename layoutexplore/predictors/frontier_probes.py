@@ -35,18 +35,19 @@ def frontier_frame(code: NDArray[np.uint8], members: NDArray[np.int32]) -> NDArr
         (0 straight on, 1 diagonal), number of sides that border the unknown.
     """
     normal_row, normal_col, sides = 0, 0, 0
-    mean_row, mean_col = 0.0, 0.0
-    for i in range(len(members)):
-        mean_row += members[i, 0] / len(members)
-        mean_col += members[i, 1] / len(members)
+    sum_row, sum_col, count = 0, 0, len(members)
+    for i in range(count):
+        sum_row += members[i, 0]
+        sum_col += members[i, 1]
         for dr, dc in ((1, 0), (-1, 0), (0, 1), (0, -1)):
             if code[members[i, 0] + dr, members[i, 1] + dc] & UNKNOWN_BIT:
                 normal_row += dr
                 normal_col += dc
                 sides += 1
-    middle, nearest = 0, np.inf
-    for i in range(len(members)):
-        away = (members[i, 0] - mean_row) ** 2 + (members[i, 1] - mean_col) ** 2
+    # In whole numbers, so that of equally near cells it is the first one wherever the grid lies.
+    middle, nearest = 0, np.int64(2**62)
+    for i in range(count):
+        away = (count * members[i, 0] - sum_row) ** 2 + (count * members[i, 1] - sum_col) ** 2
         if away < nearest:
             middle, nearest = i, away
     frame = np.zeros(8)
