@@ -337,8 +337,7 @@ def _cast(
         dx = unit_x[i] * cos - unit_y[i] * sin
         dy = unit_x[i] * sin + unit_y[i] * cos
         along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
-        step_along = np.uint64((1 if dx >= 0.0 else -1) if x_leads else (cols if dy >= 0.0 else -cols))
-        step_across = np.uint64((cols if dy >= 0.0 else -cols) if x_leads else (1 if dx >= 0.0 else -1))
+        step_along, step_across = steps(dx, dy, x_leads, cols)
         last = int(range_max / per_along + along)
         index, k, j = start, 0, 0
         here = np.inf
@@ -387,3 +386,10 @@ def trace(x: float, y: float, dx: float, dy: float) -> tuple[float, float, float
     if size_x >= size_y:
         return from_x, from_y, min(size_y / size_x, _STEEPEST), 1.0 / size_x, 1.0 / size_y if size_y > 0.0 else np.inf, True
     return from_y, from_x, min(size_x / size_y, _STEEPEST), 1.0 / size_y, 1.0 / size_x if size_x > 0.0 else np.inf, False
+
+
+@njit(cache=True, nogil=True)
+def steps(dx: float, dy: float, x_leads: bool, cols: int) -> tuple[np.uint64, np.uint64]:
+    """Change of a cell's index in a ravelled grid of `cols` columns where the ray of `trace` moves on along and across."""
+    step_x, step_y = (1 if dx >= 0.0 else -1), (cols if dy >= 0.0 else -cols)
+    return np.uint64(step_x if x_leads else step_y), np.uint64(step_y if x_leads else step_x)

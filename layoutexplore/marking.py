@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.lidar import trace
+from layoutexplore.lidar import steps, trace
 
 Changes = tuple[int, int, int, int, int, int, int, int]
 """New cells, new occupied, change of the number of free and of occupied cells, and the box (row0, row1, col0, col1)."""
@@ -169,10 +169,8 @@ def cast_and_mark(
         dx = unit_x[i] * cos - unit_y[i] * sin
         dy = unit_x[i] * sin + unit_y[i] * cos
         along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
-        step_x, step_y = (1 if dx >= 0.0 else -1), (cols if dy >= 0.0 else -cols)
-        true_y = world_cols if dy >= 0.0 else -world_cols
-        step_along, step_across = np.uint64(step_x if x_leads else step_y), np.uint64(step_y if x_leads else step_x)
-        true_along, true_across = np.uint64(step_x if x_leads else true_y), np.uint64(true_y if x_leads else step_x)
+        step_along, step_across = steps(dx, dy, x_leads, cols)
+        true_along, true_across = steps(dx, dy, x_leads, world_cols)
         k = 0 if half and (i == 0 or i == unit_x.size - 1) else reach
         j = int(across + slope * (k - along)) if k > 0 else 0
         index = start + np.uint64(k) * step_along + np.uint64(j) * step_across
@@ -260,8 +258,6 @@ def weigh(
     if not (0.0 <= x < cols and 0.0 <= y < rows):
         return _changes(tally)
     mark, weights = touched.ravel(), evidence.ravel()
-    least, most = limits[0], limits[1]
-    start = np.uint64(int(y) * cols + int(x))
     for i in range(unit_x.size):
         length = ranges[i] + _END_TOLERANCE
         if math.isnan(length) or length > range_max + 2.0 * _END_TOLERANCE:
@@ -272,7 +268,7 @@ def weigh(
             index = np.uint64(int(end_y) * cols + int(end_x))
             if mark[index] != stamp:
                 mark[index] = stamp
-                weight = min(weights[index] + hit, most)
+                weight = min(weights[index] + hit, limits[1])
                 weights[index] = weight
                 _judge(cells, index, weight, limits, tally)
     for i in range(unit_x.size):
@@ -280,35 +276,52 @@ def weigh(
             continue
         dx = unit_x[i] * cos - unit_y[i] * sin
         dy = unit_x[i] * sin + unit_y[i] * cos
-        along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
-        step_x, step_y = (1 if dx >= 0.0 else -1), (cols if dy >= 0.0 else -cols)
-        step_along, step_across = np.uint64(step_x if x_leads else step_y), np.uint64(step_y if x_leads else step_x)
-        # The ray stays in the grid as long as it has met fewer borders than there are cells ahead of it.
-        ahead_x, ahead_y = (cols - int(x) if dx >= 0.0 else int(x) + 1), (rows - int(y) if dy >= 0.0 else int(y) + 1)
-        cells_along, cells_across = (ahead_x, ahead_y) if x_leads else (ahead_y, ahead_x)
         length = min(ranges[i] + _END_TOLERANCE, range_max)
-        index, j, k = start, 0, 0
-        while True:
-            if mark[index] != stamp:
-                mark[index] = stamp
-                weight = max(weights[index] - miss, least)
-                if weight != weights[index]:
-                    weights[index] = weight
-                    _judge(cells, index, weight, limits, tally)
+        _weigh_crossed(cells, weights, mark, stamp, x, y, dx, dy, length, miss, limits, tally)
+    return _changes(tally)
+
+
+@njit(cache=True, nogil=True)
+def _weigh_crossed(
+    cells: NDArray[np.int8],
+    weights: NDArray[np.int16],
+    mark: NDArray[np.uint8],
+    stamp: np.uint8,
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    length: float,
+    miss: int,
+    limits: NDArray[np.int64],
+    tally: NDArray[np.int64],
+) -> None:
+    """Take a miss as evidence in every cell that a ray from (x, y) crosses on its way of `length` and that bears no stamp."""
+    rows, cols = cells.shape
+    along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
+    step_along, step_across = steps(dx, dy, x_leads, cols)
+    # The ray stays in the grid as long as it has met fewer borders than there are cells ahead of it.
+    ahead_x, ahead_y = (cols - int(x) if dx >= 0.0 else int(x) + 1), (rows - int(y) if dy >= 0.0 else int(y) + 1)
+    cells_along, cells_across = (ahead_x, ahead_y) if x_leads else (ahead_y, ahead_x)
+    index, j, k, turned = np.uint64(int(y) * cols + int(x)), 0, 0, False
+    while True:
+        if mark[index] != stamp:
+            mark[index] = stamp
+            weight = max(weights[index] - miss, limits[0])
+            if weight != weights[index]:
+                weights[index] = weight
+                _judge(cells, index, weight, limits, tally)
+        if not turned:
             k += 1
             n = int(across + slope * (k - along))
-            if n != j:
+            turned = n != j
+            if turned:
                 if n >= cells_across or (n - across) * per_across > length:
                     break
                 j = n
                 index += step_across
-                if mark[index] != stamp:
-                    mark[index] = stamp
-                    weight = max(weights[index] - miss, least)
-                    if weight != weights[index]:
-                        weights[index] = weight
-                        _judge(cells, index, weight, limits, tally)
-            if k >= cells_along or (k - along) * per_along > length:
-                break
-            index += step_along
-    return _changes(tally)
+                continue
+        if k >= cells_along or (k - along) * per_along > length:
+            break
+        index += step_along
+        turned = False
