@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.grid import OCCUPIED, check_resolution
 from layoutexplore.lidar import trace
+from layoutexplore.union_find import root_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,14 +255,6 @@ def _merge(
 
 
 @njit(cache=True, nogil=True)
-def _root(parent: NDArray[np.int64], i: int) -> int:
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@njit(cache=True, nogil=True)
 def _cluster(flat: NDArray[np.int64], cols: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """Group sorted flat indices into 8-connected clusters: cells (m, 2) and offsets (k + 1,)."""
     m = flat.size
@@ -282,14 +275,14 @@ def _cluster(flat: NDArray[np.int64], cols: int) -> tuple[NDArray[np.int32], NDA
             above += 1
         k = above
         while k < line and col[k] <= col[i] + 1:
-            a, b = _root(parent, k), _root(parent, i)
+            a, b = root_of(parent, k), root_of(parent, i)
             parent[max(a, b)] = min(a, b)
             k += 1
     # Roots are the first cells of their clusters, so numbering them in order puts the clusters in order.
     label = np.empty(m, np.int64)
     count = 0
     for i in range(m):
-        r = _root(parent, i)
+        r = root_of(parent, i)
         if r == i:
             label[i] = count
             count += 1

@@ -8,17 +8,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grid import FREE, UNKNOWN
+from layoutexplore.union_find import root_of
 
 STEPS = 8
 """Heights a cell: distances are compared in eighths of a cell, so that equal ones stay equal wherever they are."""
-
-
-@njit(cache=True, nogil=True)
-def _find(parent: NDArray[np.int32], i: int) -> int:
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
 
 
 @njit(cache=True, nogil=True)
@@ -74,7 +67,7 @@ def _meet(
         label = labels[i + around[k]]
         if label == same or label == 0 or levels[i + one_side[k]] == 0 or levels[i + other_side[k]] == 0:
             continue
-        other = _find(parent, label)
+        other = root_of(parent, label)
         if best == 0 or other == best:
             best, same = other, label
             continue
@@ -110,7 +103,7 @@ def _flood(distance: NDArray[np.float32], inside: NDArray[np.int64], basins: NDA
     for i in _highest_first(levels, inside):
         only = _only_label(labels, i, cols)
         if only > 0:
-            labels[i] = _find(parent, only)
+            labels[i] = root_of(parent, only)
             continue
         best = _meet(i, cols, levels, labels, parent, peak, share, wide)
         if best == 0:
@@ -125,7 +118,7 @@ def _flood(distance: NDArray[np.float32], inside: NDArray[np.int64], basins: NDA
     number = np.zeros(n, np.int32)
     count = 0
     for i in inside:
-        root = _find(parent, labels[i])
+        root = root_of(parent, labels[i])
         if number[root] == 0:
             count += 1
             number[root] = count

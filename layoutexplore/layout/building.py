@@ -6,13 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-
-@njit(cache=True, nogil=True)
-def _root(parent: NDArray[np.int32], i: int) -> int:
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
+from layoutexplore.union_find import root_of
 
 
 @njit(cache=True, nogil=True)
@@ -46,13 +40,13 @@ def _building(
                 above += 1
             other = above
             while other < end and runs[other, 0] <= runs[k, 1]:
-                a, b = _root(parent, k), _root(parent, other)
+                a, b = root_of(parent, k), root_of(parent, other)
                 parent[max(a, b)] = min(a, b)
                 other += 1
     boxes = np.empty((len(runs), 4), np.int32)  # by root: first and last row and column
     filled = np.zeros(len(runs), np.int64)
     for k in range(len(runs)):
-        root = _root(parent, k)
+        root = root_of(parent, k)
         begin, end, r = runs[k, 0], runs[k, 1], runs[k, 2]
         if root == k:  # the first run of its part
             boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3] = r, r + 1, begin, end
@@ -61,7 +55,7 @@ def _building(
         filled[root] += runs[k, 3]
     out = np.zeros(occupied.shape, np.bool_)
     for k in range(len(runs)):
-        root = _root(parent, k)
+        root = root_of(parent, k)
         box = boxes[root]
         if filled[root] * resolution**2 >= area or max(box[1] - box[0], box[3] - box[2]) * resolution > length:
             for c in range(runs[k, 0], runs[k, 1]):

@@ -61,8 +61,8 @@ def thicken(mask: NDArray[np.bool_], slack: int, *, across_rows: bool) -> NDArra
     return np.asarray(cv2.dilate(np.ascontiguousarray(mask).view(np.uint8), kernel), np.uint8)
 
 
-@njit("int16[:,::1](boolean[:,::1])", cache=True, nogil=True)
-def _free_runs(blocked: NDArray[np.bool_]) -> NDArray[np.int16]:
+@njit(cache=True, nogil=True)
+def free_runs(blocked: NDArray[np.bool_]) -> NDArray[np.int16]:
     """Length of the run of cells that are not blocked in its row, for each cell; 0 for blocked ones."""
     rows, cols = blocked.shape
     out = np.zeros((rows, cols), np.int16)
@@ -87,7 +87,8 @@ def _run_length(thick: NDArray[np.uint8], r: int, c: int, step: int, longest: in
 
 
 @njit(cache=True, nogil=True)
-def _widens(runs: NDArray[np.int16], r: int, c: int, step: int, reach: int, wanted: int) -> bool:
+def widens(runs: NDArray[np.int16], r: int, c: int, step: int, reach: int, wanted: int) -> bool:
+    """Whether the run of a cell is followed, up (`step` -1) or down (1), by one of the wanted length within `reach` rows."""
     for k in range(1, reach + 1):
         rr = r + step * k
         if rr < 0 or rr >= runs.shape[0] or runs[rr, c] == 0:
@@ -120,8 +121,8 @@ def _mark(
                 narrowest <= n <= widest
                 and c > 0
                 and c + n < cols
-                and _widens(runs, r, middle, -1, reach, n + widening)
-                and _widens(runs, r, middle, 1, reach, n + widening)
+                and widens(runs, r, middle, -1, reach, n + widening)
+                and widens(runs, r, middle, 1, reach, n + widening)
             ):
                 one, other = _run_length(thick, r, c - 1, -1, longest), _run_length(thick, r, c + n, 1, longest)
                 if max(one, other) >= run_min:
@@ -164,7 +165,7 @@ def find_openings(blocked: NDArray[np.bool_], resolution: float, config: Opening
     lying = cv2.transpose(upright.view(np.uint8)).view(np.bool_)
     table = np.zeros((1, 3), np.int32)
     gap, turned = np.zeros(upright.shape, np.int32), np.zeros(lying.shape, np.int32)
-    table = _mark(_free_runs(upright), thicken(upright, slack, across_rows=True), sizes, gap, table)
-    table = _mark(_free_runs(lying), thicken(lying, slack, across_rows=True), sizes, turned, table)
+    table = _mark(free_runs(upright), thicken(upright, slack, across_rows=True), sizes, gap, table)
+    table = _mark(free_runs(lying), thicken(lying, slack, across_rows=True), sizes, turned, table)
     _join(gap, turned, np.ascontiguousarray(table))
     return Openings(gap, table)

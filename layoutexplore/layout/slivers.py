@@ -31,14 +31,7 @@ from layoutexplore.layout.merging_graph import (
     PieceGraph,
     find_edge,
 )
-
-
-@njit(cache=True, nogil=True)
-def _root(parent: NDArray[np.int32], i: int) -> int:
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
+from layoutexplore.union_find import root_of
 
 
 @njit(cache=True, nogil=True)
@@ -65,7 +58,7 @@ def _unite(nodes: NDArray[np.float64], ends: NDArray[np.int32], edges: NDArray[n
         n = 0
         h = first[k]
         while h >= 0:
-            other = _root(parent, ends[h // 2, 1 - h % 2])
+            other = root_of(parent, ends[h // 2, 1 - h % 2])
             edge = edges[h // 2]
             if other != k:
                 if contact[other, 0] == 0:
@@ -90,7 +83,7 @@ def _unite(nodes: NDArray[np.float64], ends: NDArray[np.int32], edges: NDArray[n
             last[best] = last[k]
     into = np.zeros(count, np.int32)
     for k in range(1, count):
-        root = _root(parent, k)
+        root = root_of(parent, k)
         into[k] = root if space[root] >= limit or _is_open(root, parent, ends, first, links) else 0
     return into
 
@@ -101,7 +94,7 @@ def _is_open(
 ) -> bool:
     h = first[k]
     while h >= 0:
-        if _root(parent, ends[h // 2, 1 - h % 2]) != k:
+        if root_of(parent, ends[h // 2, 1 - h % 2]) != k:
             return True
         h = links[h]
     return False

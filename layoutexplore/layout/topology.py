@@ -24,6 +24,7 @@ from layoutexplore.layout.face_model import FaceConfig, FaceModel, WallModel, ar
 from layoutexplore.layout.faces import Arrangement
 from layoutexplore.layout.rooms import merge_small, renumber
 from layoutexplore.layout.walls import components
+from layoutexplore.union_find import root_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,14 +247,6 @@ def label_components(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDAr
 
 
 @njit(cache=True, nogil=True)
-def _root(parent: NDArray[np.int32], i: int) -> int:
-    while parent[i] != i:
-        parent[i] = parent[parent[i]]
-        i = parent[i]
-    return i
-
-
-@njit(cache=True, nogil=True)
 def _label_components(
     labels: NDArray[np.int32], part: NDArray[np.int32], parent: NDArray[np.int32], size: NDArray[np.int64]
 ) -> int:
@@ -271,7 +264,7 @@ def _label_components(
                 part[row, col] = used
                 used += 1
             elif up >= 0 and left >= 0:
-                a, b = _root(parent, up), _root(parent, left)
+                a, b = root_of(parent, up), root_of(parent, left)
                 part[row, col] = min(a, b)
                 parent[max(a, b)] = min(a, b)
             else:

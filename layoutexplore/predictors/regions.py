@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.layout.openings import free_runs, widens
 
 DOOR_WIDTHS = (0.45, 2.2)
 """Metres: narrowest and widest gap that counts as a door."""
@@ -134,13 +135,7 @@ def _gaps(occupied: NDArray[np.bool_], sizes: NDArray[np.int64]) -> NDArray[np.i
     """Doors along the rows int32 (n, 3): row, first column and width in cells."""
     narrowest, widest, wall, widening, depth = int(sizes[0]), int(sizes[1]), int(sizes[2]), int(sizes[3]), int(sizes[4])
     rows, cols = occupied.shape
-    runs = np.zeros((rows, cols), np.int32)
-    for r in range(rows):
-        begin = 0
-        for c in range(cols + 1):
-            if c == cols or occupied[r, c]:
-                runs[r, begin:c] = c - begin
-                begin = c + 1
+    runs = free_runs(occupied)
     gaps = np.empty((rows * cols // (narrowest + 1) + 1, 3), np.int32)
     count = 0
     for r in range(rows):
@@ -151,8 +146,8 @@ def _gaps(occupied: NDArray[np.bool_], sizes: NDArray[np.int64]) -> NDArray[np.i
                 middle = c + n // 2
                 if (
                     (_wall_run(occupied, r, c - 1, -1, wall) or _wall_run(occupied, r, c + n, 1, wall))
-                    and _widens(runs, r, middle, -1, depth, n + widening)
-                    and _widens(runs, r, middle, 1, depth, n + widening)
+                    and widens(runs, r, middle, -1, depth, n + widening)
+                    and widens(runs, r, middle, 1, depth, n + widening)
                 ):
                     gaps[count, 0], gaps[count, 1], gaps[count, 2] = r, c, n
                     count += 1
@@ -170,17 +165,6 @@ def _wall_run(occupied: NDArray[np.bool_], r: int, c: int, step: int, wanted: in
             return False
         c += step
     return True
-
-
-@njit(cache=True, nogil=True)
-def _widens(runs: NDArray[np.int32], r: int, c: int, step: int, depth: int, wanted: int) -> bool:
-    for k in range(1, depth + 1):
-        row = r + step * k
-        if row < 0 or row >= runs.shape[0] or runs[row, c] == 0:
-            return False
-        if runs[row, c] >= wanted:
-            return True
-    return False
 
 
 @njit(cache=True, nogil=True)
