@@ -214,6 +214,13 @@ def _to_pixels(cells: NDArray[np.int8], mode: str) -> NDArray[np.uint8]:
     return np.where(free, 254, np.where(occupied, 0, 205)).astype(np.uint8)
 
 
+def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
+    """A picture (h, w) grey or (h, w, 3) RGB as a PNG file's content, packed as small as it goes."""
+    pixels = image if image.ndim == 2 else image[:, :, ::-1]
+    _, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    return data.tobytes()
+
+
 def write_atomically(path: Path, data: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")

@@ -42,6 +42,10 @@ CANVAS: Colour = (228, 230, 234)
 """What is not known; the ground of every map picture."""
 UNSEEN: Colour = (213, 217, 223)
 """True floor that the robot has not seen."""
+PREDICTED: Colour = (158, 205, 232)
+"""Floor that the robot has not seen and that a predictor takes for the rest of a room."""
+MISTAKEN: Colour = (206, 223, 235)
+"""The same where there is no floor to be seen."""
 FREE: Colour = WHITE
 WALL: Colour = (38, 44, 56)
 INK: Colour = (32, 37, 48)

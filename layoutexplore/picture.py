@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore import palette
-from layoutexplore.dashboard import draw_dashboard
+from layoutexplore.dashboard import draw_dashboard, write
 from layoutexplore.decision import Decision, Frontier
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import OCCUPIED, OccupancyGrid, Pose
@@ -37,8 +37,9 @@ _WALL_DEPTH = 0.3
 """Metres of solid ground beside free space that are drawn as wall; what lies farther in is left pale."""
 
 
-_UNSEEN, _FRONTIER = 101, 102
-"""Codes for what is not a cell value: true floor that has not been seen, and the first frontier class."""
+_UNSEEN, _PREDICTED, _MISTAKEN, _FRONTIER = 101, 102, 103, 104
+"""Codes for what is not a cell value: true floor that has not been seen, what is predicted to be the rest of a room and is
+such floor or not, and the first frontier class."""
 
 _CLASSES = (palette.FRONTIER, palette.CLOSED, palette.OPEN)
 """Colours of frontiers without a class, closed ones and open ones."""
@@ -87,7 +88,8 @@ def draw_state(
 ) -> Image:
     """A frame that shows where a run stands.
 
-    The grid, the frontiers with their viewpoints, the way walked (the older the paler), the robot with what it sees,
+    The grid, what a predictor takes for the rest of rooms (strong where it is right), the frontiers with their viewpoints
+    (in the colours of their classes), the way walked (the older the paler), the robot with what it sees,
     and below them a bar with the plan, the agent, the coverage and its curve over the distance.
 
     Args:
@@ -96,7 +98,7 @@ def draw_state(
         agent: Name of the strategy for the caption.
         target: Index of the frontier the robot is about to go to; the way there is drawn.
         frontiers: Whether to draw frontiers; without them the decision that is due is not computed.
-        truth: Whether to hint at the floor that has not been seen.
+        truth: Whether to hint at the floor that has not been seen, and at mistaken predictions.
 
     Returns:
         uint8 (height, width, 3) RGB.
@@ -110,7 +112,7 @@ def draw_state(
     bar = max(76, min(110, max(round(0.13 * height), round(0.09 * width))))
     decision = simulation.decision if frontiers else None
     view = _View.fit(simulation.raster.shape, (width, height - bar), simulation.raster.resolution, simulation.raster.origin)
-    image = view.place(_colours().take(_map_codes(simulation, decision.frontiers if decision else (), view.scale, truth), axis=0))
+    image = view.place(_colours().take(_map_codes(simulation, decision, view.scale, truth), axis=0))
     _draw_sight(image, view, simulation)
     _draw_track(image, view, simulation.track)
     if decision is not None and decision.frontiers:
@@ -118,6 +120,8 @@ def draw_state(
             _draw_way(image, view, decision, target)
         _draw_viewpoints(image, view, decision, target)
     _draw_robot(image, view, simulation.pose, simulation.config.robot_radius)
+    if decision is not None and decision.layout is not None:
+        _draw_legend(image)
     frame = np.empty((height, width, 3), np.uint8)
     frame[: height - bar] = image
     frame[height - bar :] = draw_dashboard(simulation, (width, bar), agent)
@@ -180,7 +184,7 @@ def _colours() -> Image:
     table[:] = palette.CANVAS
     shares = np.linspace(0.0, 1.0, OCCUPIED + 1)[:, None]
     table[: OCCUPIED + 1] = np.round((1 - shares) * np.array(palette.FREE) + shares * np.array(palette.WALL))
-    table[_UNSEEN] = palette.UNSEEN
+    table[[_UNSEEN, _PREDICTED, _MISTAKEN]] = palette.UNSEEN, palette.PREDICTED, palette.MISTAKEN
     table[_FRONTIER : _FRONTIER + len(_CLASSES)] = _CLASSES
     return table
 
@@ -198,14 +202,18 @@ def _walls(raster: PlanRaster) -> NDArray[np.bool_]:
     return raster.occupied & (near > 0)
 
 
-def _map_codes(simulation: Simulation, frontiers: tuple[Frontier, ...], scale: float, truth: bool) -> NDArray[np.uint8]:
-    """The grid with its frontiers as codes of `_colours`, in grid order."""
+def _map_codes(simulation: Simulation, decision: Decision | None, scale: float, truth: bool) -> NDArray[np.uint8]:
+    """The grid with what is predicted and the frontiers as codes of `_colours`, in grid order."""
     codes = simulation.mapper.grid.cells.view(np.uint8).copy()
     known_wall = codes == OCCUPIED
+    unknown = codes == 255
     if truth:
-        codes[(codes == 255) & simulation.truth.target] = _UNSEEN
+        codes[unknown & simulation.truth.target] = _UNSEEN
+    if decision is not None and decision.layout is not None:
+        predicted = unknown & (decision.layout.labels > 0)
+        codes[predicted] = np.where(simulation.truth.target[predicted] | (not truth), np.uint8(_PREDICTED), np.uint8(_MISTAKEN))
     marks = np.zeros(codes.shape, np.uint8)
-    for frontier in frontiers:
+    for frontier in decision.frontiers if decision else ():
         marks[frontier.cells[:, 0], frontier.cells[:, 1]] = _FRONTIER + _class_of(frontier)
     reach = max(0, round((4.0 / scale - 1) / 2))
     if reach:
@@ -278,3 +286,12 @@ def _dot(image: Image, point: list[int], radius: float, colour: palette.Colour) 
     x, y = point
     cv2.circle(image, (x, y), round((radius + 1.5) * (1 << _SHIFT)), palette.WHITE, cv2.FILLED, cv2.LINE_AA, _SHIFT)
     cv2.circle(image, (x, y), round(radius * (1 << _SHIFT)), colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
+
+
+def _draw_legend(image: Image) -> None:
+    """What the colours of a prediction mean, in the upper left corner."""
+    left, height = round(0.02 * image.shape[1]), max(8, round(0.011 * image.shape[1]))
+    for colour, text in ((palette.CLOSED, "closed"), (palette.OPEN, "open"), (palette.PREDICTED, "predicted")):
+        _dot(image, [(left + height) << _SHIFT, 3 * height << _SHIFT], 0.6 * height, colour)
+        width = write(image, text, left + 2.5 * height, 3.5 * height, height, palette.FADED_INK)
+        left += width + 5 * height

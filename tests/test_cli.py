@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import typer
@@ -135,6 +136,8 @@ def test_explore_films_and_saves(plan: Path, tmp_path: Path) -> None:
     track = np.loadtxt(out / "track.csv", delimiter=",", skiprows=1)
     curve = np.loadtxt(out / "curve.csv", delimiter=",", skiprows=1)
     assert track[0].tolist() == [2.0, 2.0, 0.5] and curve[-1, 1] >= 0.99
+    pictures = sorted(out.glob("seen_*.png"))
+    assert pictures[-1].name == "seen_100.png" and all(cv2.imread(str(path)).shape[2] == 3 for path in pictures)
 
 
 def test_filming_changes_nothing(plan: Path, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from layoutexplore import palette, picture
 from layoutexplore.dashboard import text_width, write
+from layoutexplore.decision import Decision
 from layoutexplore.envs.viewer import draw_text
 from layoutexplore.errors import ConfigError
 from layoutexplore.floorplan import FloorPlan, floorplan_from_ascii
@@ -117,6 +119,26 @@ def test_frontier_classes_have_colours(plan: FloorPlan) -> None:
     simulation._decision = replace(decision, frontiers=judged)
     image = draw_state(simulation)
     assert count(image, palette.CLOSED) > 20 and count(image, palette.OPEN) > 20 and count(image, palette.FRONTIER) == 0
+
+
+def test_what_is_predicted_is_drawn_where_it_is_and_told_right_from_wrong(plan: FloorPlan) -> None:
+    class Guess:
+        """Takes everything for one room."""
+
+        name = "guess"
+
+        def predict(self, decision: Decision) -> Decision:
+            return replace(decision, layout=SimpleNamespace(labels=np.ones(decision.grid.shape, np.int32)))
+
+    simulation = Simulation(plan, SimulationConfig(sensor="short"), Guess())
+    simulation.reset(seed=1)
+    unknown = simulation.mapper.grid.cells < 0
+    right, wrong = (unknown & (simulation.truth.target == is_floor) for is_floor in (True, False))
+    assert right.any() and wrong.any()
+    hinted = draw_state(simulation, size=(700, 450))
+    assert count(hinted, palette.PREDICTED) > 5 * right.sum() and count(hinted, palette.MISTAKEN) > 5 * wrong.sum()
+    plain = draw_state(simulation, size=(700, 450), truth=False)
+    assert count(plain, palette.MISTAKEN) == 0 and count(plain, palette.PREDICTED) > count(hinted, palette.PREDICTED)
 
 
 def test_cells_land_where_their_coordinates_do(plan: FloorPlan) -> None:

@@ -23,6 +23,8 @@ HELP = """Explore one floor plan with one agent; print what came of it, and film
 
   layoutexplore explore office-01 --agent tour --video tour.mp4
 
+  layoutexplore explore school-01 --agent layout-tour --out run
+
   layoutexplore explore floor.png --sensor indoor --start 3.2,1.5,0 --out run
 """
 
@@ -41,7 +43,10 @@ def explore(
     video: Annotated[Path | None, typer.Option(help="Write an .mp4 or .gif of the run.")] = None,
     fps: Annotated[float, typer.Option(min=0.5, max=60, help="Frames of the video per second.")] = 24.0,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for the final map (ROS YAML and PGM), the way walked and the coverage curve.")
+        Path | None,
+        typer.Option(
+            help="Folder for pictures, the final map (ROS YAML and PGM), the way walked and the coverage curve."
+        ),
     ] = None,
 ) -> None:
     """Explore one floor plan."""
@@ -49,16 +54,21 @@ def explore(
 
     from layoutexplore.benchmark.episode import Row, play, prepare, score
     from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.grid_io import encode_png
     from layoutexplore.picture import draw_state
     from layoutexplore.simulation_config import SimulationConfig
 
     console = Console(highlight=False)
     simulation, chosen = prepare(plan, SimulationConfig(sensor=sensor), agent)
+    pictures: dict[int, bytes] = {}
     with ProgressLine(console, "% seen") as line, _film(video, fps) as film:
 
         def show(state: Simulation) -> None:
             share = min(1.0, state.coverage / state.config.coverage_goal)
             line.advance(int(100 * state.coverage), 100, share, f"{state.distance:.0f} m, {state.decisions} decisions")
+            quarter = 25 * int(4 * state.coverage)
+            if out and (quarter not in pictures or state.done):
+                pictures[100 if state.done else quarter] = encode_png(draw_state(state, agent=agent))
 
         if film:
             simulation.on_scan = lambda state: film.add(draw_state(state, agent=agent))
@@ -68,7 +78,7 @@ def explore(
     if video:
         console.print(f"wrote {video}", soft_wrap=True)
     if out:
-        for path in save_run(out, simulation):
+        for path in save_run(out, simulation, pictures):
             console.print(f"wrote {path}", soft_wrap=True)
 
 
@@ -96,15 +106,20 @@ def parse_start(text: str | None) -> Pose | None:
     return Pose(*numbers)
 
 
-def save_run(folder: Path, simulation: Simulation) -> list[Path]:
-    """Write the final map, the way walked and the coverage curve of a simulation; the files written."""
+def save_run(folder: Path, simulation: Simulation, pictures: dict[int, bytes]) -> list[Path]:
+    """Write the final map, the way walked, the coverage curve and pictures (by percent seen) of a run; the files written."""
     import numpy as np
+
+    from layoutexplore.grid_io import write_atomically
 
     folder.mkdir(parents=True, exist_ok=True)
     simulation.mapper.grid.save(folder / "map.yaml")
     np.savetxt(folder / "track.csv", simulation.track, "%.4f", ",", header="x,y,theta", comments="")
     np.savetxt(folder / "curve.csv", simulation.curve, "%.6f", ",", header="distance,coverage,scan", comments="")
-    return [folder / name for name in ("map.yaml", "track.csv", "curve.csv")]
+    for percent, picture in pictures.items():
+        write_atomically(folder / f"seen_{percent:03}.png", picture)
+    names = ["map.yaml", "track.csv", "curve.csv", *(f"seen_{percent:03}.png" for percent in pictures)]
+    return [folder / name for name in names]
 
 
 def _film(path: Path | None, fps: float) -> AbstractContextManager[Film | None]:

@@ -69,10 +69,9 @@ def _say(summary: dict[str, Any], as_json: bool) -> None:
 
 def _reconstruct(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, Any]:
     """Reconstruct one map, write its files, and sum up."""
-    import cv2
     import numpy as np
 
-    from layoutexplore.grid_io import load_grid, write_atomically
+    from layoutexplore.grid_io import encode_png, load_grid, write_atomically
     from layoutexplore.layout.blueprint import DEFAULT_RESOLUTION, load_blueprint
     from layoutexplore.layout.pipeline import reconstruct
 
@@ -84,8 +83,8 @@ def _reconstruct(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, 
     labels = out / f"{path.stem}_labels.png"
     overview = out / f"{path.stem}_overview.png"
     geojson = out / f"{path.stem}_layout.geojson"
-    write_atomically(labels, cv2.imencode(".png", found.room_labels().astype(np.uint16)[::-1])[1].tobytes())
-    write_atomically(overview, cv2.imencode(".png", found.draw(grid)[:, :, ::-1])[1].tobytes())
+    write_atomically(labels, encode_png(found.room_labels().astype(np.uint16)[::-1]))
+    write_atomically(overview, encode_png(found.draw(grid)))
     write_atomically(geojson, (json.dumps(found.to_geojson()) + "\n").encode())
     return {
         "map": str(path),

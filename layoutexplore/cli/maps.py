@@ -112,12 +112,9 @@ def _describe(plan: FloorPlan, resolution: float, radius: float) -> list[str]:
 
 
 def _draw(plan: FloorPlan, resolution: float, out: Path) -> None:
-    import cv2
-
-    from layoutexplore.grid_io import write_atomically
+    from layoutexplore.grid_io import encode_png, write_atomically
     from layoutexplore.picture import draw_plan
 
     longest = max(plan.rasterize(resolution).shape)
     scale = max(1, 1600 // longest)
-    _, encoded = cv2.imencode(".png", cv2.cvtColor(draw_plan(plan.rasterize(resolution), scale=scale), cv2.COLOR_RGB2BGR))
-    write_atomically(out, encoded.tobytes())
+    write_atomically(out, encode_png(draw_plan(plan.rasterize(resolution), scale=scale)))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from layoutexplore.closed_doors.prediction import predict_closed_rooms
 from layoutexplore.errors import MapError
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.grid_io import read_image, write_atomically
+from layoutexplore.grid_io import encode_png, read_image, write_atomically
 from layoutexplore.statistics import cluster_bootstrap, weighted_interquartile_mean, weighted_mean
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def evaluate_triple(triple: Triple, resolution: float, out: Path | None = None, 
     seconds = time.perf_counter() - begin
     if out is not None:
         grey = np.where(predicted.grid.free, FREE_GREY, np.where(predicted.grid.occupied, OCCUPIED_GREY, UNKNOWN_GREY))
-        write_atomically(out / f"{triple.name}_pred.png", _png(grey.astype(np.uint8)))
+        write_atomically(out / f"{triple.name}_pred.png", encode_png(grey.astype(np.uint8)))
     theirs = None
     if triple.reference is not None:
         theirs = score_prediction(read_cells(triple.reference, shape) == FREE, seen, truth, kept=False)
@@ -246,7 +246,7 @@ def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[
 
 
 def picture(triple: Triple, folder: Path) -> NDArray[np.uint8]:
-    """What was seen, the reference's answer and ours, uint8 BGR: right in green, wrong in red, missed in blue."""
+    """What was seen, the reference's answer and ours, uint8 RGB: right in green, wrong in red, missed in blue."""
     cells = read_cells(triple.seen)
     truth = read_cells(triple.truth) == FREE
     seen = cells == FREE
@@ -255,7 +255,7 @@ def picture(triple: Triple, folder: Path) -> NDArray[np.uint8]:
         new = (read_cells(path) == FREE) & ~seen if path else np.zeros_like(seen)
         side = np.full((*cells.shape, 3), 205, np.uint8)
         side[seen], side[cells == OCCUPIED] = 255, 0
-        side[truth & ~seen & ~new], side[new & truth], side[new & ~truth] = (230, 170, 110), (120, 190, 90), (90, 90, 230)
+        side[truth & ~seen & ~new], side[new & truth], side[new & ~truth] = (110, 170, 230), (90, 190, 120), (230, 90, 90)
         sides.append(np.pad(side, ((4, 4), (4, 4), (0, 0)), constant_values=255))
     wide = np.hstack(sides)
     scale = min(1.0, 1800 / wide.shape[1])
@@ -272,11 +272,6 @@ def write_pictures(triples: Sequence[Triple], scores: Sequence[PairScore], folde
         width = max(row.shape[1] for row in rows)
         rows = [np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0)), constant_values=255) for row in rows]
         path = folder / f"{name}.png"
-        write_atomically(path, _png(np.vstack(rows)))
+        write_atomically(path, encode_png(np.vstack(rows)))
         written.append(path)
     return written
-
-
-def _png(pixels: NDArray[np.uint8]) -> bytes:
-    _, data = cv2.imencode(".png", pixels)
-    return bytes(data.tobytes())

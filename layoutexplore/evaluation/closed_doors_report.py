@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from layoutexplore import palette
 from layoutexplore.evaluation.closed_doors import PairScore, Score, Triple, read_cells
 from layoutexplore.grid import FREE, OCCUPIED
-from layoutexplore.grid_io import write_atomically
+from layoutexplore.grid_io import encode_png, write_atomically
 from layoutexplore.report.page import png_uri, render
 
 RIGHT, WRONG, MISSED = (86, 180, 140), (230, 120, 80), (120, 170, 220)
@@ -110,8 +110,7 @@ def write_report(
     for triple, score in sorted(zip(triples, scores, strict=True), key=lambda pair: (pair[1].ours.iou, pair[0].name)):
         panels = draw_panels(triple, out)
         wide = np.hstack([np.pad(image, ((0, 0), (0, 12), (0, 0)), constant_values=255) for _, image in panels])
-        _, data = cv2.imencode(".png", wide[:, :-12, ::-1])
-        write_atomically(out / "pictures" / f"{triple.name}.png", data.tobytes())
+        write_atomically(out / "pictures" / f"{triple.name}.png", encode_png(wide[:, :-12]))
         cards.append(Card(score, tuple(Panel(_caption(name, score), png_uri(_smaller(image))) for name, image in panels)))
     write_atomically(out / "maps.csv", _to_csv([_row(score) for score in scores]).encode())
     write_atomically(out / "summary.csv", _to_csv(summary).encode())

@@ -19,7 +19,7 @@ from layoutexplore import palette
 from layoutexplore.evaluation.partial_rooms import Item, RoomScore, Scores, predicted_hidden
 from layoutexplore.evaluation.snapshots import Snapshot
 from layoutexplore.grid import FREE, OCCUPIED
-from layoutexplore.grid_io import write_atomically
+from layoutexplore.grid_io import encode_png, write_atomically
 from layoutexplore.predictors.protocol import RoomMap
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
 from layoutexplore.report.page import png_uri, render
@@ -150,9 +150,8 @@ def write_report(out: Path, scores: Scores, summary: Mapping[str, Any], gallery:
         written.append(out / name)
     for kind, pictures in (("best", gallery.best), ("worst", gallery.worst)):
         for k, shown in enumerate(pictures, 1):
-            _, data = cv2.imencode(".png", shown.image[:, :, ::-1])
             path = out / "pictures" / f"{kind}_{k}.png"
-            write_atomically(path, data.tobytes())
+            write_atomically(path, encode_png(shown.image))
             written.append(path)
     page = render("partial_rooms.html", **_view(scores, summary, gallery), command=command)
     write_atomically(written[0], page.encode())

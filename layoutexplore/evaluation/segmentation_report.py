@@ -13,7 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from layoutexplore import palette
 from layoutexplore.evaluation.segmentation import COLUMNS, Case, MapScore, read_case, summarise, to_csv
 from layoutexplore.grid import UNKNOWN
-from layoutexplore.grid_io import write_atomically
+from layoutexplore.grid_io import encode_png, write_atomically
 from layoutexplore.report.page import png_uri, render
 from layoutexplore.segmentation_metrics import MEASURES, overlap_table
 
@@ -92,8 +92,7 @@ def write_report(
     for case, row, labels in sorted(first, key=lambda r: (r[1].one_to_one, r[1].folder, r[1].map, r[1].method)):
         picture = comparison_picture(case, labels, resolution)
         name = f"{row.folder}_{row.map}_{row.method}.png"
-        _, data = cv2.imencode(".png", picture[:, :, ::-1])
-        write_atomically(out / "pictures" / name, data.tobytes())
+        write_atomically(out / "pictures" / name, encode_png(picture))
         pictures.append({"row": row, "image": png_uri(_smaller(picture))})
     page = render(
         "segmentation.html",

@@ -8,11 +8,11 @@ import math
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import require
+from layoutexplore.grid_io import encode_png
 from layoutexplore.statistics import Interval
 
 TEMPLATES = Path(__file__).parent
@@ -76,8 +76,7 @@ def interval(value: Interval | None, digits: int = 2, *, sign: bool = False) -> 
 
 def png_uri(image: NDArray[np.uint8]) -> str:
     """A picture uint8 (h, w) grey or (h, w, 3) RGB as a data URI."""
-    _, data = cv2.imencode(".png", image if image.ndim == 2 else image[:, :, ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    return "data:image/png;base64," + base64.b64encode(data.tobytes()).decode()
+    return "data:image/png;base64," + base64.b64encode(encode_png(image)).decode()
 
 
 @functools.cache
