@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import cast
 
 import numpy as np
@@ -19,7 +19,7 @@ from layoutexplore.decision import Decision
 from layoutexplore.envs import map_images
 from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS, MapFrame, Trail, draw_global_map, draw_local_map
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontier_tour import tour_features
+from layoutexplore.frontier_tour import TourConfig, tour_features
 from layoutexplore.grid import UNKNOWN, OccupancyGrid
 
 Observation = dict[str, NDArray[np.generic]]
@@ -89,6 +89,7 @@ class ObservationConfig:
         layout_channels: Whether the maps have the channels of the predicted layout (zero without a predictor).
         detour: Whether to compute the columns `detour` and `tour_rank`: the distances between all frontiers and a tour,
             a millisecond or two a decision. Without it the columns are zero.
+        tour: How the tour behind these columns weighs ways and areas.
         privileged: Whether the environment adds the entry `privileged`, what only the floor plan tells (see
             `layoutexplore.envs.privileged`): for the critic of an actor-critic in training, never for the policy. An agent
             that acts from decisions alone sees zeros there.
@@ -108,6 +109,7 @@ class ObservationConfig:
     global_min_span: float = 20.0
     layout_channels: bool = True
     detour: bool = False
+    tour: TourConfig = field(default_factory=TourConfig)
     privileged: bool = False
     length_scale: float = 10.0
     area_scale: float = 10.0
@@ -280,7 +282,7 @@ def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[n
         path_length, straight, size = columns[2:5] / config.length_scale
         rank = detour = np.zeros(len(shown))
         if config.detour:
-            rank, detour = (column[: len(shown)] for column in tour_features(decision))
+            rank, detour = (column[: len(shown)] for column in tour_features(decision, config.tour))
         table[: len(shown)] = np.stack(
             [
                 np.ones(len(shown)),

@@ -78,6 +78,7 @@ class Decision:
         layout: The predicted layout; None without a predictor.
         track: The poses so far, as the robot believes them; it grows with every move.
         paths: Keeps path lengths from decision to decision; None computes them anew.
+        goal: World point (x, y) in the middle of the frontier that the robot was last sent to; None before that.
     """
 
     step: int
@@ -91,6 +92,7 @@ class Decision:
     layout: Any = None
     track: Sequence[Pose] = ()
     paths: PathTable | None = None
+    goal: tuple[float, float] | None = None
 
     @cached_property
     def traversable(self) -> NDArray[np.bool_]:

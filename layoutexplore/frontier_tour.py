@@ -2,17 +2,21 @@
 
 A tour visits the sizeable frontiers that need not wait: a closed one with hardly anything left in its room is taken when no
 other is left. The tour agents go where it begins; policies are shown each frontier's place in it and what going there
-first would add.
+first would add. A `TourConfig` says how the tour weighs things; a policy may have learnt one of its own.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.decision import Decision, Frontier
+from layoutexplore.errors import ConfigError
 from layoutexplore.latency_tours import latency_tour
 
 TOUR_SIZE = 1.0
@@ -27,7 +31,49 @@ LITTLE_LEFT = 1.0
 MOST_AREA = 30.0
 """Square metres; more than this in view counts as this much: walls that nobody has seen yet stand in the way."""
 
+SAME_GOAL = 2.0
+"""Metres; a frontier that is nearer to the middle of the one last gone to is what is left of it."""
+
 _UNCONNECTED = 1e6
+
+
+@dataclass(frozen=True, kw_only=True)
+class TourConfig:
+    """How a tour weighs ways and areas. The defaults are the tour of the agents `layout-tour` and `latency-tour`.
+
+    A frontier's weight is min(area in view, most_area) ** area_exponent * (1 + expected area) ** expected_exponent.
+
+    Attributes:
+        patience: Weight of the tour's length against the mean way to a unit of weight.
+        most_area: Square metres; more than this in view counts as this much.
+        area_exponent: Of the area in view.
+        expected_exponent: Of 1 + the expected area in square metres, where a predictor tells one.
+        first_leg: By which share the way to the first stop counts more than the ways between stops: it is walked as planned,
+            the others may be planned anew.
+        hold: Metres by which the way to what is left of the last goal counts as shorter.
+        little_left: Square metres; closed frontiers with less left in their room wait.
+
+    Raises:
+        ConfigError: A value is not a finite number of 0 or more.
+    """
+
+    patience: float = 1.0
+    most_area: float = MOST_AREA
+    area_exponent: float = 1.0
+    expected_exponent: float = 0.0
+    first_leg: float = 0.0
+    hold: float = 0.0
+    little_left: float = LITTLE_LEFT
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if not number or not math.isfinite(value) or value < 0:
+                raise ConfigError(f"tour.{field.name} must be a finite number of 0 or more, got {value!r}")
+
+
+PLAIN_TOUR = TourConfig()
 
 
 class TourFeatures(NamedTuple):
@@ -67,12 +113,16 @@ def ready_frontiers(decision: Decision, min_size: float = TOUR_SIZE, area: float
     return chosen[goes] if goes.any() else chosen
 
 
-def tour_weights(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.float64]:
-    """What reaching each of some frontiers int64 (k,) is worth to a latency tour: float64 (k,), square metres in view."""
-    return np.minimum([decision.frontiers[k].visible_area for k in chosen], MOST_AREA)
+def tour_weights(decision: Decision, chosen: NDArray[np.int64], config: TourConfig = PLAIN_TOUR) -> NDArray[np.float64]:
+    """What reaching each of some frontiers int64 (k,) is worth to a latency tour: float64 (k,)."""
+    frontiers = [decision.frontiers[k] for k in chosen]
+    visible = np.minimum([f.visible_area for f in frontiers], config.most_area)
+    expected = np.array([f.expected_area or 0.0 for f in frontiers])
+    weights: NDArray[np.float64] = visible**config.area_exponent * (1.0 + expected) ** config.expected_exponent
+    return weights
 
 
-def tour_features(decision: Decision) -> TourFeatures:
+def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFeatures:
     """Place in the latency tour over the frontiers that need not wait, and detour, of every frontier of a decision.
 
     Visiting frontier i first costs d(robot, i) + d(i, first) - d(robot, first), less what is saved where it is taken out of
@@ -83,9 +133,9 @@ def tour_features(decision: Decision) -> TourFeatures:
     if count == 0:
         return TourFeatures(np.zeros(0), np.zeros(0))
     judged = decision.frontiers[0].is_closed is not None
-    ready = ready_frontiers(decision, LAYOUT_TOUR_SIZE if judged else TOUR_SIZE)
+    ready = ready_frontiers(decision, LAYOUT_TOUR_SIZE if judged else TOUR_SIZE, config.little_left)
     distances = np.minimum(decision.path_lengths(ready).astype(np.float64), _UNCONNECTED)
-    order = latency_tour(distances, tour_weights(decision, ready))
+    order = latency_tour(_as_weighed(distances, decision, ready, config), tour_weights(decision, ready, config), config.patience)
     first = int(order[0])
     extra = distances[0] + distances[first] - distances[0, first]
     extra[first] = 0.0
@@ -102,3 +152,16 @@ def tour_features(decision: Decision) -> TourFeatures:
         here_to = np.array([decision.frontiers[k].path_length for k in others])
         detour[others] = np.maximum(here_to + np.minimum(there, _UNCONNECTED) - distances[0, first], 0.0)
     return TourFeatures(rank, detour)
+
+
+def _as_weighed(
+    distances: NDArray[np.float64], decision: Decision, chosen: NDArray[np.int64], config: TourConfig
+) -> NDArray[np.float64]:
+    """The distances float64 (k + 1, k + 1) with the ways from the robot, index 0, as the configuration counts them."""
+    ways = distances[0] * (1.0 + config.first_leg)
+    if config.hold and decision.goal is not None:
+        middles = np.array([decision.frontiers[k].centroid for k in chosen])
+        ways[1:] -= config.hold * (np.hypot(*(middles - decision.goal).T) < SAME_GOAL)
+    weighed = distances.copy()
+    weighed[0] = weighed[:, 0] = np.maximum(ways, 0.0)
+    return weighed

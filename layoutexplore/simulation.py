@@ -128,6 +128,7 @@ class Simulation:
         self.stop_reason = ""
         self.scans = self.decisions = 0
         self._decision: Decision | None = None
+        self._goal: tuple[float, float] | None = None
         predictor: object = self.predictor
         if isinstance(predictor, Privileged):
             predictor.reveal(self.truth)
@@ -158,6 +159,7 @@ class Simulation:
         decision = self.decision
         if isinstance(choice, np.ndarray):
             path = check_path(choice, self._here())
+            self._goal = None
             self._begin_step()
             if self._walk(path, None):
                 self._scan(full_turn=True)
@@ -169,6 +171,7 @@ class Simulation:
         else:
             self._begin_step()
             frontier = decision.frontiers[choice]
+            self._goal = frontier.centroid
             if self._walk(descend(decision.distances, decision.traversable, frontier.viewpoint), frontier):
                 self._look(frontier)
         return self._next()
@@ -289,6 +292,7 @@ class Simulation:
             robot_radius=self.config.robot_radius,
             track=self.robot.believed_track,
             paths=self._paths,
+            goal=self._goal,
         )
         return self.predictor.predict(decision) if self.predictor and decision.frontiers else decision
 

@@ -10,7 +10,7 @@ import dataclasses
 import json
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from layoutexplore.agents.rl.hyperparameters import NetworkConfig, TrainingConfi
 from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
 from layoutexplore.errors import ConfigError, ResultsError, unknown_name
+from layoutexplore.frontier_tour import TourConfig
 
 FORMAT = 1
 """Version of the file format and of what the features mean."""
@@ -45,6 +46,7 @@ class PolicySpec:
         map_channels: Channels of the global map that it reads; empty for no map.
         predictor: The predictor of rooms that it was trained with.
         sensors: The lidars that it was trained with.
+        tour: How the tour that it is shown weighs ways and areas.
         format: Version of the format.
         version: Version of layoutexplore that wrote it.
     """
@@ -55,6 +57,7 @@ class PolicySpec:
     map_channels: tuple[str, ...] = ()
     predictor: str = "none"
     sensors: tuple[str, ...] = ()
+    tour: TourConfig = field(default_factory=TourConfig)
     format: int = FORMAT
     version: str = layoutexplore.__version__
 
@@ -74,6 +77,7 @@ def spec_of(config: TrainingConfig) -> PolicySpec:
         map_channels=CHANNELS + LAYOUT_CHANNELS if maps else (),
         predictor=config.predictor,
         sensors=config.sensors,
+        tour=config.tour,
     )
 
 
@@ -139,7 +143,8 @@ def read_spec(path: Path) -> PolicySpec:
         )
     try:
         values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
-        spec = PolicySpec(**{**values, "network": NetworkConfig(**table["network"])})
+        parts = {"network": NetworkConfig(**table["network"]), "tour": TourConfig(**table.get("tour", {}))}
+        spec = PolicySpec(**{**values, **parts})
     except (TypeError, KeyError, ConfigError) as error:
         raise ResultsError(f"{path}: the table [policy] of its card is not understood: {error}") from error
     for kind, names, known in (

@@ -31,7 +31,7 @@ def environment_arguments(config: TrainingConfig) -> dict[str, Any]:
     if config.chooses_frontiers:
         arguments["predictor"] = config.predictor
         arguments["reward"] = PathToMarks(**config.reward)
-        arguments["observation"] = ObservationConfig(local_map=False, **config.observation)
+        arguments["observation"] = ObservationConfig(local_map=False, tour=config.tour, **config.observation)
     elif config.max_steps:
         arguments["max_steps"] = config.max_steps
     return arguments

@@ -16,11 +16,14 @@ from pathlib import Path
 from typing import Any
 
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.frontier_tour import TourConfig
 
 DEFAULTS = Path(__file__).resolve().parent.parent / "hyperparameters.toml"
 """The shipped hyper-parameters."""
 
 DEFAULT_ALGORITHM = "maskable-ppo"
+
+ENCODERS = ("attention", "deep-sets", "none")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +31,7 @@ class NetworkConfig:
     """The shape of the network that scores frontiers.
 
     Attributes:
-        encoder: "attention" or "deep-sets": how frontiers see each other.
+        encoder: "attention" or "deep-sets", how frontiers see each other; "none" scores each by its features alone.
         width: Numbers in which a frontier is described.
         layers: Layers of the encoder.
         heads: Attention heads; divides the width.
@@ -44,8 +47,8 @@ class NetworkConfig:
     detour_weight: float = 5.0
 
     def __post_init__(self) -> None:
-        if self.encoder not in ("attention", "deep-sets"):
-            raise unknown_name("encoder", self.encoder, ("attention", "deep-sets"))
+        if self.encoder not in ENCODERS:
+            raise unknown_name("encoder", self.encoder, ENCODERS)
         for name in ("width", "layers", "heads"):
             check_whole(f"network.{name}", getattr(self, name))
         if self.width % self.heads:
@@ -78,6 +81,34 @@ class ImitationConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SearchConfig:
+    """Search for the parameters of a tour by whole explorations; see `layoutexplore.agents.rl.search`.
+
+    Attributes:
+        round: Explorations between two moves of the centre.
+        pairs: Mirrored pairs of draws that explore the same floor plan from the same start.
+        spread: Standard deviation of the draws around the centre, in units of each parameter's scale.
+        trust: How far the centre moves at most in a round, in the same units.
+        outlier: Logarithm of metres; what deviates by more from the mean of its floor plan counts as this much.
+    """
+
+    round: int = 240
+    pairs: int = 2
+    spread: float = 0.7
+    trust: float = 0.7
+    outlier: float = 0.4
+
+    def __post_init__(self) -> None:
+        for name in ("round", "pairs"):
+            check_whole(f"search.{name}", getattr(self, name))
+        if self.round % (2 * self.pairs):
+            raise ConfigError(f"search.round must be a multiple of twice search.pairs, got {self.round} and {self.pairs}")
+        for name in ("spread", "trust", "outlier"):
+            if not getattr(self, name) > 0:
+                raise ConfigError(f"search.{name} must be above 0, got {getattr(self, name)}")
+
+
+@dataclass(frozen=True, kw_only=True)
 class EvaluationConfig:
     """Explorations on fixed cells at intervals, paired with reference agents.
 
@@ -103,23 +134,25 @@ class TrainingConfig:
     """Everything that decides a training run.
 
     Attributes:
-        algorithm: "maskable-ppo", "ppo" or "dqn".
+        algorithm: "maskable-ppo", "tour-search", "ppo" or "dqn".
         environment: Id of the environment.
-        steps: Steps of all environments together.
-        envs: Environments side by side.
+        steps: Steps of all environments together; of "tour-search", explorations.
+        envs: Environments side by side; not of "tour-search".
         workers: Processes that step them; 0 for as many as there are cores, 1 for none but this one.
         seed: Of everything.
         plans: Where episodes take place.
         sensors: Names of lidars; each episode draws one.
         predictor: Name of the predictor of rooms.
-        checkpoint_every: Steps between checkpoints.
+        checkpoint_every: Steps between checkpoints; "tour-search" keeps every exploration.
         observation: Keyword arguments of `ObservationConfig`; of Frontier-v0 only.
         reward: Keyword arguments of `PathToMarks`; of Frontier-v0 only.
         critic_steps: Steps at the start from which only the critic learns; of Frontier-v0 only.
         averaging: Share of the actor's running average that an update leaves; of Frontier-v0 only.
         max_steps: Steps after which an episode is cut off, 0 for never; of Motion-v0 only.
         network: Of Frontier-v0 only.
-        imitation: Of Frontier-v0 only.
+        imitation: Of "maskable-ppo" only.
+        tour: The tour behind the frontiers' features, where "tour-search" starts; of Frontier-v0 only.
+        search: Of "tour-search" only.
         generator: Keyword arguments of `PlanSampler`, for generated plans.
         learning: Keyword arguments of the algorithm.
         evaluation: Evaluation while training.
@@ -128,16 +161,16 @@ class TrainingConfig:
     algorithm: str
     environment: str
     steps: int
-    envs: int
     workers: int
     seed: int
     plans: tuple[str, ...]
     sensors: tuple[str, ...]
     predictor: str
-    checkpoint_every: int
     generator: Mapping[str, Any]
-    learning: Mapping[str, Any]
     evaluation: EvaluationConfig
+    learning: Mapping[str, Any] = field(default_factory=dict)
+    envs: int = 1
+    checkpoint_every: int = 1
     observation: Mapping[str, Any] = field(default_factory=dict)
     reward: Mapping[str, Any] = field(default_factory=dict)
     critic_steps: int = 0
@@ -145,6 +178,8 @@ class TrainingConfig:
     max_steps: int = 0
     network: NetworkConfig | None = None
     imitation: ImitationConfig | None = None
+    tour: TourConfig = field(default_factory=TourConfig)
+    search: SearchConfig | None = None
 
     def __post_init__(self) -> None:
         for name in ("steps", "envs", "checkpoint_every"):
@@ -245,9 +280,8 @@ def _build(algorithm: str, table: dict[str, Any]) -> TrainingConfig:
     parts: dict[str, Any] = {"evaluation": EvaluationConfig(**evaluation)}
     for name in ("plans", "sensors"):
         parts[name] = tuple(table.pop(name))
-    if "network" in table:
-        parts["network"] = NetworkConfig(**table.pop("network"))
-        parts["imitation"] = ImitationConfig(**table.pop("imitation"))
+    tables = {"network": NetworkConfig, "imitation": ImitationConfig, "tour": TourConfig, "search": SearchConfig}
+    parts |= {name: kind(**table.pop(name)) for name, kind in tables.items() if name in table}
     return TrainingConfig(algorithm=algorithm, **parts, **table)
 
 

@@ -34,11 +34,12 @@ class Actor(nn.Module):
         super().__init__()
         config, count = spec.network, len(spec.frontier_features)
         self.read = Reader(spec)
-        self.encode = _encoder(spec)
-        self.score = _zero(nn.Linear(config.width, 1))
+        encodes = config.encoder != "none"
+        self.encode = _encoder(spec) if encodes else None
+        self.score = _zero(nn.Linear(config.width, 1)) if encodes else None
         self.direct = _zero(nn.Linear(count, 1, bias=False))
         self.tour_weight = nn.Parameter(torch.tensor(config.tour_weight))
-        self.stop = _zero(nn.Linear(config.width, 1))
+        self.stop = _zero(nn.Linear(config.width if encodes else 1, 1))
         self._tour = spec.frontier_features.index("tour_rank")
         with torch.no_grad():
             self.direct.weight[0, spec.frontier_features.index("detour")] = -config.detour_weight
@@ -47,8 +48,11 @@ class Actor(nn.Module):
         """float32 (batch, slots + 1): logits; those of empty slots mean nothing."""
         slots = observation["frontiers"].shape[1] // len(FRONTIER_FEATURES)
         frontiers, valid, robot, maps = self.read(observation)
-        context, places = self.encode(frontiers, valid, robot, maps)
-        scores = self.score(places)[..., 0] + self.direct(frontiers)[..., 0]
+        scores = self.direct(frontiers)[..., 0]
+        context = frontiers.new_zeros(len(scores), 1)
+        if self.encode is not None and self.score is not None:
+            context, places = self.encode(frontiers, valid, robot, maps)
+            scores = scores + self.score(places)[..., 0]
         scores = scores + self.tour_weight * frontiers[..., self._tour]
         return torch.cat([functional.pad(scores, (0, slots - scores.shape[1])), self.stop(context)], dim=1)
 

@@ -6,18 +6,10 @@ steps done, so that a run that is resumed at a checkpoint goes on as the one tha
 
 from __future__ import annotations
 
-import csv
-import platform
-import shlex
-import signal
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from types import FrameType
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import torch
@@ -38,26 +30,13 @@ from layoutexplore.agents.rl.imitation import imitate
 from layoutexplore.agents.rl.network import Actor
 from layoutexplore.agents.rl.policy import FrontierPolicy
 from layoutexplore.agents.rl.policy_file import save_policy
-from layoutexplore.benchmark.store import atomic, to_toml
-from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.agents.rl.run import TrainingRun, Watcher
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"maskable-ppo": MaskablePPO, "ppo": PPO, "dqn": DQN}
 
-CONFIG = "config.toml"
 
-
-class Watcher(Protocol):
-    """Who is told how a run goes."""
-
-    def say(self, text: str) -> None:
-        """A line."""
-
-    def advance(self, steps: int, total: int) -> None:
-        """Steps done of all."""
-
-
-class Run:
-    """One training run in its folder.
+class Run(TrainingRun):
+    """A run of stable-baselines3 in its folder.
 
     Args:
         config: What to train.
@@ -75,25 +54,24 @@ class Run:
     """
 
     def __init__(self, config: TrainingConfig, folder: Path, *, device: str, resume: bool, watcher: Watcher) -> None:
-        if (folder / FILE).exists() and not resume:
-            raise ResultsError(f"{folder} holds a training run: add --resume to go on with it, or give another --out")
-        if device == "cuda" and not torch.cuda.is_available():
-            raise ConfigError("there is no CUDA device here: use --device cpu or auto")
-        self.config, self.folder, self.watcher = config, folder, watcher
+        super().__init__(config, folder, FILE, device=device, resume=resume, watcher=watcher)
         self.spec = spec_of(config) if config.chooses_frontiers else None
         self.envs = make_envs(config)
         self.model = build(config, self.envs, self.spec, device)
         self._evaluation = Evaluation(config) if self.spec else None
         self.progress = load_checkpoint(folder, self.model) if resume else Progress(type(self.model).__name__)
-        self.stopping = False
+        self.evaluations = self.progress.evaluations
         if not resume:
-            folder.mkdir(parents=True, exist_ok=True)
-            with atomic(folder / CONFIG) as path:
-                path.write_text(to_toml(config.as_table()))
+            self.begin_folder()
+
+    @property
+    def steps(self) -> int:
+        """Steps that the policy has learnt from."""
+        return self.progress.steps
 
     def train(self) -> None:
         """Train until all steps are done or somebody asks to stop; either way a checkpoint is left."""
-        with self._stop_on_signal():
+        with self.stop_on_signal():
             if self.progress.steps == 0 and not self.progress.evaluations:
                 self._begin()
             self.model.set_logger(configure(str(self.folder / "tensorboard"), ["tensorboard"]))
@@ -143,14 +121,8 @@ class Run:
             scores = evaluate_motion(self.model, self.config, lambda: self.stopping)
         if not scores:
             return
-        now = score(scores, names)
-        best = min((e["score"] for e in self.progress.evaluations), default=np.inf)
-        self.progress.evaluations.append({"steps": self.progress.steps, "score": now, **scores})
-        if now < best:
-            save_policy(self.folder / "best.safetensors", self._weights(), self._card())
-        self._write_evaluations()
+        self.record(score(scores, names), scores, self._weights(), self._card)
         self._save()
-        self.watcher.say(f"{self.progress.steps} steps: " + ", ".join(f"{name} {value:.3f}" for name, value in scores.items()))
 
     def _save(self) -> None:
         save_checkpoint(self.folder, self.model, self.progress)
@@ -173,52 +145,8 @@ class Run:
 
     def _card(self) -> dict[str, Any]:
         """What there is to say of the policy as it is now."""
-        return {
-            "policy": self.spec.as_table() if self.spec else None,
-            "results": self.progress.evaluations[-1] if self.progress.evaluations else None,
-            "training": {
-                "steps_done": self.progress.steps,
-                "minutes": round(self.progress.seconds / 60, 1),
-                "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
-                "hardware": f"{platform.machine()}, {self.model.device.type}, {torch.get_num_threads()} threads",
-                "torch": torch.__version__,
-                "config": self.config.as_table(),
-            },
-        }
-
-    def _write_evaluations(self) -> None:
-        """All evaluations as a table, and the last one for TensorBoard."""
-        rows = self.progress.evaluations
-        with atomic(self.folder / "evaluations.csv") as path, path.open("w", newline="") as file:
-            writer = csv.DictWriter(file, list(rows[-1]))
-            writer.writeheader()
-            writer.writerows({key: row.get(key, "") for key in rows[-1]} for row in rows)
-        logger = configure(str(self.folder / "tensorboard"), ["tensorboard"])
-        for name, value in rows[-1].items():
-            if name != "steps":
-                logger.record(f"exploration/{name}", value)
-        logger.dump(self.progress.steps)
-        logger.close()
-
-    @contextmanager
-    def _stop_on_signal(self) -> Iterator[None]:
-        """The first Ctrl-C asks to stop after this step; a second one stops at once."""
-
-        def ask(number: int, frame: FrameType | None) -> None:
-            if self.stopping:
-                raise KeyboardInterrupt
-            self.stopping = True
-            self.watcher.say("stopping: the checkpoint is being written (once more: stop at once)")
-
-        try:
-            previous = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
-        except ValueError:  # not the main thread: nobody presses keys here
-            previous = {}
-        try:
-            yield
-        finally:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
+        results = self.evaluations[-1] if self.evaluations else None
+        return self.card(self.spec, results, self.progress.seconds, self.model.device.type)
 
 
 def build(config: TrainingConfig, envs: Any, spec: PolicySpec | None, device: str) -> BaseAlgorithm:

@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from layoutexplore.agents.rl.hyperparameters import TrainingConfig
+    from layoutexplore.agents.rl.run import TrainingRun
     from layoutexplore.cli.progress import ProgressLine
 
 HELP = """Train an exploration policy by reinforcement learning (needs pip install 'layoutexplore\\[rl]').
@@ -37,9 +40,15 @@ def train(
         Path | None, typer.Argument(metavar="[CONFIG.toml]", help="Hyper-parameters that differ from the shipped ones.")
     ] = None,
     algorithm: Annotated[
-        str | None, typer.Option(help="maskable-ppo (chooses frontiers, the default), or ppo or dqn (drive by small motions).")
+        str | None,
+        typer.Option(
+            help="maskable-ppo (chooses frontiers, the default), tour-search (the parameters of a tour over frontiers, by whole "
+            "explorations), or ppo or dqn (drive by small motions)."
+        ),
     ] = None,
-    steps: Annotated[int | None, typer.Option(min=1, help="Steps of all environments together.")] = None,
+    steps: Annotated[
+        int | None, typer.Option(min=1, help="Steps of all environments together; of tour-search, explorations.")
+    ] = None,
     envs: Annotated[int | None, typer.Option(min=1, help="Environments side by side.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of everything.")] = None,
     device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
@@ -106,12 +115,14 @@ class _Watcher:
 
 
 def _run(settings: TrainingConfig, out: Path, device: str, resume: bool, line: ProgressLine) -> None:
+    from layoutexplore.agents.rl.search import SearchRun
     from layoutexplore.agents.rl.training import Run
 
-    run = Run(settings, out, device=device, resume=resume, watcher=_Watcher(line))
+    make: Callable[..., TrainingRun] = SearchRun if settings.search else Run
+    run = make(settings, out, device=device, resume=resume, watcher=_Watcher(line))
     run.train()
     if run.stopping:
-        line.say_plain(f"stopped after {run.progress.steps} steps; to go on: layoutexplore train --out {out} --resume")
+        line.say_plain(f"stopped after {run.steps} steps; to go on: layoutexplore train --out {out} --resume")
     elif settings.chooses_frontiers:
         line.say_plain(
             f"the best policy: {out / 'best.safetensors'}; layoutexplore benchmark --agents tour --agents policy:{out}"

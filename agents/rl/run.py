@@ -1,0 +1,151 @@
+"""What all training runs share: a folder with the configuration, the policies and the evaluations, and stopping when asked."""
+
+from __future__ import annotations
+
+import csv
+import platform
+import shlex
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any, Protocol
+
+import numpy as np
+import torch
+from stable_baselines3.common.logger import configure
+
+from layoutexplore.agents.rl.card import PolicySpec
+from layoutexplore.agents.rl.hyperparameters import TrainingConfig
+from layoutexplore.agents.rl.policy_file import save_policy
+from layoutexplore.benchmark.store import atomic, to_toml
+from layoutexplore.errors import ConfigError, ResultsError
+
+CONFIG = "config.toml"
+EVALUATIONS = "evaluations.csv"
+
+
+class Watcher(Protocol):
+    """Who is told how a run goes."""
+
+    def say(self, text: str) -> None:
+        """A line."""
+
+    def advance(self, steps: int, total: int) -> None:
+        """Steps done of all."""
+
+
+class TrainingRun:
+    """One training run in its folder; a subclass trains.
+
+    Args:
+        config: What to train.
+        folder: Where; it must not hold a run yet unless this one goes on with it.
+        checkpoint: Name of the file from which a run can go on.
+        device: "auto", "cpu" or "cuda".
+        resume: Go on with the run of the folder.
+        watcher: Told how it goes.
+
+    Attributes:
+        evaluations: What each evaluation found, oldest first.
+        stopping: Somebody asked to stop.
+
+    Raises:
+        ResultsError: The folder holds a run already.
+        ConfigError: There is no such device.
+    """
+
+    def __init__(
+        self, config: TrainingConfig, folder: Path, checkpoint: str, *, device: str, resume: bool, watcher: Watcher
+    ) -> None:
+        if (folder / checkpoint).exists() and not resume:
+            raise ResultsError(f"{folder} holds a training run: add --resume to go on with it, or give another --out")
+        if device == "cuda" and not torch.cuda.is_available():
+            raise ConfigError("there is no CUDA device here: use --device cpu or auto")
+        self.config, self.folder, self.watcher = config, folder, watcher
+        self.evaluations: list[dict[str, float]] = []
+        self.stopping = False
+
+    def train(self) -> None:
+        """Train until all steps are done or somebody asks to stop."""
+        raise NotImplementedError
+
+    @property
+    def steps(self) -> int:
+        """Steps that the policy has learnt from."""
+        raise NotImplementedError
+
+    def begin_folder(self) -> None:
+        """Make the folder and write the configuration."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with atomic(self.folder / CONFIG) as path:
+            path.write_text(to_toml(self.config.as_table()))
+
+    def record(
+        self, now: float, scores: Mapping[str, float], weights: Mapping[str, torch.Tensor], card: Callable[[], dict[str, Any]]
+    ) -> None:
+        """Note what an evaluation found and keep the policy if it is the best so far.
+
+        Args:
+            now: One number to compare by, smaller is better.
+            scores: By name.
+            weights: Of the policy.
+            card: Makes the card of the policy, with what is noted here.
+        """
+        best = min((e["score"] for e in self.evaluations), default=np.inf)
+        self.evaluations.append({"steps": self.steps, "score": now, **scores})
+        if now < best:
+            save_policy(self.folder / "best.safetensors", weights, card())
+        self._write_evaluations()
+        self.watcher.say(f"{self.steps} steps: " + ", ".join(f"{name} {value:.3f}" for name, value in scores.items()))
+
+    def card(self, spec: PolicySpec | None, results: Mapping[str, Any] | None, seconds: float, device: str) -> dict[str, Any]:
+        """What there is to say of the policy as it is now."""
+        return {
+            "policy": spec.as_table() if spec else None,
+            "results": results,
+            "training": {
+                "steps_done": self.steps,
+                "minutes": round(seconds / 60, 1),
+                "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+                "hardware": f"{platform.machine()}, {device}, {torch.get_num_threads()} threads",
+                "torch": torch.__version__,
+                "config": self.config.as_table(),
+            },
+        }
+
+    def _write_evaluations(self) -> None:
+        """All evaluations as a table, and the last one for TensorBoard."""
+        rows = self.evaluations
+        with atomic(self.folder / EVALUATIONS) as path, path.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(rows[-1]))
+            writer.writeheader()
+            writer.writerows({key: row.get(key, "") for key in rows[-1]} for row in rows)
+        logger = configure(str(self.folder / "tensorboard"), ["tensorboard"])
+        for name, value in rows[-1].items():
+            if name != "steps":
+                logger.record(f"exploration/{name}", value)
+        logger.dump(self.steps)
+        logger.close()
+
+    @contextmanager
+    def stop_on_signal(self) -> Iterator[None]:
+        """The first Ctrl-C asks to stop after this step; a second one stops at once."""
+
+        def ask(number: int, frame: FrameType | None) -> None:
+            if self.stopping:
+                raise KeyboardInterrupt
+            self.stopping = True
+            self.watcher.say("stopping: the checkpoint is being written (once more: stop at once)")
+
+        try:
+            previous = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+        except ValueError:  # not the main thread: nobody presses keys here
+            previous = {}
+        try:
+            yield
+        finally:
+            for number, handler in previous.items():
+                signal.signal(number, handler)

@@ -1,0 +1,302 @@
+"""Search for the parameters of a tour by whole explorations (parameter-exploring policy search, Sehnke et al. 2010).
+
+A single decision changes an exploration's length by far less than what happens by chance behind it, so that learning from single
+decisions needs very many. Here a draw of parameters is kept for a whole exploration, where all its decisions add up, and a
+few draws, in mirrored pairs, explore the same floor plan from the same start. After every round a response surface is fitted to
+all explorations so far, and the centre of the draws moves to where it is lowest, but not far.
+
+The file of explorations is the checkpoint: everything else follows from it and from the seed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import math
+import multiprocessing
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from layoutexplore.agents.rl.agent import PolicyAgent
+from layoutexplore.agents.rl.card import spec_of
+from layoutexplore.agents.rl.environments import plan_source
+from layoutexplore.agents.rl.evaluation import Evaluation, score
+from layoutexplore.agents.rl.hyperparameters import TrainingConfig
+from layoutexplore.agents.rl.network import Actor
+from layoutexplore.agents.rl.policy_file import save_policy
+from layoutexplore.agents.rl.run import EVALUATIONS, TrainingRun, Watcher
+from layoutexplore.agents.rl.surface import fit_surface, lowest
+from layoutexplore.benchmark.store import atomic
+from layoutexplore.decision import Predictor
+from layoutexplore.envs.curriculum import Randomisation
+from layoutexplore.envs.plans import PlanSource
+from layoutexplore.errors import ResultsError
+from layoutexplore.exploration_metrics import distance_to_coverage
+from layoutexplore.frontier_tour import TourConfig, tour_features
+from layoutexplore.predictors import make_predictor
+from layoutexplore.processes import single_threaded, usable_cores
+from layoutexplore.simulation import Simulation
+from layoutexplore.simulation_config import SimulationConfig
+
+EXPLORATIONS = "explorations.csv"
+"""Name of the checkpoint: a row an exploration."""
+
+LOGARITHMIC = {"patience": 0.5, "most_area": 0.4, "little_left": 0.4}
+"""Parameters that are multiplied by exp(scale z)."""
+
+LINEAR = {"area_exponent": 0.25, "expected_exponent": 0.25, "first_leg": 0.3, "hold": 0.6}
+"""Parameters to which scale z is added; never below 0."""
+
+PARAMETERS = (*LOGARITHMIC, *LINEAR)
+
+_NEAR = 5.0
+"""Metres added before a logarithm is taken, so that tiny buildings do not count more than others."""
+
+
+class Exploration(NamedTuple):
+    """One exploration of a search.
+
+    Attributes:
+        group: Those of one group explored the same floor plan with the same sensor from the same start.
+        member: Its number in the group.
+        d95: Metres until 95 % was seen.
+        d99: Metres until 99 % was seen.
+    """
+
+    group: int
+    member: int
+    d95: float
+    d99: float
+
+
+class SearchRun(TrainingRun):
+    """A search in its folder. Arguments and errors as for `TrainingRun`; the checkpoint is `EXPLORATIONS`.
+
+    Attributes:
+        explorations: All of them, group by group.
+    """
+
+    def __init__(self, config: TrainingConfig, folder: Path, *, device: str, resume: bool, watcher: Watcher) -> None:
+        super().__init__(config, folder, EXPLORATIONS, device=device, resume=resume, watcher=watcher)
+        assert config.search is not None
+        self.search = config.search
+        self.members = 2 * config.search.pairs
+        self.explorations: list[Exploration] = []
+        self._seconds = 0.0
+        self._evaluation = Evaluation(config)
+        self._centres = [np.zeros(len(PARAMETERS))]
+        PlanSource(plan_source(config))  # What cannot be explored is told before anything is written.
+        Randomisation(sensors=config.sensors)
+        make_predictor(config.predictor)
+        if resume:
+            self.explorations = read_explorations(folder / EXPLORATIONS, self.members)
+            self.evaluations = _read_evaluations(folder / EVALUATIONS, self.steps)
+        else:
+            self.begin_folder()
+        self._rewrite()
+
+    @property
+    def steps(self) -> int:
+        """Explorations that have been learnt from."""
+        return len(self.explorations)
+
+    @property
+    def tour(self) -> TourConfig:
+        """The tour at the centre, as it is now."""
+        return _tour(self.config.tour, self._centre(self.steps // self.search.round))
+
+    def train(self) -> None:
+        """Search until all explorations are done or somebody asks to stop."""
+        began = time.monotonic()
+        with self.stop_on_signal(), _executor(self.config.workers) as executor:
+            if not self.evaluations and not self.stopping:
+                self._evaluate()
+            while self.steps < self.config.steps and not self.stopping:
+                self._round(executor)
+                self._seconds = time.monotonic() - began
+                self._save()
+                due = self.evaluations[-1]["steps"] // self.config.evaluation.every if self.evaluations else -1
+                if not self.stopping and (self.steps // self.config.evaluation.every > due or self.steps >= self.config.steps):
+                    self._evaluate()
+
+    def draws(self, group: int) -> NDArray[np.float64]:
+        """The parameters z float64 (members, p) that a group explores, around the centre of its round."""
+        centre = self._centre(group * self.members // self.search.round)
+        rng = np.random.default_rng([self.config.seed, 1, group])
+        steps = self.search.spread * rng.standard_normal((self.search.pairs, len(PARAMETERS)))
+        around: NDArray[np.float64] = centre + np.concatenate([steps, -steps])
+        return around
+
+    def _centre(self, number: int) -> NDArray[np.float64]:
+        """Where the draws of a round lie around, float64 (p,); rounds before it must be complete."""
+        while len(self._centres) <= number:
+            count = len(self._centres) * self.search.round // self.members
+            z = np.array([[_effective(self.config.tour, draw) for draw in self.draws(group)] for group in range(count)])
+            surface = fit_surface(z, self._values(count))
+            self._centres.append(lowest(surface, self._centres[-1], self.search.trust, _least(self.config.tour)))
+        return self._centres[number]
+
+    def _values(self, count: int) -> NDArray[np.float64]:
+        """What the explorations of the first groups cost: float64 (count, members), logarithms of metres."""
+        metres = np.array([(e.d95, e.d99) for e in self.explorations[: count * self.members]])
+        weights = np.array([self.config.reward["weight_95"], self.config.reward["weight_99"]])
+        values = (np.log(metres + _NEAR) @ weights / weights.sum()).reshape(count, self.members)
+        middle = values.mean(axis=1, keepdims=True)
+        clipped: NDArray[np.float64] = middle + np.clip(values - middle, -self.search.outlier, self.search.outlier)
+        return clipped
+
+    def _round(self, executor: Executor | None) -> None:
+        """Explore until the next move of the centre, or until somebody asks to stop."""
+        end = min((self.steps // self.search.round + 1) * self.search.round, self.config.steps)
+        groups = range(self.steps // self.members, -(-end // self.members))
+        jobs = ((self.config, group, [_tour(self.config.tour, z) for z in self.draws(group)]) for group in groups)
+        with (self.folder / EXPLORATIONS).open("a", newline="") as file:
+            writer = csv.writer(file)
+            for group, found in zip(groups, _explored(executor, jobs), strict=True):
+                rows = [Exploration(group, member, *metres) for member, metres in enumerate(found)]
+                writer.writerows(rows)
+                file.flush()
+                self.explorations += rows
+                self.watcher.advance(self.steps, self.config.steps)
+                if self.stopping:
+                    return
+
+    def _evaluate(self) -> None:
+        agent = PolicyAgent("policy", self._actor(), spec_of(self._config()))
+        scores = self._evaluation.compare(agent, lambda: self.stopping)
+        if scores:
+            self.record(score(scores, self.config.evaluation.references), scores, self._actor().state_dict(), self._card)
+            self._save()
+
+    def _config(self) -> TrainingConfig:
+        """The configuration with the tour as it is now."""
+        return TrainingConfig(**{**vars(self.config), "tour": self.tour})
+
+    def _actor(self) -> Actor:
+        """The network, which is not learnt here: it goes where the tour begins."""
+        torch.manual_seed(self.config.seed)
+        return Actor(spec_of(self.config)).eval()
+
+    def _save(self) -> None:
+        save_policy(self.folder / "policy.safetensors", self._actor().state_dict(), self._card())
+
+    def _card(self) -> dict[str, object]:
+        results = self.evaluations[-1] if self.evaluations else None
+        return self.card(spec_of(self._config()), results, self._seconds, "cpu")
+
+    def _rewrite(self) -> None:
+        """Write all explorations anew: what was cut off in the middle of a group is done again."""
+        with atomic(self.folder / EXPLORATIONS) as path, path.open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(Exploration._fields)
+            writer.writerows(self.explorations)
+
+
+def read_explorations(path: Path, members: int) -> list[Exploration]:
+    """The explorations of a search, whole groups only.
+
+    Raises:
+        ResultsError: There is no such file, or it is something else.
+    """
+    if not path.is_file():
+        raise ResultsError(f"no checkpoint {path}: leave out --resume to start a run there")
+    lines = path.read_text().split("\n")
+    if lines[0].strip() != ",".join(Exploration._fields):
+        raise ResultsError(f"{path} is not a file of explorations of layoutexplore train")
+    whole = lines[1:-1]  # What follows the last line break was cut off, or is nothing.
+    try:
+        rows = [Exploration(int(a), int(b), float(c), float(d)) for a, b, c, d in csv.reader(whole)]
+    except ValueError as error:
+        raise ResultsError(f"{path} is damaged: {error}") from error
+    if any((row.group, row.member) != divmod(k, members) for k, row in enumerate(rows)):
+        raise ResultsError(f"{path} does not fit this run's search.pairs, or is damaged")
+    return rows[: len(rows) // members * members]
+
+
+def explore_group(config: TrainingConfig, group: int, tours: list[TourConfig]) -> list[tuple[float, float]]:
+    """Explore one floor plan from one start by several tours: the metres to 95 and to 99 % of each."""
+    rng = np.random.default_rng([config.seed, 0, group])
+    _, plan = PlanSource(plan_source(config)).draw(rng)
+    simulation_config = Randomisation(sensors=config.sensors).draw(rng, SimulationConfig())
+    simulation = Simulation(plan, simulation_config, _predictor(config.predictor))
+    seed = int(rng.integers(2**31))
+    return [_explore(simulation, seed, tour) for tour in tours]
+
+
+def _explore(simulation: Simulation, seed: int, tour: TourConfig) -> tuple[float, float]:
+    decision = simulation.reset(seed)
+    while not simulation.done:
+        decision = simulation.step(int(np.argmax(tour_features(decision, tour).rank)))
+    distance, coverage, _ = simulation.curve.T
+    d95, d99 = (distance_to_coverage(distance, coverage, mark, budget=simulation.max_distance)[0] for mark in (0.95, 0.99))
+    return d95, d99
+
+
+def _tour(start: TourConfig, z: NDArray[np.float64]) -> TourConfig:
+    """The tour at z float64 (p,), where 0 is the start."""
+    values = {}
+    for name, offset in zip(PARAMETERS, z.tolist(), strict=True):
+        value = getattr(start, name)
+        if name in LOGARITHMIC:
+            values[name] = value * math.exp(LOGARITHMIC[name] * offset)
+        else:
+            values[name] = max(value + LINEAR[name] * offset, 0.0)
+    return TourConfig(**values)
+
+
+def _least(start: TourConfig) -> NDArray[np.float64]:
+    """The least z float64 (p,) that makes a difference."""
+    return np.array([-np.inf if name in LOGARITHMIC else -getattr(start, name) / LINEAR[name] for name in PARAMETERS])
+
+
+def _effective(start: TourConfig, z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The z float64 (p,) that works, where parameters below 0 are 0."""
+    return np.maximum(z, _least(start))
+
+
+@lru_cache(maxsize=4)
+def _predictor(name: str) -> Predictor | None:
+    return make_predictor(name)
+
+
+def _explored(
+    executor: Executor | None, jobs: Iterator[tuple[TrainingConfig, int, list[TourConfig]]]
+) -> Iterator[list[tuple[float, float]]]:
+    """The results of `explore_group` for each job, in order."""
+    if executor is None:
+        yield from (explore_group(*job) for job in jobs)
+        return
+    futures: list[Future[list[tuple[float, float]]]] = [executor.submit(explore_group, *job) for job in jobs]
+    try:
+        yield from (future.result() for future in futures)
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+@contextlib.contextmanager
+def _executor(workers: int) -> Iterator[Executor | None]:
+    """Worker processes, as many as there are cores for 0; none for 1."""
+    count = workers or usable_cores()
+    if count == 1:
+        yield None
+        return
+    with single_threaded(), ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) as executor:
+        yield executor
+
+
+def _read_evaluations(path: Path, steps: int) -> list[dict[str, float]]:
+    """What evaluations found up to a step."""
+    if not path.is_file():
+        return []
+    with path.open(newline="") as file:
+        rows = [{key: float(value) for key, value in row.items() if value} for row in csv.DictReader(file)]
+    return [row for row in rows if row["steps"] <= steps]
