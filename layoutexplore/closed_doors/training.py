@@ -33,7 +33,7 @@ from layoutexplore.grid_io import write_atomically
 from layoutexplore.predictors.forest import save_forests
 from layoutexplore.predictors.training import as_forest
 
-SHUT_AGAIN, PLAN_MAPS = 5, 1
+SHUT_AGAIN, PLAN_MAPS = 5, 3
 """Simulated maps of each building of a folder, and of each floor plan."""
 
 _EVERY = 2  # of the maps of a building, which share most of their doors, every second one is learnt from
