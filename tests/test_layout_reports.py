@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.early_stop import Stop, summarise_stops
 from layoutexplore.benchmark.runner import run_benchmark
@@ -25,12 +26,13 @@ from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.cli import app
 from layoutexplore.evaluation.partial_rooms import Item, RoomScore, score
 from layoutexplore.evaluation.partial_rooms_report import Gallery, draw_room
-from layoutexplore.evaluation.snapshots import Snapshot, explore
+from layoutexplore.evaluation.snapshots import explore
 from layoutexplore.floorplan import floorplan_from_ascii
 from layoutexplore.predictors import RoomMap, make_room_predictor
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
 from layoutexplore.report.exploration import write_report
 from layoutexplore.report.layout_section import stop_plot
+from layoutexplore.snapshot import Snapshot
 from layoutexplore.statistics import Interval
 
 OFFICES = """
@@ -151,7 +153,7 @@ def test_marks_lie_in_their_frame(pairs: list[tuple[float, float]]) -> None:
 @pytest.fixture(scope="module")
 def snapshots() -> list[Snapshot]:
     plan = floorplan_from_ascii(OFFICES, resolution=0.7, name="offices")
-    return explore(plan, sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
+    return explore(plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
 
 
 def test_the_gallery_keeps_the_best_and_the_worst(snapshots: list[Snapshot]) -> None:

@@ -9,11 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 from layoutexplore import cli
+from layoutexplore.agents import make_agent
 from layoutexplore.evaluation.partial_rooms import find_items, score
 from layoutexplore.evaluation.partial_rooms_summary import calibration_error, f1, matthews, summarise
-from layoutexplore.evaluation.snapshots import Snapshot, explore
+from layoutexplore.evaluation.snapshots import explore
 from layoutexplore.floorplan import FloorPlan, floorplan_from_ascii
 from layoutexplore.predictors import make_room_predictor
+from layoutexplore.snapshot import Snapshot
 
 PLAN = """
 ####################
@@ -34,7 +36,7 @@ def plan() -> FloorPlan:
 
 @pytest.fixture(scope="module")
 def snapshots(plan: FloorPlan) -> list[Snapshot]:
-    return explore(plan, sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
+    return explore(plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
 
 
 def test_oracle_and_none(snapshots: list[Snapshot]) -> None:
@@ -61,7 +63,7 @@ def test_items_are_rooms_in_part_with_a_frontier(snapshots: list[Snapshot]) -> N
 
 def test_stored_snapshots_are_the_same(plan: FloorPlan, snapshots: list[Snapshot], tmp_path: Path) -> None:
     for _ in range(2):  # The first writes, the second reads.
-        kept = explore(plan, sensor="short", seed=1, coverages=(0.3, 0.5, 0.7), store=tmp_path)
+        kept = explore(plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7), store=tmp_path)
         assert [s.coverage for s in kept] == [s.coverage for s in snapshots]
         for a, b in zip(kept, snapshots, strict=True):
             assert np.array_equal(a.decision.grid.cells, b.decision.grid.cells) and a.decision.pose == b.decision.pose

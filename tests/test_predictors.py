@@ -17,6 +17,7 @@ from layoutexplore import cli
 from layoutexplore.agents import make_agent
 from layoutexplore.decision import STOP, Decision
 from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.evaluation.explorations import stopped_explorations
 from layoutexplore.floorplan import floorplan_from_ascii
 from layoutexplore.frontiers import find_frontiers
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
@@ -26,7 +27,7 @@ from layoutexplore.predictors.frontier_features import FEATURES, frontier_featur
 from layoutexplore.predictors.layout import likeliest_overlap
 from layoutexplore.predictors.oracle import OraclePredictor
 from layoutexplore.predictors.regions import Regions, seen_regions
-from layoutexplore.predictors.samples import Samples, gather, group_buildings, stopped_explorations
+from layoutexplore.predictors.samples import Samples, gather, group_buildings
 from layoutexplore.predictors.shapes import main_angle
 from layoutexplore.predictors.training import TrainingConfig, deal_groups, fit_frontier_forests, train_models
 from layoutexplore.simulation import Simulation, SimulationConfig
@@ -224,7 +225,7 @@ def test_a_model_of_ones_own(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="frontier_model"):
         make_predictor(f"layout:model={tmp_path}")
     plans = [floorplan_from_ascii(PLAN, resolution=0.9, name=name) for name in ("one", "other")]
-    explorations = [e for plan in plans for e in stopped_explorations(plan, 1, 4, tmp_path / "store")]
+    explorations = [e for plan in plans for e in stopped_explorations(plan, make_agent, 1, 4, tmp_path / "store")]
     samples = gather(explorations, {})
     assert set(samples.building.tolist()) == {"one", "other"}
     assert set(samples.of_buildings(lambda name: name != "one").building.tolist()) == {"other"}

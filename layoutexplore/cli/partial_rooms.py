@@ -28,8 +28,10 @@ def partial_rooms(
     json_file: Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")] = None,
 ) -> None:
     """Half-seen rooms: hidden IoU, room IoU, areas; closed or open frontiers; every predictor on the same snapshots."""
+    from layoutexplore.agents import make_agent
     from layoutexplore.benchmark.plans import find_plans
     from layoutexplore.errors import require
+    from layoutexplore.evaluation.explorations import PROTOCOL_AGENT, SENSORS
     from layoutexplore.evaluation.partial_rooms import score
     from layoutexplore.evaluation.partial_rooms_report import Gallery, write_report
     from layoutexplore.evaluation.partial_rooms_summary import summarise
@@ -45,9 +47,9 @@ def partial_rooms(
         snapshot
         for source in find_plans(plans)
         for plan in [FloorPlan.load(source)]
-        for name in sensor or ["stage", "indoor"]
+        for name in sensor or SENSORS
         for seed in range(starts)
-        for snapshot in explore(plan, sensor=name, seed=seed, store=snapshots)
+        for snapshot in explore(plan, make_agent(PROTOCOL_AGENT), sensor=name, seed=seed, store=snapshots)
     )
     names = [p.name for p in predictors]
     gallery = Gallery("layout" if "layout" in names else names[0])

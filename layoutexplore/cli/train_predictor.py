@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from layoutexplore.evaluation.snapshots import Snapshot
     from layoutexplore.floorplan import FloorPlan
+    from layoutexplore.snapshot import Snapshot
 
 
 def train_predictor(
@@ -30,11 +30,13 @@ def train_predictor(
     """
     from rich.console import Console
 
+    from layoutexplore.agents import make_agent
     from layoutexplore.benchmark.plans import find_plans
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.errors import ConfigError
+    from layoutexplore.evaluation.explorations import protocol_explorations, stopped_explorations
     from layoutexplore.floorplan import FloorPlan
-    from layoutexplore.predictors.samples import gather, group_buildings, protocol_explorations, stopped_explorations
+    from layoutexplore.predictors.samples import gather, group_buildings
     from layoutexplore.predictors.training import TrainingConfig, deal_groups, train_models
 
     config = TrainingConfig(trees=trees, cell_trees=trees // 2)
@@ -46,10 +48,10 @@ def train_predictor(
         for k, source in enumerate(sources):
             plan = FloorPlan.load(source)
             is_file = Path(source).exists()
-            explored.extend(stopped_explorations(plan, starts if is_file else 1, stops, store))
+            explored.extend(stopped_explorations(plan, make_agent, starts if is_file else 1, stops, store))
             if is_file:
                 files.append(plan)
-                protocol = protocol_explorations(plan, store)
+                protocol = protocol_explorations(plan, make_agent, store)
                 explored.extend(protocol)
                 asked[plan.name] = [snapshot for part in protocol for snapshot in part]
             progress.advance(k + 1, len(sources), (k + 1) / len(sources), plan.name)

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from layoutexplore.decision import Decision, Privileged
-from layoutexplore.evaluation.snapshots import Snapshot
 from layoutexplore.frontier_classes import classify_frontiers
 from layoutexplore.grid import UNKNOWN
 from layoutexplore.predictors.protocol import RoomMap, RoomPredictor
+from layoutexplore.snapshot import Snapshot
 
 SEEN = (0.05, 0.95)
 """Shares of a room that make it an item."""

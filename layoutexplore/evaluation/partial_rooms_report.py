@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from layoutexplore import palette
 from layoutexplore.evaluation.partial_rooms import Item, RoomScore, Scores, predicted_hidden
-from layoutexplore.evaluation.snapshots import Snapshot
 from layoutexplore.grid import FREE, OCCUPIED
 from layoutexplore.grid_io import encode_png, write_atomically
 from layoutexplore.predictors.protocol import RoomMap
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
 from layoutexplore.report.page import png_uri, render
+from layoutexplore.snapshot import Snapshot
 from layoutexplore.statistics import Interval
 
 PICTURES = 6

@@ -11,52 +11,30 @@ import io
 import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.decision import Decision, Frontier, Truth
+from layoutexplore.decision import Agent, Decision, Frontier
 from layoutexplore.floorplan import FloorPlan
 from layoutexplore.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.grid_io import write_atomically
 from layoutexplore.lidar import sensor as sensor_of
+from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation import Simulation, SimulationConfig
+from layoutexplore.snapshot import Snapshot
 
 COVERAGES = (0.2, 0.4, 0.6, 0.8)
 """Shares of coverage at which the protocol of Luperto et al. looks at an exploration."""
 
 
-@dataclass(frozen=True, eq=False)
-class Snapshot:
-    """A decision of an exploration, frozen.
-
-    Attributes:
-        plan: Name of the floor plan.
-        building: Floors of one building are one cluster.
-        sensor: Name of the sensor.
-        seed: Of the start.
-        coverage: The share of coverage it stands for.
-        decision: The decision, without a prediction.
-        truth: The floor plan.
-    """
-
-    plan: str
-    building: str
-    sensor: str
-    seed: int
-    coverage: float
-    decision: Decision
-    truth: Truth
-
-
 def explore(
     plan: FloorPlan,
+    agent: Agent,
     *,
     sensor: str = "stage",
     seed: int = 0,
-    agent: str = "nearest",
     coverages: Sequence[float] = COVERAGES,
     store: Path | None = None,
 ) -> list[Snapshot]:
@@ -64,14 +42,14 @@ def explore(
 
     Args:
         plan: The floor plan.
+        agent: Who explores.
         sensor: A preset's name.
         seed: Decides the start.
-        agent: Who explores.
         coverages: Rising shares 0..1.
         store: Folder in which explorations are kept; one that is there is read instead of run again.
     """
     simulation = Simulation(plan, SimulationConfig(sensor=sensor))
-    path = store and store / f"{_key(plan, simulation, seed, agent, coverages)}.npz"
+    path = store and store / f"{_key(plan, simulation, seed, agent.name, coverages)}.npz"
     if path and path.is_file():
         return _load(path, plan, simulation, seed)
     found = list(_run(simulation, seed, agent, coverages))
@@ -80,17 +58,13 @@ def explore(
     return [Snapshot(plan.name, plan.building, sensor, seed, share, decision, simulation.truth) for share, decision in found]
 
 
-def _run(simulation: Simulation, seed: int, agent: str, coverages: Iterable[float]) -> Iterator[tuple[float, Decision]]:
-    from layoutexplore.agents import make_agent
-    from layoutexplore.predictors import make_predictor
-
-    chosen = make_agent(agent)
-    chosen.reset(seed)
-    simulation.predictor = make_predictor(getattr(chosen, "predictor", "none"))
+def _run(simulation: Simulation, seed: int, agent: Agent, coverages: Iterable[float]) -> Iterator[tuple[float, Decision]]:
+    agent.reset(seed)
+    simulation.predictor = make_predictor(getattr(agent, "predictor", "none"))
     decision = simulation.reset(seed=seed)
     for share in coverages:
         while simulation.coverage < share and not simulation.done:
-            decision = simulation.step(chosen.act(decision))
+            decision = simulation.step(agent.act(decision))
         if simulation.done:
             return
         yield share, _frozen(decision)

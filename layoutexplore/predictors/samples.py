@@ -1,17 +1,15 @@
 """What the trees that judge frontiers and cells learn from: stopped explorations of floor plans whose rooms are known.
 
 Every frontier is a sample with its true class and the true area left, and the unknown cells near a seen region are samples of
-whether they are floor of its room. What is left unseen depends on who explores, so several strategies do.
+whether they are floor of its room.
 """
 
 from __future__ import annotations
 
 import difflib
 import re
-import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,19 +20,10 @@ from layoutexplore.frontier_classes import classify_frontiers
 from layoutexplore.predictors.cell_features import Candidates, find_candidates
 from layoutexplore.predictors.frontier_features import frontier_features
 from layoutexplore.predictors.regions import Regions, seen_regions
+from layoutexplore.snapshot import Snapshot
 
 if TYPE_CHECKING:
-    from layoutexplore.evaluation.snapshots import Snapshot
     from layoutexplore.floorplan import PlanRaster
-
-AGENTS = ("nearest", "layout-tour:predictor=oracle", "layout-tour:area=4,predictor=oracle", "wait-8")
-SENSORS = ("stage", "indoor")
-
-FIRST_SEED = 1000
-"""Of the starts, so that they are others than those of evaluations."""
-
-COVERAGES = (0.04, 0.985)
-"""Between these shares of coverage explorations are stopped."""
 
 REGIONS = 8
 """Regions of a decision whose cells are kept."""
@@ -113,25 +102,6 @@ def _same_building(plan: FloorPlan, other: FloorPlan) -> bool:
         return True
     sides = np.array([np.subtract(p.bounds[2:], p.bounds[:2]) for p in (plan, other)])
     return bool((np.abs(sides[0] - sides[1]) < SAME_SIZE * sides.max(0)).all() and sides.min() > 10.0)
-
-
-def protocol_explorations(plan: FloorPlan, store: Path | None) -> list[list[Snapshot]]:
-    """The explorations by which half-seen rooms are evaluated, by each sensor; those in the store are not run again."""
-    from layoutexplore.evaluation.snapshots import explore
-
-    return [explore(plan, sensor=sensor, store=store) for sensor in SENSORS]
-
-
-def stopped_explorations(plan: FloorPlan, starts: int, snapshots: int, store: Path | None) -> Iterator[list[Snapshot]]:
-    """Explorations of a plan by each sensor, stopped here and there; those that are in the store are not run again."""
-    from layoutexplore.evaluation.snapshots import explore
-
-    for start in range(starts):
-        for k, sensor in enumerate(SENSORS):
-            rng = np.random.default_rng([zlib.crc32(plan.content_hash.encode()), k, start])
-            agent = AGENTS[int(rng.integers(len(AGENTS)))]
-            shares = np.sort(rng.uniform(*COVERAGES, snapshots)).tolist()
-            yield explore(plan, sensor=sensor, seed=FIRST_SEED + start, agent=agent, coverages=shares, store=store)
 
 
 def gather(snapshots: Sequence[Sequence[Snapshot]], groups: Mapping[str, str]) -> Samples:
