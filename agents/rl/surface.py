@@ -1,8 +1,8 @@
 """A response surface (Box and Wilson 1951): how a noisy value depends on a few parameters near where it was measured.
 
 Every value is the sum of an offset that its group shares (a floor plan is long or short whatever the parameters are) and of
-slope z + curvature z^2 per parameter. Offsets are taken out; slopes and curvatures have a prior, so that what the noise hides
-stays near "no slope, a shallow bowl".
+slope z + curvature z^2 per parameter. Offsets are taken out; slopes and curvatures are taken to be small until the
+measurements say otherwise.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ NOISE = 0.15
 SLOPE = 0.03
 """Standard deviation of the slopes before anything is known, per unit of z."""
 
-CURVATURE = 0.01, 0.01
-"""Mean and standard deviation of the curvatures before anything is known."""
+CURVATURE = 0.01
+"""Standard deviation of the curvatures before anything is known."""
 
-_SHALLOW = 1e-4
+RELUCTANCE = 0.01
+"""Curvature that is added around where one is: what hardly changes anything stays as it is."""
 
 
 class Surface(NamedTuple):
@@ -50,15 +51,14 @@ def fit_surface(z: NDArray[np.float64], values: NDArray[np.float64], *, noise: f
     terms = np.concatenate([z, z**2], axis=-1)
     terms = (terms - terms.mean(axis=1, keepdims=True)).reshape(-1, 2 * count)
     around = (values - values.mean(axis=1, keepdims=True)).reshape(-1)
-    mean = np.repeat([0.0, CURVATURE[0]], count)
-    precision = np.diag(np.repeat([SLOPE**-2, CURVATURE[1] ** -2], count))
+    precision = np.diag(np.repeat([SLOPE**-2, CURVATURE**-2], count))
     covariance = np.linalg.inv(terms.T @ terms / noise**2 + precision)
-    found = covariance @ (terms.T @ around / noise**2 + precision @ mean)
+    found = covariance @ (terms.T @ around / noise**2)
     return Surface(found[:count], found[count:], np.sqrt(np.diag(covariance)[:count]))
 
 
 def lowest(surface: Surface, centre: NDArray[np.float64], trust: float, least: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where a surface is lowest, float64 (p,).
+    """Where to go on from a centre: the lowest place of surface + RELUCTANCE (z - centre)^2 in a box, float64 (p,).
 
     Args:
         surface: The surface.
@@ -67,14 +67,14 @@ def lowest(surface: Surface, centre: NDArray[np.float64], trust: float, least: N
         least: float64 (p,), the least values that make sense.
 
     Example:
-        >>> surface = Surface(np.array([-0.02, 0.02]), np.array([0.01, -0.01]), np.zeros(2))
+        >>> surface = Surface(np.array([-0.04, 0.02]), np.array([0.01, -0.02]), np.zeros(2))
         >>> lowest(surface, np.zeros(2), 1.5, np.full(2, -9.0)).tolist()
         [1.0, -1.5]
     """
-    low = np.maximum(centre - trust, least)
-    high = np.maximum(centre + trust, least)
-    bowl = surface.curvature > _SHALLOW
-    bottom = np.divide(-surface.slope, 2 * surface.curvature, out=np.zeros_like(low), where=bowl)
-    ends = np.stack([low, high])
-    downhill = np.argmin(surface.slope * ends + surface.curvature * ends**2, axis=0)
-    return np.where(bowl, np.clip(bottom, low, high), np.take_along_axis(ends, downhill[None], axis=0)[0])
+    slope, curvature = surface.slope - 2 * RELUCTANCE * centre, surface.curvature + RELUCTANCE
+    ends = np.stack([np.maximum(centre - trust, least), np.maximum(centre + trust, least)])
+    downhill = np.argmin(slope * ends + curvature * ends**2, axis=0)
+    lowest_end = np.take_along_axis(ends, downhill[None], axis=0)[0]
+    bottom = np.divide(-slope, 2 * curvature, out=lowest_end.copy(), where=curvature > 0)
+    chosen: NDArray[np.float64] = np.clip(bottom, ends[0], ends[1])
+    return chosen
