@@ -13,7 +13,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from layoutexplore.decision import Frontier
-from layoutexplore.frontier_tour import LAYOUT_TOUR_SIZE, ready_frontiers, sizeable_frontiers, tour_features
+from layoutexplore.errors import ConfigError
+from layoutexplore.frontier_tour import (
+    LAYOUT_TOUR_SIZE,
+    TourConfig,
+    ready_frontiers,
+    sizeable_frontiers,
+    tour_features,
+    tour_weights,
+)
 from layoutexplore.grid import Cell
 from layoutexplore.latency_tours import latency_tour
 from layoutexplore.tours import tour_length
@@ -103,3 +111,40 @@ def test_detours_are_differences_of_tour_lengths(seed: int, count: int) -> None:
         grown = tour_length(distances, np.array(first)) - tour_length(distances, np.array(order))
         assert features.detour[k] == pytest.approx(max(0.0, grown), abs=1e-4)
         assert features.rank[k] == (pytest.approx(1 / (order.index(k + 1) + 1)) if k + 1 in order else 0.0)
+
+
+def test_weights_by_area_in_view_and_expected() -> None:
+    seen, predicted = replace(frontier(1.0), visible_area=40.0), replace(frontier(2.0, area=3.0), visible_area=9.0)
+    given_decision = on_a_line(seen, predicted)
+    config = TourConfig(most_area=16.0, area_exponent=0.5, expected_exponent=1.5)
+    assert tour_weights(given_decision, np.arange(2)).tolist() == [30.0, 9.0]
+    assert tour_weights(given_decision, np.arange(2), config).tolist() == [4.0, 24.0]
+
+
+def test_a_first_leg_that_counts_more_keeps_the_robot_near() -> None:
+    """The robot at 0, much to see at 6, a little at -4: first 6, until the longer first leg counts more."""
+    much, little = replace(frontier(6.0), visible_area=30.0), replace(frontier(-4.0), visible_area=1.0)
+    assert tour_features(on_a_line(much, little)).rank.tolist() == [1.0, 0.5]
+    features = tour_features(on_a_line(much, little), TourConfig(first_leg=3.0))
+    assert features.rank.tolist() == [0.5, 1.0]
+    assert features.detour.tolist() == [2.0, 0.0], "metres are metres, however ways are weighed"
+
+
+def test_what_is_left_of_the_last_goal_is_held_on_to() -> None:
+    far, near = frontier(4.0), frontier(-3.0)
+    given_decision = on_a_line(far, near)
+    for goal, first in (((3.5, 0.0), 0), ((9.0, 0.0), 1), (None, 1)):
+        given_decision.goal = goal
+        assert int(tour_features(given_decision, TourConfig(hold=3.0)).rank.argmax()) == first
+
+
+def test_how_little_may_wait_is_for_the_tour_to_say() -> None:
+    waits, rich = frontier(-1.0, closed=True, area=2.5), frontier(5.0, closed=True, area=9.0)
+    assert tour_features(on_a_line(waits, rich)).rank[0] > 0
+    assert tour_features(on_a_line(waits, rich), TourConfig(little_left=3.0)).rank.tolist() == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("changes", [{"patience": -1.0}, {"hold": float("nan")}, {"most_area": "much"}, {"first_leg": True}])
+def test_tours_that_make_no_sense(changes: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match=f"tour.{next(iter(changes))} must be a finite number"):
+        TourConfig(**changes)

@@ -16,6 +16,7 @@ from layoutexplore.envs.observation import FRONTIER_FEATURES, ObservationConfig 
 from tests.rl_cases import SLOTS, observations, random_actor, spec  # noqa: E402
 
 encoders = pytest.mark.parametrize("encoder", ["attention", "deep-sets"])
+all_encoders = pytest.mark.parametrize("encoder", ["attention", "deep-sets", "none"])
 COUNTS = [1, 3, SLOTS, 7]
 
 
@@ -24,7 +25,7 @@ def shuffled(observation: dict, order: np.ndarray) -> dict:
     return {**observation, "frontiers": table.reshape(len(COUNTS), -1)}
 
 
-@encoders
+@all_encoders
 @pytest.mark.parametrize("maps", [False, True])
 def test_a_permutation_of_the_frontiers_permutes_the_logits(encoder: str, maps: bool) -> None:
     actor, observation = random_actor(encoder, maps=maps), observations(COUNTS, maps=maps)
@@ -36,7 +37,7 @@ def test_a_permutation_of_the_frontiers_permutes_the_logits(encoder: str, maps: 
     torch.testing.assert_close(permuted[:, -1], straight[:, -1], rtol=1e-4, atol=1e-5)
 
 
-@encoders
+@all_encoders
 def test_the_number_of_slots_does_not_matter(encoder: str) -> None:
     actor, observation = random_actor(encoder), observations([3, 5])
     table = observation["frontiers"].reshape(2, SLOTS, -1)
@@ -56,7 +57,7 @@ def test_other_frontiers_matter(encoder: str) -> None:
         assert (actor(observation)[0, 0] - actor({**observation, "frontiers": moved})[0, 0]).abs() > 1e-4
 
 
-@encoders
+@all_encoders
 def test_an_untrained_actor_prefers_the_tours_first(encoder: str) -> None:
     observation = observations([6, 9])
     table = observation["frontiers"].reshape(2, SLOTS, -1)

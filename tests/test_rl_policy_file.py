@@ -95,6 +95,8 @@ def test_safetensors_of_somebody_else(tmp_path: Path) -> None:
         ({"robot_features": ["mood"]}, "robot features that this version does not have: mood"),
         ({"taste": 1}, "not understood"),
         ({"network": {"depth": 3}}, "not understood"),
+        ({"tour": {"hurry": 3.0}}, "not understood"),
+        ({"tour": {"patience": -1.0}}, "not understood.*tour.patience must be a finite number"),
         ({"robot_features": ["distance"]}, "weights do not fit"),
     ],
 )
@@ -128,7 +130,7 @@ def test_its_name_and_predictor(saved: Path) -> None:
     assert make_agent(f"policy:path={saved}").name == agent.name
 
 
-@pytest.mark.parametrize("encoder", ["attention", "deep-sets"])
+@pytest.mark.parametrize("encoder", ["attention", "deep-sets", "none"])
 def test_an_untrained_policy_explores_as_the_tour(encoder: str) -> None:
     from layoutexplore.agents.rl.network import Actor
 
