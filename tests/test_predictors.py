@@ -24,7 +24,6 @@ from layoutexplore.predictors import make_predictor, make_room_predictor, predic
 from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.forest import FOLDER, Forest, load_forests, save_forests
 from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions
-from layoutexplore.predictors.layout import likeliest_overlap
 from layoutexplore.predictors.oracle import OraclePredictor
 from layoutexplore.predictors.regions import Regions, seen_regions
 from layoutexplore.predictors.samples import Samples, gather, group_buildings
@@ -133,21 +132,6 @@ def test_mirrored_and_turned_frontiers_look_the_same() -> None:
             names = [k for k, name in enumerate(FEATURES) if name.startswith(("open_", "doors_", "size", "width", "region"))]
             expected = features[:, names] if expected is None else expected
             np.testing.assert_allclose(features[:, names], expected, rtol=1e-5)
-
-
-@settings(max_examples=40, deadline=None)
-@given(values=st.lists(st.tuples(st.integers(1, 3), st.floats(0.01, 0.99)), min_size=1, max_size=12))
-def test_no_threshold_overlaps_more(values: list[tuple[int, float]]) -> None:
-    region, probability = np.array([v[0] for v in values], np.int32), np.array([v[1] for v in values])
-    threshold = likeliest_overlap(region, probability)
-    for k in np.unique(region):
-        mine = probability[region == k]
-
-        def overlap(level: float, mine: NDArray[np.float64] = mine) -> float:
-            inside = mine >= level
-            return float(mine[inside].sum() / (inside.sum() + mine[~inside].sum()))
-
-        assert overlap(threshold[k]) >= max(overlap(level) for level in mine) - 1e-12
 
 
 def test_the_home_of_a_frontier() -> None:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 
@@ -26,11 +25,12 @@ from layoutexplore.frontier_classes import FrontierClasses
 from layoutexplore.grid import UNKNOWN
 from layoutexplore.predictors import cell_features
 from layoutexplore.predictors.cell_features import Candidates, add_judgement, find_candidates
-from layoutexplore.predictors.completion import Shape, complete_regions
+from layoutexplore.predictors.completion import complete_regions
 from layoutexplore.predictors.forest import FOLDER, Forest, load_forests
 from layoutexplore.predictors.frontier_features import FEATURES, ProbeMemory, frontier_features, home_regions
 from layoutexplore.predictors.protocol import RoomMap, with_classes
 from layoutexplore.predictors.regions import Regions, seen_regions
+from layoutexplore.predictors.room_shapes import room_shapes
 
 LEFTOVER = 1.0
 """Square metres: closed frontiers with less left are what strategies put off."""
@@ -63,8 +63,7 @@ class PredictedLayout:
         """The completed rooms, and the unseen rest of the building as one more."""
         candidates = find_candidates(self._cells, self._regions, self._resolution)
         probability = judge_cells(candidates, self._resolution, self._forests)
-        shapes = _judged_shapes(self._cells.shape, self._regions, candidates, probability)
-        return complete_regions(self._cells, self._regions, shapes)
+        return complete_regions(self._cells, self._regions, room_shapes(self._cells, candidates, probability))
 
     @cached_property
     def inside(self) -> NDArray[np.float32]:
@@ -155,50 +154,3 @@ def judge_cells(candidates: Candidates, resolution: float, forests: dict[str, Fo
     """
     first = forests["first"].probability(candidates.features)
     return forests["inside"].probability(add_judgement(candidates, first, resolution))
-
-
-def likeliest_overlap(region: NDArray[np.int32], probability: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Per region float64 (max + 1,) the probability from which its cells make the shape of the greatest expected overlap.
-
-    The expected intersection over union of the likeliest n cells is close to their summed probability over n plus the
-    summed probability of all others, so that the best threshold is that ratio over one plus that ratio: below a half.
-
-    Example:
-        >>> region, probability = np.array([1, 1, 1, 1], np.int32), np.array([0.9, 0.8, 0.4, 0.2])
-        >>> likeliest_overlap(region, probability).tolist()
-        [inf, 0.4]
-    """
-    threshold = np.full(int(region.max(initial=0)) + 1, np.inf)
-    order = np.lexsort((-probability, region))
-    begins = np.flatnonzero(np.diff(region[order], prepend=-1))
-    for part in np.split(order, begins[1:]):
-        if len(part):
-            summed = np.cumsum(probability[part])
-            overlap = summed / (np.arange(1, len(part) + 1) + summed[-1] - summed)
-            threshold[region[part[0]]] = probability[part[overlap.argmax()]]
-    return threshold
-
-
-def _squares(candidates: Candidates, chosen: NDArray[np.intp]) -> Iterator[NDArray[np.int32]]:
-    """The cells int32 (n, 2) of the squares of some candidates, some beyond the grid: one cell of each square at a time."""
-    corners = candidates.cells[chosen] // candidates.stride * candidates.stride
-    for offset in np.ndindex(candidates.stride, candidates.stride):
-        yield corners + np.array(offset, np.int32)
-
-
-def _judged_shapes(
-    shape: tuple[int, ...], regions: Regions, candidates: Candidates, probability: NDArray[np.float64]
-) -> dict[int, Shape]:
-    """By region the squares of the cells that belong to its room; the likelier one of two rooms has them."""
-    claims = np.zeros(shape, np.int32)
-    order = np.argsort(probability, kind="stable")
-    inside = order[probability[order] >= likeliest_overlap(candidates.region, probability)[candidates.region[order]]]
-    for square in _squares(candidates, inside):
-        fits = (square < shape).all(axis=1)
-        claims[square[fits, 0], square[fits, 1]] = candidates.region[inside][fits]
-    boxes = Regions(claims, regions.count, regions.door_width).boxes
-    shapes = {}
-    for region in np.unique(candidates.region[inside]).tolist():
-        _, row0, col0, row1, col1 = boxes[region].tolist()
-        shapes[region] = Shape(row0, col0, claims[row0:row1, col0:col1] == region)
-    return shapes
