@@ -24,7 +24,8 @@ from layoutexplore.layout.segments import (
     segment_angles,
 )
 from layoutexplore.layout.topology import label_components
-from layoutexplore.layout.walls import chain_lines, components, find_walls, grouped_median, merge_walls
+from layoutexplore.layout.walls import chain_lines, find_walls, grouped_median, merge_walls
+from layoutexplore.union_find import components
 
 BOX = (0.5, 1.0, 9.5, 7.0)
 DIRECTIONS = np.array([0.0, 0.7, np.pi / 2, 2.9])

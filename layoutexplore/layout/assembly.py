@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -112,13 +113,13 @@ class FaceDetails(Details):
         return tuple(
             Face(
                 id=i,
-                polygon=polygon_to_world(polygon, self.origin),
+                polygon=polygon,
                 kind=KINDS[model.kind[i]],
                 inside_share=float(model.inside_share[i]),
                 edges=tuple(edges[i]),
                 room=int(self.room[i]) + 1,
             )
-            for i, polygon in enumerate(outline(model.arrangement, model.group, len(model)))
+            for i, polygon in enumerate(polygons_to_world(outline(model.arrangement, model.group, len(model)), self.origin))
         )
 
     def _edges(self) -> list[list[FaceEdge]]:
@@ -145,10 +146,10 @@ class FaceDetails(Details):
         return edges
 
 
-def polygon_to_world(polygon: shapely.Polygon, origin: Pose) -> shapely.Polygon:
-    """A polygon of the local frame in the world frame."""
-    moved: Any = shapely.transform(polygon, lambda points: to_world(points, origin))
-    return moved
+def polygons_to_world(polygons: list[shapely.Polygon], origin: Pose) -> list[shapely.Polygon]:
+    """Polygons of the local frame in the world frame."""
+    moved: Any = shapely.transform(np.array(polygons, object), lambda points: to_world(points, origin))
+    return list(moved.tolist())
 
 
 @njit(cache=True, nogil=True)
@@ -164,15 +165,17 @@ def _label_free(
 def _rooms(details: FaceDetails) -> tuple[LayoutRoom, ...]:
     faces, room = details.face_model, details.room
     count = int(room.max(initial=-1)) + 1
-    polygons = outline(faces.arrangement, np.append(room, -1)[faces.group], count)
-    members = [np.flatnonzero(room == i) for i in range(count)]
+    polygons = polygons_to_world(outline(faces.arrangement, np.append(room, -1)[faces.group], count), details.origin)
+    by_room = np.argsort(room, kind="stable")
+    members = np.split(by_room, np.searchsorted(room[by_room], np.arange(count)))[1:]
     area = np.bincount(faces.group, faces.arrangement.area, len(faces))
+    known, is_open = faces.known_share * area, faces.kind == 1
     return tuple(
         LayoutRoom(
             id=i + 1,
-            polygon=polygon_to_world(polygon, details.origin),
-            seen_share=float(np.average(faces.known_share[inside], weights=area[inside])),
-            is_partial=bool((faces.kind[inside] == 1).any()),
+            polygon=polygon,
+            seen_share=float(known[inside].sum() / area[inside].sum()),
+            is_partial=bool(is_open[inside].any()),
             is_closed=not faces.at_border[inside].any(),
             details=details,
         )
@@ -198,7 +201,8 @@ def place_walls(aligned: AlignedSegments, walls: WallGroups, lines: WallGroups, 
         for at in (walls.start, walls.end)
     ]
     order = np.argsort(walls.group, kind="stable").astype(np.int32)
-    members = np.split(order, np.cumsum(np.bincount(walls.group, minlength=len(walls)))[:-1]) if len(walls) else []
+    begin = [0, *np.cumsum(np.bincount(walls.group, minlength=len(walls))).tolist()]
+    members = [order[i:j] for i, j in pairwise(begin)]
     directions, angles = walls.direction.tolist(), angle.tolist()
     return tuple(
         Wall(direction=d, angle=angles[d], start=tuple(a), end=tuple(b), segments=m, line=k)
@@ -209,5 +213,5 @@ def place_walls(aligned: AlignedSegments, walls: WallGroups, lines: WallGroups, 
 def clean_grid(grid: OccupancyGrid, structure: NDArray[np.bool_]) -> OccupancyGrid:
     """The grid with occupied cells that are not structure turned free."""
     cells = grid.cells.copy()
-    cells[(cells == OCCUPIED) & ~structure] = FREE
+    np.copyto(cells, FREE, where=(cells == OCCUPIED) & ~structure)
     return OccupancyGrid(cells, grid.resolution, grid.origin)

@@ -8,6 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grid import FREE, UNKNOWN
+from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.union_find import root_of
 
 STEPS = 8
@@ -15,16 +16,16 @@ STEPS = 8
 
 
 @njit(cache=True, nogil=True)
-def _highest_first(levels: NDArray[np.int32], inside: NDArray[np.int64]) -> NDArray[np.int64]:
+def _highest_first(levels: NDArray[np.int32], inside: NDArray[np.int64]) -> NDArray[np.int32]:
     """The cells inside, the highest first, equal ones in raster order."""
     top = 0
     for i in inside:
         top = max(top, levels[i])
-    begin = np.zeros(top + 2, np.int64)
+    begin = np.zeros(top + 2, np.int32)
     for i in inside:
         begin[top - levels[i] + 1] += 1
-    begin = np.cumsum(begin)
-    order = np.empty(len(inside), np.int64)
+    begin = np.cumsum(begin).astype(np.int32)
+    order = np.empty(len(inside), np.int32)
     for i in inside:
         k = top - levels[i]
         order[begin[k]] = i
@@ -79,42 +80,58 @@ def _meet(
     return best
 
 
-@njit("void(float32[:,::1], int64[::1], int32[:,::1], float64, int64)", cache=True, nogil=True)
-def _flood(distance: NDArray[np.float32], inside: NDArray[np.int64], basins: NDArray[np.int32], share: float, wide: int) -> None:
-    """Label the basins of distances with a border of zeros, from the highest down; heights are rounded to `STEPS` a cell.
-
-    Where two basins meet at height h they become one if h is at least `wide`, or `share` of the lower peak.
-
-    Args:
-        distance: float32 (rows, cols), in cells.
-        inside: int64 (n,), the flat indices of the distances above 0, rising.
-        basins: int32 (rows, cols) of zeros; takes the labels.
-        share: As a share of the lower peak.
-        wide: As a height.
-    """
-    cols = distance.shape[1]
-    heights, labels = distance.reshape(-1), basins.reshape(-1)
-    levels = np.zeros(len(heights), np.int32)
-    for i in inside:
-        levels[i] = np.int32(heights[i] * STEPS + np.float32(0.5))
-    parent = np.empty(1024, np.int32)
-    peak = np.empty(1024, np.int32)
+@njit(cache=True, nogil=True)
+def _fill(
+    order: NDArray[np.int32],
+    levels: NDArray[np.int32],
+    cols: int,
+    labels: NDArray[np.int32],
+    parent: NDArray[np.int32],
+    peak: NDArray[np.int32],
+    share: float,
+    wide: int,
+) -> int:
+    """Label the cells in their order and return the number of labels, 0 among them."""
     n = 1
-    for i in _highest_first(levels, inside):
+    for at in order:
+        i = int(at)
         only = _only_label(labels, i, cols)
         if only > 0:
             labels[i] = root_of(parent, only)
             continue
         best = _meet(i, cols, levels, labels, parent, peak, share, wide)
         if best == 0:
-            if n >= len(parent):
-                parent = np.concatenate((parent, np.empty_like(parent)))
-                peak = np.concatenate((peak, np.empty_like(peak)))
-            parent[n] = n
+            parent[n] = best = n
             peak[n] = levels[i]
-            best = n
             n += 1
         labels[i] = best
+    return n
+
+
+@njit("int32[:,::1](float32[:,::1], int64[::1], float64, int64)", cache=True, nogil=True)
+def _flood(distance: NDArray[np.float32], inside: NDArray[np.int64], share: float, wide: int) -> NDArray[np.int32]:
+    """Basins of distances with a border of zeros, flooded from the highest down; heights are rounded to `STEPS` a cell.
+
+    Where two basins meet at height h they become one if h is at least `wide`, or `share` of the lower peak.
+
+    Args:
+        distance: float32 (rows + 2, cols + 2), in cells.
+        inside: int64 (n,), the flat indices of the distances above 0, rising.
+        share: As a share of the lower peak.
+        wide: As a height.
+
+    Returns:
+        int32 (rows, cols), labels without the border, numbered in raster order; 0 where the distance is.
+    """
+    rows, cols = distance.shape
+    heights = distance.reshape(-1)
+    levels = np.zeros(len(heights), np.int32)
+    for i in inside:
+        levels[i] = np.int32(heights[i] * STEPS + np.float32(0.5))
+    labels = np.zeros(len(heights), np.int32)
+    # at most one label a cell; grown arrays would be counted references in the loop
+    parent, peak = np.empty(len(inside) + 1, np.int32), np.empty(len(inside) + 1, np.int32)
+    n = _fill(_highest_first(levels, inside), levels, cols, labels, parent, peak, share, wide)
     number = np.zeros(n, np.int32)
     count = 0
     for i in inside:
@@ -123,6 +140,7 @@ def _flood(distance: NDArray[np.float32], inside: NDArray[np.int64], basins: NDA
             count += 1
             number[root] = count
         labels[i] = number[root]
+    return labels.reshape(rows, cols)[1:-1, 1:-1].copy()
 
 
 def distance_basins(blocked: NDArray[np.bool_], resolution: float, *, share: float, wide: float) -> NDArray[np.int32]:
@@ -137,12 +155,10 @@ def distance_basins(blocked: NDArray[np.bool_], resolution: float, *, share: flo
     Returns:
         int32 (rows, cols), numbered from 1 in raster order; 0 on obstacles.
     """
-    padded = cv2.copyMakeBorder((~blocked).astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    padded = cv2.copyMakeBorder((~blocked).view(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)
-    labels = np.zeros(padded.shape, np.int32)
-    inside = np.flatnonzero(padded.view(np.bool_))
-    _flood(np.ascontiguousarray(distance), inside, labels, share, round(wide / resolution * STEPS))
-    return np.ascontiguousarray(labels[1:-1, 1:-1])
+    inside = true_cells(padded.view(np.bool_))
+    return np.asarray(_flood(np.ascontiguousarray(distance), inside, share, round(wide / resolution * STEPS)))
 
 
 def closed_space(cells: NDArray[np.int8], resolution: float, radius: float) -> NDArray[np.bool_]:

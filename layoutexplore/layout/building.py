@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.union_find import root_of
+from layoutexplore.layout.true_cells import true_cells
+from layoutexplore.union_find import join, root_of
 
 
 @njit(cache=True, nogil=True)
@@ -40,8 +41,7 @@ def _building(
                 above += 1
             other = above
             while other < end and runs[other, 0] <= runs[k, 1]:
-                a, b = root_of(parent, k), root_of(parent, other)
-                parent[max(a, b)] = min(a, b)
+                join(parent, k, other)
                 other += 1
     boxes = np.empty((len(runs), 4), np.int32)  # by root: first and last row and column
     filled = np.zeros(len(runs), np.int64)
@@ -64,16 +64,16 @@ def _building(
 
 
 def building_parts(
-    occupied: NDArray[np.bool_], gap: NDArray[np.int32], resolution: float, *, area: float, length: float
+    occupied: NDArray[np.bool_], doors: NDArray[np.bool_], resolution: float, *, area: float, length: float
 ) -> NDArray[np.bool_]:
     """Obstacles and doors that belong to the building: bool (rows, cols); the rest floats freely and is small.
 
     Args:
         occupied: bool (rows, cols), the obstacles.
-        gap: int32 (rows, cols), above 0 for the cells of doors; with them, obstacles hang together.
+        doors: bool (rows, cols), the cells of doors; with them, obstacles hang together.
         resolution: Metres a cell.
         area: Parts of the building have this occupied area at least [m2] ...
         length: ... or are longer than this [m].
     """
-    solid = np.flatnonzero(occupied | (gap > 0))
+    solid = true_cells(occupied | doors)
     return np.asarray(_building(solid, np.ascontiguousarray(occupied), resolution, area, length))

@@ -17,8 +17,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 import scipy.fft
+from numba import njit
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
@@ -186,9 +186,7 @@ def dominant_directions(profile: NDArray[np.float64], config: DeclutterConfig) -
         return np.zeros(0), 1.0
     scaled = (profile - low) / (high - low)
     n = len(scaled)
-    peaks, properties = find_peaks(np.tile(scaled, 3), prominence=config.prominence)
-    middle = (peaks >= n) & (peaks < 2 * n)
-    peaks, prominences = peaks[middle] - n, properties["prominences"][middle]
+    peaks, prominences = _circular_peaks(np.ascontiguousarray(scaled), config.prominence)
     if not len(peaks):
         return np.zeros(0), 1.0
     strongest = np.sort(np.argsort(-prominences, kind="stable")[: config.max_directions])
@@ -197,6 +195,39 @@ def dominant_directions(profile: NDArray[np.float64], config: DeclutterConfig) -
     shift = 0.5 * (left - right) / np.minimum(left - 2 * top + right, -1e-12)
     angles = np.mod((peaks + np.clip(shift, -0.5, 0.5)) * np.pi / n, np.pi)
     return np.sort(angles), float(scaled.mean() / top.mean())
+
+
+@njit(cache=True, nogil=True)
+def _circular_peaks(profile: NDArray[np.float64], least: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Peaks of a circular profile, rising, and their prominences, at least `least`; of a flat top, its middle.
+
+    A peak's prominence is its height above the higher of the two lowest points on the ways, left and right, to a higher value.
+    """
+    n = len(profile)
+    peaks, prominences = np.empty(n, np.int64), np.empty(n)
+    count = 0
+    for first in range(n):
+        top = profile[first]
+        if profile[first - 1] >= top:  # index -1 is the last one
+            continue
+        width = 1
+        while width < n and profile[(first + width) % n] == top:
+            width += 1
+        if width == n or profile[(first + width) % n] > top:
+            continue
+        lowest = np.array((top, top))
+        for side in range(2):
+            for step in range(1, n):
+                value = profile[(first - step if side == 0 else first + step) % n]
+                if value > top:
+                    break
+                lowest[side] = min(lowest[side], value)
+        prominence = top - lowest.max()
+        if prominence >= least:
+            peaks[count], prominences[count] = (first + (width - 1) // 2) % n, prominence
+            count += 1
+    order = np.argsort(peaks[:count])
+    return peaks[:count][order], prominences[:count][order]
 
 
 @lru_cache(maxsize=8)

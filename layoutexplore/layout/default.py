@@ -36,7 +36,7 @@ from layoutexplore.layout.face_model import WallModel
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.line_evidence import find_evidence
 from layoutexplore.layout.merging import Forest, merge_pieces
-from layoutexplore.layout.merging_graph import PieceGraph, piece_graph, spread_into
+from layoutexplore.layout.merging_graph import PieceGraph, piece_graph, spread_in_place
 from layoutexplore.layout.merging_model import load_forest
 from layoutexplore.layout.openings import OpeningConfig, find_openings
 from layoutexplore.layout.outlines import rooms_of_labels
@@ -45,8 +45,9 @@ from layoutexplore.layout.rose2 import Rose2Config, chain_walls, with_perpendicu
 from layoutexplore.layout.segments import find_segments
 from layoutexplore.layout.slivers import absorb_slivers
 from layoutexplore.layout.timing import StageTimer
+from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.layout.types import Layout, LayoutRoom, empty_layout, has_free_space
-from layoutexplore.layout.wavefront import grow_labels
+from layoutexplore.layout.wavefront import grow_in_place
 
 WALLS = Rose2Config()
 """How walls, lines and faces are made; the rooms do not depend on them."""
@@ -129,21 +130,22 @@ def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfi
     with timer("openings"):
         occupied = turned.cells == OCCUPIED
         openings = find_openings(occupied, resolution, config)
-        building = building_parts(occupied, openings.gap, resolution, area=config.clutter_area, length=config.clutter_length)
+        doors = openings.gap > 0
+        building = building_parts(occupied, doors, resolution, area=config.clutter_area, length=config.clutter_length)
         wall = occupied & building
+        clutter = occupied & ~building
     with timer("basins"):
         inside = ~wall & (closed_space(turned.cells, resolution, config.chink) | (turned.cells != UNKNOWN))
-        basins = distance_basins(
-            ~inside | ((openings.gap > 0) & building), resolution, share=config.basin_share, wide=config.basin_wide
-        )
-        labels = grow_labels(basins, inside)
+        shut = ~inside | (doors & building)
+        labels = distance_basins(shut, resolution, share=config.basin_share, wide=config.basin_wide)
+        grow_in_place(labels, inside)
     with timer("graph"):
-        padded = cv2.copyMakeBorder(inside.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+        padded = cv2.copyMakeBorder(inside.view(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
         distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
         graph = piece_graph(
             labels,
             free=turned.cells == FREE,
-            clutter=occupied & ~wall,
+            clutter=clutter,
             wall=wall,
             distance=np.ascontiguousarray(distance),
             openings=openings,
@@ -151,7 +153,7 @@ def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfi
             resolution=resolution,
         )
         graph, part_of = absorb_slivers(graph, config.sliver_area)
-    return Pieces(turned, labels, occupied & ~wall, graph, part_of, structure)
+    return Pieces(turned, labels, clutter, graph, part_of, structure)
 
 
 def merge_into_rooms(
@@ -161,10 +163,35 @@ def merge_into_rooms(
     into = merge_pieces(pieces.graph, forest, level=config.merge_level)[pieces.part]
     footprint = turn_back(pieces.labels, pieces.turned, grid.shape)
     if pieces.turned.angle:
-        footprint = grow_labels(footprint, grid.free)
+        grow_in_place(footprint, grid.free)
     labels = _number_large(footprint, into, np.ascontiguousarray(grid.cells), grid.resolution**2, config.room_area)
-    steps = max(round(config.wall_half / grid.resolution), 1)
-    return labels, spread_into(footprint, np.ascontiguousarray(grid.occupied), steps)
+    spread_in_place(footprint, np.ascontiguousarray(grid.occupied), max(round(config.wall_half / grid.resolution), 1))
+    return labels, footprint
+
+
+@njit(cache=True, nogil=True)
+def _meet_pieces(pieces: NDArray[np.int32], cells: NDArray[np.int8], count: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """The pieces in the order of their first cells in raster order; and the free cells of each, int64 (count,)."""
+    rows, cols = pieces.shape
+    order = np.empty(count, np.int32)
+    free = np.zeros(count, np.int64)
+    met = np.zeros(count, np.bool_)
+    met[0] = True
+    n = 0
+    last, found = 0, 0  # the piece of the cell before, and the free cells of its run
+    for r in range(rows):
+        for c in range(cols):
+            piece = pieces[r, c]
+            if piece != last:
+                free[last] += found
+                last, found = piece, 0
+                if not met[piece]:
+                    met[piece] = True
+                    order[n] = piece
+                    n += 1
+            found += cells[r, c] == FREE
+    free[last] += found
+    return order[:n], free
 
 
 @njit("int32[:,::1](int32[:,::1], int32[::1], int8[:,::1], float64, float64)", cache=True, nogil=True)
@@ -172,35 +199,27 @@ def _number_large(
     pieces: NDArray[np.int32], into: NDArray[np.int32], cells: NDArray[np.int8], cell_area: float, room_area: float
 ) -> NDArray[np.int32]:
     """Turn pieces into rooms in place, without the small ones, numbered in raster order; without occupied cells as result."""
-    rows, cols = pieces.shape
-    counts = np.zeros(len(into), np.int64)
-    for r in range(rows):
-        for c in range(cols):
-            if pieces[r, c] > 0 and cells[r, c] == FREE:
-                counts[pieces[r, c]] += 1
+    order, free = _meet_pieces(pieces, cells, len(into))
     known = np.zeros(len(into), np.int64)
     for k in range(len(into)):
-        known[into[k]] += counts[k]
-    room = np.full(len(into), -1, np.int32)  # of each piece; -1 until it is met
-    room[0] = 0
+        known[into[k]] += free[k]
+    room = np.zeros(len(into), np.int32)
     number = np.full(len(into), -1, np.int32)
-    out = np.zeros((rows, cols), np.int32)
     count = 0
+    for piece in order:
+        whole = into[piece]
+        if number[whole] < 0:
+            large = whole > 0 and known[whole] * cell_area >= room_area
+            count += large
+            number[whole] = count if large else 0
+        room[piece] = number[whole]
+    rows, cols = pieces.shape
+    out = np.empty((rows, cols), np.int32)
     for r in range(rows):
         for c in range(cols):
-            piece = pieces[r, c]
-            if piece == 0:
-                continue
-            if room[piece] < 0:
-                whole = into[piece]
-                if number[whole] < 0:
-                    large = whole > 0 and known[whole] * cell_area >= room_area
-                    count += large
-                    number[whole] = count if large else 0
-                room[piece] = number[whole]
-            pieces[r, c] = room[piece]
-            if cells[r, c] != OCCUPIED:
-                out[r, c] = room[piece]
+            k = room[pieces[r, c]]
+            pieces[r, c] = k
+            out[r, c] = 0 if cells[r, c] == OCCUPIED else k
     return out
 
 
@@ -225,7 +244,7 @@ def reconstruct_with(grid: OccupancyGrid, config: DefaultConfig, forest: Forest)
         model = find_walls_of(clean, structure)
         walls = () if model is None else place_walls(model.aligned, model.walls, model.lines, grid.origin)
         segments = np.zeros((0, 4)) if model is None else to_world(model.segments.reshape(-1, 2), grid.origin).reshape(-1, 4)
-    details = DefaultDetails(clean, np.flatnonzero(clutter), labels, model, WALLS)
+    details = DefaultDetails(clean, true_cells(clutter), labels, model, WALLS)
     with timer("outlines"):
         rooms = rooms_of_labels(labels, grid, footprint, details)
     return Layout(

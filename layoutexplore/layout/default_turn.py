@@ -47,13 +47,18 @@ class Posture:
 
     def lay(self, cells: NDArray[T]) -> NDArray[T]:
         """The cells (rows, cols) laid down."""
-        laid = cells[:: -1 if self.mirror_rows else 1, :: -1 if self.mirror_cols else 1]
-        return _transposed(laid) if self.swap else np.ascontiguousarray(laid)
+        laid = self._mirrored(np.ascontiguousarray(cells))
+        return _transposed(laid) if self.swap else laid
 
     def lift(self, cells: NDArray[T]) -> NDArray[T]:
         """What was laid down, as it lay in the grid."""
-        lifted = _transposed(cells) if self.swap else cells
-        return lifted[:: -1 if self.mirror_rows else 1, :: -1 if self.mirror_cols else 1]
+        return self._mirrored(_transposed(cells) if self.swap else np.ascontiguousarray(cells))
+
+    def _mirrored(self, cells: NDArray[T]) -> NDArray[T]:
+        if not (self.mirror_rows or self.mirror_cols):
+            return cells
+        code = -1 if self.mirror_rows and self.mirror_cols else int(self.mirror_cols)
+        return np.asarray(cv2.flip(_plain(cells), code)).view(cells.dtype)
 
     def lift_angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
         """Directions (n,) of what was laid down as directions in the grid, radians in [0, pi), rising."""
@@ -63,9 +68,12 @@ class Posture:
 
 
 def _transposed(cells: NDArray[T]) -> NDArray[T]:
-    plain = np.ascontiguousarray(cells)
-    raw: Any = plain.view(np.uint8) if plain.dtype == np.bool_ else plain
-    return np.asarray(cv2.transpose(raw)).view(plain.dtype)
+    return np.asarray(cv2.transpose(_plain(np.ascontiguousarray(cells)))).view(cells.dtype)
+
+
+def _plain(cells: NDArray[T]) -> Any:
+    """Cells of a type that OpenCV knows."""
+    return cells.view(np.uint8) if cells.dtype == np.bool_ else cells
 
 
 def posture_of(cells: NDArray[np.int8]) -> Posture:
@@ -192,10 +200,23 @@ def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, 
     return cv2.LUT(part.view(np.uint8), _TRINARY.view(np.uint8)).view(np.int8), (row0, col0)
 
 
+@njit("boolean[:,::1](int8[:,::1])", cache=True, nogil=True)
+def _surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
+    rows, cols = cells.shape
+    out = np.empty((rows, cols), np.bool_)
+    near = np.zeros(cols + 2, np.bool_)  # a free cell in the column, at most one row away
+    for r in range(rows):
+        here, below, above = cells[r], cells[max(r - 1, 0)], cells[min(r + 1, rows - 1)]
+        for c in range(cols):
+            near[c + 1] = (here[c] == FREE) | (below[c] == FREE) | (above[c] == FREE)
+        for c in range(cols):
+            out[r, c] = (here[c] == OCCUPIED) & (near[c] | near[c + 1] | near[c + 2])
+    return out
+
+
 def surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
     """Bool (rows, cols): occupied cells with a free 8-neighbour; a solid block counts by its sides only."""
-    near = cv2.dilate((cells == FREE).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    return np.asarray(near & (cells == OCCUPIED))
+    return np.asarray(_surfaces(np.ascontiguousarray(cells)))
 
 
 def turn(cells: NDArray[np.int8], angle: float, corner: tuple[int, int], posture: Posture | None = None) -> Turned:

@@ -21,7 +21,8 @@ from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.segments import SegmentConfig, angle_between, find_segments, project, segment_angles
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, empty_layout, has_free_space
-from layoutexplore.layout.walls import chain_lines, components, find_walls
+from layoutexplore.layout.walls import chain_lines, find_walls
+from layoutexplore.union_find import components
 
 
 @dataclass(frozen=True, kw_only=True)

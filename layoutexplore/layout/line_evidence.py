@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from layoutexplore.grid import UNKNOWN
 from layoutexplore.layout.default_turn import surfaces
-from layoutexplore.layout.openings import thicken
 from layoutexplore.layout.rooms import FaceGraph, cluster_faces
-from layoutexplore.layout.walls import components, sums
+from layoutexplore.layout.true_cells import true_cells
+from layoutexplore.union_find import join, number_sets
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,19 +82,31 @@ class LineEvidence:
 
 @njit(cache=True, nogil=True)
 def _supported(
-    cells: NDArray[np.int64], thick: NDArray[np.uint8], half: int, level: float, least: float, near: int, near_least: float
+    cells: NDArray[np.int64],
+    occupied: NDArray[np.bool_],
+    slack: int,
+    half: int,
+    level: float,
+    least: float,
+    near: int,
+    near_least: float,
 ) -> NDArray[np.bool_]:
-    """Which of the occupied cells (flat, rising) have enough wall in line with them in their row."""
-    cols = thick.shape[1]
+    """Which of the occupied cells (flat, rising) have enough wall in line with them, at most `slack` rows aside."""
+    rows, cols = occupied.shape
     score = np.zeros(len(cells), np.int32)
     sums = np.zeros(cols + 1, np.int32)
+    thick = np.empty(cols, np.bool_)
     row = -1
     for n in range(len(cells)):
         r, c = cells[n] // cols, cells[n] % cols
         if r != row:
+            thick[:] = occupied[r]
+            for near_row in range(max(r - slack, 0), min(r + slack + 1, rows)):
+                for k in range(cols):
+                    thick[k] |= occupied[near_row, k]
             row, total = r, 0
             for k in range(cols):
-                total += thick[r, k]
+                total += thick[k]
                 sums[k + 1] = total
         if sums[min(c + near + 1, cols)] - sums[max(c - near, 0)] >= near_least:
             score[n] = sums[min(c + half + 1, cols)] - sums[max(c - half, 0)]
@@ -151,27 +163,111 @@ def _coverage(cells: NDArray[np.int64], cols: int, offsets: NDArray[np.int64], r
 
 def _lines(occupied: NDArray[np.bool_], resolution: float, config: EvidenceConfig) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Rows of the lines along the rows, and their covered cells before each column."""
-    thick = thicken(occupied, max(round(config.slack / resolution), 1), across_rows=True)
-    cells = np.flatnonzero(occupied)
+    cells = true_cells(occupied)
+    slack = max(round(config.slack / resolution), 1)
     half = max(round(config.wall_length / resolution / 2), 1)
     near = max(round(config.run / resolution / 2), 1)
-    walls = cells[
-        _supported(cells, thick, half, config.level, config.support / resolution, near, config.run_share * (2 * near + 1))
-    ]
+    enough = config.run_share * (2 * near + 1)
+    walls = cells[_supported(cells, occupied, slack, half, config.level, config.support / resolution, near, enough)]
     cols = occupied.shape[1]
     profile = np.bincount(walls // cols, minlength=occupied.shape[0]).astype(np.float64)
     reach = max(round(config.line_distance / resolution / 2), 1)
-    offsets = _offsets(profile, max(round(config.slack / resolution), 1), reach, config.line_length / resolution)
+    offsets = _offsets(profile, slack, reach, config.line_length / resolution)
     return offsets, _coverage(walls, cols, offsets, reach, max(round(config.slack / resolution / 2), 1))
 
 
+@njit(cache=True, nogil=True)
 def _edges(
-    sums: NDArray[np.int32], bounds: NDArray[np.int64], config: EvidenceConfig
+    sums: NDArray[np.int32], bounds: NDArray[np.int64], line_weight: float, edge_weight: float
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Covered share (lines, strips) of the edges between bounds (strips + 1,), and whether they part faces at all."""
-    share = np.diff(sums[:, bounds], axis=1) / np.maximum(np.diff(bounds), 1)
-    dropped = sums[:, -1] < config.line_weight * (sums.shape[1] - 1)
-    return share, dropped[:, None] & (share < config.edge_weight)
+    """Covered share (lines, strips) of the edges between bounds (strips + 1,), and whether they part no faces."""
+    lines, strips = len(sums), len(bounds) - 1
+    share, opened = np.empty((lines, strips)), np.empty((lines, strips), np.bool_)
+    for k in range(lines):
+        dropped = sums[k, -1] < line_weight * (sums.shape[1] - 1)
+        for m in range(strips):
+            share[k, m] = (sums[k, bounds[m + 1]] - sums[k, bounds[m]]) / max(bounds[m + 1] - bounds[m], 1)
+            opened[k, m] = dropped and share[k, m] < edge_weight
+    return share, opened
+
+
+@njit(cache=True, nogil=True)
+def _known(cells: NDArray[np.int8], row_bounds: NDArray[np.int64], col_bounds: NDArray[np.int64]) -> NDArray[np.int64]:
+    """int64 (row strips, col strips): known cells of each crossing of strips."""
+    out = np.zeros((len(row_bounds) - 1, len(col_bounds) - 1), np.int64)
+    for n in range(len(row_bounds) - 1):
+        for r in range(row_bounds[n], row_bounds[n + 1]):
+            for m in range(len(col_bounds) - 1):
+                known = 0
+                for c in range(col_bounds[m], col_bounds[m + 1]):
+                    known += cells[r, c] != UNKNOWN
+                out[n, m] += known
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _crossing_faces(above_open: NDArray[np.bool_], right_open: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Face of each crossing of strips (row strips, col strips), joined over the open edges; the latter are (lines, strips)."""
+    rows, cols = len(above_open) + 1, len(right_open) + 1
+    parent = np.arange(rows * cols).astype(np.int32)
+    for n in range(rows):
+        for m in range(cols):
+            if n + 1 < rows and above_open[n, m]:
+                join(parent, n * cols + m, (n + 1) * cols + m)
+            if m + 1 < cols and right_open[m, n]:
+                join(parent, n * cols + m, n * cols + m + 1)
+    return number_sets(parent).reshape(rows, cols)
+
+
+@njit(cache=True, nogil=True)
+def _face_sides(
+    face: NDArray[np.int64],
+    above: NDArray[np.float64],
+    right: NDArray[np.float64],
+    row_bounds: NDArray[np.int64],
+    col_bounds: NDArray[np.int64],
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """The pairs of faces (p, 2) that touch, in rising order, with the length of their common sides and the covered part of it."""
+    rows, cols = face.shape
+    count = face.max() + 1
+    keys, lengths, shares = np.empty(2 * face.size, np.int64), np.empty(2 * face.size), np.empty(2 * face.size)
+    k = 0
+    for n in range(rows - 1):
+        for m in range(cols):
+            a, b = face[n, m], face[n + 1, m]
+            if a != b:
+                keys[k], lengths[k], shares[k] = min(a, b) * count + max(a, b), col_bounds[m + 1] - col_bounds[m], above[n, m]
+                k += 1
+    for n in range(rows):
+        for m in range(cols - 1):
+            a, b = face[n, m], face[n, m + 1]
+            if a != b:
+                keys[k], lengths[k], shares[k] = min(a, b) * count + max(a, b), row_bounds[n + 1] - row_bounds[n], right[m, n]
+                k += 1
+    pairs, length, covered = np.empty((k, 2), np.int64), np.zeros(k), np.zeros(k)
+    p = -1
+    for side in np.argsort(keys[:k], kind="mergesort"):
+        a, b = keys[side] // count, keys[side] % count
+        if p < 0 or pairs[p, 0] != a or pairs[p, 1] != b:
+            p += 1
+            pairs[p, 0], pairs[p, 1] = a, b
+        length[p] += lengths[side]
+        covered[p] += shares[side] * lengths[side]
+    return pairs[: p + 1], length[: p + 1], covered[: p + 1]
+
+
+@njit(cache=True, nogil=True)
+def _seen_faces(
+    face: NDArray[np.int64], known: NDArray[np.int64], row_bounds: NDArray[np.int64], col_bounds: NDArray[np.int64], least: float
+) -> NDArray[np.bool_]:
+    """Faces of which at least this share is known."""
+    total, seen = np.zeros(face.max() + 1), np.zeros(face.max() + 1)
+    for n in range(face.shape[0]):
+        for m in range(face.shape[1]):
+            size = float(row_bounds[n + 1] - row_bounds[n]) * (col_bounds[m + 1] - col_bounds[m])
+            total[face[n, m]] += size
+            seen[face[n, m]] += known[n, m] / max(size, 1.0) * size
+    return seen >= least * np.maximum(total, 1.0)
 
 
 def find_evidence(
@@ -191,28 +287,20 @@ def find_evidence(
     row_lines, row_sums = _lines(occupied, resolution, config)
     col_lines, col_sums = _lines(cv2.transpose(occupied.view(np.uint8)).view(np.bool_), resolution, config)
     row_bounds, col_bounds = np.concatenate(([0], row_lines, [rows])), np.concatenate(([0], col_lines, [cols]))
-    shape = len(row_bounds) - 1, len(col_bounds) - 1
-    above, above_open = _edges(row_sums, col_bounds, config)
-    share_right, open_right = _edges(col_sums, row_bounds, config)
-    right, right_open = share_right.T, open_right.T
-    index = np.arange(shape[0] * shape[1]).reshape(shape)
-    first = np.concatenate((index[:-1].ravel(), index[:, :-1].ravel()))
-    second = np.concatenate((index[1:].ravel(), index[:, 1:].ravel()))
-    opened = np.concatenate((above_open.ravel(), right_open.ravel()))
-    share = np.concatenate((above.ravel(), right.ravel()))
-    height, width = np.diff(row_bounds)[:, None].astype(np.float64), np.diff(col_bounds)[None, :].astype(np.float64)
-    length = np.concatenate((np.repeat(width, len(above), axis=0).ravel(), np.repeat(height, right.shape[1], axis=1).ravel()))
-    face = components(first[opened], second[opened], index.size)
-    known = cv2.integral((cells != UNKNOWN).view(np.uint8))[np.ix_(row_bounds, col_bounds)]
-    known_share = np.diff(np.diff(known.astype(np.float64), axis=0), axis=1) / np.maximum(height * width, 1)
-    room = _rooms(face, (first, second), share, length, known_share.ravel(), (height * width).ravel(), config)
+    above, above_open = _edges(row_sums, col_bounds, config.line_weight, config.edge_weight)
+    right, right_open = _edges(col_sums, row_bounds, config.line_weight, config.edge_weight)
+    face = _crossing_faces(above_open, right_open)
+    pairs, length, covered = _face_sides(face, above, right, row_bounds, col_bounds)
+    graph = FaceGraph(first=pairs[:, 0], second=pairs[:, 1], length=length, covered=covered)
+    inside = _seen_faces(face, _known(cells, row_bounds, col_bounds), row_bounds, col_bounds, config.known_share)
+    room = cluster_faces(graph, inside, config.sigma, config.affinity) + 1
     return LineEvidence(
-        row_strip=np.searchsorted(row_lines, np.arange(rows), side="right").astype(np.int32),
-        col_strip=np.searchsorted(col_lines, np.arange(cols), side="right").astype(np.int32),
-        face=face.reshape(shape).astype(np.int32),
-        room=room.reshape(shape).astype(np.int32),
+        row_strip=np.repeat(np.arange(len(row_bounds) - 1, dtype=np.int32), np.diff(row_bounds)),
+        col_strip=np.repeat(np.arange(len(col_bounds) - 1, dtype=np.int32), np.diff(col_bounds)),
+        face=face.astype(np.int32),
+        room=room[face].astype(np.int32),
         above=np.pad(above, ((0, 1), (0, 0))),
-        right=np.pad(right, ((0, 0), (0, 1))),
+        right=np.pad(right.T, ((0, 0), (0, 1))),
     )
 
 
@@ -232,40 +320,18 @@ def _count(
                 out[labels[r, c], of_row[col_strip[c]]] += 1
 
 
-def count_rooms(labels: NDArray[np.int32], free: NDArray[np.bool_], evidence: LineEvidence) -> NDArray[np.float64]:
+def count_rooms(
+    labels: NDArray[np.int32], free: NDArray[np.bool_], evidence: LineEvidence, count: int | None = None
+) -> NDArray[np.float64]:
     """float64 (k + 1, rooms + 1): known free cells of each piece in each room of the lines, column 0 in none.
 
     Args:
         labels: int32 (rows, cols), the pieces, from 1.
         free: bool (rows, cols), known free cells.
         evidence: The rooms.
+        count: Number of pieces, where it is known.
     """
-    out = np.zeros((int(labels.max(initial=0)) + 1, int(evidence.room.max(initial=0)) + 1))
+    pieces = int(labels.max(initial=0)) if count is None else count
+    out = np.zeros((pieces + 1, int(evidence.room.max(initial=0)) + 1))
     _count(labels, free, evidence.row_strip, evidence.col_strip, evidence.room, out)
     return out
-
-
-def _rooms(
-    face: NDArray[np.int64],
-    pairs: tuple[NDArray[np.int64], NDArray[np.int64]],
-    share: NDArray[np.float64],
-    length: NDArray[np.float64],
-    known_share: NDArray[np.float64],
-    size: NDArray[np.float64],
-    config: EvidenceConfig,
-) -> NDArray[np.int64]:
-    """Room of each crossing of strips, from 1, 0 for none; `pairs` are the crossings on both sides of the edges."""
-    count = int(face.max()) + 1
-    total = np.maximum(np.bincount(face, size, count), 1)
-    inside = np.bincount(face, known_share * size, count) >= config.known_share * total
-    low, high = np.sort(np.stack((face[pairs[0]], face[pairs[1]])), axis=0)
-    differ = low != high
-    pair, inverse = np.unique(low[differ] * count + high[differ], return_inverse=True)
-    inverse = inverse.reshape(-1)
-    graph = FaceGraph(
-        first=pair // count,
-        second=pair % count,
-        length=sums(inverse, length[differ], len(pair)),
-        covered=sums(inverse, (share * length)[differ], len(pair)),
-    )
-    return cluster_faces(graph, inside, config.sigma, config.affinity)[face] + 1

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.layout.forest import Forest as Forest
+from layoutexplore.layout.forest import Numbers, log_odds
 from layoutexplore.layout.merging_graph import (
     ACROSS_ROWS,
     APART,
@@ -51,27 +51,6 @@ FEATURES = (
 
 
 FEATURE_COUNT = len(FEATURES)
-
-
-@dataclass(frozen=True, eq=False)
-class Forest:
-    """Boosted decision trees as plain numbers.
-
-    Attributes:
-        feature: int32 (n,), feature a node asks for, -1 for a leaf.
-        threshold: float64 (n,): go left where the feature is at most this; the value of a leaf (log-odds).
-        left: int32 (n,), next node; the right one is `right`.
-        right: int32 (n,).
-        roots: int32 (t,), first node of each tree.
-        bias: Log-odds before the first tree.
-    """
-
-    feature: NDArray[np.int32]
-    threshold: NDArray[np.float64]
-    left: NDArray[np.int32]
-    right: NDArray[np.int32]
-    roots: NDArray[np.int32]
-    bias: float
 
 
 @njit(cache=True, nogil=True)
@@ -181,119 +160,173 @@ def _surroundings(nodes: NDArray[np.float64], resolution: float) -> NDArray[np.f
 
 
 @njit(cache=True, nogil=True)
-def _log_odds(x: NDArray[np.float64], feature: NDArray[np.int32], threshold: NDArray[np.float64], left: NDArray[np.int32],
-              right: NDArray[np.int32], roots: NDArray[np.int32], bias: float) -> float:  # fmt: skip
-    total = bias
-    for root in roots:
-        i = root
-        while feature[i] >= 0:
-            i = left[i] if x[feature[i]] <= threshold[i] else right[i]
-        total += threshold[i]
-    return total
-
-
-@njit(cache=True, nogil=True)
 def _same_room(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     return int(a.argmax()) == int(b.argmax())
 
 
 @njit(cache=True, nogil=True)
-def _agglomerate(
-    nodes: NDArray[np.float64],
+def _describe(
+    pairs: NDArray[np.int32],
+    ends: NDArray[np.int32],
+    tables: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+    resolution: float,
+    world: NDArray[np.float64],
+    size: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    """Write the features of some contacts to the rows of `out`; the tables are those of nodes, edges and rooms."""
+    nodes, edges, rooms = tables
+    for n in range(len(pairs)):
+        i, j = ends[pairs[n], 0], ends[pairs[n], 1]
+        _features(nodes[i], nodes[j], edges[pairs[n]], resolution, world, out[n])
+        if _smaller(nodes[i], nodes[j]):
+            _room_features(rooms[i], rooms[j], size, out[n])
+        else:
+            _room_features(rooms[j], rooms[i], size, out[n])
+
+
+@njit(cache=True, nogil=True)
+def _add_sample(x: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64], sample: NDArray[np.float64]) -> None:
+    """Write features, answer and weight of a pair of pieces, given what each has in the true rooms."""
+    sample[:FEATURE_COUNT] = x
+    sample[FEATURE_COUNT] = 1.0 if _same_room(a, b) else 0.0
+    ra, rb = a.argmax(), b.argmax()
+    pure = min(a[ra] / max(a.sum(), 1.0), b[rb] / max(b.sum(), 1.0))
+    sample[FEATURE_COUNT + 1] = pure * (0.2 if ra == 0 and rb == 0 else 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _unite(
+    best: int,
+    ends: NDArray[np.int32],
+    tables: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+) -> None:
+    """Add the second piece of a contact to the first one."""
+    nodes, edges, rooms = tables
+    a, b = ends[best, 0], ends[best, 1]
+    first, second = nodes[a], nodes[b]
+    for k in (AREA, SPACE, CLUTTER, SIDES, OPEN_END, WALL_SIDES):
+        first[k] += second[k]
+    first[SIDES] -= 2 * edges[best, OPEN]
+    first[ROW0], first[COL0] = min(first[ROW0], second[ROW0]), min(first[COL0], second[COL0])
+    first[ROW1], first[COL1] = max(first[ROW1], second[ROW1]), max(first[COL1], second[COL1])
+    first[PEAK] = max(first[PEAK], second[PEAK])
+    rooms[a] += rooms[b]
+
+
+@njit(cache=True, nogil=True)
+def _move_contacts(
+    a: int,
+    b: int,
     ends: NDArray[np.int32],
     edges: NDArray[np.float64],
-    rooms: NDArray[np.float64],
+    slots: NDArray[np.int32],
+    gone: NDArray[np.bool_],
+) -> None:
+    """Give the contacts of piece b to piece a, adding up those with one neighbour."""
+    slots[a, b] = slots[b, a] = -1
+    for n in range(1, len(slots)):
+        f = slots[b, n]
+        if f < 0:
+            continue
+        slots[b, n] = slots[n, b] = -1
+        g = slots[a, n]
+        if g < 0:
+            ends[f, 0], ends[f, 1] = min(a, n), max(a, n)
+            slots[a, n] = slots[n, a] = f
+        else:
+            top = max(edges[g, PASS], edges[f, PASS])
+            edges[g] += edges[f]
+            edges[g, PASS] = top
+            gone[f] = True
+
+
+@njit(cache=True, nogil=True)
+def _stale_contacts(
+    a: int, edges: NDArray[np.float64], slots: NDArray[np.int32], gone: NDArray[np.bool_], out: NDArray[np.int32]
+) -> int:
+    """Write the contacts of piece a that are to be judged again to `out`, rising, and return how many."""
+    count = 0
+    for n in range(1, len(slots)):
+        f = slots[a, n]
+        if f >= 0 and edges[f, OPEN] > 0:
+            gone[f] = False
+            out[count] = f
+            count += 1
+    out[:count].sort()
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _surest(odds: NDArray[np.float64], gone: NDArray[np.bool_]) -> int:
+    """The first of the contacts with the highest odds, -1 when all are gone."""
+    best, best_odds = -1, -1e9
+    for e in range(len(odds)):
+        if not gone[e] and odds[e] > best_odds:
+            best, best_odds = e, odds[e]
+    return best
+
+
+@njit(cache=True, nogil=True)
+def _roots(into: NDArray[np.int32]) -> None:
+    """Replace each piece by the one it ends up in."""
+    for k in range(len(into)):
+        root = k
+        while into[root] != root:
+            root = into[root]
+        into[k] = root
+
+
+@njit(cache=True, nogil=True)
+def _agglomerate(
+    ends: NDArray[np.int32],
+    tables: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
     resolution: float,
-    forest: tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], float],
+    forest: Numbers,
     level: float,
     truth: NDArray[np.float64],
     samples: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], int]:
     """Merge in place; with `truth` (k + 1, rooms + 1) only right merges happen and every judged pair is written to `samples`."""
+    nodes, edges, rooms = tables
     count = len(nodes)
     into = np.arange(count).astype(np.int32)
-    feature, threshold, left, right, roots, bias = forest
     learning = truth.shape[0] > 0
     slots = np.full((count, count), -1, np.int32)
-    odds = np.full(len(ends), -1e9)
-    stale = np.ones(len(ends), np.bool_)
-    gone = edges[:, OPEN] <= 0  # contacts across walls only never merge by themselves, but add up
     for e in range(len(ends)):
-        slots[ends[e, 0], ends[e, 1]] = e
-        slots[ends[e, 1], ends[e, 0]] = e
-    x = np.empty(FEATURE_COUNT)
+        slots[ends[e, 0], ends[e, 1]] = slots[ends[e, 1], ends[e, 0]] = e
+    odds = np.full(len(ends), -1e9)
+    gone = edges[:, OPEN] <= 0  # contacts across walls only never merge by themselves, but add up
+    stale = np.flatnonzero(~gone).astype(np.int32)
+    stale_count = len(stale)
+    stale = np.concatenate((stale, np.empty(count, np.int32)))
+    x, judged = np.empty((len(stale), FEATURE_COUNT)), np.empty(len(stale))
     world, size = _surroundings(nodes, resolution), rooms.sum(axis=0)
     written = 0
     while True:
-        best, best_odds = -1, -1e9
-        for e in range(len(ends)):
-            if gone[e]:
-                continue
-            if stale[e]:
-                i, j = ends[e, 0], ends[e, 1]
-                _features(nodes[i], nodes[j], edges[e], resolution, world, x)
-                if _smaller(nodes[i], nodes[j]):
-                    _room_features(rooms[i], rooms[j], size, x)
-                else:
-                    _room_features(rooms[j], rooms[i], size, x)
-                odds[e] = _log_odds(x, feature, threshold, left, right, roots, bias)
-                stale[e] = False
-                if learning and written < len(samples):
-                    samples[written, :FEATURE_COUNT] = x
-                    a, b = truth[ends[e, 0]], truth[ends[e, 1]]
-                    samples[written, FEATURE_COUNT] = 1.0 if _same_room(a, b) else 0.0
-                    ra, rb = a.argmax(), b.argmax()
-                    pure = min(a[ra] / max(a.sum(), 1.0), b[rb] / max(b.sum(), 1.0))
-                    samples[written, FEATURE_COUNT + 1] = pure * (0.2 if ra == 0 and rb == 0 else 1.0)
-                    written += 1
-            if odds[e] > best_odds:
-                best, best_odds = e, odds[e]
-        if best < 0 or (best_odds < level and not learning):
+        fresh = stale[:stale_count]
+        _describe(fresh, ends, tables, resolution, world, size, x)
+        log_odds(x, forest, judged[:stale_count])
+        for n in range(stale_count):
+            odds[fresh[n]] = judged[n]
+            if learning and written < len(samples):
+                _add_sample(x[n], truth[ends[fresh[n], 0]], truth[ends[fresh[n], 1]], samples[written])
+                written += 1
+        stale_count = 0
+        best = _surest(odds, gone)
+        if best < 0 or (odds[best] < level and not learning):
             break
         a, b = ends[best, 0], ends[best, 1]
-        if learning and not _same_room(truth[a], truth[b]):
-            gone[best] = True
-            continue
-        into[b] = a
         gone[best] = True
-        slots[a, b] = slots[b, a] = -1
-        first, second, contact = nodes[a], nodes[b], edges[best]
-        for k in (AREA, SPACE, CLUTTER, SIDES, OPEN_END, WALL_SIDES):
-            first[k] += second[k]
-        first[SIDES] -= 2 * contact[OPEN]
-        first[ROW0], first[COL0] = min(first[ROW0], second[ROW0]), min(first[COL0], second[COL0])
-        first[ROW1], first[COL1] = max(first[ROW1], second[ROW1]), max(first[COL1], second[COL1])
-        first[PEAK] = max(first[PEAK], second[PEAK])
-        rooms[a] += rooms[b]
         if learning:
-            truth[a] += truth[b]
-        for n in range(1, count):
-            f = slots[b, n]
-            if f < 0 or n == a:
+            if not _same_room(truth[a], truth[b]):
                 continue
-            slots[b, n] = slots[n, b] = -1
-            g = slots[a, n]
-            if g < 0:
-                ends[f, 0], ends[f, 1] = min(a, n), max(a, n)
-                slots[a, n] = slots[n, a] = f
-            else:
-                top = max(edges[g, PASS], edges[f, PASS])
-                edges[g] += edges[f]
-                edges[g, PASS] = top
-                gone[f] = True
-                if edges[g, OPEN] > 0 and edges[f, OPEN] > 0 and not learning:
-                    gone[g] = False
-        for n in range(1, count):
-            f = slots[a, n]
-            if f >= 0:
-                stale[f] = True
-                if edges[f, OPEN] > 0:
-                    gone[f] = False
-    for k in range(count):
-        root = k
-        while into[root] != root:
-            root = into[root]
-        into[k] = root
+            truth[a] += truth[b]
+        into[b] = a
+        _unite(best, ends, tables)
+        _move_contacts(a, b, ends, edges, slots, gone)
+        stale_count = _stale_contacts(a, edges, slots, gone, stale)
+    _roots(into)
     return into, written
 
 
@@ -308,20 +341,14 @@ def merge_pieces(graph: PieceGraph, forest: Forest, *, level: float = 0.0) -> ND
     Returns:
         int32 (k + 1,), the piece that each piece is merged into (itself for the first of each room).
     """
-    numbers = (forest.feature, forest.threshold, forest.left, forest.right, forest.roots, forest.bias)
     nothing = np.zeros((0, 0))
-    into, _ = _agglomerate(
-        graph.nodes.copy(),
-        graph.ends.copy(),
-        graph.edges.copy(),
-        graph.rooms.copy(),
-        graph.resolution,
-        numbers,
-        level,
-        nothing,
-        nothing,
-    )
+    into, _ = _agglomerate(graph.ends.copy(), _tables(graph), graph.resolution, forest.numbers, level, nothing, nothing)
     return into
+
+
+def _tables(graph: PieceGraph) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Copies of the nodes, edges and rooms of a graph."""
+    return graph.nodes.copy(), graph.edges.copy(), graph.rooms.copy()
 
 
 def judge_with_truth(graph: PieceGraph, forest: Forest, rooms: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -336,11 +363,9 @@ def judge_with_truth(graph: PieceGraph, forest: Forest, rooms: NDArray[np.float6
         float64 (n, features + 2): the features of a pair, 1 where both belong to one room, and the sample's weight; the
         first look at each pair and as many of the later ones, evenly spaced.
     """
-    numbers = (forest.feature, forest.threshold, forest.left, forest.right, forest.roots, forest.bias)
     pairs = len(graph.ends)
     samples = np.zeros((min(80 * pairs + 100, 400_000), FEATURE_COUNT + 2))
-    nodes, ends, edges, within = graph.nodes.copy(), graph.ends.copy(), graph.edges.copy(), graph.rooms.copy()
-    _, n = _agglomerate(nodes, ends, edges, within, graph.resolution, numbers, 0.0, rooms.copy(), samples)
+    _, n = _agglomerate(graph.ends.copy(), _tables(graph), graph.resolution, forest.numbers, 0.0, rooms.copy(), samples)
     later = np.linspace(pairs, n - 1, min(pairs, max(n - pairs, 0))).astype(np.int64)
     chosen = np.concatenate([np.arange(min(pairs, n)), later])
     return np.asarray(samples[chosen])

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.layout.bit_rows import count_bits, set_bits
 from layoutexplore.layout.line_evidence import LineEvidence, count_rooms
-from layoutexplore.layout.openings import Openings, thicken
+from layoutexplore.layout.openings import Openings
+from layoutexplore.layout.true_cells import true_cells
 
 # Columns of the node table. AREA: known free cells; SPACE: all cells; SIDES: sides shared with anything else;
 # OPEN_END: sides towards unknown space; ROWS..: bounding box, half open; PEAK: largest distance to the obstacles [cells].
@@ -58,33 +59,14 @@ class PieceGraph:
 
 
 @njit(cache=True, nogil=True)
-def _run_sums(thick: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """int32 (rows, cols + 1): walls among the first c cells of each row."""
-    rows, cols = thick.shape
-    out = np.zeros((rows, cols + 1), np.int32)
-    for r in range(rows):
-        total = 0
-        for c in range(cols):
-            total += thick[r, c]
-            out[r, c + 1] = total
-    return out
-
-
-@njit(cache=True, nogil=True)
-def _share(sums: NDArray[np.int32], r: int, begin: int, end: int) -> float:
-    """Share of wall among the cells begin <= c < end of a row; what lies outside the grid is no wall."""
-    low, high = min(max(begin, 0), sums.shape[1] - 1), min(end, sums.shape[1] - 1)
-    return float(sums[r, max(low, high)] - sums[r, low]) / (end - begin)
-
-
-@njit(cache=True, nogil=True)
-def _add_lines(edge: NDArray[np.float64], sums: NDArray[np.int32], r: int, c: int, near: int, far: int) -> None:
-    """Add the walls in line with a contact between cells (r, c) and (r + 1, c), by their running sums."""
-    before = max(_share(sums, r, c - near, c), _share(sums, r + 1, c - near, c))
-    after = max(_share(sums, r, c + 1, c + 1 + near), _share(sums, r + 1, c + 1, c + 1 + near))
+def _add_lines(edge: NDArray[np.float64], walls: NDArray[np.uint64], cols: int, r: int, c: int, near: int, far: int) -> None:
+    """Add the walls in line with a contact between cells (r, c) and (r + 1, c); what lies outside the grid is no wall."""
+    before = max(count_bits(walls, r, cols, c - near, c), count_bits(walls, r + 1, cols, c - near, c)) / near
+    after = max(count_bits(walls, r, cols, c + 1, c + 1 + near), count_bits(walls, r + 1, cols, c + 1, c + 1 + near)) / near
     edge[NEAR] += before + after
     edge[NEAR_MIN] += min(before, after)
-    edge[FAR] += max(_share(sums, r, c - far, c + 1 + far), _share(sums, r + 1, c - far, c + 1 + far))
+    wide = max(count_bits(walls, r, cols, c - far, c + 1 + far), count_bits(walls, r + 1, cols, c - far, c + 1 + far))
+    edge[FAR] += wide / (2 * far + 1)
 
 
 @njit("void(int32[:,::1], boolean[:,::1], int64[::1], int64)", cache=True, nogil=True)
@@ -105,12 +87,34 @@ def _spread(out: NDArray[np.int32], wall: NDArray[np.bool_], front: NDArray[np.i
         front = fresh[:m]
 
 
-def spread_into(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: int) -> NDArray[np.int32]:
-    """Labels spread into the walls by 4-neighbours, at most `steps` cells deep."""
-    beside = cv2.dilate(wall.view(np.uint8), cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))).view(np.bool_)
-    out = labels.copy()
-    _spread(out, wall, np.flatnonzero(beside & (labels > 0)), steps)
+@njit("boolean[:,::1](int32[:,::1], boolean[:,::1])", cache=True, nogil=True)
+def _beside_walls(labels: NDArray[np.int32], wall: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Labelled cells with a wall among their 4-neighbours."""
+    rows, cols = labels.shape
+    out = np.empty((rows, cols), np.bool_)
+    for r in range(rows):
+        label, here, below, above = labels[r], wall[r], wall[max(r - 1, 0)], wall[min(r + 1, rows - 1)]
+        for c in range(cols):
+            out[r, c] = (label[c] > 0) & (below[c] | above[c])
+        if cols > 1:
+            rest, left = out[r, 1:], here[:-1]
+            for c in range(cols - 1):
+                rest[c] |= (label[c + 1] > 0) & left[c]
+            right = here[1:]
+            for c in range(cols - 1):
+                out[r, c] |= (label[c] > 0) & right[c]
     return out
+
+
+def spread_in_place(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: int) -> None:
+    """Spread labels into the walls by 4-neighbours, at most `steps` cells deep.
+
+    Args:
+        labels: int32 (rows, cols), contiguous; changed.
+        wall: bool (rows, cols), contiguous.
+        steps: In cells.
+    """
+    _spread(labels, wall, true_cells(_beside_walls(labels, wall)), steps)
 
 
 @njit(cache=True, nogil=True)
@@ -129,22 +133,18 @@ def _add_run(
     node: NDArray[np.float64],
     free: NDArray[np.bool_],
     clutter: NDArray[np.bool_],
-    distance: NDArray[np.float32],
     r: int,
     begin: int,
     end: int,
 ) -> None:
     """Add the cells begin <= c < end of row r to a piece."""
     known = furniture = 0
-    peak = np.float32(0)
     for c in range(begin, end):
         known += free[r, c]
         furniture += clutter[r, c]
-        peak = max(peak, distance[r, c])
     node[SPACE] += end - begin
     node[AREA] += known
     node[CLUTTER] += furniture
-    node[PEAK] = max(node[PEAK], peak)
     node[ROW0] = min(node[ROW0], r)
     node[ROW1] = max(node[ROW1], r + 1)
     node[COL0] = min(node[COL0], begin)
@@ -160,18 +160,21 @@ def _add_side(nodes: NDArray[np.float64], label: int, other: int, blocked: bool)
             nodes[label, WALL_SIDES if blocked else OPEN_END] += 1
 
 
-@njit(cache=True, nogil=True)
-def _changes(labels: NDArray[np.int32], spread: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Cells whose right or upper neighbour belongs elsewhere, or lies outside the grid where the cell belongs to a piece."""
-    rows, cols = labels.shape
+@njit("boolean[:,::1](int32[:,::1], boolean[:,::1])", cache=True, nogil=True)
+def _changes(spread: NDArray[np.int32], wall: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Cells whose right or upper neighbour belongs elsewhere, or lies outside the grid where the cell belongs to a piece.
+
+    A piece ends at the walls that it was spread into.
+    """
+    rows, cols = spread.shape
     out = np.zeros((rows, cols), np.bool_)
     for r in range(rows - 1):
+        here, above, wall_here, wall_above = spread[r], spread[r + 1], wall[r], wall[r + 1]
         for c in range(cols - 1):
             out[r, c] = (
-                (spread[r, c] != spread[r + 1, c])
-                | (spread[r, c] != spread[r, c + 1])
-                | (labels[r, c] != labels[r + 1, c])
-                | (labels[r, c] != labels[r, c + 1])
+                (here[c] != above[c])
+                | (here[c] != here[c + 1])
+                | ((here[c] > 0) & ((wall_here[c] != wall_above[c]) | (wall_here[c] != wall_here[c + 1])))
             )
     for r in range(rows):
         out[r, cols - 1] = (spread[r, cols - 1] > 0) | (r + 1 < rows and spread[min(r + 1, rows - 1), cols - 1] > 0)
@@ -186,12 +189,16 @@ def _nodes(
     changes: NDArray[np.int64],
     free: NDArray[np.bool_],
     clutter: NDArray[np.bool_],
-    distance: NDArray[np.float32],
+    heights: NDArray[np.int32],
     count: int,
 ) -> NDArray[np.float64]:
-    """The node table without the sides: a run of one label in a row begins at the row's first cell or after a change."""
+    """The node table without the sides: a run of one label in a row begins at the row's first cell or after a change.
+
+    `heights` are the bits of the distances: above 0, they rise as the distances do, and whole numbers are compared at once.
+    """
     rows, cols = labels.shape
     nodes = np.zeros((count + 1, NODE_COLUMNS))
+    peak = np.zeros(count + 1, np.int32)
     nodes[:, ROW0] = rows
     nodes[:, COL0] = cols
     k = 0
@@ -207,8 +214,13 @@ def _nodes(
                     end = c
                     break
             if a > 0:
-                _add_run(nodes[a], free, clutter, distance, r, begin, end)
+                _add_run(nodes[a], free, clutter, r, begin, end)
+                top = peak[a]
+                for c in range(begin, end):
+                    top = max(top, heights[r, c])
+                peak[a] = top
             begin = end
+    nodes[:, PEAK] = peak.view(np.float32)
     for r in range(rows):  # sides on the left border of the grid
         if labels[r, 0] > 0:
             nodes[labels[r, 0], SIDES] += 1
@@ -259,7 +271,7 @@ def _add_contact(
     distance: NDArray[np.float32],
     gap: NDArray[np.int32],
     gaps: NDArray[np.float64],
-    walls: tuple[NDArray[np.int32], NDArray[np.int32], int, int],
+    walls: tuple[NDArray[np.uint64], NDArray[np.uint64], int, int],
 ) -> None:
     """Add the side between cell (r, c) and the one `above` it, or right of it, to a contact."""
     rr, cc = (r + 1, c) if above else (r, c + 1)
@@ -274,9 +286,9 @@ def _add_contact(
         edge[SHORT] += gaps[door, 2]
     if above:  # the contact runs along the row
         edge[ACROSS_ROWS] += 1
-        _add_lines(edge, along_rows, r, c, near, far)
+        _add_lines(edge, along_rows, distance.shape[1], r, c, near, far)
     else:
-        _add_lines(edge, along_cols, c, r, near, far)
+        _add_lines(edge, along_cols, distance.shape[0], c, r, near, far)
 
 
 @njit(cache=True, nogil=True)
@@ -288,7 +300,7 @@ def _contacts(
     distance: NDArray[np.float32],
     gap: NDArray[np.int32],
     gaps: NDArray[np.float64],
-    walls: tuple[NDArray[np.int32], NDArray[np.int32], int, int],
+    walls: tuple[NDArray[np.uint64], NDArray[np.uint64], int, int],
     lines: tuple[
         NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], int
     ],
@@ -296,13 +308,16 @@ def _contacts(
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """The contacts; adds their sides to the nodes."""
     rows, cols = labels.shape
-    ends = np.empty((1024, 2), np.int32)
-    edges = np.zeros((1024, EDGE_COLUMNS))
-    links = np.empty(1024, np.int32)
+    # at most two contacts a change; grown arrays would be counted references in the loop
+    ends = np.empty((2 * len(changes), 2), np.int32)
+    edges = np.empty((2 * len(changes), EDGE_COLUMNS))
+    links = np.empty(2 * len(changes), np.int32)
     heads = np.full(len(nodes), -1, np.int32)
-    m, e = 0, -1
+    m, e, r = 0, -1, 0
     for i in changes:
-        r, c = i // cols, i % cols
+        while i >= (r + 1) * cols:
+            r += 1
+        c = i - r * cols
         a, p = int(labels[r, c]), int(spread[r, c])
         for above in (True, False):
             rr, cc = (r + 1, c) if above else (r, c + 1)
@@ -318,16 +333,13 @@ def _contacts(
             if e < 0 or ends[e, 0] != low or ends[e, 1] != high:  # mostly the contact of the side before
                 e = find_edge(low, high, ends, heads, links)
             if e < 0:
-                if m >= len(links):
-                    ends = np.concatenate((ends, np.empty_like(ends)))
-                    edges = np.concatenate((edges, np.zeros_like(edges)))
-                    links = np.concatenate((links, np.empty_like(links)))
                 e = m
                 m += 1
                 ends[e, 0] = low
                 ends[e, 1] = high
                 links[e] = heads[low]
                 heads[low] = e
+                edges[e] = 0.0
             if a == 0 or b == 0:
                 edges[e, THROUGH] += 1
             else:
@@ -362,11 +374,14 @@ def piece_graph(
     steps = max(round(WALL_THICKNESS / resolution), 1)
     slack = max(round(0.1 / resolution), 1)
     near, far = max(round(NEAR_REACH / resolution), 1), max(round(FAR_REACH / resolution), 1)
-    along_rows = _run_sums(thicken(wall, slack, across_rows=True))
-    along_cols = _run_sums(np.asarray(cv2.transpose(thicken(wall, slack, across_rows=False)), np.uint8))
-    spread = spread_into(labels, wall, steps)
-    changes = np.flatnonzero(_changes(labels, spread))
-    nodes = _nodes(labels, changes, free, clutter, distance, int(labels.max(initial=0)))
+    rows, cols = labels.shape
+    wall_cells = true_cells(wall)
+    along_rows, along_cols = set_bits(wall_cells, rows, cols, slack)
+    spread = labels.copy()
+    spread_in_place(spread, wall, steps)
+    changes = true_cells(_changes(spread, wall))
+    count = int(labels.max(initial=0))
+    nodes = _nodes(labels, changes, free, clutter, distance.view(np.int32), count)
     ends, edges = _contacts(
         labels,
         spread,
@@ -379,4 +394,4 @@ def piece_graph(
         (lines.row_strip, lines.col_strip, lines.face, lines.room, lines.above, lines.right, max(round(BESIDE / resolution), 1)),
         nodes,
     )
-    return PieceGraph(nodes, ends, edges, count_rooms(labels, free, lines), resolution)
+    return PieceGraph(nodes, ends, edges, count_rooms(labels, free, lines, count), resolution)

@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.layout.true_cells import true_cells
+
 WIDTH, LONG, SHORT = range(3)
 """Columns of the table of gaps: width, longer and shorter run of wall beside it, all in cells."""
 
@@ -54,33 +56,33 @@ class Openings:
     table: NDArray[np.int32]
 
 
-def thicken(mask: NDArray[np.bool_], slack: int, *, across_rows: bool) -> NDArray[np.uint8]:
-    """A mask grown by `slack` cells up and down (`across_rows`) or left and right, uint8 (rows, cols)."""
-    size = 2 * slack + 1
-    kernel = np.ones((size, 1) if across_rows else (1, size), np.uint8)
-    return np.asarray(cv2.dilate(np.ascontiguousarray(mask).view(np.uint8), kernel), np.uint8)
-
-
 @njit(cache=True, nogil=True)
 def free_runs(blocked: NDArray[np.bool_]) -> NDArray[np.int16]:
     """Length of the run of cells that are not blocked in its row, for each cell; 0 for blocked ones."""
     rows, cols = blocked.shape
-    out = np.zeros((rows, cols), np.int16)
+    out = np.empty((rows, cols), np.int16)
     for r in range(rows):
         begin = 0
-        for c in range(cols + 1):
-            if c == cols or blocked[r, c]:
-                n = min(c - begin, 32767)
-                for k in range(begin, c):
-                    out[r, k] = n
+        for c in range(cols):
+            if blocked[r, c]:
+                out[r, begin:c] = min(c - begin, 32767)
+                out[r, c] = 0
                 begin = c + 1
+        out[r, begin:] = min(cols - begin, 32767)
     return out
 
 
 @njit(cache=True, nogil=True)
-def _run_length(thick: NDArray[np.uint8], r: int, c: int, step: int, longest: int) -> int:
+def _run_length(blocked: NDArray[np.bool_], r: int, c: int, step: int, slack: int, longest: int) -> int:
+    """Cells in line from (r, c) on that are blocked, at most `slack` rows aside."""
     n = 0
-    while 0 <= c < thick.shape[1] and thick[r, c] and n < longest:
+    first, last = max(r - slack, 0), min(r + slack + 1, blocked.shape[0])
+    while 0 <= c < blocked.shape[1] and n < longest:
+        found = False
+        for rr in range(first, last):
+            found |= blocked[rr, c]
+        if not found:
+            break
         n += 1
         c += step
     return n
@@ -100,54 +102,44 @@ def widens(runs: NDArray[np.int16], r: int, c: int, step: int, reach: int, wante
 
 @njit(cache=True, nogil=True)
 def _mark(
-    runs: NDArray[np.int16], thick: NDArray[np.uint8], sizes: NDArray[np.int64], gap: NDArray[np.int32], table: NDArray[np.int32]
+    blocked: NDArray[np.bool_],
+    cells: NDArray[np.int64],
+    runs: NDArray[np.int16],
+    sizes: tuple[int, int, int, int, int, int, int],
+    gap: NDArray[np.int32],
+    strides: tuple[int, int],
+    table: NDArray[np.int32],
 ) -> NDArray[np.int32]:
-    """Mark the gaps along the rows and add them to the table."""
-    narrowest, widest, run_min, widening, reach, longest = (
-        int(sizes[0]), int(sizes[1]), int(sizes[2]), int(sizes[3]), int(sizes[4]), int(sizes[5]))  # fmt: skip
+    """Mark the gaps between blocked cells (flat, rising) of one row and add them to the table; a cell of two keeps the narrower.
+
+    `gap` is flat; `strides` are its steps from row to row and from column to column.
+    """
+    narrowest, widest, run_min, widening, reach, longest, slack = sizes
     rows, cols = runs.shape
     count = len(table)
     new = np.empty((256, 3), np.int32)
     n_new = 0
-    for r in range(1, rows - 1):
-        c = 0
-        while c < cols:
-            n = int(runs[r, c])
-            if n == 0:
-                c += 1
-                continue
-            middle = c + n // 2
-            if (
-                narrowest <= n <= widest
-                and c > 0
-                and c + n < cols
-                and widens(runs, r, middle, -1, reach, n + widening)
-                and widens(runs, r, middle, 1, reach, n + widening)
-            ):
-                one, other = _run_length(thick, r, c - 1, -1, longest), _run_length(thick, r, c + n, 1, longest)
-                if max(one, other) >= run_min:
-                    if n_new >= len(new):
-                        new = np.concatenate((new, np.empty_like(new)))
-                    new[n_new, 0], new[n_new, 1], new[n_new, 2] = n, max(one, other), min(one, other)
-                    n_new += 1
-                    for k in range(c, c + n):
-                        gap[r, k] = count + n_new - 1
-            c += n
+    for k in range(1, len(cells)):
+        n = cells[k] - cells[k - 1] - 1
+        if n < narrowest or n > widest:
+            continue
+        r, c = cells[k] // cols, cells[k] % cols - n
+        if c < 1 or r < 1 or r >= rows - 1:
+            continue
+        middle, wanted = c + n // 2, n + widening
+        if not (widens(runs, r, middle, -1, reach, wanted) and widens(runs, r, middle, 1, reach, wanted)):
+            continue
+        one, other = _run_length(blocked, r, c - 1, -1, slack, longest), _run_length(blocked, r, c + n, 1, slack, longest)
+        if max(one, other) < run_min:
+            continue
+        if n_new >= len(new):
+            new = np.concatenate((new, np.empty_like(new)))
+        new[n_new, 0], new[n_new, 1], new[n_new, 2] = n, max(one, other), min(one, other)
+        for at in range(r * strides[0] + c * strides[1], r * strides[0] + (c + n) * strides[1], strides[1]):
+            if gap[at] == 0 or n < table[gap[at], WIDTH]:
+                gap[at] = count + n_new
+        n_new += 1
     return np.concatenate((table, new[:n_new]))
-
-
-@njit("void(int32[:,::1], int32[:,::1], int32[:,::1])", cache=True, nogil=True)
-def _join(gap: NDArray[np.int32], turned: NDArray[np.int32], table: NDArray[np.int32]) -> None:
-    """Add the gaps of the transposed grid; a cell of two belongs to the narrower."""
-    rows, cols = gap.shape
-    for c in range(cols):
-        for r in range(rows):
-            other = turned[c, r]
-            if other == 0:
-                continue
-            mine = gap[r, c]
-            if mine == 0 or table[other, WIDTH] < table[mine, WIDTH]:
-                gap[r, c] = other
 
 
 def find_openings(blocked: NDArray[np.bool_], resolution: float, config: OpeningConfig) -> Openings:
@@ -158,14 +150,14 @@ def find_openings(blocked: NDArray[np.bool_], resolution: float, config: Opening
         resolution: Metres a cell.
         config: What counts.
     """
-    lengths = (config.door_min, config.door_max, config.door_run, config.widening, config.reach, LONGEST_RUN)
-    sizes = np.array([max(round(v / resolution), 1) for v in lengths], np.int64)
-    slack = max(round(config.slack / resolution), 1)
+    lengths = (config.door_min, config.door_max, config.door_run, config.widening, config.reach, LONGEST_RUN, config.slack)
+    narrowest, widest, run_min, widening, reach, longest, slack = (max(round(v / resolution), 1) for v in lengths)
+    sizes = narrowest, widest, run_min, widening, reach, longest, slack
     upright = np.ascontiguousarray(blocked)
     lying = cv2.transpose(upright.view(np.uint8)).view(np.bool_)
     table = np.zeros((1, 3), np.int32)
-    gap, turned = np.zeros(upright.shape, np.int32), np.zeros(lying.shape, np.int32)
-    table = _mark(free_runs(upright), thicken(upright, slack, across_rows=True), sizes, gap, table)
-    table = _mark(free_runs(lying), thicken(lying, slack, across_rows=True), sizes, turned, table)
-    _join(gap, turned, np.ascontiguousarray(table))
+    gap = np.zeros(upright.shape, np.int32)
+    for mask, strides in ((upright, (upright.shape[1], 1)), (lying, (1, upright.shape[1]))):
+        cells = true_cells(mask)
+        table = _mark(mask, cells, free_runs(mask), sizes, gap.reshape(-1), strides, table)
     return Openings(gap, table)

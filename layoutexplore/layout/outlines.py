@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.timing import StageTimer
+from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.layout.types import Details, Layout, LayoutRoom
 
 _STEP_R = np.array([0, 1, 0, -1], np.int64)
@@ -40,24 +41,54 @@ def _right(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _trace(labels: NDArray[np.int32], ends: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int32]]:
-    """Corners (n, 2) of all rings, the start of each ring (k + 1,), and its label (k,); the label lies to the left.
+def _walk(
+    labels: NDArray[np.int32], r1: int, c1: int, side: int, label: int, seen: NDArray[np.uint8], corners: NDArray[np.int32]
+) -> tuple[int, bool]:
+    """Write the corners of the ring that leaves corner (r1, c1) in direction `side`, the label to its left.
+
+    Returns:
+        How many there are, and whether at one of them the label touches itself.
+    """
+    r, c, d, last, n, touches = r1, c1, side, -1, 0, False
+    while not seen[r, c] & (1 << d):
+        seen[r, c] |= 1 << d
+        if d != last:
+            corners[n, 0] = r
+            corners[n, 1] = c
+            n += 1
+        last = d
+        r, c = int(r + _STEP_R[d]), int(c + _STEP_C[d])
+        # the label lies to the left of the way here; cells that touch at a corner only stay apart
+        if _left(labels, r, c, d) != label:
+            touches |= _right(labels, r, c, d) == label
+            d = (d + 1) % 4
+        elif _right(labels, r, c, d) == label:
+            d = (d + 3) % 4
+    return n, touches
+
+
+@njit(cache=True, nogil=True)
+def _trace(
+    labels: NDArray[np.int32], ends: NDArray[np.int64]
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int32], NDArray[np.bool_]]:
+    """Corners (n, 2) of all rings, the start of each ring (k + 1,), its label (k,), and where that touches itself at a corner.
+
+    The label lies to the left of its rings.
 
     Args:
         labels: int32 (rows, cols).
-        ends: int64 (m,), rising flat indices of all cells with another label above or below them, or more.
+        ends: int64 (m,), rising flat indices of all labelled cells with another label above or below them, or more.
     """
     rows, cols = labels.shape
     seen = np.zeros((rows + 1, cols + 1), np.uint8)
-    corners = np.empty((1024, 2), np.int32)
-    starts = np.empty(64, np.int64)
-    owners = np.empty(64, np.int32)
-    n = k = 0
+    # every ring and every corner belongs to the lower or the upper side of such a cell, a corner to one end of it
+    corners = np.empty((4 * len(ends), 2), np.int32)
+    starts = np.zeros(2 * len(ends) + 1, np.int64)
+    owners, touching = np.empty(2 * len(ends), np.int32), np.empty(2 * len(ends), np.bool_)
+    k = 0
     for i in ends:
         r0, c0 = i // cols, i % cols
         label = labels[r0, c0]
-        if label == 0:
-            continue
         below = r0 > 0 and labels[r0 - 1, c0] == label
         above = r0 + 1 < rows and labels[r0 + 1, c0] == label
         for side in (0, 2):  # every ring has a lower and an upper side
@@ -66,31 +97,11 @@ def _trace(labels: NDArray[np.int32], ends: NDArray[np.int64]) -> tuple[NDArray[
             r1, c1 = (r0, c0) if side == 0 else (r0 + 1, c0 + 1)
             if seen[r1, c1] & (1 << side):
                 continue
-            if k + 1 >= len(starts):
-                starts = np.append(starts, np.empty(len(starts), np.int64))
-                owners = np.append(owners, np.empty(len(owners), np.int32))
-            starts[k] = n
+            n, touching[k] = _walk(labels, r1, c1, side, label, seen, corners[starts[k] :])
+            starts[k + 1] = starts[k] + n
             owners[k] = label
             k += 1
-            r, c, d, last = r1, c1, side, -1
-            while not seen[r, c] & (1 << d):
-                seen[r, c] |= 1 << d
-                if d != last:
-                    if n >= len(corners):
-                        corners = np.concatenate((corners, np.empty_like(corners)))
-                    corners[n, 0] = r
-                    corners[n, 1] = c
-                    n += 1
-                last = d
-                r += _STEP_R[d]
-                c += _STEP_C[d]
-                for turn in (1, 0, 3):  # left first: cells that touch at a corner only stay apart
-                    e = (d + turn) % 4
-                    if _left(labels, r, c, e) == label and _right(labels, r, c, e) != label:
-                        d = e
-                        break
-    starts[k] = n
-    return corners[:n], starts[: k + 1], owners[:k]
+    return corners[: starts[k]], starts[: k + 1], owners[:k], touching[:k]
 
 
 def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
@@ -109,35 +120,55 @@ def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
         2.0
     """
     labels = np.ascontiguousarray(labels, np.int32)
-    ends = np.zeros(labels.shape, np.bool_)
-    ends[0], ends[-1] = True, True
-    change = labels[1:] != labels[:-1]
-    ends[1:] |= change
-    ends[:-1] |= change
-    corners, starts, owners = _trace(labels, np.flatnonzero(ends))
+    corners, starts, owners, touching = _trace(labels, true_cells(_ends(labels)))
     points = corners[:, ::-1].astype(np.float64)
     twice = np.cumsum(points[:, 0] * np.roll(points[:, 1], -1) - points[:, 1] * np.roll(points[:, 0], -1))
-    shells: dict[int, tuple[float, NDArray[np.float64]]] = {}
+    shells: dict[int, tuple[float, int]] = {}
     holes: dict[int, list[NDArray[np.float64]]] = {}
-    for begin, end, owner in zip(starts[:-1].tolist(), starts[1:].tolist(), owners.tolist(), strict=True):
-        ring = points[begin:end]
+    for ring, (begin, end, owner) in enumerate(zip(starts[:-1].tolist(), starts[1:].tolist(), owners.tolist(), strict=True)):
         inner = twice[end - 2] - (twice[begin - 1] if begin else 0.0)
-        double = inner + ring[-1, 0] * ring[0, 1] - ring[-1, 1] * ring[0, 0]
+        double = inner + points[end - 1, 0] * points[begin, 1] - points[end - 1, 1] * points[begin, 0]
         if double < 0:
-            holes.setdefault(owner, []).append(ring)
+            holes.setdefault(owner, []).append(points[begin:end])
         elif owner not in shells or double > shells[owner][0]:
             shells[owner] = (double, ring)
-    return {label: _polygon(shells[label][1], holes.get(label, [])) for label in sorted(shells)}
+    if not shells:
+        return {}
+    names = sorted(shells)
+    rings = shapely.linearrings(points, indices=np.repeat(np.arange(len(owners)), np.diff(starts)))
+    outlines = shapely.polygons(rings[[shells[label][1] for label in names]])
+    for k, label in enumerate(names):
+        if label in holes:
+            outlines[k] = _with_holes(outlines[k], holes[label])
+    doubtful = np.flatnonzero(np.isin(names, owners[touching]))  # where no label touches itself, its outline is valid
+    for k in doubtful[~shapely.is_valid(outlines[doubtful])].tolist():
+        outlines[k] = _largest(shapely.make_valid(outlines[k]))
+    return dict(zip(names, outlines.tolist(), strict=True))
 
 
-def _polygon(shell: NDArray[np.float64], holes: list[NDArray[np.float64]]) -> shapely.Polygon:
-    outer = shapely.Polygon(shell)
-    if holes:
-        # the cell to the left of a ring's first side belongs to the label
-        beside = np.array([_left_cell(hole) for hole in holes])
-        own = shapely.contains_xy(outer, beside[:, 0], beside[:, 1])
-        outer = shapely.Polygon(shell, [hole for hole, inside in zip(holes, own, strict=True) if inside])
-    return outer if outer.is_valid else _largest(shapely.make_valid(outer))
+@njit("boolean[:,::1](int32[:,::1])", cache=True, nogil=True)
+def _ends(labels: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Labelled cells with another label above or below them, or nothing."""
+    rows, cols = labels.shape
+    out = np.empty((rows, cols), np.bool_)
+    for r in range(rows):
+        below, above = max(r - 1, 0), min(r + 1, rows - 1)
+        if below == r or above == r:
+            for c in range(cols):
+                out[r, c] = labels[r, c] != 0
+        else:
+            for c in range(cols):
+                label = labels[r, c]
+                out[r, c] = (label != 0) & ((labels[below, c] != label) | (labels[above, c] != label))
+    return out
+
+
+def _with_holes(outer: shapely.Polygon, holes: list[NDArray[np.float64]]) -> shapely.Polygon:
+    """A shell with those of the label's holes that lie in it."""
+    # the cell to the left of a ring's first side belongs to the label
+    beside = np.array([_left_cell(hole) for hole in holes])
+    own = shapely.contains_xy(outer, beside[:, 0], beside[:, 1])
+    return shapely.Polygon(outer.exterior, [hole for hole, inside in zip(holes, own, strict=True) if inside])
 
 
 def _left_cell(ring: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -203,17 +234,17 @@ def rooms_of_labels(
     """
     details = details or Details()
     shapes = label_polygons(labels if footprint is None else footprint)
-    total, seen, frontier = _count_cells(
-        np.ascontiguousarray(labels), np.ascontiguousarray(grid.cells), max(shapes, default=0) + 1
+    total, seen, frontier, touching = (
+        counts.tolist()
+        for counts in _count_cells(np.ascontiguousarray(labels), np.ascontiguousarray(grid.cells), max(shapes, default=0) + 1)
     )
-    touching = set(np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])).tolist())
     return tuple(
         LayoutRoom(
             id=label,
             polygon=shape,
-            seen_share=float(seen[label] / max(total[label], 1)),
-            is_partial=bool(frontier[label]),
-            is_closed=label not in touching,
+            seen_share=seen[label] / max(total[label], 1),
+            is_partial=frontier[label],
+            is_closed=not touching[label],
             details=details,
         )
         for label, shape in zip(shapes, to_world(list(shapes.values()), grid), strict=True)
@@ -223,28 +254,33 @@ def rooms_of_labels(
 @njit(cache=True, nogil=True)
 def _count_cells(
     labels: NDArray[np.int32], cells: NDArray[np.int8], count: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """Cells of each label, the known ones among them, and whether it has a free cell beside an unknown one."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
+    """By label: its cells, the known ones, whether a free one lies beside an unknown one, and whether one lies on the border."""
     rows, cols = labels.shape
     total, seen = np.zeros(count, np.int64), np.zeros(count, np.int64)
-    frontier = np.zeros(count, np.bool_)
+    frontier, border = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     for r in range(rows):
+        last, begin, known = 0, 0, 0  # the label of the cell before, where its run began, and the known cells of it
         for c in range(cols):
-            k = labels[r, c]
-            if k == 0:
-                continue
-            total[k] += 1
-            if cells[r, c] == UNKNOWN:
-                continue
-            seen[k] += 1
-            if cells[r, c] == FREE and not frontier[k]:
+            k = int(labels[r, c])
+            if k != last:
+                total[last] += c - begin
+                seen[last] += known
+                last, begin, known = k, c, 0
+            known += cells[r, c] != UNKNOWN
+            if k > 0 and cells[r, c] == FREE and not frontier[k]:
                 frontier[k] = (
                     (r > 0 and cells[r - 1, c] == UNKNOWN)
                     or (r + 1 < rows and cells[r + 1, c] == UNKNOWN)
                     or (c > 0 and cells[r, c - 1] == UNKNOWN)
                     or (c + 1 < cols and cells[r, c + 1] == UNKNOWN)
                 )
-    return total, seen, frontier
+        total[last] += cols - begin
+        seen[last] += known
+        border[labels[r, 0]] = border[labels[r, cols - 1]] = True
+    for c in range(cols):
+        border[labels[0, c]] = border[labels[rows - 1, c]] = True
+    return total, seen, frontier, border
 
 
 def layout_of_labels(name: str, grid: OccupancyGrid, labels: NDArray[np.int32], timer: StageTimer) -> Layout:

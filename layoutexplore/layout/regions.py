@@ -67,16 +67,21 @@ def outline(arrangement: Arrangement, group: NDArray[np.int64], count: int) -> l
             holes[index].append(ring)
         elif size > best[index]:
             shells[index], best[index] = ring, size
-    return [
-        _valid(shapely.Polygon(shell, inner)) if shell is not None else shapely.Polygon()
-        for shell, inner in zip(shells, holes, strict=True)
-    ]
+    groups = [k for k in range(count) if shells[k] is not None]
+    polygons = np.array([shapely.Polygon()] * count, object)
+    if groups:
+        corners = [ring for k in groups for ring in (shells[k], *holes[k]) if ring is not None]
+        of_group = np.repeat(np.arange(len(groups)), [1 + len(holes[k]) for k in groups])
+        of_ring = np.repeat(np.arange(len(corners)), [len(ring) for ring in corners])
+        polygons[groups] = shapely.polygons(shapely.linearrings(np.concatenate(corners), indices=of_ring), indices=of_group)
+    for k in np.flatnonzero(~shapely.is_valid(polygons)):
+        polygons[k] = _mended(polygons[k])
+    found: list[shapely.Polygon] = polygons.tolist()
+    return found
 
 
-def _valid(polygon: shapely.Polygon) -> shapely.Polygon:
-    """The polygon, mended where its boundary touches itself."""
-    if polygon.is_valid:
-        return polygon
+def _mended(polygon: shapely.Polygon) -> shapely.Polygon:
+    """The largest valid part of a polygon whose boundary touches itself."""
     parts = shapely.get_parts(shapely.make_valid(polygon, method="structure", keep_collapsed=False))
     polygons = [p for p in parts if isinstance(p, shapely.Polygon)]
     return max(polygons, key=lambda p: p.area, default=shapely.Polygon())
@@ -95,7 +100,7 @@ def _boundary_rings(
     line = arrangement.line[np.arange(len(of_half)) // 2].tolist()
     origin = arrangement.vertices[arrangement.edges.reshape(-1)]
     successor, waiting = after.tolist(), outer.tolist()
-    rings, owner, area = [], [], []
+    rings, owner = [], []
     for first in np.flatnonzero(outer).tolist():
         if not waiting[first]:
             continue
@@ -105,13 +110,17 @@ def _boundary_rings(
             walk.append(here)
             here = successor[here]
         corners = [h for before, h in zip([walk[-1], *walk], walk, strict=False) if line[before] != line[h]]
-        points = origin[corners if len(corners) > 2 else walk]
-        rings.append(points)
+        rings.append(origin[corners if len(corners) > 2 else walk])
         owner.append(int(of_half[first]))
-        area.append(_signed_area(points))
-    return rings, np.array(owner, np.int64), np.array(area)
+    return rings, np.array(owner, np.int64), _signed_areas(rings)
 
 
-def _signed_area(points: NDArray[np.float64]) -> float:
-    x, y = points.T
-    return float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2
+def _signed_areas(rings: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Area of each ring of corners (n, 2), above 0 where it runs counter-clockwise."""
+    if not rings:
+        return np.zeros(0)
+    x, y = np.concatenate(rings).T
+    begin = np.cumsum([0, *(len(ring) for ring in rings)])
+    following = np.arange(1, len(x) + 1)
+    following[begin[1:] - 1] = begin[:-1]
+    return np.asarray(np.add.reduceat(x * y[following] - y * x[following], begin[:-1])) / 2

@@ -10,10 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.layout.faces import Arrangement
-from layoutexplore.layout.walls import components, sums
+from layoutexplore.layout.walls import sums
+from layoutexplore.union_find import components
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,11 +92,21 @@ def cluster_faces(graph: FaceGraph, inside: NDArray[np.bool_], sigma: float, aff
 
 def renumber(group: NDArray[np.int64]) -> NDArray[np.int64]:
     """The same grouping numbered 0, 1, ... by first appearance; negative members stay -1."""
-    names, first, inverse = np.unique(group, return_index=True, return_inverse=True)
-    order = np.argsort(np.where(names < 0, -1, first), kind="stable")
-    rank = np.empty(len(names), np.int64)
-    rank[order] = np.arange(len(names)) - np.count_nonzero(names < 0)
-    return np.where(group < 0, -1, rank[inverse.reshape(-1)])
+    return np.asarray(_renumber(np.ascontiguousarray(group, np.int64)))
+
+
+@njit(cache=True, nogil=True)
+def _renumber(group: NDArray[np.int64]) -> NDArray[np.int64]:
+    out = np.full(len(group), -1, np.int64)
+    number = np.full(group.max() + 1 if len(group) else 0, -1, np.int64)
+    count = 0
+    for k in range(len(group)):
+        if group[k] >= 0:
+            if number[group[k]] < 0:
+                number[group[k]] = count
+                count += 1
+            out[k] = number[group[k]]
+    return out
 
 
 def merge_small(room: NDArray[np.int64], graph: FaceGraph, area: NDArray[np.float64], least: float) -> NDArray[np.int64]:

@@ -23,8 +23,7 @@ from layoutexplore.grid import FREE, OccupancyGrid
 from layoutexplore.layout.face_model import FaceConfig, FaceModel, WallModel, arrange_lines, face_model, line_weights, with_lines
 from layoutexplore.layout.faces import Arrangement
 from layoutexplore.layout.rooms import merge_small, renumber
-from layoutexplore.layout.walls import components
-from layoutexplore.union_find import root_of
+from layoutexplore.union_find import components, root_of
 
 
 @dataclass(frozen=True, kw_only=True)

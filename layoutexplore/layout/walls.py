@@ -10,11 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse
+from numba import njit
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
 from layoutexplore.layout.segments import AlignedSegments
+from layoutexplore.union_find import join, number_sets
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,30 +43,64 @@ class WallGroups:
 
 def find_walls(segments: AlignedSegments, gap: float) -> WallGroups:
     """Chains of segments of one direction, each within `gap` metres of the next (DBSCAN with one point a cluster)."""
-    n = len(segments)
-    first, second = _pairs_within(segments.direction, segments.offset, gap)
-    apart = np.maximum(segments.start[first], segments.start[second]) - np.minimum(segments.end[first], segments.end[second])
-    aside = segments.offset[first] - segments.offset[second]
-    near = np.maximum(apart, 0.0) ** 2 + aside**2 <= gap**2
-    return summarise(segments, components(first[near], second[near], n))
+    key = segments.direction * 1e6 + segments.offset
+    order = np.argsort(key, kind="stable")
+    return summarise(segments, _chains(order, key, segments.offset, segments.start, segments.end, gap, gap**2))
+
+
+@njit("int64[::1](int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64, float64)", cache=True, nogil=True)
+def _chains(
+    order: NDArray[np.int64],
+    key: NDArray[np.float64],
+    offset: NDArray[np.float64],
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    gap: float,
+    gap_squared: float,
+) -> NDArray[np.int64]:
+    """Chain of each segment; `order` sorts `key`, which rises with the direction first and the offset then."""
+    parent = np.arange(len(order)).astype(np.int32)
+    for n in range(len(order)):
+        i = order[n]
+        for m in range(n + 1, len(order)):
+            j = order[m]
+            if key[j] > key[i] + gap:
+                break
+            apart = max(max(start[i], start[j]) - min(end[i], end[j]), 0.0)
+            aside = offset[i] - offset[j]
+            if apart * apart + aside * aside <= gap_squared:
+                join(parent, i, j)
+    return number_sets(parent)
 
 
 def merge_walls(segments: AlignedSegments, walls: WallGroups, distance: float) -> WallGroups:
     """Groups of walls of one direction whose lines are closer than `distance` metres to the heaviest among them."""
-    leader = np.full(len(walls), -1, np.int64)
-    order = np.lexsort((np.arange(len(walls)), -walls.length.round(9)))
+    heaviest = np.argsort(-walls.length.round(9), kind="stable")
     key = walls.direction * 1e6 + walls.offset
     by_key = np.argsort(key, kind="stable")
-    sorted_key = key[by_key]
-    for wall in order:
+    return summarise(segments, _lines_of_walls(heaviest, by_key, key[by_key], distance)[walls.group])
+
+
+@njit("int64[::1](int64[::1], int64[::1], float64[::1], float64)", cache=True, nogil=True)
+def _lines_of_walls(
+    heaviest: NDArray[np.int64], by_key: NDArray[np.int64], key: NDArray[np.float64], distance: float
+) -> NDArray[np.int64]:
+    """Line of each wall; `heaviest` sorts the walls by falling length and `by_key` by place, where they have the rising `key`."""
+    count = len(heaviest)
+    place = np.empty(count, np.int64)
+    place[by_key] = np.arange(count)
+    leader = np.full(count, -1, np.int64)
+    for wall in heaviest:
         if leader[wall] < 0:
-            low, high = np.searchsorted(sorted_key, (key[wall] - distance, key[wall] + distance))
-            members = by_key[low:high]
-            members = members[leader[members] < 0]
-            leader[members] = wall
+            at = key[place[wall]]
+            for n in range(np.searchsorted(key, at - distance), np.searchsorted(key, at + distance)):
+                if leader[by_key[n]] < 0:
+                    leader[by_key[n]] = wall
             leader[wall] = wall
-    _, group_of_wall = np.unique(leader, return_inverse=True)
-    return summarise(segments, group_of_wall.reshape(-1)[walls.group])
+    rank = np.zeros(count + 1, np.int64)
+    for wall in range(count):
+        rank[wall + 1] = rank[wall] + (leader[wall] == wall)
+    return rank[leader]
 
 
 def chain_lines(segments: AlignedSegments, distance: float) -> WallGroups:
@@ -82,19 +116,38 @@ def chain_lines(segments: AlignedSegments, distance: float) -> WallGroups:
 def summarise(segments: AlignedSegments, group: NDArray[np.int64]) -> WallGroups:
     """The groups' directions, offsets and extents, given the group of each segment (0 ... m - 1, none empty)."""
     count = int(group.max()) + 1 if len(group) else 0
-    start, end = np.full(count, np.inf), np.full(count, -np.inf)
-    np.minimum.at(start, group, segments.start)
-    np.maximum.at(end, group, segments.end)
-    direction = np.zeros(count, np.int64)
-    direction[group] = segments.direction
+    direction, start, end, length = _extents(group, count, segments.direction, segments.start, segments.end)
     return WallGroups(
-        group=group.astype(np.int64),
+        group=group,
         direction=direction,
         offset=grouped_median(segments.offset, segments.length, group, count),
         start=start,
         end=end,
-        length=sums(group, segments.length, count),
+        length=length,
     )
+
+
+@njit(cache=True, nogil=True)
+def _extents(
+    group: NDArray[np.int64],
+    count: int,
+    direction: NDArray[np.int64],
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Direction, start, end and summed length of each group."""
+    directions, starts, ends, lengths = (
+        np.zeros(count, np.int64),
+        np.full(count, np.inf),
+        np.full(count, -np.inf),
+        np.zeros(count),
+    )
+    for n in range(len(group)):
+        k = group[n]
+        directions[k] = direction[n]
+        starts[k], ends[k] = min(starts[k], start[n]), max(ends[k], end[n])
+        lengths[k] += end[n] - start[n]
+    return directions, starts, ends, lengths
 
 
 def grouped_median(
@@ -106,40 +159,29 @@ def grouped_median(
         >>> grouped_median(np.array([3.0, 1.0, 2.0]), np.array([1.0, 5.0, 1.0]), np.array([0, 0, 0]), 1).tolist()
         [1.0]
     """
-    order = np.lexsort((values, group))
-    values, weights, group = values[order], np.maximum(weights[order], 1e-9), group[order]
-    total = np.bincount(group, weights, count)
-    before = np.concatenate(([0.0], np.cumsum(total)))[:-1]
-    reached = np.cumsum(weights) - before[group] >= total[group] / 2 - 1e-9
-    first = np.full(count, len(values), np.int64)
-    np.minimum.at(first, group[reached], np.flatnonzero(reached))
-    return values[first] if count else np.zeros(0)
+    return np.asarray(_medians(np.lexsort((values, group)), values, weights, group, count))
+
+
+@njit(cache=True, nogil=True)
+def _medians(
+    order: NDArray[np.int64], values: NDArray[np.float64], weights: NDArray[np.float64], group: NDArray[np.int64], count: int
+) -> NDArray[np.float64]:
+    """The medians; `order` sorts by group first and value then."""
+    total = np.zeros(count)
+    for n in order:
+        total[group[n]] += max(weights[n], 1e-9)
+    before = np.zeros(count + 1)
+    before[1:] = np.cumsum(total)
+    out = np.full(count, np.nan)
+    running = 0.0
+    for n in order:
+        running += max(weights[n], 1e-9)
+        k = group[n]
+        if np.isnan(out[k]) and running - before[k] >= total[k] / 2 - 1e-9:
+            out[k] = values[n]
+    return out
 
 
 def sums(index: NDArray[np.int64], weights: NDArray[np.float64], count: int = 0) -> NDArray[np.float64]:
     """Sum of the weights (n,) of each index (n,), float64 (count or more,)."""
     return np.asarray(np.bincount(index, weights, count), np.float64)
-
-
-def components(first: NDArray[np.int64], second: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Connected components int64 (count,) of an undirected graph, numbered by their first member."""
-    graph = scipy.sparse.coo_array((np.ones(len(first), np.int8), (first, second)), shape=(count, count))
-    _, label = connected_components(graph, directed=False)
-    _, first_member, inverse = np.unique(label, return_index=True, return_inverse=True)
-    rank = np.empty(len(first_member), np.int64)
-    rank[np.argsort(first_member)] = np.arange(len(first_member))
-    return rank[inverse.reshape(-1)]
-
-
-def _pairs_within(
-    group: NDArray[np.int64], position: NDArray[np.float64], distance: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Index pairs of members of one group whose positions differ by at most `distance`."""
-    key = group * 1e6 + position
-    order = np.argsort(key, kind="stable")
-    last = np.searchsorted(key[order], key[order] + distance, side="right")
-    here = np.arange(len(key))
-    count = last - here - 1
-    first = np.repeat(here, count)
-    step = np.arange(len(first)) - np.repeat(np.cumsum(count) - count, count) + 1
-    return order[first], order[first + step]

@@ -6,26 +6,26 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.layout.true_cells import true_cells
 
-@njit("int32[:,::1](int32[:,::1], boolean[:,::1])", cache=True, nogil=True)
-def _grow(seeds: NDArray[np.int32], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+
+@njit("void(int32[:,::1], boolean[:,::1], int64[::1])", cache=True, nogil=True)
+def _grow(labels: NDArray[np.int32], mask: NDArray[np.bool_], bare: NDArray[np.int64]) -> None:
+    """Spread labels in place; `bare` are the cells of the mask without one."""
     rows, cols = mask.shape
-    labels = seeds.copy()
     front = np.empty(rows * cols, np.int32)
     fresh = np.empty(rows * cols, np.int32)
     fresh_labels = np.empty(rows * cols, np.int32)
     queued = np.zeros((rows, cols), np.bool_)
     n = 0
-    for r in range(rows):
-        for c in range(cols):
-            if not mask[r, c] or labels[r, c] > 0:
-                continue
-            for rr in range(max(r - 1, 0), min(r + 2, rows)):
-                for cc in range(max(c - 1, 0), min(c + 2, cols)):
-                    if labels[rr, cc] > 0 and not queued[rr, cc]:
-                        queued[rr, cc] = True
-                        front[n] = rr * cols + cc
-                        n += 1
+    for i in bare:
+        r, c = i // cols, i % cols
+        for rr in range(max(r - 1, 0), min(r + 2, rows)):
+            for cc in range(max(c - 1, 0), min(c + 2, cols)):
+                if labels[rr, cc] > 0 and not queued[rr, cc]:
+                    queued[rr, cc] = True
+                    front[n] = rr * cols + cc
+                    n += 1
     while n > 0:
         m = 0
         for k in range(n):
@@ -47,7 +47,11 @@ def _grow(seeds: NDArray[np.int32], mask: NDArray[np.bool_]) -> NDArray[np.int32
             labels[fresh[k] // cols, fresh[k] % cols] = fresh_labels[k]
             front[k] = fresh[k]
         n = m
-    return labels
+
+
+def grow_in_place(labels: NDArray[np.int32], mask: NDArray[np.bool_]) -> None:
+    """`grow_labels` that changes the labels it is given, int32 (rows, cols), contiguous."""
+    _grow(labels, np.ascontiguousarray(mask, np.bool_), true_cells(mask & (labels == 0)))
 
 
 def grow_labels(seeds: NDArray[np.int32], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
@@ -66,4 +70,6 @@ def grow_labels(seeds: NDArray[np.int32], mask: NDArray[np.bool_]) -> NDArray[np
         >>> grow_labels(np.array([[1, 0, 0, 0, 2]], np.int32), np.array([[1, 1, 1, 0, 1]], bool))
         array([[1, 1, 1, 0, 2]], dtype=int32)
     """
-    return _grow(np.ascontiguousarray(seeds, np.int32), np.ascontiguousarray(mask, np.bool_))
+    labels = np.array(seeds, np.int32, order="C")
+    grow_in_place(labels, mask)
+    return labels
