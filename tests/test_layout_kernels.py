@@ -165,14 +165,14 @@ def test_labels_spread_into_walls_step_by_step(cells: np.ndarray, steps: int, se
 def slow_gaps(blocked: np.ndarray, sizes: tuple[int, ...]) -> set[tuple[int, int, int, int, int]]:
     """Row, first column, width, longer and shorter wall of each gap along the rows."""
     narrowest, widest, run_min, widening, reach, longest, slack = sizes
-    found = set()
+    found, runs = set(), free_runs(blocked)
     for r in range(1, len(blocked) - 1):
         walls = np.flatnonzero(blocked[r])
         for left, right in zip(walls[:-1].tolist(), walls[1:].tolist(), strict=True):
             n = right - left - 1
             if not narrowest <= n <= widest:
                 continue
-            runs, middle = free_runs(blocked), left + 1 + n // 2
+            middle = left + 1 + n // 2
             wide = []
             for step in (-1, 1):
                 column = runs[r + step : r + step * (reach + 1) if r + step * (reach + 1) >= 0 else None : step, middle]

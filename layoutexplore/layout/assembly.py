@@ -18,6 +18,7 @@ from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.regions import outline
 from layoutexplore.layout.segments import AlignedSegments
 from layoutexplore.layout.timing import StageTimer
+from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.layout.types import BORDER, OUTSIDE, Details, Face, FaceEdge, FaceKind, Layout, LayoutRoom, Line, Wall
 from layoutexplore.layout.walls import WallGroups
 
@@ -212,6 +213,11 @@ def place_walls(aligned: AlignedSegments, walls: WallGroups, lines: WallGroups, 
 
 def clean_grid(grid: OccupancyGrid, structure: NDArray[np.bool_]) -> OccupancyGrid:
     """The grid with occupied cells that are not structure turned free."""
+    return freed(grid, true_cells((grid.cells == OCCUPIED) & ~structure))
+
+
+def freed(grid: OccupancyGrid, clutter: NDArray[np.int64]) -> OccupancyGrid:
+    """The grid with some cells, given by their flat indices, turned free."""
     cells = grid.cells.copy()
-    np.copyto(cells, FREE, where=(cells == OCCUPIED) & ~structure)
+    cells.reshape(-1)[clutter] = FREE
     return OccupancyGrid(cells, grid.resolution, grid.origin)

@@ -14,20 +14,23 @@ from layoutexplore.union_find import root_of
 STEPS = 8
 """Heights a cell: distances are compared in eighths of a cell, so that equal ones stay equal wherever they are."""
 
+HIGHEST = 65535
+"""What is higher counts as this high: few maps are open for 8000 cells all around."""
+
 
 @njit(cache=True, nogil=True)
-def _highest_first(levels: NDArray[np.int32], inside: NDArray[np.int64]) -> NDArray[np.int32]:
+def _highest_first(levels: NDArray[np.uint16], inside: NDArray[np.int64]) -> NDArray[np.int32]:
     """The cells inside, the highest first, equal ones in raster order."""
     top = 0
     for i in inside:
-        top = max(top, levels[i])
+        top = max(top, int(levels[i]))
     begin = np.zeros(top + 2, np.int32)
     for i in inside:
-        begin[top - levels[i] + 1] += 1
+        begin[top - int(levels[i]) + 1] += 1
     begin = np.cumsum(begin).astype(np.int32)
     order = np.empty(len(inside), np.int32)
     for i in inside:
-        k = top - levels[i]
+        k = top - int(levels[i])
         order[begin[k]] = i
         begin[k] += 1
     return order
@@ -50,7 +53,7 @@ def _only_label(labels: NDArray[np.int32], i: int, cols: int) -> int:
 def _meet(
     i: int,
     cols: int,
-    levels: NDArray[np.int32],
+    levels: NDArray[np.uint16],
     labels: NDArray[np.int32],
     parent: NDArray[np.int32],
     peak: NDArray[np.int32],
@@ -62,7 +65,7 @@ def _meet(
     # the cells beside a step: a diagonal one needs both
     one_side = (-cols, -cols, -cols, -1, 1, cols, cols, cols)
     other_side = (-1, -cols, 1, -1, 1, -1, cols, 1)
-    h = levels[i]
+    h = int(levels[i])
     best = same = 0  # `same` is a label of the basin `best`
     for k in range(8):
         label = labels[i + around[k]]
@@ -83,7 +86,7 @@ def _meet(
 @njit(cache=True, nogil=True)
 def _fill(
     order: NDArray[np.int32],
-    levels: NDArray[np.int32],
+    levels: NDArray[np.uint16],
     cols: int,
     labels: NDArray[np.int32],
     parent: NDArray[np.int32],
@@ -125,9 +128,9 @@ def _flood(distance: NDArray[np.float32], inside: NDArray[np.int64], share: floa
     """
     rows, cols = distance.shape
     heights = distance.reshape(-1)
-    levels = np.zeros(len(heights), np.int32)
+    levels = np.zeros(len(heights), np.uint16)
     for i in inside:
-        levels[i] = np.int32(heights[i] * STEPS + np.float32(0.5))
+        levels[i] = min(int(heights[i] * STEPS + np.float32(0.5)), HIGHEST)
     labels = np.zeros(len(heights), np.int32)
     # at most one label a cell; grown arrays would be counted references in the loop
     parent, peak = np.empty(len(inside) + 1, np.int32), np.empty(len(inside) + 1, np.int32)

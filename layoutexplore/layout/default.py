@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.layout.assembly import clean_grid, place_walls
+from layoutexplore.layout.assembly import freed, place_walls
 from layoutexplore.layout.basins import closed_space, distance_basins
 from layoutexplore.layout.building import building_parts
 from layoutexplore.layout.declutter import DeclutterConfig, Directions, find_directions
@@ -138,7 +138,7 @@ def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfi
         inside = ~wall & (closed_space(turned.cells, resolution, config.chink) | (turned.cells != UNKNOWN))
         shut = ~inside | (doors & building)
         labels = distance_basins(shut, resolution, share=config.basin_share, wide=config.basin_wide)
-        grow_in_place(labels, inside)
+        grow_in_place(labels, inside, shut & inside)
     with timer("graph"):
         padded = cv2.copyMakeBorder(inside.view(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
         distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
@@ -239,12 +239,12 @@ def reconstruct_with(grid: OccupancyGrid, config: DefaultConfig, forest: Forest)
         labels, footprint = merge_into_rooms(pieces, grid, config, forest)
     with timer("walls"):
         structure = with_perpendicular(pieces.structure)
-        clutter = turn_back(pieces.clutter, pieces.turned, grid.shape) & grid.occupied
-        clean = clean_grid(grid, ~clutter)
+        clutter = true_cells(turn_back(pieces.clutter, pieces.turned, grid.shape) & grid.occupied)
+        clean = freed(grid, clutter)
         model = find_walls_of(clean, structure)
         walls = () if model is None else place_walls(model.aligned, model.walls, model.lines, grid.origin)
         segments = np.zeros((0, 4)) if model is None else to_world(model.segments.reshape(-1, 2), grid.origin).reshape(-1, 4)
-    details = DefaultDetails(clean, true_cells(clutter), labels, model, WALLS)
+    details = DefaultDetails(clean, clutter, labels, model, WALLS)
     with timer("outlines"):
         rooms = rooms_of_labels(labels, grid, footprint, details)
     return Layout(

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grid import UNKNOWN
+from layoutexplore.layout.bit_rows import count_bits, set_bits
 from layoutexplore.layout.default_turn import surfaces
 from layoutexplore.layout.rooms import FaceGraph, cluster_faces
 from layoutexplore.layout.true_cells import true_cells
@@ -82,34 +82,22 @@ class LineEvidence:
 
 @njit(cache=True, nogil=True)
 def _supported(
-    cells: NDArray[np.int64],
-    occupied: NDArray[np.bool_],
-    slack: int,
+    rows: NDArray[np.int64],
+    cols: NDArray[np.int64],
+    thick: NDArray[np.uint64],
+    length: int,
     half: int,
     level: float,
     least: float,
     near: int,
     near_least: float,
 ) -> NDArray[np.bool_]:
-    """Which of the occupied cells (flat, rising) have enough wall in line with them, at most `slack` rows aside."""
-    rows, cols = occupied.shape
-    score = np.zeros(len(cells), np.int32)
-    sums = np.zeros(cols + 1, np.int32)
-    thick = np.empty(cols, np.bool_)
-    row = -1
-    for n in range(len(cells)):
-        r, c = cells[n] // cols, cells[n] % cols
-        if r != row:
-            thick[:] = occupied[r]
-            for near_row in range(max(r - slack, 0), min(r + slack + 1, rows)):
-                for k in range(cols):
-                    thick[k] |= occupied[near_row, k]
-            row, total = r, 0
-            for k in range(cols):
-                total += thick[k]
-                sums[k + 1] = total
-        if sums[min(c + near + 1, cols)] - sums[max(c - near, 0)] >= near_least:
-            score[n] = sums[min(c + half + 1, cols)] - sums[max(c - half, 0)]
+    """Which of the occupied cells have enough wall in line with them; `thick` are rows of `length` cells, as bits."""
+    score = np.zeros(len(rows), np.int64)
+    for n in range(len(rows)):
+        r, c = rows[n], cols[n]
+        if count_bits(thick, r, length, c - near, c + near + 1) >= near_least:
+            score[n] = count_bits(thick, r, length, c - half, c + half + 1)
     best = score.max() if len(score) else 0
     return score >= max(level * best, least)
 
@@ -141,39 +129,55 @@ def _offsets(profile: NDArray[np.float64], slack: int, reach: int, least: float)
 
 
 @njit(cache=True, nogil=True)
-def _coverage(cells: NDArray[np.int64], cols: int, offsets: NDArray[np.int64], reach: int, joint: int) -> NDArray[np.int32]:
-    """int32 (lines, cols + 1): covered cells of each line before each column; gaps up to 2 `joint` are covered too."""
-    covered = np.zeros((len(offsets), cols), np.bool_)
-    for i in cells:
-        r, c = i // cols, i % cols
+def _coverage(
+    rows: NDArray[np.int64], cols: NDArray[np.int64], length: int, offsets: NDArray[np.int64], reach: int, joint: int
+) -> NDArray[np.int32]:
+    """int32 (lines, length + 1): covered cells of each line before each column; gaps up to 2 `joint` are covered too."""
+    covered = np.zeros((len(offsets), length), np.bool_)
+    for n in range(len(rows)):
+        r, c = rows[n], cols[n]
         k = np.searchsorted(offsets, r)
         best = -1
         for j in range(max(k - 1, 0), min(k + 1, len(offsets))):
             if abs(offsets[j] - r) <= reach and (best < 0 or abs(offsets[j] - r) < abs(offsets[best] - r)):
                 best = j
         if best >= 0:
-            for d in range(max(c - joint, 0), min(c + joint + 1, cols)):
+            for d in range(max(c - joint, 0), min(c + joint + 1, length)):
                 covered[best, d] = True
-    sums = np.zeros((len(offsets), cols + 1), np.int32)
+    sums = np.zeros((len(offsets), length + 1), np.int32)
     for k in range(len(offsets)):
-        for c in range(cols):
+        for c in range(length):
             sums[k, c + 1] = sums[k, c] + covered[k, c]
     return sums
 
 
-def _lines(occupied: NDArray[np.bool_], resolution: float, config: EvidenceConfig) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Rows of the lines along the rows, and their covered cells before each column."""
-    cells = true_cells(occupied)
-    slack = max(round(config.slack / resolution), 1)
+def _lines(
+    rows: NDArray[np.int64],
+    cols: NDArray[np.int64],
+    thick: NDArray[np.uint64],
+    length: int,
+    resolution: float,
+    config: EvidenceConfig,
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Rows of the lines along the rows of occupied cells, and their covered cells before each column.
+
+    Args:
+        rows: int64 (n,), of the occupied cells.
+        cols: int64 (n,), of the same cells.
+        thick: uint64 (rows of the grid, words), the cells, and what lies aside of them, as bits.
+        length: Cells in a row.
+        resolution: Metres a cell.
+        config: The options.
+    """
     half = max(round(config.wall_length / resolution / 2), 1)
     near = max(round(config.run / resolution / 2), 1)
     enough = config.run_share * (2 * near + 1)
-    walls = cells[_supported(cells, occupied, slack, half, config.level, config.support / resolution, near, enough)]
-    cols = occupied.shape[1]
-    profile = np.bincount(walls // cols, minlength=occupied.shape[0]).astype(np.float64)
+    wall = _supported(rows, cols, thick, length, half, config.level, config.support / resolution, near, enough)
+    rows, cols = rows[wall], cols[wall]
+    profile = np.bincount(rows, minlength=len(thick)).astype(np.float64)
     reach = max(round(config.line_distance / resolution / 2), 1)
-    offsets = _offsets(profile, slack, reach, config.line_length / resolution)
-    return offsets, _coverage(walls, cols, offsets, reach, max(round(config.slack / resolution / 2), 1))
+    offsets = _offsets(profile, max(round(config.slack / resolution), 1), reach, config.line_length / resolution)
+    return offsets, _coverage(rows, cols, length, offsets, reach, max(round(config.slack / resolution / 2), 1))
 
 
 @njit(cache=True, nogil=True)
@@ -282,10 +286,12 @@ def find_evidence(
         config: The options.
     """
     config = config or EvidenceConfig()
-    occupied = surfaces(cells) & wall
     rows, cols = cells.shape
-    row_lines, row_sums = _lines(occupied, resolution, config)
-    col_lines, col_sums = _lines(cv2.transpose(occupied.view(np.uint8)).view(np.bool_), resolution, config)
+    at = true_cells(surfaces(cells) & wall)
+    along_rows, along_cols = set_bits(at, rows, cols, max(round(config.slack / resolution), 1))
+    row, col = np.divmod(at, cols)
+    row_lines, row_sums = _lines(row, col, along_rows, cols, resolution, config)
+    col_lines, col_sums = _lines(col, row, along_cols, rows, resolution, config)
     row_bounds, col_bounds = np.concatenate(([0], row_lines, [rows])), np.concatenate(([0], col_lines, [cols]))
     above, above_open = _edges(row_sums, col_bounds, config.line_weight, config.edge_weight)
     right, right_open = _edges(col_sums, row_bounds, config.line_weight, config.edge_weight)

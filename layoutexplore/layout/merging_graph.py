@@ -87,22 +87,17 @@ def _spread(out: NDArray[np.int32], wall: NDArray[np.bool_], front: NDArray[np.i
         front = fresh[:m]
 
 
-@njit("boolean[:,::1](int32[:,::1], boolean[:,::1])", cache=True, nogil=True)
-def _beside_walls(labels: NDArray[np.int32], wall: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Labelled cells with a wall among their 4-neighbours."""
+@njit("boolean[:,::1](int32[:,::1], int64[::1])", cache=True, nogil=True)
+def _beside_walls(labels: NDArray[np.int32], wall: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Labelled cells with a cell of the wall (flat) among their 4-neighbours."""
     rows, cols = labels.shape
-    out = np.empty((rows, cols), np.bool_)
-    for r in range(rows):
-        label, here, below, above = labels[r], wall[r], wall[max(r - 1, 0)], wall[min(r + 1, rows - 1)]
-        for c in range(cols):
-            out[r, c] = (label[c] > 0) & (below[c] | above[c])
-        if cols > 1:
-            rest, left = out[r, 1:], here[:-1]
-            for c in range(cols - 1):
-                rest[c] |= (label[c + 1] > 0) & left[c]
-            right = here[1:]
-            for c in range(cols - 1):
-                out[r, c] |= (label[c] > 0) & right[c]
+    out = np.zeros((rows, cols), np.bool_)
+    for i in wall:
+        r, c = i // cols, i % cols
+        for d in range(4):
+            rr, cc = r + (d == 0) - (d == 1), c + (d == 2) - (d == 3)
+            if 0 <= rr < rows and 0 <= cc < cols and labels[rr, cc] > 0:
+                out[rr, cc] = True
     return out
 
 
@@ -114,7 +109,7 @@ def spread_in_place(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: i
         wall: bool (rows, cols), contiguous.
         steps: In cells.
     """
-    _spread(labels, wall, true_cells(_beside_walls(labels, wall)), steps)
+    _spread(labels, wall, true_cells(_beside_walls(labels, true_cells(wall))), steps)
 
 
 @njit(cache=True, nogil=True)

@@ -7,12 +7,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 
-@njit("int64[::1](uint8[::1], uint64[::1])", cache=True, nogil=True)
-def _true_cells(cells: NDArray[np.uint8], words: NDArray[np.uint64]) -> NDArray[np.int64]:
-    """Indices of the cells that are 1; `words` are the same cells, eight a word, without the last few."""
-    total = 0
-    for k in range(len(cells)):
-        total += cells[k]
+@njit("int64[::1](uint8[::1], uint64[::1], int64)", cache=True, nogil=True)
+def _true_cells(cells: NDArray[np.uint8], words: NDArray[np.uint64], total: int) -> NDArray[np.int64]:
+    """Indices of the `total` cells that are 1; `words` are the same cells, eight a word, without the last few."""
     out = np.empty(total + 1, np.int64)  # one place more: a cell is written before it is known to be true
     n = 0
     for w in range(len(words)):
@@ -40,4 +37,4 @@ def true_cells(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
         [1, 2, 3]
     """
     cells = np.ascontiguousarray(mask).reshape(-1).view(np.uint8)
-    return np.asarray(_true_cells(cells, cells[: len(cells) // 8 * 8].view(np.uint64)))
+    return np.asarray(_true_cells(cells, cells[: len(cells) // 8 * 8].view(np.uint64), int(np.count_nonzero(cells))))

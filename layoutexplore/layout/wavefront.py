@@ -49,9 +49,16 @@ def _grow(labels: NDArray[np.int32], mask: NDArray[np.bool_], bare: NDArray[np.i
         n = m
 
 
-def grow_in_place(labels: NDArray[np.int32], mask: NDArray[np.bool_]) -> None:
-    """`grow_labels` that changes the labels it is given, int32 (rows, cols), contiguous."""
-    _grow(labels, np.ascontiguousarray(mask, np.bool_), true_cells(mask & (labels == 0)))
+def grow_in_place(labels: NDArray[np.int32], mask: NDArray[np.bool_], bare: NDArray[np.bool_] | None = None) -> None:
+    """`grow_labels` that changes the labels it is given.
+
+    Args:
+        labels: int32 (rows, cols), contiguous.
+        mask: bool (rows, cols), the cells that may be labelled.
+        bare: bool (rows, cols), the cells of the mask without a label, where they are known.
+    """
+    bare = mask & (labels == 0) if bare is None else bare
+    _grow(labels, np.ascontiguousarray(mask, np.bool_), true_cells(bare))
 
 
 def grow_labels(seeds: NDArray[np.int32], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
