@@ -11,10 +11,10 @@ from scipy.signal import find_peaks
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from layoutexplore.forest import log_odds
 from layoutexplore.layout.bit_rows import count_bits, set_bits
 from layoutexplore.layout.declutter import _circular_peaks
 from layoutexplore.layout.default_turn import Posture, surfaces
-from layoutexplore.layout.forest import log_odds
 from layoutexplore.layout.merging import FEATURE_COUNT
 from layoutexplore.layout.merging_graph import spread_in_place
 from layoutexplore.layout.merging_model import load_forest

@@ -19,10 +19,11 @@ from layoutexplore.decision import STOP, Decision
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.evaluation.explorations import stopped_explorations
 from layoutexplore.floorplan import floorplan_from_ascii
+from layoutexplore.forest import Forest
 from layoutexplore.frontiers import find_frontiers
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
 from layoutexplore.predictors.completion import Shape, complete_regions
-from layoutexplore.predictors.forest import FOLDER, Forest, load_forests, save_forests
+from layoutexplore.predictors.forest import FOLDER, load_forests, save_forests
 from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions
 from layoutexplore.predictors.oracle import OraclePredictor
 from layoutexplore.predictors.regions import Regions, seen_regions

@@ -44,9 +44,7 @@ def explore(
     fps: Annotated[float, typer.Option(min=0.5, max=60, help="Frames of the video per second.")] = 24.0,
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="Folder for pictures, the final map (ROS YAML and PGM), the way walked and the coverage curve."
-        ),
+        typer.Option(help="Folder for pictures, the final map (ROS YAML and PGM), the way walked and the coverage curve."),
     ] = None,
 ) -> None:
     """Explore one floor plan."""

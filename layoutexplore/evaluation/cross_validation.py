@@ -17,9 +17,9 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.evaluation.explored_maps import explored_examples
 from layoutexplore.evaluation.segmentation import Case, MapScore, read_case, score_case
 from layoutexplore.evaluation.simulated_maps import simulated_examples
+from layoutexplore.forest import Forest
 from layoutexplore.grid import OccupancyGrid
 from layoutexplore.layout.default import DefaultConfig, reconstruct_with
-from layoutexplore.layout.merging import Forest
 from layoutexplore.layout.merging_training import Example, TrainingConfig, make_example, train_forest
 from layoutexplore.layout.types import Layout
 

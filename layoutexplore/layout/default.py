@@ -25,6 +25,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.forest import Forest
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.assembly import freed, place_walls
 from layoutexplore.layout.basins import closed_space, distance_basins
@@ -35,7 +36,7 @@ from layoutexplore.layout.default_turn import Turned, main_direction, posture_of
 from layoutexplore.layout.face_model import WallModel
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.line_evidence import find_evidence
-from layoutexplore.layout.merging import Forest, merge_pieces
+from layoutexplore.layout.merging import merge_pieces
 from layoutexplore.layout.merging_graph import PieceGraph, piece_graph, spread_in_place
 from layoutexplore.layout.merging_model import load_forest
 from layoutexplore.layout.openings import OpeningConfig, find_openings

@@ -6,8 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.layout.forest import Forest as Forest
-from layoutexplore.layout.forest import Numbers, log_odds
+from layoutexplore.forest import Forest, Numbers, log_odds
 from layoutexplore.layout.merging_graph import (
     ACROSS_ROWS,
     APART,

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.layout.merging import FEATURES, Forest
+from layoutexplore.forest import Forest
+from layoutexplore.layout.merging import FEATURES
 
 MODEL_PATH = Path(__file__).with_name("merging_model.json")
 """The shipped model; `layoutexplore.layout.merging_training` makes it."""

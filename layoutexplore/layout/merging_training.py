@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.forest import Forest
 from layoutexplore.grid import FREE
 from layoutexplore.layout.default import DefaultConfig, find_pieces
 from layoutexplore.layout.default_turn import turn_back
-from layoutexplore.layout.merging import FEATURES, Forest, judge_with_truth
+from layoutexplore.layout.merging import FEATURES, judge_with_truth
 from layoutexplore.layout.merging_graph import PieceGraph
 from layoutexplore.layout.timing import StageTimer
 

@@ -1,73 +1,21 @@
-"""Boosted decision trees as plain numbers: read from JSON, evaluated in one kernel."""
+"""The files of trees that predictors judge by: JSON, a line a tree."""
 
 from __future__ import annotations
 
 import itertools
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.forest import Forest
 
 FOLDER = Path(__file__).parent
 """Where the shipped models lie; `layoutexplore.predictors.training` makes them."""
-
-
-@dataclass(frozen=True, eq=False)
-class Forest:
-    """A sum of decision trees.
-
-    Attributes:
-        feature: int32 (n,), the feature that a node asks for; -1 for a leaf.
-        threshold: float32 (n,): go to `left` where the feature is at most this; a leaf's value.
-        left: int32 (n,), next node.
-        right: int32 (n,), next node.
-        roots: int32 (t,), first node of each tree.
-        bias: What the sum begins with.
-    """
-
-    feature: NDArray[np.int32]
-    threshold: NDArray[np.float32]
-    left: NDArray[np.int32]
-    right: NDArray[np.int32]
-    roots: NDArray[np.int32]
-    bias: float
-
-    def score(self, samples: NDArray[np.float32]) -> NDArray[np.float64]:
-        """The sum of the trees float64 (k,) for samples float32 (k, features)."""
-        table = np.ascontiguousarray(samples, np.float32)
-        return _score(table, self.feature, self.threshold, self.left, self.right, self.roots, self.bias)
-
-    def probability(self, samples: NDArray[np.float32]) -> NDArray[np.float64]:
-        """The logistic function of the score, float64 (k,)."""
-        return np.asarray(1.0 / (1.0 + np.exp(-self.score(samples))))
-
-
-@njit(cache=True, nogil=True)
-def _score(
-    samples: NDArray[np.float32],
-    feature: NDArray[np.int32],
-    threshold: NDArray[np.float32],
-    left: NDArray[np.int32],
-    right: NDArray[np.int32],
-    roots: NDArray[np.int32],
-    bias: float,
-) -> NDArray[np.float64]:
-    score = np.full(len(samples), bias)
-    for root in roots:
-        for k in range(len(samples)):
-            node = root
-            while feature[node] >= 0:
-                node = left[node] if samples[k, feature[node]] <= threshold[node] else right[node]
-            score[k] += threshold[node]
-    return score
 
 
 def save_forests(path: Path, forests: dict[str, Forest], features: Sequence[str], note: str) -> None:
@@ -138,4 +86,5 @@ def _forest(data: dict[str, Any], features: int) -> Forest:
             raise ValueError(f"tree {len(roots)} is empty")
     table = np.array(nodes, np.float64).reshape(-1, 4)
     feature, left, right = (np.ascontiguousarray(table[:, k], np.int32) for k in (0, 2, 3))
-    return Forest(feature, table[:, 1].astype(np.float32), left, right, np.array(roots, np.int32), float(data["bias"]))
+    threshold = table[:, 1].astype(np.float32).astype(np.float64)  # Samples are float32: compared to what they were fitted to.
+    return Forest(feature, threshold, left, right, np.array(roots, np.int32), float(data["bias"]))

@@ -21,12 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.decision import Decision
+from layoutexplore.forest import Forest
 from layoutexplore.frontier_classes import FrontierClasses
 from layoutexplore.grid import UNKNOWN
 from layoutexplore.predictors import cell_features
 from layoutexplore.predictors.cell_features import Candidates, add_judgement, find_candidates
 from layoutexplore.predictors.completion import complete_regions
-from layoutexplore.predictors.forest import FOLDER, Forest, load_forests
+from layoutexplore.predictors.forest import FOLDER, load_forests
 from layoutexplore.predictors.frontier_features import FEATURES, ProbeMemory, frontier_features, home_regions
 from layoutexplore.predictors.protocol import RoomMap, with_classes
 from layoutexplore.predictors.regions import Regions, seen_regions

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.forest import Forest
 from layoutexplore.predictors import cell_features
 from layoutexplore.predictors.cell_features import add_judgement
-from layoutexplore.predictors.forest import Forest, save_forests
+from layoutexplore.predictors.forest import save_forests
 from layoutexplore.predictors.frontier_features import FEATURES
 from layoutexplore.predictors.layout import CELL_MODEL, FRONTIER_MODEL, LEFTOVER
 from layoutexplore.predictors.samples import CellSamples, Samples

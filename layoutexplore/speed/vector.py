@@ -21,7 +21,7 @@ from layoutexplore.speed.measurement import Row
 
 _ID = "LayoutExplore/Frontier-v0"
 _ENVIRONMENTS, _STEPS, _TURNS = 4, 10, 3
-_MAPLESS = {"local_map": False, "global_map": False}
+_MAPLESS: dict[str, Any] = {"local_map": False, "global_map": False}
 
 _SETTINGS: tuple[tuple[str, dict[str, Any], float], ...] = (
     ("maps", {}, 0.0),

@@ -18,11 +18,11 @@ class Forest:
 
     Attributes:
         feature: int32 (n,), feature a node asks for, -1 for a leaf.
-        threshold: float64 (n,): go left where the feature is at most this; the value of a leaf (log-odds).
+        threshold: float64 (n,): go left where the feature is at most this; the value of a leaf.
         left: int32 (n,), next node; the right one is `right`.
         right: int32 (n,).
         roots: int32 (t,), first node of each tree.
-        bias: Log-odds before the first tree.
+        bias: What the sum of the trees begins with.
     """
 
     feature: NDArray[np.int32]
@@ -31,6 +31,16 @@ class Forest:
     right: NDArray[np.int32]
     roots: NDArray[np.int32]
     bias: float
+
+    def score(self, samples: NDArray[np.floating]) -> NDArray[np.float64]:
+        """The sum of the trees float64 (n,) for samples (n, features); log-odds, if that is what the forest was fitted to."""
+        odds = np.empty(len(samples))
+        log_odds(np.ascontiguousarray(samples), self.numbers, odds)
+        return odds
+
+    def probability(self, samples: NDArray[np.floating]) -> NDArray[np.float64]:
+        """The logistic function of the score, float64 (n,)."""
+        return np.asarray(1.0 / (1.0 + np.exp(-self.score(samples))))
 
     @cached_property
     def numbers(self) -> Numbers:
@@ -67,8 +77,8 @@ def _depths(leaf: NDArray[np.bool_], children: NDArray[np.int64], roots: NDArray
 
 
 @njit(cache=True, nogil=True)
-def log_odds(x: NDArray[np.float64], forest: Numbers, odds: NDArray[np.float64]) -> None:
-    """Write the log-odds of the samples `x` (n or more, features) to `odds` (n,).
+def log_odds(x: NDArray[np.floating], forest: Numbers, odds: NDArray[np.float64]) -> None:
+    """Write the sums of the trees, log-odds, of the samples `x` (n or more, features) to `odds` (n,).
 
     Tree by tree, so that each stays at hand, and as many steps for all samples, so that the walks overlap.
     """
