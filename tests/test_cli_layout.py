@@ -84,7 +84,8 @@ def test_cross_validation_never_trains_on_the_building_it_scores(tmp_path: Path)
     assert len(set(deal_folds(cases, 3).values())) == 3
     with pytest.raises(ConfigError, match="folds"):
         deal_folds(cases, 4)
-    result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), "--folds", "2", "--simulated", "2"])
+    options = ["--folds", "2", "--simulated", "2", "--weight", f"{tmp_path.name}=2"]
+    result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), *options])
     assert result.exit_code == 0, result.output
     assert result.output.count("default:") == 3
 
@@ -105,6 +106,10 @@ def test_what_is_missing_is_said_clearly(tmp_path: Path) -> None:
     assert isinstance(result.exception, ConfigError)
     result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), "-m", "roses"])
     assert isinstance(result.exception, ConfigError)
+    for weight in ("nowhere=4", f"{tmp_path.name}=heavy", f"{tmp_path.name}=0"):
+        draw(tmp_path, "map1")
+        result = runner.invoke(app, ["evaluate", "train", str(tmp_path), "--out", str(tmp_path / "m.json"), "--weight", weight])
+        assert isinstance(result.exception, ConfigError) and weight in str(result.exception)
 
 
 def test_evaluate_layout_on_a_school(data_dir: Path, tmp_path: Path) -> None:

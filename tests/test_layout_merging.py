@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from layoutexplore.evaluation.explored_maps import explore, explored_examples
 from layoutexplore.evaluation.segmentation import Case, MapScore, seed_spread
 from layoutexplore.grid import FREE, UNKNOWN
 from layoutexplore.layout.line_evidence import EvidenceConfig, count_rooms, find_evidence
+from layoutexplore.layout.line_rooms import split_line_rooms
 from layoutexplore.layout.merging import merge_pieces
 from layoutexplore.layout.merging_graph import (
     DOOR,
@@ -21,6 +23,7 @@ from layoutexplore.layout.merging_graph import (
     NODE_COLUMNS,
     OPEN,
     PASS,
+    PEAK,
     SIDES,
     SPACE,
     PieceGraph,
@@ -108,6 +111,29 @@ def test_slivers_join_their_widest_neighbour(graph: PieceGraph, area: float) -> 
         assert len(coarse.nodes) - 1 <= len(groups)
 
 
+@settings(max_examples=80, deadline=None)
+@given(graphs(), st.floats(0.01, 1))
+def test_rooms_of_the_lines_fall_apart_at_narrow_passes(graph: PieceGraph, share: float) -> None:
+    rooms = graph.rooms.copy()
+    rooms[0] = 0
+    graph = replace(graph, rooms=rooms)
+    own, peak = rooms.argmax(axis=1), graph.nodes[:, PEAK]
+    group = list(range(len(rooms)))
+    for _ in rooms:
+        for (a, b), edge in zip(graph.ends, graph.edges, strict=True):
+            if own[a] == own[b] and edge[OPEN] > 0 and edge[PASS] >= share * min(peak[a], peak[b]):
+                group[a] = group[b] = min(group[a], group[b])
+    found = split_line_rooms(graph, share).rooms
+    names = sorted({group[k] for k in range(1, len(rooms)) if own[k] > 0})
+    assert found.shape == (len(rooms), len(names) + 1)
+    for k in range(1, len(rooms)):
+        expected = np.zeros(len(names) + 1)
+        column = names.index(group[k]) + 1 if own[k] > 0 else 0
+        expected[column] = rooms[k, own[k]]
+        expected[0] += rooms[k].sum() - rooms[k, own[k]]
+        assert (found[k] == expected).all()
+
+
 def test_lines_part_the_rooms_of_a_plan() -> None:
     cells = plan()
     evidence = find_evidence(cells, cells == 100, 0.05)
@@ -120,11 +146,35 @@ def test_lines_part_the_rooms_of_a_plan() -> None:
     assert all(table[k].argmax() == found[k - 1] for k in (1, 2, 3))
 
 
+def test_walls_among_much_clutter_have_to_be_longer() -> None:
+    cells = plan()
+    rng = np.random.default_rng(0)
+    for r, c in np.stack((rng.integers(60, 150, 60), rng.integers(100, 170, 60)), axis=1):
+        cells[r : r + 3, c : c + 3] = 100  # boxes
+    for r in range(66, 150, 24):
+        cells[r : r + 2, 22:50] = 100  # shelves of 1.4 m
+    low = find_evidence(cells, cells == 100, 0.05, EvidenceConfig(level_max=EvidenceConfig.level))
+    adapted = find_evidence(cells, cells == 100, 0.05)
+    high = find_evidence(cells, cells == 100, 0.05, EvidenceConfig(level=EvidenceConfig.level_max))
+    assert adapted.face.shape == high.face.shape and adapted.face.size < low.face.size
+    clean = find_evidence(plan(), plan() == 100, 0.05), find_evidence(plan(), plan() == 100, 0.05, EvidenceConfig(level_max=0.18))
+    assert (clean[0].face == clean[1].face).all()
+
+
 @pytest.mark.parametrize("cells", [np.full((5, 6), UNKNOWN), np.zeros((5, 6)), np.full((5, 6), 100)])
 def test_a_map_without_walls_is_one_face(cells: np.ndarray) -> None:
     cells = cells.astype(np.int8)
     evidence = find_evidence(cells, cells == 100, 0.05, EvidenceConfig())
     assert evidence.face.shape == evidence.room.shape == (1, 1)
+
+
+def test_kinds_of_maps_weigh_what_they_are_given() -> None:
+    rooms = rooms_of(plan())
+    parted = make_example(plan(), rooms, 0.05, building="a", kind="parted")  # no two pieces are one room
+    whole = make_example(plan(), np.minimum(rooms, 1), 0.05, building="a", kind="whole")  # all are
+    for weights in ({}, {"whole": 4.0}, {"whole": 0.5, "parted": 2.0}):
+        forest = train_forest([parted, whole], TrainingConfig(rounds=1, forests=1, trees=2, kind_weights=weights))
+        assert forest.bias == pytest.approx(np.log(weights.get("whole", 1.0) / weights.get("parted", 1.0)), abs=1e-5)
 
 
 def test_the_mean_of_judges_is_a_judge() -> None:

@@ -16,13 +16,16 @@ from layoutexplore.cli.partial_rooms import partial_rooms
 from layoutexplore.cli.train_predictor import train_predictor
 
 if TYPE_CHECKING:
-    from layoutexplore.evaluation.segmentation import MapScore
+    from layoutexplore.evaluation.segmentation import Case, MapScore
 
 group = typer.Typer(name="evaluate", help="Score the layout methods against ground truth.", no_args_is_help=True)
 
 Methods = Annotated[list[str] | None, typer.Option("--method", "-m", help="Method; repeat for several side by side.")]
 Resolution = Annotated[float, typer.Option(help="Metres a pixel.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")]
+Weights = Annotated[
+    list[str] | None, typer.Option("--weight", help="FOLDER=NUMBER: weight in training of a folder's maps, else 1; repeat.")
+]
 Jobs = Annotated[int, typer.Option(min=1, help="Processes; compare times with 1 only.")]
 
 
@@ -52,6 +55,7 @@ def segmentation(
     plans: Annotated[
         list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
     ] = None,
+    weight: Weights = None,
     resolution: Resolution = 0.05,
     json_file: JsonFile = None,
     out: Annotated[Path | None, typer.Option(help="Folder for report.html, results.csv and a picture per map.")] = None,
@@ -84,6 +88,7 @@ def segmentation(
             simulated=simulated,
             plans=_plans(plans),
             seeds=seeds,
+            weights=_weights(weight, cases),
             progress=_training_progress(),
         )
     else:
@@ -186,6 +191,23 @@ def _plans(folders: Sequence[str] | None) -> list[str]:
     return [plan for folder in folders or () for plan in expand_plans(folder)]
 
 
+def _weights(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, float]:
+    from layoutexplore.errors import ConfigError
+
+    folders, weights = {case.folder for case in cases}, {}
+    for text in given or ():
+        folder, _, number = text.rpartition("=")
+        try:
+            weights[folder] = float(number)
+        except ValueError:
+            raise ConfigError(f"--weight {text}: FOLDER=NUMBER is needed, such as cluttered=4") from None
+        if folder not in folders:
+            raise ConfigError(f"--weight {text}: no folder of that name is given; there are {', '.join(sorted(folders))}")
+        if not 0 < weights[folder] < float("inf"):
+            raise ConfigError(f"--weight {text}: a weight must be above 0")
+    return weights
+
+
 @group.command("train", epilog="Example: layoutexplore evaluate train maps/ --plans schools/ --out merging_model.json")
 def train(
     folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
@@ -195,6 +217,7 @@ def train(
     plans: Annotated[
         list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
     ] = None,
+    weight: Weights = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     resolution: Resolution = 0.05,
 ) -> None:
@@ -204,10 +227,18 @@ def train(
     from layoutexplore.layout.merging_model import save_forest
 
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
+    weights = _weights(weight, cases)
     forest = train_judge(
-        cases, resolution=resolution, simulated=simulated, plans=_plans(plans), seed=seed, progress=_training_progress()
+        cases,
+        resolution=resolution,
+        simulated=simulated,
+        plans=_plans(plans),
+        seed=seed,
+        weights=weights,
+        progress=_training_progress(),
     )
     note = f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} simulated ones"
+    note += f", seed {seed}" + "".join(f", weight {value:g} for {folder}" for folder, value in weights.items())
     save_forest(forest, out, note=note)
     typer.echo(f"written: {out}, {len(forest.roots)} trees")
 

@@ -7,7 +7,7 @@ several seeds, the spread of the means over the seeds is what a difference betwe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -86,6 +86,7 @@ def cross_validate(
     simulated: int,
     plans: Sequence[str] = (),
     seeds: int = 1,
+    weights: Mapping[str, float] | None = None,
     progress: Progress = _silent,
 ) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
     """Score the default method on every map with a judge that has not seen its building, once for each seed.
@@ -98,6 +99,7 @@ def cross_validate(
         simulated: Number of simulated maps to train on besides.
         plans: Floor plans to simulate maps of, besides generated ones.
         seeds: The judges are trained so many times, with seeds 0, 1, ...
+        weights: Weight in training of a folder's maps where it is not 1.
         progress: Told of what takes long.
     """
     dealt = deal_folds(cases, folds)
@@ -105,7 +107,7 @@ def cross_validate(
     extra = simulated_examples(simulated, tuple(plans), progress=progress)
     for seed in range(seeds):
         for fold in range(folds):
-            config = TrainingConfig(seed=seed)
+            config = TrainingConfig(seed=seed, kind_weights=weights or {})
             forest = train_forest([*(e for e in examples if dealt[e.building] != fold), *extra], config)
             progress("judges trained", seed * folds + fold + 1, seeds * folds)
 
@@ -125,8 +127,10 @@ def train_judge(
     simulated: int,
     plans: Sequence[str] = (),
     seed: int = 0,
+    weights: Mapping[str, float] | None = None,
     progress: Progress = _silent,
 ) -> Forest:
-    """The judge that ships: trained on all given maps and on simulated ones."""
+    """The judge that ships: trained on all given maps and on simulated ones; `weights` as in `cross_validate`."""
     examples = training_examples(cases, resolution, progress)
-    return train_forest([*examples, *simulated_examples(simulated, tuple(plans), progress=progress)], TrainingConfig(seed=seed))
+    examples += simulated_examples(simulated, tuple(plans), progress=progress)
+    return train_forest(examples, TrainingConfig(seed=seed, kind_weights=weights or {}))

@@ -5,7 +5,8 @@
    is wall.
 3. The distance to walls, shut doors and unseen space falls into basins: more pieces than there are rooms.
 4. Slivers join the neighbour they open to most widely. Representative lines through the long walls cut the map into
-   faces and rooms of their own (the idea of ROSE2), which are no result but evidence.
+   faces and rooms of their own (the idea of ROSE2), which fall apart where the passes inside them are narrow; they are no
+   result but evidence.
 5. Small forests of decision trees look at two touching pieces (the pass between them, the doors and walls in line with it,
    the lines between them, their shapes and that of their union, ...) and merge the surest pair, again and again, while it
    is likely that both belong to one room.
@@ -36,6 +37,7 @@ from layoutexplore.layout.default_turn import Turned, main_direction, posture_of
 from layoutexplore.layout.face_model import WallModel
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.line_evidence import find_evidence
+from layoutexplore.layout.line_rooms import split_line_rooms
 from layoutexplore.layout.merging import merge_pieces
 from layoutexplore.layout.merging_graph import PieceGraph, piece_graph, spread_in_place
 from layoutexplore.layout.merging_model import load_forest
@@ -65,6 +67,7 @@ class DefaultConfig(OpeningConfig):
         basin_share: Two basins are one where the pass between them is at least this share of the lower peak ...
         basin_wide: ... or so far from all obstacles.
         sliver_area: Smaller pieces join the neighbour they open to most widely before any pair is judged [m2].
+        room_pass: Pieces are in one room of the lines as far as the passes between them are this share of the smaller peak.
         merge_level: Pieces merge while the log-odds of belonging together are at least this.
         room_area: Smallest room [m2].
         wall_half: A room's polygon reaches so far into its walls, to the middle of those between two rooms.
@@ -76,6 +79,7 @@ class DefaultConfig(OpeningConfig):
     basin_share: float = 0.85
     basin_wide: float = 1.5
     sliver_area: float = 0.5
+    room_pass: float = 0.6
     merge_level: float = 0.2
     room_area: float = 1.5
     wall_half: float = 0.3
@@ -85,8 +89,9 @@ class DefaultConfig(OpeningConfig):
             raise ConfigError("door_min must be above 0 and at most door_max")
         if min(self.door_run, self.widening, self.reach, self.slack) <= 0:
             raise ConfigError("lengths of openings must be above 0")
-        if not 0 < self.basin_share <= 1:
-            raise ConfigError(f"basin_share must lie in (0, 1], got {self.basin_share}")
+        for name in ("basin_share", "room_pass"):
+            if not 0 < getattr(self, name) <= 1:
+                raise ConfigError(f"{name} must lie in (0, 1], got {getattr(self, name)}")
         if min(self.clutter_area, self.clutter_length, self.basin_wide) <= 0 or min(self.chink, self.room_area) < 0:
             raise ConfigError("lengths and areas must be above 0 (chink and room_area may be 0)")
 
@@ -154,6 +159,7 @@ def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfi
             resolution=resolution,
         )
         graph, part_of = absorb_slivers(graph, config.sliver_area)
+        graph = split_line_rooms(graph, config.room_pass)
     return Pieces(turned, labels, clutter, graph, part_of, structure)
 
 

@@ -10,6 +10,7 @@ even where no wall was seen between them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +31,10 @@ class EvidenceConfig:
 
     Attributes:
         wall_length: What lies in line with a cell within half of this on either side supports it (ROSE).
-        level: Least score of a wall, as a share of the best (ROSE2) ...
-        support: ... and the least wall in line with it.
+        level: Least score of a wall, as a share of the best (ROSE2), on a map whose surfaces are nearly all in line ...
+        level_max: ... and on one of much clutter, as ROSE2 raises it with the density of segments.
+        in_line: Shares of the surfaces that are walls at the lowest level, of a map of much clutter and of one of little.
+        support: And the least wall in line with a wall's cell.
         run: And around a wall's cell, over so long ...
         run_share: ... this share is wall.
         slack: A wall may step aside by this much.
@@ -46,6 +49,8 @@ class EvidenceConfig:
 
     wall_length: float = 8.0
     level: float = 0.18
+    level_max: float = 0.4
+    in_line: tuple[float, float] = (0.6, 0.8)
     support: float = 1.25
     run: float = 0.8
     run_share: float = 0.75
@@ -81,25 +86,33 @@ class LineEvidence:
 
 
 @njit(cache=True, nogil=True)
-def _supported(
+def _scores(
     rows: NDArray[np.int64],
     cols: NDArray[np.int64],
     thick: NDArray[np.uint64],
     length: int,
     half: int,
-    level: float,
-    least: float,
     near: int,
     near_least: float,
-) -> NDArray[np.bool_]:
-    """Which of the occupied cells have enough wall in line with them; `thick` are rows of `length` cells, as bits."""
+) -> NDArray[np.int64]:
+    """The wall in line with each of the occupied cells, 0 next to too little; `thick` are rows of `length` cells, as bits."""
     score = np.zeros(len(rows), np.int64)
     for n in range(len(rows)):
         r, c = rows[n], cols[n]
         if count_bits(thick, r, length, c - near, c + near + 1) >= near_least:
             score[n] = count_bits(thick, r, length, c - half, c + half + 1)
-    best = score.max() if len(score) else 0
-    return score >= max(level * best, least)
+    return score
+
+
+def _walls(scores: Sequence[NDArray[np.int64]], count: int, resolution: float, config: EvidenceConfig) -> list[NDArray[np.bool_]]:
+    """Which cells are walls along the rows and which along the columns, by both scores; a map has `count` cells of surface."""
+    least, best = config.support / resolution, [int(score.max(initial=0)) for score in scores]
+
+    def above(level: float) -> list[NDArray[np.bool_]]:
+        return [score >= max(level * top, least) for score, top in zip(scores, best, strict=True)]
+
+    share = np.count_nonzero(np.logical_or(*above(config.level))) / max(count, 1)
+    return above(float(np.interp(share, config.in_line, (config.level_max, config.level))))
 
 
 @njit(cache=True, nogil=True)
@@ -152,32 +165,21 @@ def _coverage(
 
 
 def _lines(
-    rows: NDArray[np.int64],
-    cols: NDArray[np.int64],
-    thick: NDArray[np.uint64],
-    length: int,
-    resolution: float,
-    config: EvidenceConfig,
+    rows: NDArray[np.int64], cols: NDArray[np.int64], shape: tuple[int, int], resolution: float, config: EvidenceConfig
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Rows of the lines along the rows of occupied cells, and their covered cells before each column.
+    """Rows of the lines along the rows, and their covered cells before each column.
 
     Args:
-        rows: int64 (n,), of the occupied cells.
+        rows: int64 (n,), of the cells of walls along the rows.
         cols: int64 (n,), of the same cells.
-        thick: uint64 (rows of the grid, words), the cells, and what lies aside of them, as bits.
-        length: Cells in a row.
+        shape: Rows and columns of the grid.
         resolution: Metres a cell.
         config: The options.
     """
-    half = max(round(config.wall_length / resolution / 2), 1)
-    near = max(round(config.run / resolution / 2), 1)
-    enough = config.run_share * (2 * near + 1)
-    wall = _supported(rows, cols, thick, length, half, config.level, config.support / resolution, near, enough)
-    rows, cols = rows[wall], cols[wall]
-    profile = np.bincount(rows, minlength=len(thick)).astype(np.float64)
+    profile = np.bincount(rows, minlength=shape[0]).astype(np.float64)
     reach = max(round(config.line_distance / resolution / 2), 1)
     offsets = _offsets(profile, max(round(config.slack / resolution), 1), reach, config.line_length / resolution)
-    return offsets, _coverage(rows, cols, length, offsets, reach, max(round(config.slack / resolution / 2), 1))
+    return offsets, _coverage(rows, cols, shape[1], offsets, reach, max(round(config.slack / resolution / 2), 1))
 
 
 @njit(cache=True, nogil=True)
@@ -287,11 +289,19 @@ def find_evidence(
     """
     config = config or EvidenceConfig()
     rows, cols = cells.shape
-    at = true_cells(surfaces(cells) & wall)
+    surface = surfaces(cells)
+    at = true_cells(surface & wall)
     along_rows, along_cols = set_bits(at, rows, cols, max(round(config.slack / resolution), 1))
     row, col = np.divmod(at, cols)
-    row_lines, row_sums = _lines(row, col, along_rows, cols, resolution, config)
-    col_lines, col_sums = _lines(col, row, along_cols, rows, resolution, config)
+    half, near = (max(round(length / resolution / 2), 1) for length in (config.wall_length, config.run))
+    enough = config.run_share * (2 * near + 1)
+    scores = [
+        _scores(row, col, along_rows, cols, half, near, enough),
+        _scores(col, row, along_cols, rows, half, near, enough),
+    ]
+    lying, standing = _walls(scores, int(np.count_nonzero(surface)), resolution, config)
+    row_lines, row_sums = _lines(row[lying], col[lying], (rows, cols), resolution, config)
+    col_lines, col_sums = _lines(col[standing], row[standing], (cols, rows), resolution, config)
     row_bounds, col_bounds = np.concatenate(([0], row_lines, [rows])), np.concatenate(([0], col_lines, [cols]))
     above, above_open = _edges(row_sums, col_bounds, config.line_weight, config.edge_weight)
     right, right_open = _edges(col_sums, row_bounds, config.line_weight, config.edge_weight)

@@ -2,14 +2,14 @@
 
 A map's pieces are labelled by the room most of their cells lie in. The pieces are merged in the order in which the judge
 trained so far would merge them, but only where that is right, and every pair looked at on the way is a sample: so the
-judge learns from the very unions it meets. Every building weighs the same for each kind of map of it, and the simulated maps
-together a quarter of all real ones.
+judge learns from the very unions it meets. Every building weighs the same for each kind of map of it, unless a kind is given
+another weight, and the simulated maps together weigh a quarter of what all real ones would without such weights.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,7 @@ class TrainingConfig:
         rate: Learning rate.
         features: Share of the features a split may choose from.
         simulated_weight: Weight of all simulated maps together over that of all real ones.
+        kind_weights: Weight of a kind of map where it is not 1: the hardest kinds are the rarest.
         seed: Of the features that splits may choose from.
     """
 
@@ -57,6 +58,7 @@ class TrainingConfig:
     rate: float = 0.18
     features: float = 0.5
     simulated_weight: float = 0.25
+    kind_weights: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
 
 
@@ -158,7 +160,12 @@ def _weights(samples: list[NDArray[np.float64]], keys: list[tuple[str, str]], co
         totals[key] = totals.get(key, 0.0) + float(part[:, -1].sum())
     real = max(sum(building != SIMULATED for building, _ in totals), 1)
     simulated = max(len(totals) - sum(building != SIMULATED for building, _ in totals), 1)
-    scale = {key: config.simulated_weight * real / simulated if key[0] == SIMULATED else 1.0 for key in totals}
+    scale = {
+        (building, kind): config.simulated_weight * real / simulated
+        if building == SIMULATED
+        else config.kind_weights.get(kind, 1.0)
+        for building, kind in totals
+    }
     weights = np.concatenate([p[:, -1] * scale[k] / max(totals[k], 1e-9) for p, k in zip(samples, keys, strict=True)])
     return np.asarray(weights * len(weights) / max(float(weights.sum()), 1e-9))
 
