@@ -31,6 +31,17 @@ SMALL: dict[str, Any] = {
     "evaluation": {"every": 32, "plans": ["apartment-01"], "starts": 1, "references": ["nearest"]},
 }
 
+SMALL_SEARCH: dict[str, Any] = {
+    "algorithm": "tour-search",
+    "steps": 12,
+    "predictor": "none",
+    "workers": 1,
+    "sensors": ["indoor"],
+    "generator": {"area": [100.0, 110.0]},
+    "search": {"round": 8, "pairs": 2},
+    "evaluation": {"every": 8, "plans": ["apartment:900002"], "starts": 1, "references": ["nearest"]},
+}
+
 
 class Silent:
     """A watcher that remembers what it was told."""

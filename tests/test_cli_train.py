@@ -9,7 +9,8 @@ import pytest
 pytest.importorskip("sb3_contrib")
 pytest.importorskip("tensorboard")
 
-from tests.rl_cases import write_config
+from layoutexplore.benchmark.store import to_toml
+from tests.rl_cases import SMALL_SEARCH, write_config
 from tests.test_cli import run as run_cli
 
 
@@ -47,3 +48,16 @@ def test_what_cannot_be(
     assert run_cli(monkeypatch, "train", *arguments, "--out", str(tmp_path / "run")) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
+
+
+def test_a_search_from_the_command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "small.toml").write_text(to_toml({**SMALL_SEARCH, "steps": 4}))
+    out = str(tmp_path / "run")
+    assert run_cli(monkeypatch, "train", str(tmp_path / "small.toml"), "--out", out) == 0
+    assert f"policy:{out}" in capsys.readouterr().out
+    assert run_cli(monkeypatch, "train", "--out", out, "--resume", "--steps", "8") == 0
+    assert "8/8 steps" in capsys.readouterr().out
+    assert run_cli(monkeypatch, "train", "--algorithm", "tour-search", "--envs", "3", "--out", str(tmp_path / "other")) == 2
+    assert "'envs'" in capsys.readouterr().err

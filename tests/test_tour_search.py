@@ -39,23 +39,12 @@ from layoutexplore.floorplan import floorplan_from_ascii  # noqa: E402
 from layoutexplore.frontier_tour import TourConfig  # noqa: E402
 from layoutexplore.simulation import Simulation  # noqa: E402
 from layoutexplore.simulation_config import SimulationConfig  # noqa: E402
-from tests.rl_cases import Silent  # noqa: E402
-
-SMALL: dict[str, Any] = {
-    "algorithm": "tour-search",
-    "steps": 12,
-    "predictor": "none",
-    "workers": 1,
-    "sensors": ["indoor"],
-    "generator": {"area": [100.0, 110.0]},
-    "search": {"round": 8, "pairs": 2},
-    "evaluation": {"every": 8, "plans": ["apartment:900002"], "starts": 1, "references": ["nearest"]},
-}
+from tests.rl_cases import SMALL_SEARCH, Silent  # noqa: E402
 
 
 def small_config(tmp_path: Path, **changes: Any) -> TrainingConfig:
     path = tmp_path / "small.toml"
-    path.write_text(to_toml({**SMALL, **changes}))
+    path.write_text(to_toml({**SMALL_SEARCH, **changes}))
     return read_config(path)
 
 
@@ -190,7 +179,7 @@ def test_what_cannot_be_explored_is_told_before_anything_is_written(tmp_path: Pa
 )
 def test_searches_that_make_no_sense(tmp_path: Path, table: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        small_config(tmp_path, search={**SMALL["search"], **table})
+        small_config(tmp_path, search={**SMALL_SEARCH["search"], **table})
 
 
 @settings(max_examples=20, deadline=None)
