@@ -80,7 +80,7 @@ class DefaultConfig(OpeningConfig):
     basin_wide: float = 1.5
     sliver_area: float = 0.5
     room_pass: float = 0.6
-    merge_level: float = 0.2
+    merge_level: float = 0.1
     room_area: float = 1.5
     wall_half: float = 0.3
 

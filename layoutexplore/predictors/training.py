@@ -147,7 +147,7 @@ def as_forest(model: object) -> Forest:
     bias = float(np.ravel(model._baseline_prediction)[0])  # type: ignore[attr-defined]
     ints = (a.astype(np.int32) for a in (feature, left, right))
     first, second, third = ints
-    return Forest(first, value.astype(np.float32), second, third, np.array(roots, np.int32), bias)
+    return Forest(first, value.astype(np.float32).astype(np.float64), second, third, np.array(roots, np.int32), bias)
 
 
 def train_models(samples: Samples, folder: Path, held_out: Mapping[str, str], config: TrainingConfig = DEFAULT_TRAINING) -> None:
