@@ -7,9 +7,9 @@ and of a building while it was explored, 40 in all, and on maps simulated from s
         --plans schools --plans kth --weight cluttered=4 --weight fr79_incremental=4 --out merging_model.json
 
 Trained so, but without the building that is scored (`evaluate segmentation` with the same options and `--folds 5 --seeds 3`),
-it reaches IoU_s / one-to-one of 96.2 / 89.3 on the empty maps, 88.5 / 80.6 on the furnished, 85.4 / 75.8 on the cluttered and
-87.6 / 77.9 on those of the exploration, with standard deviations over the seeds of up to 1.8. The weights, and what the lines
-tell, were chosen with these maps at hand.
+it reaches IoU_s / one-to-one of 96.3 / 89.3 on the empty maps, 88.7 / 80.6 on the furnished, 85.5 / 74.8 on the cluttered and
+88.1 / 77.3 on those of the exploration, with standard deviations over the seeds of up to 1.9. The weights, the level at which
+pieces merge, and what the lines tell were chosen with these maps at hand.
 """
 
 from __future__ import annotations
