@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from layoutexplore.agents.base import Heuristic, option, register
 from layoutexplore.agents.greedy import GreedyOptions, best_index
 from layoutexplore.agents.tour import plan_latency_tour
-from layoutexplore.decision import STOP, Choice, Decision
-from layoutexplore.frontier_tour import area_left, ready_frontiers, sizeable_frontiers
+from layoutexplore.decision import STOP, Choice, Decision, Frontier
+from layoutexplore.frontier_tour import SURE, area_left, ready_frontiers, sizeable_frontiers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +25,7 @@ class LayoutOptions(GreedyOptions):
 
     area: float = option(1.0, "square metres; closed frontiers with less left in their room wait", low=0.0)
     stop_area: float = option(0.0, "square metres; stop when every frontier has less left behind it (0: never)", low=0.0)
+    stop_sure: float = option(SURE, "probability; and when so sure that every frontier is closed", low=0.0, high=1.0)
     predictor: str = option("layout", "where classes and areas come from")
 
 
@@ -51,10 +52,14 @@ class _LayoutHeuristic(Heuristic[LayoutOptions]):
         return self.options.predictor
 
     def act(self, decision: Decision) -> Choice:
-        """The frontier to go to, or `STOP` when there is none or less than `stop_area` behind each."""
-        if all(area_left(frontier) < self.options.stop_area for frontier in decision.frontiers):
+        """The frontier to go to, or `STOP` when there is none or surely less than `stop_area` behind each."""
+        if all(self._is_done(frontier) for frontier in decision.frontiers):
             return STOP
         return super().act(decision)
+
+    def _is_done(self, frontier: Frontier) -> bool:
+        sure = frontier.confidence is None or frontier.confidence >= self.options.stop_sure
+        return sure and area_left(frontier) < self.options.stop_area
 
 
 def nearest_of(decision: Decision, chosen: NDArray[np.int64]) -> int:

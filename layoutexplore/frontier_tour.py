@@ -34,6 +34,9 @@ MOST_AREA = 30.0
 SAME_GOAL = 2.0
 """Metres; a frontier that is nearer to the middle of the one last gone to is what is left of it."""
 
+SURE = 0.9
+"""Probability of being right from which a class is relied on where nobody looks again: to stop."""
+
 _UNCONNECTED = 1e6
 
 

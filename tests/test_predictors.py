@@ -273,3 +273,14 @@ def test_an_early_stop_saves_metres() -> None:
         runs.append((simulation.distance, simulation.coverage, simulation.stop_reason))
     assert runs[1][0] < runs[0][0] and runs[1][1] > 0.8 and runs[1][2] == "agent"
     assert make_agent("layout-tour").act(decision) == STOP or decision.frontiers
+
+
+@pytest.mark.parametrize(("confidence", "stops"), [(0.95, True), (0.8, False)])
+def test_who_doubts_that_all_is_closed_does_not_stop(confidence: float, stops: bool) -> None:
+    simulation = Simulation(floorplan_from_ascii(PLAN, resolution=0.9), SimulationConfig(sensor="indoor"), make_predictor("none"))
+    decision = simulation.reset(seed=1)
+    judged = tuple(dataclasses.replace(f, is_closed=True, expected_area=0.5, confidence=confidence) for f in decision.frontiers)
+    agent = make_agent("layout-nearest:stop_area=1")
+    assert (agent.act(dataclasses.replace(decision, frontiers=judged)) == STOP) == stops
+    never = make_agent("layout-nearest:stop_area=1,stop_sure=0.99")
+    assert judged and never.act(dataclasses.replace(decision, frontiers=judged)) != STOP

@@ -30,13 +30,13 @@ from layoutexplore.viewpoints import remaining_share
 LOG = (
     "distance", "coverage", "prediction_ms", "frontiers", "changed", "misled", "class_alone", "area_alone", "both",
     "closed", "closed_as_open", "open", "open_as_closed", "leftover", "leftover_missed", "leftover_wrong",
-    "largest_left", "total_left", "open_judged", "open_left", "surest_open", "true_left",
+    "largest_left", "total_left", "least_sure", "open_judged", "open_left", "true_left",
 )  # fmt: skip
 """Columns of the log, a row a decision. Counts of frontiers: truly `closed` and `closed_as_open` judged open; truly `open` and
 `open_as_closed`; truly `leftover` (closed, less than 1 m2 left), `leftover_missed`, and `leftover_wrong` (judged so and
-not). `largest_left` and `total_left` are the predicted square metres behind closed frontiers, `true_left` the unseen
-target area. `open_judged` counts frontiers judged open, `open_left` are the predicted square metres behind them, `surest_open`
-the greatest confidence among them."""
+not). `largest_left` and `total_left` are the predicted square metres behind frontiers judged closed, `least_sure` the least
+confidence among them, 1 without any; `open_judged` counts frontiers judged open, `open_left` are the predicted square metres
+behind them; `true_left` is the unseen target area."""
 
 MOMENTS = 4
 """Moments that are kept of a run: those in which most metres were at stake."""
@@ -320,7 +320,7 @@ def _judged(found: tuple[Frontier, ...], true: tuple[Frontier, ...]) -> NDArray[
 
 
 def _counts(found: tuple[Frontier, ...], true: tuple[Frontier, ...]) -> list[float]:
-    """The columns from `closed` to `surest_open`."""
+    """The columns from `closed` to `open_left`."""
     judged = _judged(found, true)
     closed, true_closed = judged[:, 0] > 0, judged[:, 2] > 0
     leftover, true_leftover = closed & (judged[:, 1] < LEFTOVER), true_closed & (judged[:, 3] < LEFTOVER)
@@ -329,9 +329,9 @@ def _counts(found: tuple[Frontier, ...], true: tuple[Frontier, ...]) -> list[flo
         true_leftover, true_leftover & ~leftover, leftover & ~true_leftover,
     ]  # fmt: skip
     areas = np.where(closed, judged[:, 1], 0.0)
-    sure = np.array([f.confidence or 0.0 for f in found])[~closed]
-    left = [float(areas.max(initial=0)), float(areas.sum())]
-    return [*(float(s.sum()) for s in sums), *left, float(len(sure)), float(judged[~closed, 1].sum()), float(sure.max(initial=0))]
+    sure = np.array([1.0 if f.confidence is None else f.confidence for f in found])[closed]
+    left = [float(areas.max(initial=0)), float(areas.sum()), float(sure.min(initial=1))]
+    return [*(float(s.sum()) for s in sums), *left, float((~closed).sum()), float(judged[~closed, 1].sum())]
 
 
 def _known_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:

@@ -22,6 +22,7 @@ from layoutexplore.benchmark.counterfactual import Counterfactual
 from layoutexplore.benchmark.episode import Row
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.exploration_metrics import distance_to_coverage
+from layoutexplore.frontier_tour import SURE
 from layoutexplore.statistics import Interval, cluster_bootstrap, interquartile_mean, weighted_mean
 
 GOAL = 0.99
@@ -135,8 +136,13 @@ def tried_stops(
 
 
 def stops_below(area: float) -> Rule:
-    """The rule of the option `stop_area`: every frontier is closed and has less than `area` square metres left."""
-    return lambda told: (told.column("open_judged") == 0) & (told.column("largest_left") < area)
+    """The rule of the option `stop_area`: every frontier is surely closed and has less than `area` square metres left."""
+
+    def rule(told: Counterfactual) -> NDArray[np.bool_]:
+        surely_closed = (told.column("open_judged") == 0) & (told.column("least_sure") >= SURE)
+        return np.asarray(surely_closed & (told.column("largest_left") < area))
+
+    return rule
 
 
 def has_stop_rule(agent: str) -> bool:
