@@ -27,8 +27,12 @@ FACES: dict[FaceKind, Colour] = {
 }
 
 
+WIDE = 1.6
+"""Width over height from which the panels stand below each other."""
+
+
 def draw_layout(layout: Layout, grid: OccupancyGrid | None = None, *, panel: int = 600) -> Image:
-    """Overview uint8 RGB (h, w, 3): map, clean map, lines, faces and rooms side by side, y up.
+    """Overview uint8 RGB (h, w, 3): map, clean map, lines, faces and rooms side by side, those of wide maps in a column, y up.
 
     Args:
         layout: The layout.
@@ -46,7 +50,8 @@ def draw_layout(layout: Layout, grid: OccupancyGrid | None = None, *, panel: int
         panels.append(("faces", lambda: _draw_faces(canvas, layout)))
     panels.append(("rooms", lambda: _draw_rooms(canvas, layout, grid)))
     images = [_titled(draw(), title) for title, draw in panels]
-    return np.concatenate(images, axis=1)
+    width, height = canvas.size
+    return np.concatenate(images, axis=0 if width > WIDE * height else 1)
 
 
 def room_colours(count: int) -> NDArray[np.uint8]:
