@@ -159,13 +159,14 @@ def _edges(
     x = (c[first] * lines.offset[second] - c[second] * lines.offset[first]) / -cross
     y = (s[first] * lines.offset[second] - s[second] * lines.offset[first]) / -cross
     inside = (x >= x0 - SNAP) & (x <= x1 + SNAP) & (y >= y0 - SNAP) & (y <= y1 + SNAP)
-    first, second, x, y = first[inside], second[inside], x[inside], y[inside]
+    # Onto the box before they are compared: a line just outside of it has the same vertices as the border.
+    first, second, x, y = first[inside], second[inside], np.clip(x[inside], x0, x1), np.clip(y[inside], y0, y1)
     snapped = np.rint((x - x0) / SNAP).astype(np.int64) << 32 | np.rint((y - y0) / SNAP).astype(np.int64) + 1
     _, keep, vertex = np.unique(snapped, return_index=True, return_inverse=True)
     vertex = vertex.reshape(-1)
     on_line = np.concatenate((first, second))
     on_vertex = np.concatenate((vertex, vertex))
-    points = np.stack((np.clip(x[keep], x0, x1), np.clip(y[keep], y0, y1)), axis=1)
+    points = np.stack((x[keep], y[keep]), axis=1)
     along = points[on_vertex, 0] * c[on_line] + points[on_vertex, 1] * s[on_line]
     order = np.lexsort((along, on_line))
     on_line, on_vertex, along = on_line[order], on_vertex[order], along[order]
