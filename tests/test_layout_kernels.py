@@ -11,6 +11,7 @@ from scipy.signal import find_peaks
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from layoutexplore.bits import ones
 from layoutexplore.forest import log_odds
 from layoutexplore.layout.bit_rows import count_bits, set_bits
 from layoutexplore.layout.declutter import _circular_peaks
@@ -27,6 +28,11 @@ from layoutexplore.union_find import components
 
 masks = hnp.arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 150)), elements=st.booleans())
 maps = hnp.arrays(np.int8, st.tuples(st.integers(1, 9), st.integers(1, 11)), elements=st.sampled_from([-1, 0, 100]))
+
+
+@given(st.integers(0, 2**64 - 1))
+def test_ones_are_the_set_bits_of_a_word(word: int) -> None:
+    assert ones(np.uint64(word)) == word.bit_count()
 
 
 @settings(max_examples=60, deadline=None)

@@ -6,9 +6,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.bits import ones
+
 _ONE, _ALL = np.uint64(1), np.uint64(0xFFFFFFFFFFFFFFFF)
-_PAIRS, _FOURS, _EIGHTS = np.uint64(0x5555555555555555), np.uint64(0x3333333333333333), np.uint64(0x0F0F0F0F0F0F0F0F)
-_BYTES = np.uint64(0x0101010101010101)
 
 
 @njit("Tuple((uint64[:,::1], uint64[:,::1]))(int64[::1], int64, int64, int64)", cache=True, nogil=True)
@@ -39,15 +39,6 @@ def set_bits(cells: NDArray[np.int64], rows: int, cols: int, slack: int) -> tupl
 
 
 @njit(cache=True, nogil=True)
-def _ones(x: np.uint64) -> int:
-    """Bits of a word that are set: counted in pairs, in fours, in eights, and summed by a product."""
-    x = x - ((x >> _ONE) & _PAIRS)
-    x = (x & _FOURS) + ((x >> np.uint64(2)) & _FOURS)
-    x = (x + (x >> np.uint64(4))) & _EIGHTS
-    return int(np.int64((x * _BYTES) >> np.uint64(56)))
-
-
-@njit(cache=True, nogil=True)
 def count_bits(words: NDArray[np.uint64], row: int, length: int, begin: int, end: int) -> int:
     """Cells begin <= c < end of a row of `length` cells that are set; none lies outside. For kernels."""
     begin, end = max(begin, 0), min(end, length)
@@ -56,8 +47,8 @@ def count_bits(words: NDArray[np.uint64], row: int, length: int, begin: int, end
     first, last = begin >> 6, (end - 1) >> 6
     head, tail = _ALL << np.uint64(begin & 63), _ALL >> np.uint64(63 - ((end - 1) & 63))
     if first == last:
-        return _ones(words[row, first] & head & tail)
-    n = _ones(words[row, first] & head) + _ones(words[row, last] & tail)
+        return ones(words[row, first] & head & tail)
+    n = ones(words[row, first] & head) + ones(words[row, last] & tail)
     for k in range(first + 1, last):
-        n += _ones(words[row, k])
+        n += ones(words[row, k])
     return n
