@@ -124,6 +124,19 @@ def test_changed_is_another_choice_without_the_layout(plan: FloorPlan) -> None:
         assert agent.asked == 1 and len(told.moments) == (pair == (1, 0))
 
 
+def test_moments_within_two_metres_are_about_the_same(plan: FloorPlan) -> None:
+    told = run(plan, AGENT, explain=True).counterfactual
+    assert told is not None and told.moments
+    moment, (row, col) = told.moments[0], told.moments[0].chosen
+    for cells, same in ((20, True), (21, False)):
+        assert moment.is_about(dataclasses.replace(moment, chosen=(row + cells, col)), 0.1) == same
+        assert (
+            moment.is_about(dataclasses.replace(moment, given_up=(moment.given_up[0], moment.given_up[1] - cells)), 0.1) == same
+        )
+    for k, other in enumerate(told.moments):
+        assert all(not other.is_about(later, 0.1) for later in told.moments[k + 1 :])
+
+
 def test_a_hidden_layout_leaves_nothing(plan: FloorPlan) -> None:
     simulation, _ = prepare(plan, SimulationConfig(sensor="stage"), "layout-nearest")
     decision = simulation.reset(seed=0)

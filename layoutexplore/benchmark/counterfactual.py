@@ -11,8 +11,9 @@ from __future__ import annotations
 import copy
 import dataclasses
 import heapq
+import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -89,6 +90,16 @@ class Moment:
         """Whether the truth says the same of the frontier that was given up: put off, or not."""
         closed, area, true_closed, true_area = self.judged[self.without].tolist()
         return bool((closed and area < LEFTOVER) == (true_closed and true_area < LEFTOVER))
+
+    def is_about(self, other: Moment, resolution: float) -> bool:
+        """Whether both are about the same two places, to within 2 m.
+
+        Args:
+            other: A moment on the same floor plan.
+            resolution: Metres per cell.
+        """
+        pairs = ((self.chosen, other.chosen), (self.given_up, other.given_up))
+        return all(math.dist(here, there) * resolution <= _NEAR for here, there in pairs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,10 +246,7 @@ class Asides:
         places = np.array([here, given_up, chosen], np.int32)
         between = distance_matrix(decision.traversable, places, decision.grid.resolution)
         stake = float(between[0, 1] + between[1, 2] - between[0, 2])
-        near = _NEAR / decision.grid.resolution
-        same = [kept for kept in self._kept if _close(kept[2].moment, chosen, given_up, near)]
-        rivals = same or (self._kept[:1] if len(self._kept) == MOMENTS else [])
-        if not np.isfinite(stake) or any(stake <= kept[0] for kept in rivals):
+        if not np.isfinite(stake):
             return
         cells, corner = _known_part(decision.grid.cells)
         moment = Moment(
@@ -255,6 +263,10 @@ class Asides:
             members=np.concatenate([f.cells for f in decision.frontiers]),
             offsets=np.cumsum([0, *(len(f.cells) for f in decision.frontiers)]),
         )
+        same = [kept for kept in self._kept if kept[2].moment.is_about(moment, decision.grid.resolution)]
+        rivals = same or (self._kept[:1] if len(self._kept) == MOMENTS else [])
+        if any(stake <= kept[0] for kept in rivals):
+            return
         self._kept = [kept for kept in self._kept if kept not in same]
         self._kept.append((stake, -decision.step, _Pursued(moment, decision.frontiers[without].cells)))
         self._kept = heapq.nlargest(MOMENTS, self._kept, key=lambda kept: kept[:2])[::-1]
@@ -275,12 +287,6 @@ class Asides:
             if np.isnan(kept.moment.seen_after) and remaining_share(cells, kept.cells) < gone:
                 walked = self._simulation.distance - kept.moment.distance
                 kept.moment = dataclasses.replace(kept.moment, seen_after=walked)
-
-
-def _close(moment: Moment, chosen: Sequence[int], given_up: Sequence[int], near: float) -> bool:
-    """Whether a moment is about the same two places."""
-    pairs = ((moment.chosen, chosen), (moment.given_up, given_up))
-    return all(np.hypot(a[0] - b[0], a[1] - b[1]) <= near for a, b in pairs)
 
 
 def without_layout(decision: Decision) -> Decision:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -98,6 +98,8 @@ def _moments(folder: ResultsFolder, rows: Sequence[Row], agent: str) -> list[Mom
         told = None if row.error or row.agent != agent else folder.counterfactual(row)
         found += [(row, moment) for moment in (told.moments if told else ())]
     found.sort(key=lambda pair: (-pair[1].stake, pair[0].key))
+    resolutions = {plan: float(folder.raster(plan)[1][0]) for plan in {row.plan for row, _ in found}}
+    found = _distinct(found, resolutions)
     wrong = _spread((pair for pair in found if not pair[1].right), WRONG_MOMENTS)
     shown = _spread((pair for pair in found if pair[1].right), MOMENTS - len(wrong)) + wrong
     pictures = []
@@ -105,6 +107,15 @@ def _moments(folder: ResultsFolder, rows: Sequence[Row], agent: str) -> list[Mom
         occupied, frame = folder.raster(row.plan)
         pictures.append(moment_picture(row, moment, occupied, float(frame[0])))
     return pictures
+
+
+def _distinct(pairs: Sequence[tuple[Row, Moment]], resolutions: Mapping[str, float]) -> list[tuple[Row, Moment]]:
+    """Without those that are about the same two places as an earlier one, in another run on the same floor plan."""
+    kept: list[tuple[Row, Moment]] = []
+    for row, moment in pairs:
+        if not any(other.plan == row.plan and told.is_about(moment, resolutions[row.plan]) for other, told in kept):
+            kept.append((row, moment))
+    return kept
 
 
 def _spread(pairs: Iterable[tuple[Row, Moment]], count: int) -> list[tuple[Row, Moment]]:
