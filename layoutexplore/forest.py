@@ -56,6 +56,34 @@ class Forest:
         return feature.astype(np.uint32), self.threshold, children.astype(np.uint32), roots, depth, self.bias
 
 
+def as_forest(model: object, *, double: bool = False) -> Forest:
+    """The trees of scikit-learn's histogram boosting.
+
+    Args:
+        model: A fitted HistGradientBoostingClassifier of two classes, or a HistGradientBoostingRegressor.
+        double: Keep all digits of the thresholds and values; otherwise they are what float32 holds.
+    """
+    parts, roots, begin = [], [], 0
+    for (predictor,) in model._predictors:  # type: ignore[attr-defined]
+        nodes = predictor.nodes
+        leaf = nodes["is_leaf"].astype(bool)
+        feature = np.where(leaf, -1, nodes["feature_idx"].astype(np.int64))
+        threshold = np.where(leaf, nodes["value"], nodes["num_threshold"])
+        left, right = (np.where(leaf, 0, nodes[side].astype(np.int64) + begin) for side in ("left", "right"))
+        parts.append((feature, threshold, left, right))
+        roots.append(begin)
+        begin += len(nodes)
+    feature, threshold, left, right = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Forest(
+        feature=feature.astype(np.int32),
+        threshold=threshold if double else threshold.astype(np.float32).astype(np.float64),
+        left=left.astype(np.int32),
+        right=right.astype(np.int32),
+        roots=np.array(roots, np.int32),
+        bias=float(np.ravel(model._baseline_prediction)[0]),  # type: ignore[attr-defined]
+    )
+
+
 @njit(cache=True, nogil=True)
 def _depths(leaf: NDArray[np.bool_], children: NDArray[np.int64], roots: NDArray[np.int32]) -> NDArray[np.int64]:
     """Longest way through each tree."""

@@ -9,12 +9,12 @@ another weight, and the simulated maps together weigh a quarter of what all real
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.forest import Forest
+from layoutexplore.forest import Forest, as_forest
 from layoutexplore.grid import FREE
 from layoutexplore.layout.default import DefaultConfig, find_pieces
 from layoutexplore.layout.default_turn import turn_back
@@ -201,28 +201,5 @@ def _fit(table: NDArray[np.float64], weights: NDArray[np.float64], config: Train
         random_state=seed,
     )
     model.fit(table[:, : len(FEATURES)], table[:, -2], sample_weight=weights)
-    return _as_forest(model)
-
-
-def _as_forest(model: object) -> Forest:
-    """The trees of scikit-learn's histogram boosting as plain arrays."""
-    parts, roots, begin = [], [], 0
-    for (predictor,) in model._predictors:  # type: ignore[attr-defined]
-        nodes = predictor.nodes
-        leaf = nodes["is_leaf"].astype(bool)
-        parts.append(
-            np.stack(
-                [
-                    np.where(leaf, -1.0, nodes["feature_idx"]),
-                    np.where(leaf, nodes["value"], nodes["num_threshold"]),
-                    np.where(leaf, 0, nodes["left"] + begin),
-                    np.where(leaf, 0, nodes["right"] + begin),
-                ]
-            )
-        )
-        roots.append(begin)
-        begin += len(nodes)
-    feature, threshold, left, right = np.hstack(parts)
-    ints = [v.astype(np.int32) for v in (feature, left, right)]
-    bias = float(np.ravel(model._baseline_prediction)[0])  # type: ignore[attr-defined]
-    return Forest(ints[0], threshold.round(6), ints[1], ints[2], np.array(roots, np.int32), round(bias, 6))
+    forest = as_forest(model, double=True)
+    return replace(forest, threshold=forest.threshold.round(6), bias=round(forest.bias, 6))

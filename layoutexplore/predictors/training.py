@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.forest import Forest
+from layoutexplore.forest import Forest, as_forest
 from layoutexplore.predictors import cell_features
 from layoutexplore.predictors.cell_features import add_judgement
 from layoutexplore.predictors.forest import save_forests
@@ -129,25 +129,6 @@ def _weights(building: NDArray[np.str_]) -> NDArray[np.float64]:
     _, which, counts = np.unique(building, return_inverse=True, return_counts=True)
     weights = 1.0 / np.sqrt(counts[which])
     return np.asarray(weights / weights.mean())
-
-
-def as_forest(model: object) -> Forest:
-    """The trees of scikit-learn's histogram boosting as plain arrays."""
-    parts, roots, begin = [], [], 0
-    for (predictor,) in model._predictors:  # type: ignore[attr-defined]
-        nodes = predictor.nodes
-        leaf = nodes["is_leaf"].astype(bool)
-        feature = np.where(leaf, -1, nodes["feature_idx"].astype(np.int64))
-        value = np.where(leaf, nodes["value"], nodes["num_threshold"])
-        left, right = (np.where(leaf, 0, nodes[side].astype(np.int64) + begin) for side in ("left", "right"))
-        parts.append((feature, value, left, right))
-        roots.append(begin)
-        begin += len(nodes)
-    feature, value, left, right = (np.concatenate(column) for column in zip(*parts, strict=True))
-    bias = float(np.ravel(model._baseline_prediction)[0])  # type: ignore[attr-defined]
-    ints = (a.astype(np.int32) for a in (feature, left, right))
-    first, second, third = ints
-    return Forest(first, value.astype(np.float32).astype(np.float64), second, third, np.array(roots, np.int32), bias)
 
 
 def train_models(samples: Samples, folder: Path, held_out: Mapping[str, str], config: TrainingConfig = DEFAULT_TRAINING) -> None:
