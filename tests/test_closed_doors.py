@@ -26,8 +26,8 @@ from layoutexplore.closed_doors.training import building_of, collect, find_sourc
 from layoutexplore.errors import MapError
 from layoutexplore.evaluation.closed_doors import evaluate, find_triples, read_cells, score_prediction, summarise
 from layoutexplore.floorplan import floorplan_from_ascii
+from layoutexplore.forest_io import load_forests
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.predictors.forest import load_forests
 
 WALL, WIDTH, DEPTH = 6, 80, 90  # cells
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from layoutexplore.closed_doors.doors import DOOR_FEATURES
 from layoutexplore.closed_doors.features import FEATURES
 from layoutexplore.forest import Forest
-from layoutexplore.predictors.forest import load_forests
+from layoutexplore.forest_io import load_forests
 
 DOOR_MODEL, ROOM_MODEL = (Path(__file__).with_name(name) for name in ("doors.json", "rooms.json"))
 """The shipped trees."""

@@ -29,9 +29,9 @@ from layoutexplore.closed_doors.scene import Scene, integral
 from layoutexplore.closed_doors.simulation import RESOLUTION, add_outer_doors, plan_cells, shut_rooms
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.forest import as_forest
+from layoutexplore.forest_io import save_forests
 from layoutexplore.grid import FREE
 from layoutexplore.grid_io import write_atomically
-from layoutexplore.predictors.forest import save_forests
 
 SHUT_AGAIN, PLAN_MAPS = 5, 3
 """Simulated maps of each building of a folder, and of each floor plan."""

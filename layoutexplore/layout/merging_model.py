@@ -14,55 +14,31 @@ pieces merge, and what the lines tell were chosen with these maps at hand.
 
 from __future__ import annotations
 
-import json
-from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-
-from layoutexplore.errors import ConfigError
 from layoutexplore.forest import Forest
+from layoutexplore.forest_io import load_forests, save_forests
 from layoutexplore.layout.merging import FEATURES
 
 MODEL_PATH = Path(__file__).with_name("merging_model.json")
 """The shipped model; `layoutexplore.layout.merging_training` makes it."""
 
+_NAME = "one_room"
+
 
 def save_forest(forest: Forest, path: Path, *, note: str = "") -> None:
-    """Write a forest: one list of [feature, threshold, left, right] a tree, a leaf as [-1, log-odds, 0, 0]."""
-    trees = []
-    bounds = [*forest.roots.tolist(), len(forest.feature)]
-    for begin, end in pairwise(bounds):
-        trees.append(
-            [
-                [int(forest.feature[i]), float(forest.threshold[i]), *(int(v - begin) for v in (forest.left[i], forest.right[i]))]
-                if forest.feature[i] >= 0
-                else [-1, float(forest.threshold[i]), 0, 0]
-                for i in range(begin, end)
-            ]
-        )
-    lines = ",\n".join(json.dumps(t, separators=(",", ":")) for t in trees)
-    head = json.dumps({"note": note, "features": list(FEATURES), "bias": forest.bias})
-    path.write_text(f'{head[:-1]}, "trees": [\n{lines}\n]}}\n', encoding="utf-8")
-
-
-@lru_cache(maxsize=4)
-def load_forest(path: Path = MODEL_PATH) -> Forest:
-    """Read a forest.
+    """Write a forest.
 
     Raises:
-        ConfigError: The file was made for other features.
+        MapError: The file cannot be written.
     """
-    data = json.loads(path.read_text(encoding="utf-8"))
-    if tuple(data["features"]) != FEATURES:
-        raise ConfigError(f"{path} judges other features than this version computes: train it again")
-    nodes: list[list[float]] = []
-    roots = []
-    for tree in data["trees"]:
-        base = len(nodes)
-        roots.append(base)
-        nodes.extend([f, t, left + base, right + base] for f, t, left, right in tree)
-    table = np.array(nodes, np.float64).reshape(-1, 4)
-    ints = np.ascontiguousarray(table[:, [0, 2, 3]].T).astype(np.int32)
-    return Forest(ints[0], np.ascontiguousarray(table[:, 1]), ints[1], ints[2], np.array(roots, np.int32), float(data["bias"]))
+    save_forests(path, {_NAME: forest}, FEATURES, note, double=True)
+
+
+def load_forest(path: Path = MODEL_PATH) -> Forest:
+    """Read a forest; that of an unchanged file only once.
+
+    Raises:
+        ConfigError: The file cannot be read, is damaged, or was made for other features.
+    """
+    return load_forests(path, FEATURES, (_NAME,), double=True)[_NAME]

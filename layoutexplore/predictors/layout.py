@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 
 from layoutexplore.decision import Decision
 from layoutexplore.forest import Forest
+from layoutexplore.forest_io import load_forests
 from layoutexplore.frontier_classes import FrontierClasses
 from layoutexplore.grid import UNKNOWN
 from layoutexplore.predictors import cell_features
 from layoutexplore.predictors.cell_features import Candidates, add_judgement, find_candidates
 from layoutexplore.predictors.completion import complete_regions
-from layoutexplore.predictors.forest import FOLDER, load_forests
 from layoutexplore.predictors.frontier_features import FEATURES, ProbeMemory, frontier_features, home_regions
 from layoutexplore.predictors.protocol import RoomMap, with_classes
 from layoutexplore.predictors.regions import Regions, seen_regions
@@ -45,6 +45,9 @@ correlation was best near this value (most frontiers are closed, so that a doubt
 
 COARSE, COARSE_REACH = 0.9, 6.0
 """Metres between the cells judged for probabilities in sight, and how far they are judged: a tenth of the cells."""
+
+FOLDER = Path(__file__).parent
+"""Where the shipped models lie; `layoutexplore.predictors.training` makes them."""
 
 FRONTIER_MODEL, CELL_MODEL = FOLDER / "frontier_model.json", FOLDER / "cell_model.json"
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.forest import Forest, as_forest
+from layoutexplore.forest_io import save_forests
 from layoutexplore.predictors import cell_features
 from layoutexplore.predictors.cell_features import add_judgement
-from layoutexplore.predictors.forest import save_forests
 from layoutexplore.predictors.frontier_features import FEATURES
 from layoutexplore.predictors.layout import CELL_MODEL, FRONTIER_MODEL, LEFTOVER
 from layoutexplore.predictors.samples import CellSamples, Samples

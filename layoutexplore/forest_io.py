@@ -1,4 +1,7 @@
-"""The files of trees that predictors judge by: JSON, a line a tree."""
+"""Files of trees: JSON, a line a tree.
+
+A node is [feature, threshold, left, right] with the next nodes counted from the tree's first, a leaf is [value].
+"""
 
 from __future__ import annotations
 
@@ -13,41 +16,58 @@ import numpy as np
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.forest import Forest
-
-FOLDER = Path(__file__).parent
-"""Where the shipped models lie; `layoutexplore.predictors.training` makes them."""
+from layoutexplore.grid_io import write_atomically
 
 
-def save_forests(path: Path, forests: dict[str, Forest], features: Sequence[str], note: str) -> None:
-    """Write forests that look at the same features, a line a tree."""
+def save_forests(
+    path: Path, forests: dict[str, Forest], features: Sequence[str], note: str = "", *, double: bool = False
+) -> None:
+    """Write forests that look at the same features.
+
+    Args:
+        path: The file.
+        forests: By name.
+        features: Names of the features, in their order.
+        note: What they were trained on.
+        double: Keep all digits; otherwise those of thresholds that float32 holds, and five of each value.
+
+    Raises:
+        MapError: The file cannot be written.
+    """
     data: dict[str, Any] = {"note": note, "features": list(features)}
     parts = []
     for name, forest in forests.items():
         bounds = [*forest.roots.tolist(), len(forest.feature)]
-        trees = [_tree(forest, begin, end) for begin, end in itertools.pairwise(bounds)]
+        trees = [_tree(forest, begin, end, double) for begin, end in itertools.pairwise(bounds)]
         lines = ",\n".join(json.dumps(tree, separators=(",", ":")) for tree in trees)
         parts.append(f'"{name}": {{"bias": {json.dumps(forest.bias)}, "trees": [\n{lines}\n]}}')
-    path.write_text(f'{json.dumps(data)[:-1]}, "forests": {{\n{",".join(parts)}\n}}}}\n', encoding="utf-8")
+    text = f'{json.dumps(data)[:-1]}, "forests": {{\n{",".join(parts)}\n}}}}\n'
+    write_atomically(path, text.encode())
 
 
-def _tree(forest: Forest, begin: int, end: int) -> list[list[float]]:
-    """Nodes as [feature, threshold, left, right] and leaves as [value]."""
+def _tree(forest: Forest, begin: int, end: int, double: bool) -> list[list[float]]:
+    threshold_digits, value_digits = (17, 17) if double else (9, 5)
+    feature, left, right = (column[begin:end].tolist() for column in (forest.feature, forest.left, forest.right))
     return [
-        [int(forest.feature[i]), float(f"{forest.threshold[i]:.9g}"), int(forest.left[i]) - begin, int(forest.right[i]) - begin]
-        if forest.feature[i] >= 0
-        else [float(f"{forest.threshold[i]:.5g}")]
-        for i in range(begin, end)
+        [f, float(f"{x:.{threshold_digits}g}"), a - begin, b - begin] if f >= 0 else [float(f"{x:.{value_digits}g}")]
+        for f, x, a, b in zip(feature, forest.threshold[begin:end].tolist(), left, right, strict=True)
     ]
 
 
-def load_forests(path: Path, features: tuple[str, ...], names: Sequence[str] = ()) -> dict[str, Forest]:
-    """Read forests that were trained on these features.
+def load_forests(path: Path, features: tuple[str, ...], names: Sequence[str] = (), *, double: bool = False) -> dict[str, Forest]:
+    """Read forests.
+
+    Args:
+        path: A file that `save_forests` wrote.
+        features: What the forests have to be trained on.
+        names: Forests that must be there.
+        double: As they were saved; otherwise numbers are what float32 holds, as the samples are.
 
     Raises:
         ConfigError: The file cannot be read, holds no such forests, or they were trained on other features.
     """
     try:
-        forests = _read(path, path.stat().st_mtime_ns, features)
+        forests = _read(path, path.stat().st_mtime_ns, features, double)
     except OSError as error:
         raise ConfigError(f"{path}: no model can be read here: {error.strerror or error}") from error
     missing = [name for name in names if name not in forests]
@@ -57,7 +77,7 @@ def load_forests(path: Path, features: tuple[str, ...], names: Sequence[str] = (
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, _changed: int, features: tuple[str, ...]) -> dict[str, Forest]:
+def _read(path: Path, _changed: int, features: tuple[str, ...], double: bool) -> dict[str, Forest]:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         trained_on, parts = tuple(data["features"]), dict(data["forests"])
@@ -66,12 +86,12 @@ def _read(path: Path, _changed: int, features: tuple[str, ...]) -> dict[str, For
     if trained_on != features:
         raise ConfigError(f"{path} looks at other features than this version computes: train it again")
     try:
-        return {name: _forest(part, len(features)) for name, part in parts.items()}
+        return {name: _forest(part, len(features), double) for name, part in parts.items()}
     except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
         raise ConfigError(f"{path}: damaged trees ({error})") from error
 
 
-def _forest(data: dict[str, Any], features: int) -> Forest:
+def _forest(data: dict[str, Any], features: int, double: bool) -> Forest:
     """A forest from its numbers; every way down a tree ends, and asks only for features there are."""
     nodes: list[list[float]] = []
     roots = []
@@ -85,6 +105,8 @@ def _forest(data: dict[str, Any], features: int) -> Forest:
         if base == len(nodes):
             raise ValueError(f"tree {len(roots)} is empty")
     table = np.array(nodes, np.float64).reshape(-1, 4)
+    if np.isnan(table).any():
+        raise ValueError("a number is missing")
     feature, left, right = (np.ascontiguousarray(table[:, k], np.int32) for k in (0, 2, 3))
-    threshold = table[:, 1].astype(np.float32).astype(np.float64)  # Samples are float32: compared to what they were fitted to.
+    threshold = np.ascontiguousarray(table[:, 1]) if double else table[:, 1].astype(np.float32).astype(np.float64)
     return Forest(feature, threshold, left, right, np.array(roots, np.int32), float(data["bias"]))
