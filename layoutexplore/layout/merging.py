@@ -35,6 +35,7 @@ from layoutexplore.layout.merging_graph import (
     WIDTH,
     PieceGraph,
 )
+from layoutexplore.union_find import root_of
 
 FEATURES = (
     "log_area_small", "log_area_large", "openness", "contact", "contact_share_small", "contact_share_large",
@@ -267,16 +268,6 @@ def _surest(odds: NDArray[np.float64], gone: NDArray[np.bool_]) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _roots(into: NDArray[np.int32]) -> None:
-    """Replace each piece by the one it ends up in."""
-    for k in range(len(into)):
-        root = k
-        while into[root] != root:
-            root = into[root]
-        into[k] = root
-
-
-@njit(cache=True, nogil=True)
 def _agglomerate(
     ends: NDArray[np.int32],
     tables: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
@@ -325,7 +316,8 @@ def _agglomerate(
         _unite(best, ends, tables)
         _move_contacts(a, b, ends, edges, slots, gone)
         stale_count = _stale_contacts(a, edges, slots, gone, stale)
-    _roots(into)
+    for k in range(count):
+        into[k] = root_of(into, k)
     return into, written
 
 
