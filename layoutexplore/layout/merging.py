@@ -69,7 +69,6 @@ def _features(
     b: NDArray[np.float64],
     e: NDArray[np.float64],
     resolution: float,
-    world: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
     s, t = (a, b) if _smaller(a, b) else (b, a)
@@ -122,9 +121,6 @@ def _features(
     out[38] = e[PARTED] / n
     out[39] = e[COVERED] / n
     out[40] = e[APART] / n
-    out[46] = world[0]
-    out[47] = world[1]
-    out[48] = world[2]
 
 
 @njit(cache=True, nogil=True)
@@ -170,15 +166,14 @@ def _describe(
     ends: NDArray[np.int32],
     tables: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
     resolution: float,
-    world: NDArray[np.float64],
     size: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
-    """Write the features of some contacts to the rows of `out`; the tables are those of nodes, edges and rooms."""
+    """Write the features of some contacts, but not those of the map, to `out`; the tables: nodes, edges and rooms."""
     nodes, edges, rooms = tables
     for n in range(len(pairs)):
         i, j = ends[pairs[n], 0], ends[pairs[n], 1]
-        _features(nodes[i], nodes[j], edges[pairs[n]], resolution, world, out[n])
+        _features(nodes[i], nodes[j], edges[pairs[n]], resolution, out[n])
         if _smaller(nodes[i], nodes[j]):
             _room_features(rooms[i], rooms[j], size, out[n])
         else:
@@ -291,11 +286,12 @@ def _agglomerate(
     stale_count = len(stale)
     stale = np.concatenate((stale, np.empty(count, np.int32)))
     x, judged = np.empty((len(stale), FEATURE_COUNT)), np.empty(len(stale))
-    world, size = _surroundings(nodes, resolution), rooms.sum(axis=0)
+    x[:, 46:] = _surroundings(nodes, resolution)
+    size = rooms.sum(axis=0)
     written = 0
     while True:
         fresh = stale[:stale_count]
-        _describe(fresh, ends, tables, resolution, world, size, x)
+        _describe(fresh, ends, tables, resolution, size, x)
         log_odds(x, forest, judged[:stale_count])
         for n in range(stale_count):
             odds[fresh[n]] = judged[n]
