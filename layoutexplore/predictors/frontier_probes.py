@@ -90,6 +90,40 @@ def cast_rays(code: NDArray[np.uint8], frame: NDArray[np.float64], reach: int, o
 
 
 @njit(cache=True, nogil=True)
+def _start_flood(
+    code: NDArray[np.uint8],
+    barrier: int,
+    members: NDArray[np.int32],
+    stamp: NDArray[np.int32],
+    mark: int,
+    queue: NDArray[np.int32],
+) -> tuple[int, int]:
+    """How many unknown cells lie beside a frontier, and how many of them no barrier takes; these are queued."""
+    cols = code.shape[1]
+    flat = code.ravel()
+    started = queued = 0
+    for n in range(len(members)):
+        i = members[n, 0] * cols + members[n, 1]
+        for step in (cols, -cols, 1, -1):
+            k = i + step
+            if flat[k] & UNKNOWN_BIT and stamp[k] != mark:
+                stamp[k] = mark
+                started += 1
+                if not flat[k] & barrier:
+                    queue[queued] = k
+                    queued += 1
+    return started, queued
+
+
+@njit(cache=True, nogil=True)
+def _thin_out(touched: NDArray[np.int32]) -> None:
+    """Keep every other cell."""
+    for j in range(TOUCHED // 2):
+        touched[j] = touched[2 * j]
+    touched[TOUCHED // 2 :] = -1
+
+
+@njit(cache=True, nogil=True)
 def flood_unknown(
     code: NDArray[np.uint8],
     barrier: int,
@@ -110,21 +144,11 @@ def flood_unknown(
     """
     cols = code.shape[1]
     flat = code.ravel()
-    first = last = started = stopped = walls = free = barred = 0
+    started, last = _start_flood(code, barrier, members, stamp, mark, queue)
+    stopped = started - last
+    first = walls = free = barred = 0
     touched[:] = -1
     stride, kept = 1, 0
-    for n in range(len(members)):
-        i = members[n, 0] * cols + members[n, 1]
-        for step in (cols, -cols, 1, -1):
-            k = i + step
-            if flat[k] & UNKNOWN_BIT and stamp[k] != mark:
-                stamp[k] = mark
-                started += 1
-                if flat[k] & barrier:
-                    stopped += 1
-                else:
-                    queue[last] = k
-                    last += 1
     depth = 1
     for d in range(len(depths)):
         while depth < depths[d] and first < last:
@@ -150,9 +174,7 @@ def flood_unknown(
                     else:
                         if free % stride == 0:
                             if kept == TOUCHED:
-                                for j in range(TOUCHED // 2):
-                                    touched[j] = touched[2 * j]
-                                touched[TOUCHED // 2 :] = -1
+                                _thin_out(touched)
                                 kept, stride = TOUCHED // 2, 2 * stride
                             if free % stride == 0:
                                 touched[kept] = k
