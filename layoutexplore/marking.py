@@ -150,24 +150,50 @@ def cast_and_mark(
     tally = _new_tally(cells)
     if not (0.0 <= x < cols and 0.0 <= y < rows):
         return _changes(tally)
-    world, grid = clearance.ravel(), cells.ravel()
-    world_cols, size = cols + 2, np.uint64(cells.size)
-    start = np.uint64(int(y) * cols + int(x))
-    true_start = np.uint64((int(y) + 1) * world_cols + int(x) + 1)
-    if world[true_start] == 0:
+    true_start = np.uint64((int(y) + 1) * (cols + 2) + int(x) + 1)
+    open_cells = int(clearance[int(y) + 1, int(x) + 1])
+    if open_cells == 0:
         _hit(cells, true_start, tally)
         return _changes(tally)
     _free_stretch(cells, int(y), int(x), int(x) + 1, tally)
-    reach = min(int(np.int64(world[true_start])) - 1, dense, int((range_max - 2.0) / math.sqrt(2.0)))
+    reach = min(open_cells - 1, dense, int((range_max - 2.0) / math.sqrt(2.0)))
     # From a point on the border of a cell a ray may touch cells that lie beside the half plane.
     on_border = x == math.floor(x) or y == math.floor(y)
     if reach >= 2 and not (half and on_border):
         _free_square(cells, x, y, reach, half, ahead_x, ahead_y, tally)
     else:
         reach = 0
+    _cast_rays(clearance, cells, (x, y, cos, sin), (unit_x, unit_y), range_max, reach, half, tally)
+    return _changes(tally)
+
+
+@njit(cache=True, nogil=True)
+def _count_free(tally: NDArray[np.int64], count: int, first: int, last: int, cols: int) -> None:
+    """Count cells of a ray that became free, the first and the last of which are given by their index."""
+    tally[_NEW] += count
+    tally[_FREE_CHANGE] += count
+    _enclose(tally, first // cols, first % cols)
+    _enclose(tally, last // cols, last % cols)
+
+
+@njit(cache=True, nogil=True)
+def _cast_rays(
+    clearance: NDArray[np.uint8],
+    cells: NDArray[np.int8],
+    pose: tuple[float, float, float, float],
+    beams: tuple[NDArray[np.float64], NDArray[np.float64]],
+    range_max: float,
+    reach: int,
+    half: bool,
+    tally: NDArray[np.int64],
+) -> None:
+    """Cast the rays from `reach` cells on (those along the edge of the half plane from 0 on); pose is (x, y, cos, sin)."""
+    (x, y, cos, sin), (unit_x, unit_y) = pose, beams
+    world, grid = clearance.ravel(), cells.ravel()
+    cols, world_cols, size = cells.shape[1], clearance.shape[1], np.uint64(cells.size)
+    start, true_start = np.uint64(int(y) * cols + int(x)), np.uint64((int(y) + 1) * world_cols + int(x) + 1)
     for i in range(unit_x.size):
-        dx = unit_x[i] * cos - unit_y[i] * sin
-        dy = unit_x[i] * sin + unit_y[i] * cos
+        dx, dy = unit_x[i] * cos - unit_y[i] * sin, unit_x[i] * sin + unit_y[i] * cos
         along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
         step_along, step_across = steps(dx, dy, x_leads, cols)
         true_along, true_across = steps(dx, dy, x_leads, world_cols)
@@ -181,8 +207,7 @@ def cast_and_mark(
             # On to the next border along: the cell across, which may be the same, and the one behind that border.
             k += 1
             n = int(across + slope * (k - along))
-            turn = np.uint64(n - j)
-            j = n
+            j, turn = n, np.uint64(n - j)
             beside, true_beside = index + turn * step_across, true_index + turn * true_across
             index, true_index = beside + step_along, true_beside + true_along
             if (world[true_beside] == 0) | (world[true_index] == 0):
@@ -200,24 +225,18 @@ def cast_and_mark(
                 if grid[index] < 0:
                     grid[index] = 0
                     fresh, first, last = fresh + 1, (index if fresh == 0 else first), index
-        if not is_hit:
-            # The range ends before the next border along, but perhaps behind one across.
-            n = int(across + slope * (k + 1 - along))
-            if n != j and (n - across) * per_across <= range_max:
-                index += step_across
-                true_index += true_across
-                is_hit = world[true_index] == 0
-                if not is_hit and grid[index] < 0:
-                    grid[index] = 0
-                    fresh, first, last = fresh + 1, (index if fresh == 0 else first), index
+        # The range may end before the next border along, but behind one across.
+        n = int(across + slope * (k + 1 - along))
+        if not is_hit and n != j and (n - across) * per_across <= range_max:
+            index, true_index = index + step_across, true_index + true_across
+            is_hit = world[true_index] == 0
+            if not is_hit and grid[index] < 0:
+                grid[index] = 0
+                fresh, first, last = fresh + 1, (index if fresh == 0 else first), index
         if is_hit and (index >= size or grid[index] != 100):
             _hit(cells, true_index, tally)
         if fresh > 0:
-            tally[_NEW] += fresh
-            tally[_FREE_CHANGE] += fresh
-            _enclose(tally, np.int64(first) // cols, np.int64(first) % cols)
-            _enclose(tally, np.int64(last) // cols, np.int64(last) % cols)
-    return _changes(tally)
+            _count_free(tally, fresh, int(np.int64(first)), int(np.int64(last)), cols)
 
 
 @njit(cache=True, nogil=True)
