@@ -79,9 +79,6 @@ def benchmark(
     from rich.console import Console
 
     from layoutexplore.benchmark.config import BenchmarkConfig, read_config
-    from layoutexplore.benchmark.pool import usable_cores
-    from layoutexplore.benchmark.runner import Progress, run_benchmark
-    from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.errors import require
 
     for module in ("pandas", "pyarrow", "jinja2"):
@@ -91,27 +88,7 @@ def benchmark(
     options = read_config(config) if config else {}
     settings = BenchmarkConfig(**options | {name: value for name, value in given.items() if value is not None})
     console = Console(highlight=False)
-    try:
-        with ProgressLine(console, "runs") as line:
-
-            def advance(progress: Progress) -> None:
-                row = progress.row
-                line.advance(progress.done, progress.total, progress.work_done, f"{row.plan} {row.sensor} {row.agent}")
-
-            outcome = run_benchmark(
-                settings,
-                out,
-                jobs=usable_cores() if jobs is None else jobs,
-                cluster=cluster,
-                force=force,
-                extend=extend,
-                command=_command_line(),
-                report=line.say,
-                on_progress=advance,
-            )
-    except KeyboardInterrupt:
-        console.print(f"\nStopped. What is finished is in {out}: the same command continues.", soft_wrap=True)
-        raise typer.Exit(130) from None
+    outcome = _run(console, settings, out, jobs=jobs, cluster=cluster, force=force, extend=extend)
     _write_and_show(console, outcome, settings)
     if outcome.failed:
         raise typer.Exit(1)
@@ -133,6 +110,37 @@ def report(
     console = Console(highlight=False)
     for path in write_report(ResultsFolder(folder), baseline=baseline):
         console.print(f"wrote {path}", soft_wrap=True)
+
+
+def _run(
+    console: Console, settings: BenchmarkConfig, out: Path, *, jobs: int | None, cluster: str, force: bool, extend: bool
+) -> Outcome:
+    """Run what is missing, with a line that says how far it is."""
+    from layoutexplore.benchmark.pool import usable_cores
+    from layoutexplore.benchmark.runner import Progress, run_benchmark
+    from layoutexplore.cli.progress import ProgressLine
+
+    try:
+        with ProgressLine(console, "runs") as line:
+
+            def advance(progress: Progress) -> None:
+                row = progress.row
+                line.advance(progress.done, progress.total, progress.work_done, f"{row.plan} {row.sensor} {row.agent}")
+
+            return run_benchmark(
+                settings,
+                out,
+                jobs=usable_cores() if jobs is None else jobs,
+                cluster=cluster,
+                force=force,
+                extend=extend,
+                command=_command_line(),
+                report=line.say,
+                on_progress=advance,
+            )
+    except KeyboardInterrupt:
+        console.print(f"\nStopped. What is finished is in {out}: the same command continues.", soft_wrap=True)
+        raise typer.Exit(130) from None
 
 
 def _command_line() -> str:

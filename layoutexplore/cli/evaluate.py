@@ -16,6 +16,9 @@ from layoutexplore.cli.partial_rooms import partial_rooms
 from layoutexplore.cli.train_predictor import train_predictor
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from layoutexplore.evaluation.segmentation import Case, MapScore
 
 group = typer.Typer(name="evaluate", help="Score the layout methods against ground truth.", no_args_is_help=True)
@@ -101,6 +104,22 @@ def segmentation(
     _print_summary(summarise(rows))
     if seeds > 1:
         _print_spread(seed_spread(rows))
+    _write_results(collected, json_file, out, protocol=protocol, resolution=resolution, folds=folds)
+
+
+def _write_results(
+    results: Sequence[tuple[Case, MapScore, NDArray[np.int32]]],
+    json_file: Path | None,
+    out: Path | None,
+    *,
+    protocol: str,
+    resolution: float,
+    folds: int,
+) -> None:
+    """Write every number and the report where they are wanted."""
+    from layoutexplore.evaluation.segmentation import seed_spread, summarise
+
+    rows = [row for _, row, _ in results]
     if json_file is not None:
         numbers = {"protocol": protocol, "resolution": resolution, "folds": folds, "maps": [asdict(r) for r in rows]}
         _write_json(json_file, numbers | {"summary": summarise(rows), "seeds": seed_spread(rows)})
@@ -108,7 +127,7 @@ def segmentation(
         from layoutexplore.evaluation.segmentation_report import write_report
 
         title = "Room segmentation" + (f", {folds} folds of buildings" if folds else "")
-        for path in write_report(out, collected, title=title, protocol=protocol, resolution=resolution):
+        for path in write_report(out, results, title=title, protocol=protocol, resolution=resolution):
             typer.echo(f"written: {path}")
 
 
