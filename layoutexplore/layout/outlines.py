@@ -8,6 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grid import FREE, UNKNOWN, OccupancyGrid
+from layoutexplore.layout.rooms import renumber
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.layout.types import Details, Layout, LayoutRoom
@@ -194,28 +195,7 @@ def to_world(polygons: list[shapely.Polygon], grid: OccupancyGrid) -> list[shape
 
 def number_rooms(labels: NDArray[np.int32]) -> NDArray[np.int32]:
     """Renumber labels 1, 2, ... in the order of their first cell in raster order."""
-    return _number(np.ascontiguousarray(labels, np.int32))
-
-
-@njit("int32[:,::1](int32[:,::1])", cache=True, nogil=True)
-def _number(labels: NDArray[np.int32]) -> NDArray[np.int32]:
-    rows, cols = labels.shape
-    top = 0
-    for r in range(rows):
-        for c in range(cols):
-            top = max(top, labels[r, c])
-    table = np.zeros(top + 1, np.int32)
-    out = np.zeros((rows, cols), np.int32)
-    count = 0
-    for r in range(rows):
-        for c in range(cols):
-            label = labels[r, c]
-            if label > 0:
-                if table[label] == 0:
-                    count += 1
-                    table[label] = count
-                out[r, c] = table[label]
-    return out
+    return renumber(np.asarray(labels, np.int32).ravel(), 1).reshape(labels.shape)
 
 
 def rooms_of_labels(

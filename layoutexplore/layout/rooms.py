@@ -8,6 +8,7 @@ is computed here.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import njit
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 from layoutexplore.layout.faces import Arrangement
 from layoutexplore.layout.walls import sums
 from layoutexplore.union_find import components
+
+Number = TypeVar("Number", np.int32, np.int64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,21 +93,21 @@ def cluster_faces(graph: FaceGraph, inside: NDArray[np.bool_], sigma: float, aff
     return renumber(np.where(inside, room, -1))
 
 
-def renumber(group: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The same grouping numbered 0, 1, ... by first appearance; negative members stay -1."""
-    return np.asarray(_renumber(np.ascontiguousarray(group, np.int64)))
+def renumber(group: NDArray[Number], first: int = 0) -> NDArray[Number]:
+    """The same grouping (n,) numbered `first`, `first` + 1, ... by first appearance; smaller members become `first` - 1."""
+    return np.asarray(_renumber(np.ascontiguousarray(group), first))
 
 
 @njit(cache=True, nogil=True)
-def _renumber(group: NDArray[np.int64]) -> NDArray[np.int64]:
-    out = np.full(len(group), -1, np.int64)
-    number = np.full(group.max() + 1 if len(group) else 0, -1, np.int64)
-    count = 0
+def _renumber(group: NDArray[Any], first: int) -> NDArray[Any]:
+    out = np.full_like(group, first - 1)
+    number = np.full(group.max() + 1 if len(group) else 0, first - 1, group.dtype)
+    fresh = first
     for k in range(len(group)):
-        if group[k] >= 0:
-            if number[group[k]] < 0:
-                number[group[k]] = count
-                count += 1
+        if group[k] >= first:
+            if number[group[k]] < first:
+                number[group[k]] = fresh
+                fresh += 1
             out[k] = number[group[k]]
     return out
 
