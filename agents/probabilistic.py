@@ -25,8 +25,8 @@ from layoutexplore.agents.greedy import GreedyOptions, best_index, visible_areas
 from layoutexplore.decision import Choice, Decision, Frontier
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.frontier_tour import sizeable_frontiers
-from layoutexplore.frontiers import ray_table
 from layoutexplore.grid import FREE, OCCUPIED
+from layoutexplore.open_view import ray_table
 
 RAYS = 120
 

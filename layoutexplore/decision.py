@@ -20,6 +20,7 @@ from layoutexplore.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.lidar import LidarConfig
 from layoutexplore.path_table import PathTable
 from layoutexplore.planning import distance_matrix, distances_between
+from layoutexplore.reach import DistanceField
 
 STOP = -1
 """The choice that ends an exploration."""
@@ -71,7 +72,8 @@ class Decision:
         grid: What the robot knows.
         pose: Where the robot believes it is.
         frontiers: Reachable frontiers, nearest first by path length.
-        distances: float32 (rows, cols), geodesic distance from the robot in metres, inf where it cannot go.
+        field: Geodesic distances from the robot: float32 (rows, cols) in metres, inf where it cannot go, or the search that knows
+            them; see `distances`.
         distance: Metres travelled so far.
         sensor: The lidar's configuration.
         robot_radius: In metres.
@@ -85,7 +87,7 @@ class Decision:
     grid: OccupancyGrid
     pose: Pose
     frontiers: tuple[Frontier, ...]
-    distances: NDArray[np.float32]
+    field: NDArray[np.float32] | DistanceField
     distance: float
     sensor: LidarConfig
     robot_radius: float
@@ -93,6 +95,15 @@ class Decision:
     track: Sequence[Pose] = ()
     paths: PathTable | None = None
     goal: tuple[float, float] | None = None
+
+    @cached_property
+    def distances(self) -> NDArray[np.float32]:
+        """float32 (rows, cols): geodesic distance from the robot in metres, inf where it cannot go.
+
+        Raises:
+            ConfigError: It was not asked for before the next step.
+        """
+        return self.field.metres() if isinstance(self.field, DistanceField) else self.field
 
     @cached_property
     def traversable(self) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""Frontiers: where what is known to be free borders the unknown (Yamauchi, 1997), and how much could be seen from there.
+"""Frontiers: where what is known to be free borders the unknown (Yamauchi, 1997).
 
 A frontier cell is a free cell (value 0) with an unknown cell (-1) to its left, right, above or below. Frontier cells that
 touch, corners included, are one cluster. Clusters come in raster order of their first cells, their cells in raster order.
@@ -6,17 +6,13 @@ touch, corners included, are one cluster. Clusters come in raster order of their
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.grid import OCCUPIED, check_resolution
-from layoutexplore.lidar import trace
+from layoutexplore.errors import MapError
 from layoutexplore.union_find import root_of
 
 
@@ -51,7 +47,7 @@ def find_frontiers(cells: NDArray[np.int8]) -> FrontierClusters:
         >>> len(clusters), clusters.cluster(1).tolist()
         (2, [[2, 1]])
     """
-    cells = _checked(cells)
+    cells = check_grid(cells)
     flat = _scan(cells, 0, cells.shape[0], 0, cells.shape[1])
     return FrontierClusters(*_cluster(flat, cells.shape[1]))
 
@@ -84,7 +80,7 @@ class FrontierDetector:
         Raises:
             MapError: The grid has another shape than the detector.
         """
-        cells = _checked(cells)
+        cells = check_grid(cells)
         if cells.shape != self.shape:
             raise MapError(f"this detector follows a grid of shape {self.shape}, got {cells.shape}")
         row0, row1, col0, col1 = box
@@ -98,88 +94,11 @@ class FrontierDetector:
         return FrontierClusters(*_cluster(self._flat, self.shape[1]))
 
 
-def visible_unknown_area(
-    cells: NDArray[np.int8], viewpoints: NDArray[np.int32], resolution: float, range_max: float, rays: int = 120
-) -> NDArray[np.float64]:
-    """Unknown area that rays from viewpoints would cross, through unknown and free cells alike.
-
-    Equally spaced rays leave the viewpoint's centre and end at an occupied cell, at the range or at the edge of the
-    grid. A stretch of unknown cells from distance a to b on a ray stands for the piece of ring that the ray's share of
-    the full turn cuts out there: (b^2 - a^2) * pi / rays.
-
-    Args:
-        cells: int8 (rows, cols).
-        viewpoints: int32 (n, 2) as (row, col), inside the grid.
-        resolution: Side of a cell in metres.
-        range_max: How far to look, in metres.
-        rays: Number of rays.
-
-    Returns:
-        float64 (n,) in square metres.
-
-    Raises:
-        ConfigError: A viewpoint lies outside of the grid, or range or rays are not above 0.
-
-    Example:
-        >>> cells = np.full((101, 101), -1, np.int8)
-        >>> area = visible_unknown_area(cells, np.array([[50, 50]], np.int32), 0.1, 3.0)
-        >>> area.round(1).tolist()  # pi * 3.0 ** 2
-        [28.3]
-    """
-    cells = _checked(cells)
-    check_resolution(resolution)
-    if not (math.isfinite(range_max) and range_max > 0 and rays >= 1):
-        raise ConfigError(f"range_max and rays must be above 0, got {range_max} and {rays}")
-    points = np.ascontiguousarray(np.asarray(viewpoints).reshape(-1, 2), np.int32)
-    if points.size and ((points < 0).any() or (points >= cells.shape).any()):
-        raise ConfigError(f"a viewpoint lies outside of the grid of shape {cells.shape}")
-    reach = range_max / resolution
-    rows, cols, entered, starts = ray_table(int(rays), reach)
-    # A border of occupied cells as wide as the rays are long keeps them inside, so that no cell needs a test for it.
-    border = math.ceil(reach) + 1
-    padded = np.full((cells.shape[0] + 2 * border, cells.shape[1] + 2 * border), OCCUPIED, np.int8)
-    padded[border:-border, border:-border] = cells
-    here = (points[:, 0].astype(np.int64) + border) * padded.shape[1] + points[:, 1] + border
-    area = np.empty(len(points), np.float64)
-    _unknown_area(padded.ravel(), here, rows * padded.shape[1] + cols, entered, starts, reach * reach, area)
-    return area * (math.pi / rays * resolution**2)
-
-
-def _checked(cells: NDArray[np.int8]) -> NDArray[np.int8]:
+def check_grid(cells: NDArray[np.int8]) -> NDArray[np.int8]:
+    """The cells int8 (rows, cols), C-contiguous; raises `MapError` where they are anything else."""
     if cells.ndim != 2 or cells.dtype != np.int8:
         raise MapError(f"frontiers need int8 cells in two dimensions, got {cells.dtype} {cells.shape}")
     return np.ascontiguousarray(cells)
-
-
-@lru_cache(maxsize=8)
-def ray_table(rays: int, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
-    """The cells that rays from a cell's centre cross, ray after ray; the same from every viewpoint, so kept.
-
-    Returns:
-        Row and column offsets int64 (n,), squared distance at which the ray enters the cell float64 (n,), all in cells,
-        and starts int64 (rays + 1,): ray i has the entries from `starts[i]` to `starts[i + 1]`.
-    """
-    rows, cols, entered, starts = [], [], [], [0]
-    for ray in range(rays):
-        # Half a step off the axes: a ray along the row of a cell's centre would stand for its whole share of the turn.
-        angle = (ray + 0.5) * (2 * math.pi / rays)
-        dx, dy = math.cos(angle), math.sin(angle)
-        along, across, slope, per_along, per_across, x_leads = trace(0.5, 0.5, dx, dy)
-        crossed, j = [(0, 0, 0.0)], 0
-        for k in range(1, math.ceil(reach) + 2):
-            n = int(across + slope * (k - along))
-            if n != j:
-                crossed.append((k - 1, n, (n - across) * per_across))
-            crossed.append((k, n, (k - along) * per_along))
-            j = n
-        step_x, step_y = (1 if dx >= 0 else -1), (1 if dy >= 0 else -1)
-        for k, n, at in crossed:
-            if at < reach:
-                rows.append(step_y * (n if x_leads else k))
-                cols.append(step_x * (k if x_leads else n))
-                entered.append(at * at)
-        starts.append(len(rows))
-    return np.array(rows), np.array(cols), np.array(entered), np.array(starts)
 
 
 @njit(cache=True, nogil=True)
@@ -300,33 +219,3 @@ def _cluster(flat: NDArray[np.int64], cols: int) -> tuple[NDArray[np.int32], NDA
         cells[k, 0], cells[k, 1] = row[i], col[i]
         place[label[i]] += 1
     return cells, offsets
-
-
-@njit(cache=True, nogil=True)
-def _unknown_area(
-    cells: NDArray[np.int8],
-    viewpoints: NDArray[np.int64],
-    offsets: NDArray[np.int64],
-    entered: NDArray[np.float64],
-    starts: NDArray[np.int64],
-    end: float,
-    area: NDArray[np.float64],
-) -> None:
-    """Sum over the rays of b^2 - a^2 for each unknown stretch from a to b, in cells; `end` is the squared range."""
-    for k in range(viewpoints.size):
-        total = 0.0
-        for ray in range(starts.size - 1):
-            unknown = False
-            for n in range(starts[ray], starts[ray + 1]):
-                value = cells[np.uint64(viewpoints[k] + offsets[n])]
-                if value == 100:
-                    if unknown:
-                        total += entered[n]
-                    unknown = False
-                    break
-                if (value == -1) != unknown:
-                    unknown = not unknown
-                    total += -entered[n] if unknown else entered[n]
-            if unknown:
-                total += end
-        area[k] = total

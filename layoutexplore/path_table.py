@@ -87,7 +87,6 @@ class PathTable:
     def _search(self, world: NDArray[np.bool_], places: NDArray[np.int64], units: NDArray[np.int64]) -> None:
         """Fill the unknown entries of units int64 (n, n) in place."""
         space = workspace(world)
-        space.origin = 0
         flat = flat_indices(places, space)
         doors, steps = entrances(flat, space)
         first = -1

@@ -16,9 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.grid import Cell, check_resolution
-from layoutexplore.wavefront import DIAGONAL, FAR, STRAIGHT, Workspace, to_metres, workspace
-
-_NOWHERE = np.empty(0, np.int64)
+from layoutexplore.wavefront import DIAGONAL, FAR, STRAIGHT, Search, Workspace, to_metres, workspace
 
 
 def inflate(occupied: NDArray[np.bool_], radius: float, resolution: float) -> NDArray[np.bool_]:
@@ -83,7 +81,7 @@ def geodesic_distances(
     space = workspace(world)
     settled = space.spread(flat_indices(start, space)[0], flat_indices(stops, space))
     lengths = np.empty(world.shape, np.float32)
-    to_metres(space.distance, resolution / STRAIGHT, settled, lengths)
+    to_metres(space.distance, float(space.origin), resolution / STRAIGHT, settled, lengths)
     return lengths
 
 
@@ -106,7 +104,7 @@ def descend(distances: NDArray[np.float32], traversable: NDArray[np.bool_], targ
     goal = check_cells(np.array([target]), world.shape)[0]
     if not np.isfinite(distances[goal[0], goal[1]]):
         raise ConfigError(f"cell ({goal[0]}, {goal[1]}) cannot be reached: its distance is infinite")
-    path = _walk_down(np.ascontiguousarray(distances, np.float32), _padded(world), goal[0], goal[1])
+    path = walk_down(np.ascontiguousarray(distances, np.float32), 0, 0.0, 1.0, np.inf, _padded(world), goal[0], goal[1])
     if path.size == 0:
         raise ConfigError("the distance field does not lead to a source: was it computed on another grid?")
     return path
@@ -133,7 +131,6 @@ def distances_between(
     check_resolution(resolution)
     start, places = check_cells(np.array([source]), world.shape), check_cells(cells, world.shape)
     space = workspace(world)
-    space.origin = 0
     units = space.spread_again(int(flat_indices(start, space)[0]), flat_indices(places, space))
     return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
@@ -180,7 +177,7 @@ def distance_matrix(traversable: NDArray[np.bool_], cells: NDArray[np.int32], re
         flat = flat_indices(places, space)
         doors, lengths = entrances(flat, space)
         waiting = np.arange(n)
-        source, space.origin = 0, 0
+        source = 0
         while len(waiting) > 1:
             waiting = waiting[waiting != source]
             ahead = doors[waiting]
@@ -223,7 +220,7 @@ def _trimmed(kernel: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return kernel[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1].astype(np.uint8)
 
 
-def flat_indices(places: NDArray[np.int64], space: Workspace) -> NDArray[np.int64]:
+def flat_indices(places: NDArray[np.int64], space: Search) -> NDArray[np.int64]:
     """Padded flat indices (n,) of cells (n, 2)."""
     return (places[:, 0] + 1) * space.cols + places[:, 1] + 1
 
@@ -249,11 +246,33 @@ def entrances(flat: NDArray[np.int64], space: Workspace) -> tuple[NDArray[np.int
 
 
 @njit(cache=True, nogil=True)
-def _walk_down(distances: NDArray[np.float32], world: NDArray[np.uint8], row: int, col: int) -> NDArray[np.int32]:
-    """Cells (k, 2) from the source to (row, col); empty when the field has no way down."""
-    rows, cols = distances.shape
+def walk_down(
+    lengths: NDArray[np.generic],
+    border: int,
+    origin: float,
+    scale: float,
+    farthest: float,
+    world: NDArray[np.uint8],
+    row: int,
+    col: int,
+) -> NDArray[np.int32]:
+    """Cells (k, 2) from the source to (row, col), which has a length; empty when the field has no way down.
+
+    Args:
+        lengths: float32 (rows, cols) or int32 (rows + 2, cols + 2); minus the origin, times the scale and rounded to float32 it
+            is metres.
+        border: Of `lengths`, 0 or 1.
+        origin: See `lengths`.
+        scale: See `lengths`.
+        farthest: What lies above is not reached.
+        world: uint8 (rows + 2, cols + 2), 1 where traversable.
+        row: Of the target; likewise `col`.
+        col: See `row`.
+    """
+    rows, cols = world.shape[0] - 2, world.shape[1] - 2
     found = np.empty((rows + cols, 2), np.int32)
     count = 0
+    here = np.float32((np.float64(lengths[row + border, col + border]) - origin) * scale)
     while True:
         if count == found.shape[0]:
             larger = np.empty((2 * count, 2), np.int32)
@@ -261,25 +280,26 @@ def _walk_down(distances: NDArray[np.float32], world: NDArray[np.uint8], row: in
             found = larger
         found[count, 0], found[count, 1] = row, col
         count += 1
-        here = distances[row, col]
         if here == 0.0:
             return found[:count][::-1].copy()
-        best_row, best_col, best = -1, -1, np.inf
-        unit = np.inf
+        best_row, best_col, best, steepest = -1, -1, here, 0.0
         for k in range(8):
             d_row, d_col = _STEPS[k]
             r, c = row + d_row, col + d_col
-            if not (0 <= r < rows and 0 <= c < cols) or distances[r, c] >= here:
+            if not (0 <= r < rows and 0 <= c < cols) or lengths[r + border, c + border] > farthest:
+                continue
+            there = np.float32((np.float64(lengths[r + border, c + border]) - origin) * scale)
+            if there >= here:
                 continue
             if k >= 4 and not (world[row + 1, c + 1] and world[r + 1, col + 1]):
                 continue
             # Down the steepest slope: the neighbour before this cell on a shortest path loses a whole move's length.
-            slope = (here - distances[r, c]) / (1.0 if k < 4 else math.sqrt(2.0))
-            if best == np.inf or slope > unit:
-                best_row, best_col, best, unit = r, c, distances[r, c], slope
+            slope = float(here - there) / (1.0 if k < 4 else math.sqrt(2.0))
+            if slope > steepest:
+                best_row, best_col, best, steepest = r, c, there, slope
         if best_row < 0:
             return found[:0].copy()
-        row, col = best_row, best_col
+        row, col, here = best_row, best_col, best
 
 
 _STEPS = ((1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (1, 1), (-1, -1), (-1, 1))

@@ -23,14 +23,15 @@ from layoutexplore.decision import STOP, Choice, Decision, Frontier, Path, Predi
 from layoutexplore.errors import ConfigError
 from layoutexplore.floorplan import FloorPlan
 from layoutexplore.frontiers import FrontierDetector
-from layoutexplore.grid import OCCUPIED, Cell, Pose
+from layoutexplore.grid import Cell, Pose
 from layoutexplore.mapping import Mapper, ScanUpdate
 from layoutexplore.path_table import PathTable
 from layoutexplore.plan_raster import shared_lidar
-from layoutexplore.planning import check_path, descend, geodesic_distances, inflate
+from layoutexplore.planning import check_path
+from layoutexplore.reach import Ground
 from layoutexplore.robot import PERFECT_ODOMETRY, Robot, check_start, disc_offsets, draw_start, path_is_blocked
 from layoutexplore.simulation_config import SimulationConfig
-from layoutexplore.viewpoints import facing, list_frontiers, looked_at, remaining_share
+from layoutexplore.viewpoints import Outlook, facing, looked_at, remaining_share
 
 __all__ = ["Motion", "Simulation", "SimulationConfig"]
 
@@ -121,8 +122,8 @@ class Simulation:
         self._detector = FrontierDetector(shape)
         self._changed = (0, 0, 0, 0)
         self._coverage = Coverage(self.truth.target)
-        self._bumped: list[Cell] = []
-        self._exhausted = np.zeros(shape, np.bool_)
+        self._outlook = Outlook(shape, self.config)
+        self._ground = Ground(shape, radius, resolution)
         self._paths = PathTable()
         self._curve: list[tuple[float, float, float]] = []
         self.stop_reason = ""
@@ -172,7 +173,7 @@ class Simulation:
             self._begin_step()
             frontier = decision.frontiers[choice]
             self._goal = frontier.centroid
-            if self._walk(descend(decision.distances, decision.traversable, frontier.viewpoint), frontier):
+            if self._walk(self._distances.path_to(frontier.viewpoint), frontier):
                 self._look(frontier)
         return self._next()
 
@@ -264,29 +265,22 @@ class Simulation:
     def _finish(self, reason: str) -> None:
         self.stop_reason = self.stop_reason or reason
 
-    def _traversable(self) -> NDArray[np.bool_]:
-        grid = self.mapper.grid
-        traversable = grid.free & ~inflate(grid.cells == OCCUPIED, self.config.robot_radius, grid.resolution)
-        for cell in self._bumped:
-            traversable[cell] = False
-        return traversable
-
     def _here(self) -> Cell:
         """The robot's cell; with odometry noise it may believe to be outside of its grid: then the nearest cell."""
         return self.mapper.grid.nearest_cell(self.robot.believed.x, self.robot.believed.y)
 
     def _decide(self) -> Decision:
         grid = self.mapper.grid
-        traversable = self._traversable()
-        distances = geodesic_distances(traversable, self._here(), grid.resolution)
+        self._distances = self._ground.distances(grid.cells, self._here())
         clusters = self._detector.update(grid.cells, self._changed)
+        frontiers = self._outlook.frontiers(grid, self.robot.believed, self._distances, clusters, self._changed)
         self._changed = (0, 0, 0, 0)
         decision = Decision(
             step=self.decisions,
             grid=grid,
             pose=self.robot.believed,
-            frontiers=list_frontiers(grid, self.robot.believed, distances, clusters, self._exhausted, self.config),
-            distances=distances,
+            frontiers=frontiers,
+            field=self._distances,
             distance=self.distance,
             sensor=self.config.lidar,
             robot_radius=self.config.robot_radius,
@@ -326,12 +320,10 @@ class Simulation:
 
     def _replanned(self, goal: Cell) -> Path:
         """A new path to the goal on what is known now; empty when there is none."""
-        traversable = self._traversable()
-        stop = np.array([goal], np.int32)
-        distances = geodesic_distances(traversable, self._here(), self.raster.resolution, stop_at=stop)
-        if not np.isfinite(distances[goal]):
+        distances = self._ground.distances(self.mapper.grid.cells, self._here(), stop_at=np.array([goal], np.int32))
+        if not np.isfinite(distances.to_cells(np.array([goal]))).all():
             return np.empty((0, 2), np.int32)
-        return descend(distances, traversable, goal)
+        return distances.path_to(goal)
 
     def _look(self, frontier: Frontier) -> None:
         """Face the frontier and scan, turn fully if it is still there, and do not offer again what even that leaves."""
@@ -341,7 +333,7 @@ class Simulation:
         if not self.done and remaining_share(cells, frontier.cells) >= self.config.gone_share:
             self._scan(full_turn=True)
         rest = looked_at(cells, frontier.cells, frontier.viewpoint, self.raster.resolution)
-        self._exhausted[rest[:, 0], rest[:, 1]] = True
+        self._outlook.exhaust(rest)
 
     def _step_along(self, path: Path, k: int, pause: float) -> int:
         """Go on from cell k of a path, for `pause` metres if nothing happens: the next cell's number, -1 if the walk is over."""
@@ -359,7 +351,7 @@ class Simulation:
         here = self.robot.believed
         _, collided = self._translate(x - here.x, y - here.y)
         if collided:
-            self._bumped.append(cell)
+            self._ground.shut(cell)
             self._scan()
         return not collided and not self.done
 
@@ -398,3 +390,4 @@ class Simulation:
 
     def _note(self, update: ScanUpdate) -> None:
         self._changed = union(self._changed, update.box)
+        self._ground.note(update.box)

@@ -14,61 +14,85 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.coverage import Box
 from layoutexplore.decision import Frontier
-from layoutexplore.frontiers import FrontierClusters, visible_unknown_area
+from layoutexplore.frontiers import FrontierClusters
 from layoutexplore.grid import Cell, OccupancyGrid, Pose
+from layoutexplore.open_view import OpenView
+from layoutexplore.reach import DistanceField
 from layoutexplore.simulation_config import SimulationConfig
 
 MAX_REACH = 1.5
 """How far from the frontier a viewpoint may lie, in metres: beyond it a gap is taken to be too narrow for the robot."""
 
 
-def list_frontiers(
-    grid: OccupancyGrid,
-    here: Pose,
-    distances: NDArray[np.float32],
-    clusters: FrontierClusters,
-    exhausted: NDArray[np.bool_],
-    config: SimulationConfig,
-) -> tuple[Frontier, ...]:
-    """The frontiers that the robot can look at, nearest first by path length (ties in raster order).
+class Outlook:
+    """Lists the frontiers of a run as they are offered to the robot.
 
     Args:
-        grid: What the robot knows.
-        here: Where it believes it is.
-        distances: float32 (rows, cols), geodesic distance from the robot in metres, inf where it cannot go.
-        clusters: All frontier clusters of the grid.
-        exhausted: bool (rows, cols), frontier cells that were looked at in vain.
+        shape: (rows, cols) of the grid.
         config: For the smallest size, and the range and rays of the visible area.
     """
-    clusters = _without(clusters, exhausted)
-    view, found = choose_viewpoints(grid.cells, distances, clusters, grid.resolution)
-    sizes = np.diff(clusters.offsets) * grid.resolution
-    usable = found & (sizes >= config.frontier_min_size - 1e-9)
-    kept = np.flatnonzero(usable if usable.any() else found)
-    kept = kept[np.argsort(distances[view[kept, 0], view[kept, 1]], kind="stable")]
-    gain_range = min(config.gain_range, config.lidar.range_max)
-    areas = visible_unknown_area(grid.cells, view[kept], grid.resolution, gain_range, config.gain_rays)
-    middles = grid.cells_to_world(_middles(clusters)[kept]).tolist()
-    frontiers = []
-    for area, (x, y), k in zip(areas, middles, kept.tolist(), strict=True):
-        cells, viewpoint = clusters.cluster(k), Cell(int(view[k, 0]), int(view[k, 1]))
-        frontiers.append(
+
+    def __init__(self, shape: tuple[int, int], config: SimulationConfig) -> None:
+        self._cols, self._config = shape[1], config
+        gain_range = min(config.gain_range, config.lidar.range_max)
+        self._view = OpenView(shape, config.resolution, gain_range, config.gain_rays)
+        self._exhausted = np.empty(0, np.int64)
+
+    def exhaust(self, cells: NDArray[np.int32]) -> None:
+        """Never offer these frontier cells int32 (n, 2) again: they were looked at in vain."""
+        self._exhausted = np.union1d(self._exhausted, cells.astype(np.int64) @ np.array([self._cols, 1]))
+
+    def frontiers(
+        self, grid: OccupancyGrid, here: Pose, distances: DistanceField, clusters: FrontierClusters, changed: Box
+    ) -> tuple[Frontier, ...]:
+        """The frontiers that the robot can look at, nearest first by path length (ties in raster order).
+
+        Args:
+            grid: What the robot knows.
+            here: Where it believes it is.
+            distances: Path lengths from the robot.
+            clusters: All frontier clusters of the grid.
+            changed: Around all cells of the grid that changed since the last call.
+        """
+        clusters, config = self._without_exhausted(clusters), self._config
+        view, found = choose_viewpoints(grid.cells, distances.units, distances.settled, clusters, grid.resolution)
+        sizes = np.diff(clusters.offsets) * grid.resolution
+        usable = found & (sizes >= config.frontier_min_size - 1e-9)
+        kept = np.flatnonzero(usable if usable.any() else found)
+        lengths = distances.to_cells(view[kept])
+        order = np.argsort(lengths, kind="stable")
+        kept, lengths = kept[order], lengths[order]
+        areas = self._view.areas(grid.cells, view[kept], changed)
+        middles = grid.cells_to_world(_middles(clusters)[kept])
+        columns = (kept, sizes[kept], middles, view[kept], lengths, areas)
+        return tuple(
             Frontier(
-                cells=cells,
-                size=float(sizes[k]),
+                cells=clusters.cluster(k),
+                size=size,
                 centroid=(x, y),
-                viewpoint=viewpoint,
-                path_length=float(distances[viewpoint]),
+                viewpoint=Cell(row, col),
+                path_length=length,
                 straight_distance=math.hypot(x - here.x, y - here.y),
-                visible_area=float(area),
+                visible_area=area,
             )
+            for k, size, (x, y), (row, col), length, area in zip(*(column.tolist() for column in columns), strict=True)
         )
-    return tuple(frontiers)
+
+    def _without_exhausted(self, clusters: FrontierClusters) -> FrontierClusters:
+        """The clusters without the cells that were looked at in vain."""
+        if len(self._exhausted) == 0:
+            return clusters
+        kept = _not_among(clusters.cells, self._cols, self._exhausted)
+        if kept.all():
+            return clusters
+        sums = np.concatenate([[0], np.cumsum(kept)])[clusters.offsets]
+        return FrontierClusters(clusters.cells[kept], np.unique(sums))
 
 
 def choose_viewpoints(
-    cells: NDArray[np.int8], distances: NDArray[np.float32], clusters: FrontierClusters, resolution: float
+    cells: NDArray[np.int8], distances: NDArray[np.int32], farthest: int, clusters: FrontierClusters, resolution: float
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
     """A viewpoint for every cluster.
 
@@ -77,7 +101,8 @@ def choose_viewpoints(
 
     Args:
         cells: int8 (rows, cols), the grid.
-        distances: float32 (rows, cols), geodesic distance from the robot, inf where it cannot go.
+        distances: int32 (rows + 2, cols + 2), geodesic distance from the robot in any unit.
+        farthest: The greatest of them that the robot can go.
         clusters: The frontier clusters.
         resolution: Metres per cell.
 
@@ -85,7 +110,7 @@ def choose_viewpoints(
         int32 (k, 2) viewpoints, and bool (k,) whether there is one.
     """
     offsets = _disc_offsets(math.ceil(MAX_REACH / resolution))
-    return _choose(cells, distances, clusters.cells, clusters.offsets, offsets)
+    return _choose(cells, distances, farthest, clusters.cells, clusters.offsets, offsets)
 
 
 def remaining_share(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> float:
@@ -112,15 +137,6 @@ def _middles(clusters: FrontierClusters) -> NDArray[np.float64]:
         return np.empty((0, 2))
     sums = np.add.reduceat(clusters.cells, clusters.offsets[:-1], axis=0, dtype=np.int64)
     return np.asarray(sums / np.diff(clusters.offsets)[:, None])
-
-
-def _without(clusters: FrontierClusters, exhausted: NDArray[np.bool_]) -> FrontierClusters:
-    """The clusters without the cells that were looked at in vain."""
-    kept = ~exhausted[clusters.cells[:, 0], clusters.cells[:, 1]]
-    if kept.all():
-        return clusters
-    sums = np.concatenate([[0], np.cumsum(kept)])[clusters.offsets]
-    return FrontierClusters(clusters.cells[kept], np.unique(sums))
 
 
 @functools.lru_cache(maxsize=8)
@@ -155,9 +171,22 @@ def _sees(cells: NDArray[np.int8], row: int, col: int, to_row: int, to_col: int)
 
 
 @njit(cache=True, nogil=True)
+def _not_among(cells: NDArray[np.int32], cols: int, sorted_indices: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which cells bool (n,) of a grid are not among some sorted flat indices."""
+    kept = np.ones(len(cells), np.bool_)
+    least, most = sorted_indices[0], sorted_indices[-1]
+    for k in range(len(cells)):
+        index = np.int64(cells[k, 0]) * cols + cells[k, 1]
+        if least <= index <= most:
+            kept[k] = sorted_indices[np.searchsorted(sorted_indices, index)] != index
+    return kept
+
+
+@njit(cache=True, nogil=True)
 def _choose(
     cells: NDArray[np.int8],
-    distances: NDArray[np.float32],
+    distances: NDArray[np.int32],
+    farthest: int,
     members: NDArray[np.int32],
     starts: NDArray[np.int64],
     offsets: NDArray[np.int32],
@@ -176,7 +205,7 @@ def _choose(
             row, col = cluster[order[rank]]
             for n in range(len(offsets)):
                 r, c = row + offsets[n, 0], col + offsets[n, 1]
-                if 0 <= r < rows and 0 <= c < cols and distances[r, c] < np.inf and _sees(cells, row, col, r, c):
+                if 0 <= r < rows and 0 <= c < cols and distances[r + 1, c + 1] <= farthest and _sees(cells, row, col, r, c):
                     view[k, 0], view[k, 1] = r, c
                     found[k] = True
                     break

@@ -31,78 +31,109 @@ FAR = 2**31 - 1
 """Distance of a cell that cannot be reached."""
 
 _SPAN = (FAR // 16) // STRAIGHT * STRAIGHT
-"""How far apart the origins of searches that share an array lie: 16 searches for one time of clearing it."""
+"""How far apart the origins of searches that share an array lie: 15 searches for one time of clearing it."""
 
 _TOO_FAR = -2
 
 _FREE_ENTRY, _USED, _WAITING, _OVERFLOW = range(4)  # What the numbers of a queue's state mean.
 
 
-class Workspace:
-    """The arrays of one grid shape, kept from call to call because fresh memory costs more than the search.
+class _Queue:
+    """What a search needs besides its grid, kept from search to search because fresh memory costs more than the search."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape = shape
+        self.scheduled = np.empty(shape[0] * shape[1], np.uint8)
+        self.heads = np.empty(1 << (max(shape) + 2).bit_length(), np.int32)
+        self.resize(4096)
+
+    def resize(self, size: int) -> None:
+        """Make room for so many entries."""
+        self.items = np.empty(size, np.int64)
+        self.links = np.empty(size, np.int32)
+
+
+class Search:
+    """Searches on one grid, one after the other.
+
+    Args:
+        shape: (rows, cols) of the grid, nowhere traversable at first.
 
     Attributes:
         moves: uint8 (rows + 2, cols + 2), the moves out of every cell, as bits.
         distance: int32, flat, padded.
         origin: What the last search has written at its source: subtract it.
+        count: Number of searches so far.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
-        padded = (shape[0] + 2, shape[1] + 2)
-        self.world = np.zeros(padded, np.uint8)
-        self.moves = np.zeros(padded, np.uint8)
-        self.distance = np.empty(self.world.size, np.int32)
-        self._scheduled = np.empty(self.world.size, np.uint8)
-        self._heads = np.empty(1 << (max(padded) + 2).bit_length(), np.int32)
-        self._resize_queue(4096)
+        self.moves = np.zeros((shape[0] + 2, shape[1] + 2), np.uint8)
+        self.distance = np.empty(self.moves.size, np.int32)
         self.origin = 0
+        self.count = 0
 
     @property
     def cols(self) -> int:
         """Columns of the padded grid."""
-        return int(self.world.shape[1])
+        return int(self.moves.shape[1])
+
+    @property
+    def queue(self) -> _Queue:
+        """This thread's queue for grids of this shape."""
+        kept: _Queue | None = getattr(_threads, "queue", None)
+        if kept is None or kept.shape != self.moves.shape:
+            kept = _threads.queue = _Queue((self.moves.shape[0], self.moves.shape[1]))
+        return kept
+
+    def spread(self, source: int, stops: NDArray[np.int64]) -> int:
+        """Search from a padded flat cell; with `stops`, until all of those are settled.
+
+        Returns:
+            The greatest value of `distance` that is exact; above it lie cells that were not reached.
+        """
+        self.count += 1
+        fresh = self.origin <= _SPAN
+        self.origin = 15 * _SPAN if fresh else self.origin - _SPAN
+        settled = self._search(source, stops, fresh)
+        if settled == _TOO_FAR:
+            self.origin = 0
+            return min(self._search(source, stops, True), FAR - 1)
+        return min(settled, self.origin + _SPAN - 1)
+
+    def spread_again(self, source: int, stops: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The distances to the stops alone, int64 (n,), `FAR` where there is no way."""
+        settled = self.spread(source, stops)
+        lengths = self.distance[stops].astype(np.int64)
+        return np.where(lengths > settled, FAR, lengths - self.origin)
+
+    def _search(self, source: int, stops: NDArray[np.int64], clear: bool) -> int:
+        if clear:
+            self.distance[:] = FAR
+        queue = self.queue
+        while True:
+            arrays = (self.distance, queue.scheduled, queue.heads, queue.items, queue.links)
+            settled = int(_spread(self.moves, source, stops, self.origin, *arrays))
+            if settled >= 0 or settled == _TOO_FAR:
+                return settled
+            queue.resize(4 * queue.items.size)
+            self.distance[:] = FAR
+
+
+class Workspace(Search):
+    """A search on masks of one shape.
+
+    Attributes:
+        world: uint8 (rows + 2, cols + 2), the mask.
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        super().__init__(shape)
+        self.world = np.zeros(self.moves.shape, np.uint8)
 
     def load(self, traversable: NDArray[np.bool_]) -> None:
         """Take a mask bool (rows, cols) as the grid to search."""
         self.world[1:-1, 1:-1] = traversable
-        _find_moves(self.world, self.moves)
-
-    def spread(self, source: int, stops: NDArray[np.int64]) -> int:
-        """Fill `distance` from a padded flat cell; with `stops`, until all of those are settled.
-
-        Returns:
-            The distance up to which `distance` is exact.
-        """
-        self.origin = 0
-        return self._search(source, stops, 0, True)
-
-    def spread_again(self, source: int, stops: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The distances to the stops alone, int64 (n,), `FAR` where there is no way: for many searches on one grid.
-
-        Before the first of them on a freshly loaded grid, call `spread` or set `origin` to 0.
-        """
-        fresh = self.origin < _SPAN
-        self.origin = 15 * _SPAN if fresh else self.origin - _SPAN
-        if self._search(source, stops, self.origin, fresh) == _TOO_FAR:
-            self.spread(source, stops)
-            return self.distance[stops].astype(np.int64)
-        lengths = self.distance[stops].astype(np.int64) - self.origin
-        return np.where(lengths >= _SPAN, FAR, lengths)
-
-    def _search(self, source: int, stops: NDArray[np.int64], origin: int, clear: bool) -> int:
-        if clear:
-            self.distance[:] = FAR
-        while True:
-            arrays = (self.distance, self._scheduled, self._heads, self._items, self._links)
-            settled = int(_spread(self.moves, source, stops, origin, *arrays))
-            if settled >= 0 or settled == _TOO_FAR:
-                return settled
-            self._resize_queue(4 * self._items.size)
-            self.distance[:] = FAR
-
-    def _resize_queue(self, size: int) -> None:
-        self._items = np.empty(size, np.int64)
-        self._links = np.empty(size, np.int32)
+        find_moves(self.world, self.moves, 0, traversable.shape[0], 0, traversable.shape[1])
 
 
 _threads = threading.local()
@@ -119,21 +150,22 @@ def workspace(traversable: NDArray[np.bool_]) -> Workspace:
 
 
 @njit(cache=True, nogil=True)
-def _find_moves(world: NDArray[np.uint8], moves: NDArray[np.uint8]) -> None:
-    """Write the moves out of each inner cell of a padded mask of 0 and 1, traversable or not."""
-    rows, cols = world.shape
-    for r in range(1, rows - 1):
-        for c in range(1, cols - 1):
-            north, south, west, east = world[r + 1, c], world[r - 1, c], world[r, c - 1], world[r, c + 1]
-            moves[r, c] = (
+def find_moves(world: NDArray[np.uint8], moves: NDArray[np.uint8], row0: int, row1: int, col0: int, col1: int) -> None:
+    """Write the moves out of the cells of a box (half open, not padded) of a padded mask of 0 and 1, traversable or not."""
+    for r in range(row0 + 1, row1 + 1):
+        behind, here, ahead = world[r - 1, col0 : col1 + 2], world[r, col0 : col1 + 2], world[r + 1, col0 : col1 + 2]
+        written = moves[r, col0 + 1 : col1 + 1]
+        for c in range(written.size):
+            south, west, east, north = behind[c + 1], here[c], here[c + 2], ahead[c + 1]
+            written[c] = (
                 north
                 | south << 1
                 | west << 2
                 | east << 3
-                | (north & west & world[r + 1, c - 1]) << 4
-                | (north & east & world[r + 1, c + 1]) << 5
-                | (south & west & world[r - 1, c - 1]) << 6
-                | (south & east & world[r - 1, c + 1]) << 7
+                | (north & west & ahead[c]) << 4
+                | (north & east & ahead[c + 2]) << 5
+                | (south & west & behind[c]) << 6
+                | (south & east & behind[c + 2]) << 7
             )
 
 
@@ -210,6 +242,46 @@ def _run(
 
 
 @njit(cache=True, nogil=True)
+def _go_on(
+    cell: int,
+    move: int,
+    here: int,
+    cols: int,
+    moves: NDArray[np.uint8],
+    distance: NDArray[np.int32],
+    scheduled: NDArray[np.uint8],
+    heads: NDArray[np.int32],
+    items: NDArray[np.int64],
+    links: NDArray[np.int32],
+    state: NDArray[np.int64],
+) -> None:
+    """Follow a diagonal move out of a cell and the two runs beside it; queue where the diagonal leads, if it gains anything."""
+    north, east = move < 6, move & 1 == 1
+    up = cols if north else -cols
+    right = 1 if east else -1
+    vertical, horizontal = (0 if north else 1), (3 if east else 2)
+    # fmt: off
+    _run(cell, here, up, vertical, 2, 3, 4 if north else 6, 5 if north else 7,
+         moves, distance, scheduled, heads, items, links, state)
+    _run(cell, here, right, horizontal, 0, 1, 5 if east else 4, 7 if east else 6,
+         moves, distance, scheduled, heads, items, links, state)
+    # fmt: on
+    if not moves[cell] >> move & 1:
+        return
+    target = cell + up + right
+    there = here + DIAGONAL
+    follow = 1 << move | 1 << vertical | 1 << horizontal
+    if there < distance[target]:
+        distance[target] = there
+        scheduled[target] = follow
+    elif there == distance[target] and follow & ~scheduled[target]:
+        scheduled[target] |= follow
+    else:
+        return
+    _push(target, move, there, heads, items, links, state)
+
+
+@njit(cache=True, nogil=True)
 def _spread(
     padded_moves: NDArray[np.uint8],
     source: int,
@@ -262,29 +334,7 @@ def _spread(
                 if origin > 0:
                     return _TOO_FAR
                 continue
-            north, east = move < 6, move & 1 == 1
-            up = cols if north else -cols
-            right = 1 if east else -1
-            vertical, horizontal = (0 if north else 1), (3 if east else 2)
-            # fmt: off
-            _run(cell, here, up, vertical, 2, 3, 4 if north else 6, 5 if north else 7,
-                 moves, distance, scheduled, heads, items, links, state)
-            _run(cell, here, right, horizontal, 0, 1, 5 if east else 4, 7 if east else 6,
-                 moves, distance, scheduled, heads, items, links, state)
-            # fmt: on
-            if not moves[cell] >> move & 1:
-                continue
-            target = cell + up + right
-            there = here + DIAGONAL
-            follow = 1 << move | 1 << vertical | 1 << horizontal
-            if there < distance[target]:
-                distance[target] = there
-                scheduled[target] = follow
-            elif there == distance[target] and follow & ~scheduled[target]:
-                scheduled[target] |= follow
-            else:
-                continue
-            _push(target, move, there, heads, items, links, state)
+            _go_on(cell, move, here, cols, moves, distance, scheduled, heads, items, links, state)
         if state[_OVERFLOW]:
             return -1
         level += 1
@@ -292,12 +342,11 @@ def _spread(
 
 
 @njit(cache=True, nogil=True)
-def to_metres(distance: NDArray[np.int32], metres: float, settled: int, lengths: NDArray[np.float32]) -> None:
+def to_metres(distance: NDArray[np.int32], origin: float, metres: float, settled: int, lengths: NDArray[np.float32]) -> None:
     """Write padded flat distances as metres (rows, cols); beyond what is settled they are infinite."""
     rows, cols = lengths.shape
-    farthest = min(settled, FAR - 1)
     for r in range(rows):
         start = (r + 1) * (cols + 2) + 1
         units, written = distance[start : start + cols], lengths[r]
         for c in range(cols):
-            written[c] = np.float32(units[c] * metres) if units[c] <= farthest else np.float32(np.inf)
+            written[c] = np.float32((np.float64(units[c]) - origin) * metres) if units[c] <= settled else np.float32(np.inf)

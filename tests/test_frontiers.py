@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.frontiers import FrontierClusters, FrontierDetector, find_frontiers, visible_unknown_area
+from layoutexplore.frontiers import FrontierClusters, FrontierDetector, find_frontiers
+from layoutexplore.open_view import OpenView, visible_unknown_area
 
 
 def random_cells(seed: int, shape: tuple[int, int], unknown: float = 0.3) -> NDArray[np.int8]:
@@ -134,3 +135,21 @@ def test_bad_input_is_refused() -> None:
         with pytest.raises(ConfigError, match="above 0"):
             visible_unknown_area(cells, np.zeros((1, 2), np.int32), 0.1, range_max, rays)
     assert visible_unknown_area(cells, np.empty((0, 2), np.int32), 0.1, 1.0).shape == (0,)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32), st.sampled_from([0.3, 0.8, 3.0]), st.sampled_from([1, 7, 120]))
+def test_areas_that_are_kept_are_those_anew(seed: int, reach: float, rays: int) -> None:
+    """Small changes here and there, places that come and go, some twice, some at the edge."""
+    rng = np.random.default_rng(seed)
+    cells = rng.choice(np.array([-1, 0, 100], np.int8), p=[0.3, 0.6, 0.1], size=(30, 40))
+    view = OpenView(cells.shape, 0.1, reach, rays)
+    every = np.stack([rng.integers(30, size=12), rng.integers(40, size=12)], axis=1).astype(np.int32)
+    box = (0, 30, 0, 40)
+    for _ in range(8):
+        places = every[rng.integers(12, size=rng.integers(0, 9))]
+        areas = view.areas(cells, places, box)
+        np.testing.assert_array_equal(areas, visible_unknown_area(cells, places, 0.1, reach, rays))
+        row, col = int(rng.integers(27)), int(rng.integers(37))
+        box = (row, row + 3, col, col + 3) if rng.random() < 0.8 else (0, 0, 0, 0)
+        cells[box[0] : box[1], box[2] : box[3]] = rng.choice([-1, 0, 100], size=(box[1] - box[0], box[3] - box[2]))

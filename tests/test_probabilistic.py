@@ -15,7 +15,7 @@ from layoutexplore.benchmark.counterfactual import without_layout
 from layoutexplore.benchmark.episode import play, prepare
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.floorplan import floorplan_from_ascii
-from layoutexplore.frontiers import ray_table, visible_unknown_area
+from layoutexplore.open_view import ray_table, visible_unknown_area
 from layoutexplore.simulation_config import SimulationConfig
 
 PLAN = """

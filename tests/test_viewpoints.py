@@ -25,6 +25,11 @@ def border_cells(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
     return (cells == 0) & np.any([n == -1 for n in neighbours], axis=0)
 
 
+def padded(distances: NDArray[np.float32]) -> NDArray[np.int32]:
+    """0 where a cell has a finite distance and 1 elsewhere, with a border of 1."""
+    return np.pad(np.isinf(distances).astype(np.int32), 1, constant_values=1)
+
+
 @settings(max_examples=60, deadline=None)
 @given(cells=TRINARY, data=st.data())
 def test_remaining_share(cells: NDArray[np.int8], data: st.DataObject) -> None:
@@ -43,7 +48,7 @@ def test_viewpoints_are_reachable_near_and_in_sight(cells: NDArray[np.int8], see
     start = Cell(*map(int, free[seed % len(free)]))
     distances = geodesic_distances(cells == 0, start, 0.1)
     clusters = find_frontiers(cells)
-    view, found = choose_viewpoints(cells, distances, clusters, 0.1)
+    view, found = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1)
     for k in range(len(clusters)):
         members = clusters.cluster(k)
         if found[k]:
@@ -62,7 +67,7 @@ def test_wall_hides_the_nearest_cell() -> None:
     distances = np.where(cells == 0, 1.0, np.inf).astype(np.float32)
     distances[:4, :4] = np.inf
     clusters = find_frontiers(cells)
-    view, found = choose_viewpoints(cells, distances, clusters, 0.1)
+    view, found = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1)
     assert found.all() and (view[:, 0] < 4).all()
 
 

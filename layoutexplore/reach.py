@@ -1,0 +1,143 @@
+"""Where a robot can go on the map that it knows, and how far it is, kept up to date at the cost of what changes.
+
+A scan changes some hundred cells of half a million. Only around them is the obstacles' inflation done again, and a search counts
+on in the array of the search before. Lengths stay whole numbers until somebody asks for metres.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.coverage import Box, union
+from layoutexplore.errors import ConfigError
+from layoutexplore.grid import FREE, OCCUPIED, Cell
+from layoutexplore.planning import check_cells, flat_indices, inflate, walk_down
+from layoutexplore.wavefront import STRAIGHT, Search, find_moves, to_metres
+
+_NOTHING: Box = (0, 0, 0, 0)
+
+
+class DistanceField:
+    """Lengths of the shortest paths from one cell, as a view of the search that found them: the next search takes it away.
+
+    Attributes:
+        units: int32 (rows + 2, cols + 2), lengths in units of the search, from an origin on.
+        settled: The greatest of them that is a length; what lies above is not reached.
+    """
+
+    def __init__(self, search: Search, world: NDArray[np.uint8], resolution: float, settled: int) -> None:
+        self._search, self._world, self._number = search, world, search.count
+        self._scale = resolution / STRAIGHT
+        self.units: NDArray[np.int32] = search.distance.reshape(world.shape)
+        self.settled = settled
+
+    def to_cells(self, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Lengths float32 (n,) in metres to cells (n, 2) of the grid, inf where there is no path."""
+        self._check()
+        units = self.units[cells[:, 0] + 1, cells[:, 1] + 1]
+        lengths = ((units - float(self._search.origin)) * self._scale).astype(np.float32)
+        return np.where(units <= self.settled, lengths, np.float32(np.inf))
+
+    def metres(self) -> NDArray[np.float32]:
+        """Lengths float32 (rows, cols) in metres to every cell, inf where there is no path."""
+        self._check()
+        lengths = np.empty((self.units.shape[0] - 2, self.units.shape[1] - 2), np.float32)
+        to_metres(self._search.distance, float(self._search.origin), self._scale, self.settled, lengths)
+        return lengths
+
+    def path_to(self, target: Cell) -> NDArray[np.int32]:
+        """The shortest path int32 (k, 2) to a cell, both ends included, as `layoutexplore.planning.descend` finds it.
+
+        Raises:
+            ConfigError: There is no path.
+        """
+        self._check()
+        row, col = int(target[0]), int(target[1])
+        if self.units[row + 1, col + 1] > self.settled:
+            raise ConfigError(f"cell ({row}, {col}) cannot be reached: its distance is infinite")
+        return walk_down(self.units, 1, float(self._search.origin), self._scale, float(self.settled), self._world, row, col)
+
+    def _check(self) -> None:
+        if self._search.count != self._number:
+            raise ConfigError("these distances belong to a decision that is over: copy `decision.distances` while it is due")
+
+
+class Ground:
+    """The cells that a robot can plan through, on a grid that changes.
+
+    Args:
+        shape: (rows, cols) of the grid, which is taken to be all unknown at first.
+        robot_radius: In metres: nearer to an occupied cell, centre to centre, the robot's centre may not be.
+        resolution: Side of a cell in metres.
+
+    Example:
+        >>> cells = np.full((3, 5), -1, np.int8)
+        >>> cells[1] = [0, 0, 0, 0, 100]
+        >>> ground = Ground(cells.shape, 0.15, 0.1)
+        >>> ground.note((1, 2, 0, 5))
+        >>> ground.distances(cells, Cell(1, 0)).metres()[1].round(1).tolist()
+        [0.0, 0.10000000149011612, 0.20000000298023224, inf, inf]
+    """
+
+    def __init__(self, shape: tuple[int, int], robot_radius: float, resolution: float) -> None:
+        self._shape, self._radius, self._resolution = shape, robot_radius, resolution
+        self._margin = math.ceil(robot_radius / resolution)
+        self._search = Search(shape)
+        self._world = np.zeros(self._search.moves.shape, np.uint8)
+        self._changed = _NOTHING
+        self._shut: list[Cell] = []
+
+    @property
+    def traversable(self) -> NDArray[np.bool_]:
+        """Bool (rows, cols): the cells that can be planned through, as a view, up to date since the last search."""
+        return self._world[1:-1, 1:-1].view(np.bool_)
+
+    def note(self, box: Box) -> None:
+        """Remember that cells in a box (half open) have changed."""
+        self._changed = union(self._changed, box)
+
+    def shut(self, cell: Cell) -> None:
+        """Never plan through a cell again, whatever the map says."""
+        self._shut.append(cell)
+        self.note((cell.row, cell.row + 1, cell.col, cell.col + 1))
+
+    def distances(self, cells: NDArray[np.int8], source: Cell, *, stop_at: NDArray[np.int32] | None = None) -> DistanceField:
+        """Path lengths from a cell, which need not be one that can be planned through, on the grid as it is now.
+
+        Args:
+            cells: int8 (rows, cols), the grid; what differs from the last call lies in the boxes that were noted.
+            source: Where the robot is.
+            stop_at: int32 (n, 2) cells; stop as soon as the distances of all of them are known.
+
+        Raises:
+            ConfigError: A cell lies outside of the grid.
+        """
+        self._adapt(cells)
+        start = check_cells(np.array([source]), self._shape)
+        stops = check_cells(np.empty((0, 2)) if stop_at is None else stop_at, self._shape)
+        search = self._search
+        settled = search.spread(int(flat_indices(start, search)[0]), flat_indices(stops, search))
+        return DistanceField(search, self._world, self._resolution, settled)
+
+    def _adapt(self, cells: NDArray[np.int8]) -> None:
+        """Follow the changes of the grid."""
+        box, self._changed = self._changed, _NOTHING
+        if box[0] >= box[1]:
+            return
+        near, around = _grown(box, self._margin, self._shape), _grown(box, 2 * self._margin, self._shape)
+        seen = cells[around[0] : around[1], around[2] : around[3]]
+        free = (seen == FREE) & ~inflate(seen == OCCUPIED, self._radius, self._resolution)
+        part = free[near[0] - around[0] : near[1] - around[0], near[2] - around[2] : near[3] - around[2]]
+        self.traversable[near[0] : near[1], near[2] : near[3]] = part
+        for cell in self._shut:
+            self.traversable[cell] = False
+        find_moves(self._world, self._search.moves, *_grown(near, 1, self._shape))
+
+
+def _grown(box: Box, margin: int, shape: tuple[int, int]) -> Box:
+    """A box with a margin around it, inside of a grid."""
+    row0, row1, col0, col1 = box
+    return max(row0 - margin, 0), min(row1 + margin, shape[0]), max(col0 - margin, 0), min(col1 + margin, shape[1])
