@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.boxes import known_box
 from layoutexplore.grid import OccupancyGrid, Pose
 
 CHANNELS = ("free", "occupied", "frontier", "trail")
@@ -104,7 +105,7 @@ def draw_global_map(
         uint8 (channels, size, size), and where it lies.
     """
     image = np.zeros((channels, size, size), np.uint8)
-    row0, row1, col0, col1 = _known_box(grid.cells)
+    row0, row1, col0, col1 = known_box(grid.cells)
     span = max(row1 - row0, col1 - col0, min_span / grid.resolution, size)
     frame = MapFrame((row0 + row1 - span) / 2, (col0 + col1 - span) / 2, span / size)
     _draw_global(grid.cells, marks, frame.row, frame.col, 1.0 / frame.cells_per_pixel, image)
@@ -183,25 +184,6 @@ def _borders_unknown(cells: NDArray[np.int8], row: int, col: int) -> bool:
         or (col > 0 and cells[row, col - 1] == -1)
         or (col + 1 < cols and cells[row, col + 1] == -1)
     )
-
-
-@njit(cache=True, nogil=True)
-def _known_box(cells: NDArray[np.int8]) -> tuple[int, int, int, int]:
-    """Half-open (row0, row1, col0, col1) of the known cells; all zero without any."""
-    rows, cols = cells.shape
-    row0, row1, col0, col1 = rows, 0, cols, 0
-    for r in range(rows):
-        first = 0
-        while first < cols and cells[r, first] == -1:
-            first += 1
-        if first == cols:
-            continue
-        last = cols - 1
-        while cells[r, last] == -1:
-            last -= 1
-        row0, row1 = min(row0, r), r + 1
-        col0, col1 = min(col0, first), max(col1, last + 1)
-    return (row0, row1, col0, col1) if row1 else (0, 0, 0, 0)
 
 
 @njit(cache=True, nogil=True)

@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.boxes import known_box
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
 
 _TRINARY = np.full(256, UNKNOWN, np.int8)
@@ -105,37 +106,6 @@ class Turned:
     posture: Posture = Posture()
 
 
-@njit(cache=True, nogil=True)
-def _known_box(cells: NDArray[np.int8]) -> tuple[int, int, int, int]:
-    rows, cols = cells.shape
-    row0, row1, col0, col1 = rows, 0, cols, 0
-    for r in range(rows):
-        first = 0
-        while first < cols and cells[r, first] == UNKNOWN:
-            first += 1
-        if first == cols:
-            continue
-        row0, row1, col0 = min(row0, r), r + 1, min(col0, first)
-        last = cols
-        while last > col1 and cells[r, last - 1] == UNKNOWN:
-            last -= 1
-        col1 = max(col1, last)
-    return row0, row1, col0, col1
-
-
-def known_box(cells: NDArray[np.int8], margin: int = 2) -> tuple[int, int, int, int]:
-    """Half-open box (row0, row1, col0, col1) of the known cells with a margin, clipped to the grid; all 0 when none is known."""
-    row0, row1, col0, col1 = _known_box(np.ascontiguousarray(cells, np.int8))
-    if row1 == 0:
-        return 0, 0, 0, 0
-    return (
-        max(row0 - margin, 0),
-        min(row1 + margin, cells.shape[0]),
-        max(col0 - margin, 0),
-        min(col1 + margin, cells.shape[1]),
-    )
-
-
 def main_direction(profile: NDArray[np.float64]) -> float:
     """Angle in radians in (-pi/4, pi/4] by which the walls are turned against the axes; 0 for a flat profile.
 
@@ -195,7 +165,7 @@ def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, 
     Args:
         cells: int8 (rows, cols), -1 unknown, 0 free ... 100 occupied.
     """
-    row0, row1, col0, col1 = known_box(cells)
+    row0, row1, col0, col1 = known_box(cells, margin=2)
     part = np.ascontiguousarray(cells[row0:row1, col0:col1])
     return cv2.LUT(part.view(np.uint8), _TRINARY.view(np.uint8)).view(np.int8), (row0, col0)
 

@@ -11,7 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.predictors.regions import Regions, known_box
+from layoutexplore.boxes import known_box
+from layoutexplore.predictors.regions import Regions
 
 FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT = 1, 2, 4, 8
 """What a cell is known to be, and whether it lies in a gap that may be a door."""
@@ -55,8 +56,8 @@ def draw_chart(cells: NDArray[np.int8], regions: Regions, resolution: float, mar
     border = max(round(margin / resolution), 1)
     rows, cols = cells.shape
     code = np.full((rows + 2 * border, cols + 2 * border), UNKNOWN_BIT, np.uint8)
-    vertical, horizontal = known_box(cells)
-    box = np.array([vertical.start, horizontal.start, vertical.stop, horizontal.stop], np.int64)
+    row0, row1, col0, col1 = known_box(cells)
+    box = np.array([row0, col0, row1, col1], np.int64)
     _draw(cells, regions.door_width, box, border, code)
     box += border
     _extend_walls(code, box, max(round(WALL_MIN / resolution), 1), round(EXTENSION_REACH / resolution))

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.boxes import known_box
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.layout.openings import free_runs, widens
 
@@ -75,7 +76,8 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
         (2, 0.8)
     """
     labels, door_width = np.zeros(cells.shape, np.int32), np.zeros(cells.shape, np.float32)
-    box = known_box(cells)
+    row0, row1, col0, col1 = known_box(cells)
+    box = slice(row0, row1), slice(col0, col1)
     margin = round((DOOR_WIDTHS[1] + WIDENING) / resolution) + 1
     part = np.pad(cells[box], margin, constant_values=UNKNOWN)
     doors = find_doors(part == OCCUPIED, resolution)
@@ -94,15 +96,6 @@ def _disc(radius: float) -> NDArray[np.uint8]:
     """Cells no further than a radius from the middle one."""
     reach = np.arange(-int(radius), int(radius) + 1)
     return (np.hypot(reach[:, None], reach) <= radius).astype(np.uint8)
-
-
-def known_box(cells: NDArray[np.int8]) -> tuple[slice, slice]:
-    """Where something is known; the whole grid when nothing is."""
-    known = cells != UNKNOWN
-    rows, cols = np.flatnonzero(known.any(1)), np.flatnonzero(known.any(0))
-    if len(rows) == 0:
-        return slice(0, cells.shape[0]), slice(0, cells.shape[1])
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
 
 
 def find_doors(occupied: NDArray[np.bool_], resolution: float) -> NDArray[np.float32]:
