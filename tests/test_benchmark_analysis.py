@@ -82,3 +82,4 @@ def test_table_by_plan() -> None:
 
 def test_who_knows_the_plan() -> None:
     assert knows_the_plan("clairvoyant") and knows_the_plan("layout-tour:predictor=oracle") and not knows_the_plan("nearest")
+    assert not knows_the_plan("clairvoyant-of-tomorrow")

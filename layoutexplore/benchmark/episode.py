@@ -153,13 +153,12 @@ def prepare(plan: FloorPlan | str, config: SimulationConfig, agent: str) -> tupl
 
 
 def knows_the_plan(agent: str) -> bool:
-    """Whether an agent, or its predictor, is shown the floor plan.
-
-    Raises:
-        UnknownNameError: No agent of that name.
-    """
-    chosen = make_agent(agent)
-    return isinstance(chosen, Privileged) or isinstance(make_predictor(getattr(chosen, "predictor", "none")), Privileged)
+    """Whether an agent, or its predictor, is shown the floor plan; not one that this version cannot make."""
+    try:
+        chosen = make_agent(agent)
+        return isinstance(chosen, Privileged) or isinstance(make_predictor(getattr(chosen, "predictor", "none")), Privileged)
+    except LayoutExploreError:
+        return False
 
 
 class _Timed:

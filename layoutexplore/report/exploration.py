@@ -27,7 +27,6 @@ from layoutexplore.benchmark.analysis import (
 )
 from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder, atomic
-from layoutexplore.errors import LayoutExploreError
 from layoutexplore.report.layout_section import layout_section
 from layoutexplore.report.page import interval, number, percent, render
 from layoutexplore.report.plots import Forest, Line, Way, curve_lines, floor_picture, forest, heat, way
@@ -229,19 +228,12 @@ def _table(part: Sequence[Row], comparisons: Sequence[Comparison], summaries: Se
         found = {c.metric: c for c in comparisons if c.agent == agent}
         reached = {m: sum(getattr(row, m.replace("d", "reached")) for row in mine) / len(mine) for m in METRICS}
         metres = {m: sum(getattr(row, m) for row in mine) / len(mine) for m in METRICS}
-        lines.append(AgentLine(agent, _privileged(agent), found, by_agent[agent], reached, metres))
+        lines.append(AgentLine(agent, knows_the_plan(agent), found, by_agent[agent], reached, metres))
     return sorted(lines, key=lambda line: (_rank(line.ratios), line.metres["d95"], line.agent))
 
 
 def _rank(ratios: dict[str, Comparison]) -> float:
     return ratios["d95"].ratio.estimate if "d95" in ratios else math.inf
-
-
-def _privileged(agent: str) -> bool:
-    try:
-        return knows_the_plan(agent)
-    except LayoutExploreError:
-        return False  # results of an agent that this version does not have
 
 
 def _best(shown: Sequence[Group], baseline: str) -> Comparison | None:

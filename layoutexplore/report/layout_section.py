@@ -13,7 +13,6 @@ from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_sto
 from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
 from layoutexplore.benchmark.store import ResultsFolder
-from layoutexplore.errors import LayoutExploreError
 from layoutexplore.report.moments import MomentPicture, moment_picture
 from layoutexplore.report.plots import agent_look, hexadecimal
 
@@ -61,7 +60,7 @@ def layout_section(
     by_group: dict[str, list[EffectLine]] = {}
     for effect in effects:
         mine = {c.metric: c for c in comparisons if (c.sensor, c.agent) == (effect.sensor, effect.agent)}
-        line = EffectLine(effect, _knows(effect.agent), mine.get("d95"), mine.get("d99"))
+        line = EffectLine(effect, knows_the_plan(effect.agent), mine.get("d95"), mine.get("d99"))
         by_group.setdefault(effect.sensor, []).append(line)
     for lines in by_group.values():
         lines.sort(key=lambda line: (line.effect.agent.partition(":")[0], line.privileged, line.effect.agent))
@@ -75,13 +74,6 @@ def layout_section(
         "moments": _moments(folder, rows, best),
         "stops": {name: (stop_plot(found), found) for name, found in stops.items()},
     }
-
-
-def _knows(agent: str) -> bool:
-    try:
-        return knows_the_plan(agent)
-    except LayoutExploreError:
-        return False  # results of an agent that this version does not have
 
 
 def _best(lines: Sequence[EffectLine]) -> str:
