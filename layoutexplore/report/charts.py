@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore import palette
-from layoutexplore.report.plots import agent_look, hexadecimal
+from layoutexplore.report.plots import agent_look
 from layoutexplore.statistics import Interval
 
 MOST_DOTS = 1500
@@ -125,10 +125,10 @@ def predictor_looks(names: Sequence[str], main: str = "") -> dict[str, tuple[str
     for name in sorted(names, key=lambda name: name != main):
         plain = name.partition(":")[0]
         if plain in _QUIET:
-            looks[name] = (hexadecimal(_QUIET[plain]), "5 4")
+            looks[name] = (palette.to_hex(_QUIET[plain]), "5 4")
         else:
             colour, dash = agent_look(k)
-            looks[name], k = (hexadecimal(colour), dash), k + 1
+            looks[name], k = (palette.to_hex(colour), dash), k + 1
     return looks
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from layoutexplore import palette
 from layoutexplore.benchmark.analysis import Comparison, Curves
 from layoutexplore.benchmark.counterfactual import Moment
 from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops, has_stop_rule, tried_stops
@@ -14,7 +15,7 @@ from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.report.moments import MomentPicture, moment_picture
-from layoutexplore.report.plots import agent_look, hexadecimal
+from layoutexplore.report.plots import agent_look
 
 MOMENTS, WRONG_MOMENTS = 6, 2
 """Decisive moments that are drawn, and how many of them at most in which the prediction was wrong."""
@@ -142,7 +143,7 @@ def stop_plot(stops: Sequence[EarlyStop]) -> StopPlot:
         marks.append(
             Mark(
                 stop=stop,
-                colour=hexadecimal(agent_look(k)[0]),
+                colour=palette.to_hex(agent_look(k)[0]),
                 place=(x(stop.lost.estimate), y(stop.saved.estimate)),
                 across=(x(ends[0]), x(ends[1])),
                 along=(y(tips[0]), y(tips[1])),

@@ -134,7 +134,7 @@ def curve_lines(curves: Sequence[PooledCurve], order: Sequence[str], baseline: s
         x, y = 100 * curve.x / curve.x[-1], 100 * (1 - curve.mean)
         low, high = 100 * (1 - curve.low), 100 * (1 - curve.high)
         band = f"{_path(x, high)} L{_path(x[::-1], low[::-1])[1:]} Z"
-        lines.append(Line(agent, hexadecimal(colour), dash, _path(x, y), band, curve.cells))
+        lines.append(Line(agent, palette.to_hex(colour), dash, _path(x, y), band, curve.cells))
     return lines
 
 
@@ -142,16 +142,6 @@ def agent_look(k: int) -> tuple[palette.Colour, str]:
     """Colour and dashes of the k-th agent."""
     colours = [colour for colour in palette.QUALITATIVE if colour != palette.BLACK]
     return colours[k % len(colours)], _DASHES[(k // len(colours)) % len(_DASHES)]
-
-
-def hexadecimal(colour: palette.Colour) -> str:
-    """A colour for the page.
-
-    Example:
-        >>> hexadecimal((0, 114, 178))
-        '#0072b2'
-    """
-    return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
 @dataclass(frozen=True)
@@ -201,7 +191,7 @@ def _ramp(t: float) -> str:
     place = t * (len(_RAMP) - 1)
     k = min(int(place), len(_RAMP) - 2)
     r, g, b = np.round(_RAMP[k] + (place - k) * (_RAMP[k + 1] - _RAMP[k])).astype(int)
-    return hexadecimal((int(r), int(g), int(b)))
+    return palette.to_hex((int(r), int(g), int(b)))
 
 
 def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
