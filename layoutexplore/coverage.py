@@ -18,6 +18,8 @@ class Coverage:
 
     Attributes:
         unseen: bool (rows, cols), the cells of the target that have not been seen.
+        target_count: Number of cells of the target.
+        unseen_count: Number of those that have not been seen.
 
     Example:
         >>> coverage = Coverage(np.array([[True, True], [False, True]]))
@@ -28,16 +30,16 @@ class Coverage:
 
     def __init__(self, target: NDArray[np.bool_]) -> None:
         self.unseen = target.copy()
-        self.target_count = self._unseen_count = int(np.count_nonzero(target))
+        self.target_count = self.unseen_count = int(np.count_nonzero(target))
 
     @property
     def share(self) -> float:
         """Seen cells over all cells of the target, 0..1."""
-        return 1.0 - self._unseen_count / self.target_count
+        return 1.0 - self.unseen_count / self.target_count
 
     def update(self, cells: NDArray[np.int8], box: Box) -> None:
         """Count the target's cells that are known now, inside the box of the grid int8 (rows, cols) that changed."""
-        self._unseen_count -= _strike_seen(cells, self.unseen, *box)
+        self.unseen_count -= strike_seen(cells, self.unseen, *box)
 
 
 def union(a: Box, b: Box) -> Box:
@@ -55,7 +57,7 @@ def union(a: Box, b: Box) -> Box:
 
 
 @njit(cache=True, nogil=True)
-def _strike_seen(cells: NDArray[np.int8], unseen: NDArray[np.bool_], row0: int, row1: int, col0: int, col1: int) -> int:
+def strike_seen(cells: NDArray[np.int8], unseen: NDArray[np.bool_], row0: int, row1: int, col0: int, col1: int) -> int:
     """How many unseen cells are known now; they are struck from `unseen`."""
     count = 0
     for row in range(row0, row1):

@@ -147,12 +147,12 @@ class Mapper:
             unit_x,
             unit_y,
             config.range_max / grid.resolution,
-            _dense_reach(config),
+            dense_reach(config),
             not config.full_turn,
             math.cos(pose.theta + config.angle_offset),
             math.sin(pose.theta + config.angle_offset),
         )
-        return self._count(changes)
+        return self.count(changes)
 
     def integrate(self, pose: Pose, ranges: NDArray[np.float32], config: LidarConfig, *, full_turn: bool = False) -> ScanUpdate:
         """Weigh a scan as evidence; the grid's cells follow where the evidence crosses a threshold.
@@ -197,7 +197,7 @@ class Mapper:
             _fixed(weights.miss),
             np.array([_fixed(v) for v in (*weights.clamp, weights.free_below, weights.occupied_above)]),
         )
-        return self._count(changes)
+        return self.count(changes)
 
     def mark_occupied(self, cells: ArrayLike) -> ScanUpdate:
         """Mark cells that the robot has bumped into.
@@ -219,9 +219,9 @@ class Mapper:
         self.grid.cells[row, col] = OCCUPIED
         box = (int(row.min()), int(row.max()) + 1, int(col.min()), int(col.max()) + 1)
         new = int(np.count_nonzero(before == UNKNOWN))
-        return self._count((new, row.size, -int(np.count_nonzero(before == FREE)), row.size, *box))
+        return self.count((new, row.size, -int(np.count_nonzero(before == FREE)), row.size, *box))
 
-    def _count(self, changes: Changes) -> ScanUpdate:
+    def count(self, changes: Changes) -> ScanUpdate:
         """Add (new cells, new occupied, change of free, change of occupied, box) to the running counts."""
         new_cells, new_occupied, free_change, occupied_change, row0, row1, col0, col1 = changes
         self.known_free += free_change
@@ -246,7 +246,7 @@ class Mapper:
         return self._stamp
 
 
-def _dense_reach(config: LidarConfig) -> int:
+def dense_reach(config: LidarConfig) -> int:
     """How far, in cells along either axis, no cell in sight lies between two beams; -1 for fields of view of other shapes.
 
     A cell whose centre is r away is seen under an angle above 1 / (r + 1/2), so a beam meets it while beams are closer.

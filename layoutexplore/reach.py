@@ -122,6 +122,12 @@ class Ground:
         settled = search.spread(int(flat_indices(start, search)[0]), flat_indices(stops, search))
         return DistanceField(search, self._world, self._resolution, settled)
 
+    def path(self, cells: NDArray[np.int8], source: Cell, goal: Cell) -> NDArray[np.int32]:
+        """The shortest path int32 (k, 2) from a cell to another on the grid as it is now; empty when there is none."""
+        goals = np.array([goal], np.int32)
+        distances = self.distances(cells, source, stop_at=goals)
+        return distances.path_to(goal) if np.isfinite(distances.to_cells(goals)).all() else goals[:0]
+
     def _adapt(self, cells: NDArray[np.int8]) -> None:
         """Follow the changes of the grid."""
         box, self._changed = self._changed, _NOTHING

@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -34,6 +35,14 @@ class OdometryNoise:
 
 
 PERFECT_ODOMETRY = OdometryNoise()
+
+
+class Motion(NamedTuple):
+    """What a motion primitive did: metres moved, whether a wall stopped it, and cells newly known."""
+
+    moved: float
+    collided: bool
+    new_cells: int
 
 
 def draw_start(raster: PlanRaster, robot_radius: float, rng: np.random.Generator) -> Pose:
@@ -145,11 +154,24 @@ class Robot:
         """
         origin, reached = self._raster.origin, np.empty_like(points)
         frame = np.array([self.pose.x, self.pose.y, origin.x, origin.y, self._raster.resolution])
-        count, self.walked = _follow(self._blocked, points, frame, self.walked, pause, end, reached)
+        count, self.walked = advance_along(self._blocked, points, frame, self.walked, pause, end, reached)
         theta = self.pose.theta
         self.track.extend([Pose(x, y, theta) for x, y in reached[:count].tolist()])
         self.pose = self.believed = self.track[-1]._replace(theta=theta)
         return int(count)
+
+    def arrive(self, way: NDArray[np.float64], pose: Pose, walked: float, turned: float) -> None:
+        """Be where a walk has led (see `layoutexplore.walking`), without odometry noise.
+
+        Args:
+            way: float64 (n, 3), the poses on the way as (x, y, theta).
+            pose: The last one, after turning.
+            walked: Metres walked in all.
+            turned: Radians turned in all.
+        """
+        self.track.extend(map(Pose._make, way.tolist()))
+        self.pose = self.believed = pose
+        self.walked, self.turned = walked, turned
 
     def touched(self, dx: float, dy: float) -> NDArray[np.int32]:
         """Cells int32 (n, 2) of the walls in front of the robot in direction (dx, dy), in the believed frame."""
@@ -187,11 +209,12 @@ def disc_offsets(radius: float) -> NDArray[np.int32]:
 
 def path_is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: NDArray[np.int32]) -> bool:
     """Whether an occupied cell lies within the offsets (see `disc_offsets`) of a path's cells int32 (k, 2)."""
-    return bool(_path_is_blocked(cells, path, offsets))
+    return bool(is_blocked(cells, path, offsets))
 
 
 @njit(cache=True, nogil=True)
-def _path_is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: NDArray[np.int32]) -> bool:
+def is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: NDArray[np.int32]) -> bool:
+    """The kernel of `path_is_blocked`."""
     rows, cols = cells.shape
     for k in range(len(path)):
         for n in range(len(offsets)):
@@ -202,7 +225,7 @@ def _path_is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: 
 
 
 @njit(cache=True, nogil=True)
-def _follow(
+def advance_along(
     blocked: NDArray[np.bool_],
     points: NDArray[np.float64],
     frame: NDArray[np.float64],

@@ -13,12 +13,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path as FilePath
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.coverage import Coverage, union
+from layoutexplore.coverage import Box, Coverage, union
 from layoutexplore.decision import STOP, Choice, Decision, Frontier, Path, Predictor, Privileged, Truth
 from layoutexplore.errors import ConfigError
 from layoutexplore.floorplan import FloorPlan
@@ -29,19 +28,12 @@ from layoutexplore.path_table import PathTable
 from layoutexplore.plan_raster import shared_lidar
 from layoutexplore.planning import check_path
 from layoutexplore.reach import Ground
-from layoutexplore.robot import PERFECT_ODOMETRY, Robot, check_start, disc_offsets, draw_start, path_is_blocked
+from layoutexplore.robot import PERFECT_ODOMETRY, Motion, Robot, check_start, disc_offsets, draw_start, path_is_blocked
 from layoutexplore.simulation_config import SimulationConfig
 from layoutexplore.viewpoints import Outlook, facing, looked_at, remaining_share
+from layoutexplore.walking import BLOCKED, COVERED, GOES_ON, GONE, NEEDS_STEP, NO_FRONTIER, Walker
 
 __all__ = ["Motion", "Simulation", "SimulationConfig"]
-
-
-class Motion(NamedTuple):
-    """What a motion primitive did: metres moved, whether a wall stopped it, and cells newly known."""
-
-    moved: float
-    collided: bool
-    new_cells: int
 
 
 class Simulation:
@@ -122,6 +114,7 @@ class Simulation:
         self._detector = FrontierDetector(shape)
         self._changed = (0, 0, 0, 0)
         self._coverage = Coverage(self.truth.target)
+        self._walker = Walker(self.lidar, self.raster.blocked(radius), self.config, self._coverage, self.max_distance)
         self._outlook = Outlook(shape, self.config)
         self._ground = Ground(shape, radius, resolution)
         self._paths = PathTable()
@@ -292,38 +285,61 @@ class Simulation:
 
     def _walk(self, path: Path, frontier: Frontier | None) -> bool:
         """Walk a path, scanning on the way; whether its end was reached with the frontier still to be looked at."""
-        cells = self.mapper.grid.cells
-        k, scanned_at, scanned_from = 1, self.robot.walked, self.robot.believed
-        spacing = self.config.scan_spacing - 1e-9
+        goal = NO_FRONTIER if frontier is None else frontier.cells
+        self._walker.begin(self.robot)
+        k, stretch = 1, self._noisy_stretch if self._noisy else self._stretch
         while k < len(path):
-            if self.robot.walked - scanned_at < spacing:
-                k = self._step_along(path, k, spacing - self.robot.walked + scanned_at)
-                if k < 0:
+            event, k = stretch(path, k, goal)
+            if event == NEEDS_STEP:
+                if not self._advance(Cell(*path[k].tolist())):
                     return False
-            if k == len(path) or self.robot.walked - scanned_at < spacing:
-                continue
-            here = self.robot.believed
-            self.robot.turn_to(math.atan2(here.y - scanned_from.y, here.x - scanned_from.x))
-            update = self._scan()
-            scanned_at, scanned_from = self.robot.walked, here
-            if self.done:
+                k += 1
+            elif event in (COVERED, GONE):
                 return False
-            if frontier is None:
-                continue
-            if remaining_share(cells, frontier.cells) < self.config.gone_share:
-                return False
-            if update.new_occupied and path_is_blocked(cells, path[k:], self._disc):
-                path, k = self._replanned(frontier.viewpoint), 1
+            elif event == BLOCKED and frontier is not None:
+                path, k = self._ground.path(self.mapper.grid.cells, self._here(), frontier.viewpoint), 1
                 if len(path) == 0:
                     return False
         return not self.done
 
-    def _replanned(self, goal: Cell) -> Path:
-        """A new path to the goal on what is known now; empty when there is none."""
-        distances = self._ground.distances(self.mapper.grid.cells, self._here(), stop_at=np.array([goal], np.int32))
-        if not np.isfinite(distances.to_cells(np.array([goal]))).all():
-            return np.empty((0, 2), np.int32)
-        return distances.path_to(goal)
+    def _stretch(self, path: Path, k: int, goal: NDArray[np.int32]) -> tuple[int, int]:
+        """Walk from cell k of a path on until something happens: what did, and the next cell's number."""
+        self._decision = None
+        walked = self._walker.go(self.robot, self.mapper, path, k, goal, scans=1 if self.on_scan else len(path))
+        self._note(walked.box)
+        for distance, coverage in walked.curve.tolist():
+            self.scans += 1
+            self._curve.append((distance, coverage, float(self.scans)))
+        if walked.event == COVERED:
+            self._finish("coverage")
+        if self.on_scan and len(walked.curve):
+            self.on_scan(self)
+        return walked.event, walked.reached
+
+    def _noisy_stretch(self, path: Path, k: int, goal: NDArray[np.int32]) -> tuple[int, int]:
+        """The same with noise or drift, to the next scan."""
+        spacing, (scanned_at, x, y) = self.config.scan_spacing - 1e-9, self._walker.since
+        if self.robot.walked - scanned_at < spacing:
+            reached = 0
+            if not self._drifts:
+                end = self.max_distance - self.config.turn_cost * self.robot.turned
+                points = self.mapper.grid.cells_to_world(path[k:])
+                reached = self.robot.follow(points, spacing - self.robot.walked + scanned_at, end)
+            if not reached:
+                return NEEDS_STEP, k
+            k += reached
+        if k == len(path) or self.robot.walked - scanned_at < spacing:
+            return GOES_ON, k
+        here = self.robot.believed
+        self.robot.turn_to(math.atan2(here.y - y, here.x - x))
+        update, cells = self._scan(), self.mapper.grid.cells
+        self._walker.begin(self.robot)
+        if self.done:
+            return COVERED, k
+        if len(goal) and remaining_share(cells, goal) < self.config.gone_share:
+            return GONE, k
+        blocked = len(goal) and update.new_occupied and path_is_blocked(cells, path[k:], self._disc)
+        return BLOCKED if blocked else GOES_ON, k
 
     def _look(self, frontier: Frontier) -> None:
         """Face the frontier and scan, turn fully if it is still there, and do not offer again what even that leaves."""
@@ -334,16 +350,6 @@ class Simulation:
             self._scan(full_turn=True)
         rest = looked_at(cells, frontier.cells, frontier.viewpoint, self.raster.resolution)
         self._outlook.exhaust(rest)
-
-    def _step_along(self, path: Path, k: int, pause: float) -> int:
-        """Go on from cell k of a path, for `pause` metres if nothing happens: the next cell's number, -1 if the walk is over."""
-        reached = 0
-        if not self._drifts:
-            end = self.max_distance - self.config.turn_cost * self.robot.turned
-            reached = self.robot.follow(self.mapper.grid.cells_to_world(path[k:]), pause, end)
-        if reached:
-            return k + reached
-        return k + 1 if self._advance(Cell(*path[k].tolist())) else -1
 
     def _advance(self, cell: Cell) -> bool:
         """One step to the centre of a neighbouring cell; whether the walk can go on."""
@@ -359,7 +365,7 @@ class Simulation:
         """Move by (dx, dy) metres; a wall that stops the robot goes onto the map, the budget ends the run."""
         moved, collided = self.robot.translate(dx, dy)
         if collided:
-            self._note(self.mapper.mark_occupied(self.robot.touched(dx, dy)))
+            self._note(self.mapper.mark_occupied(self.robot.touched(dx, dy)).box)
         if self.distance >= self.max_distance:
             self._scan()
             self._finish("budget")
@@ -378,7 +384,7 @@ class Simulation:
             update = seen = self.mapper.integrate(believed, ranges, self.lidar.config, full_turn=full_turn)
             if self._drifts:
                 seen = self._witness.integrate(pose, ranges, self.lidar.config, full_turn=full_turn)
-        self._note(update)
+        self._note(update.box)
         self._coverage.update(self._witness.grid.cells, seen.box)
         self.scans += 1
         self._curve.append((self.distance, self.coverage, float(self.scans)))
@@ -388,6 +394,6 @@ class Simulation:
             self.on_scan(self)
         return update
 
-    def _note(self, update: ScanUpdate) -> None:
-        self._changed = union(self._changed, update.box)
-        self._ground.note(update.box)
+    def _note(self, box: Box) -> None:
+        self._changed = union(self._changed, box)
+        self._ground.note(box)

@@ -115,7 +115,7 @@ def choose_viewpoints(
 
 def remaining_share(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> float:
     """The share of a frontier's cells int32 (n, 2) that still border the unknown, 0..1."""
-    return float(_remaining(cells, frontier)) / len(frontier)
+    return float(count_remaining(cells, frontier)) / len(frontier)
 
 
 def looked_at(
@@ -225,7 +225,8 @@ def _looked_at(cells: NDArray[np.int8], frontier: NDArray[np.int32], row: int, c
 
 
 @njit(cache=True, nogil=True)
-def _remaining(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> int:
+def count_remaining(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> int:
+    """How many of a frontier's cells int32 (n, 2) still border the unknown."""
     rows, cols = cells.shape
     count = 0
     for n in range(len(frontier)):
