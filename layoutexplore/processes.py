@@ -1,10 +1,13 @@
-"""Starting worker processes: how many the machine has room for, and one thread each."""
+"""Processes: how this one was started; how many workers the machine has room for, and one thread each."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import shlex
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -14,6 +17,11 @@ THREAD_VARIABLES = (
     "NUMBA_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
+
+
+def command_line() -> str:
+    """The command that started this process, as a shell takes it."""
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
 def usable_cores() -> int:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import csv
 import platform
-import shlex
 import signal
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +20,7 @@ from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.policy_file import save_policy
 from layoutexplore.benchmark.store import atomic, to_toml
 from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.processes import command_line
 
 CONFIG = "config.toml"
 EVALUATIONS = "evaluations.csv"
@@ -109,7 +108,7 @@ class TrainingRun:
             "training": {
                 "steps_done": self.steps,
                 "minutes": round(seconds / 60, 1),
-                "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+                "command": command_line(),
                 "hardware": f"{platform.machine()}, {device}, {torch.get_num_threads()} threads",
                 "torch": torch.__version__,
                 "config": self.config.as_table(),

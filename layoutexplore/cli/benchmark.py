@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -119,6 +117,7 @@ def _run(
     from layoutexplore.benchmark.pool import usable_cores
     from layoutexplore.benchmark.runner import Progress, run_benchmark
     from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.processes import command_line
 
     try:
         with ProgressLine(console, "runs") as line:
@@ -134,17 +133,13 @@ def _run(
                 cluster=cluster,
                 force=force,
                 extend=extend,
-                command=_command_line(),
+                command=command_line(),
                 report=line.say,
                 on_progress=advance,
             )
     except KeyboardInterrupt:
         console.print(f"\nStopped. What is finished is in {out}: the same command continues.", soft_wrap=True)
         raise typer.Exit(130) from None
-
-
-def _command_line() -> str:
-    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
 def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig) -> None:

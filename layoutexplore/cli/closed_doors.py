@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -41,6 +39,7 @@ def closed_doors(
     from layoutexplore.evaluation.closed_doors_report import write_report
     from layoutexplore.grid_io import write_atomically
     from layoutexplore.maps import expand_plans
+    from layoutexplore.processes import command_line
 
     if report:
         require("jinja2", "bench")
@@ -61,8 +60,7 @@ def closed_doors(
     typer.echo(f"note: {note}")
     written = write_pictures(triples, scores, out)
     if report:
-        command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
-        written += write_report(out, triples, scores, summary, command=command, note=note)
+        written += write_report(out, triples, scores, summary, command=command_line(), note=note)
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
     if json_file is not None:
         data = {"summary": summary, "maps": [asdict(score) for score in scores]}

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -39,6 +37,7 @@ def partial_rooms(
     from layoutexplore.floorplan import FloorPlan
     from layoutexplore.grid_io import write_atomically
     from layoutexplore.predictors import make_room_predictor, predictor_names
+    from layoutexplore.processes import command_line
 
     if out is not None:
         require("jinja2", "bench")
@@ -57,7 +56,7 @@ def partial_rooms(
     summary = summarise(scores)
     print_summary(summary)
     if out is not None:
-        written = write_report(out, scores, summary, gallery, command=shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]))
+        written = write_report(out, scores, summary, gallery, command=command_line())
         typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
     if json_file is not None:
         data = {"summary": summary, "rooms": [asdict(r) for r in scores.rooms], "ms": scores.milliseconds}
