@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from layoutexplore.cli.json_file import write_json
 
 COLUMNS = ("before", "free_iou", "iou", "iqm", "iqm_low", "iqm_high", "precision", "recall")
 
@@ -37,7 +38,6 @@ def closed_doors(
     from layoutexplore.errors import require
     from layoutexplore.evaluation.closed_doors import cross_validate, evaluate, find_triples, summarise, write_pictures
     from layoutexplore.evaluation.closed_doors_report import write_report
-    from layoutexplore.grid_io import write_atomically
     from layoutexplore.maps import expand_plans
     from layoutexplore.processes import command_line
 
@@ -63,9 +63,7 @@ def closed_doors(
         written += write_report(out, triples, scores, summary, command=command_line(), note=note)
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
     if json_file is not None:
-        data = {"summary": summary, "maps": [asdict(score) for score in scores]}
-        write_atomically(json_file, (json.dumps(data, indent=1) + "\n").encode())
-        typer.echo(f"written: {json_file}")
+        write_json(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
 
 
 def _print(summary: Sequence[dict[str, Any]]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from layoutexplore.cli.closed_doors import closed_doors
+from layoutexplore.cli.json_file import write_json
 from layoutexplore.cli.partial_rooms import partial_rooms
 from layoutexplore.cli.train_predictor import train_predictor
 
@@ -122,7 +122,7 @@ def _write_results(
     rows = [row for _, row, _ in results]
     if json_file is not None:
         numbers = {"protocol": protocol, "resolution": resolution, "folds": folds, "maps": [asdict(r) for r in rows]}
-        _write_json(json_file, numbers | {"summary": summarise(rows), "seeds": seed_spread(rows)})
+        write_json(json_file, numbers | {"summary": summarise(rows), "seeds": seed_spread(rows)})
     if out is not None:
         from layoutexplore.evaluation.segmentation_report import write_report
 
@@ -195,13 +195,6 @@ def _read_buildings(path: Path) -> dict[str, str]:
         return {row["map"]: row["building"] for row in rows}
     except (OSError, KeyError, csv.Error, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: a CSV with the columns map and building is needed: {error!r}") from error
-
-
-def _write_json(path: Path, data: dict[str, Any]) -> None:
-    from layoutexplore.grid_io import write_atomically
-
-    write_atomically(path, (json.dumps(data, indent=1) + "\n").encode())
-    typer.echo(f"written: {path}")
 
 
 def _plans(folders: Sequence[str] | None) -> list[str]:
@@ -296,7 +289,7 @@ def layout(
                  for key in ("a_fc", "a_bc", "precision", "recall")]  # fmt: skip
         typer.echo(f"{name}, {len(part)} maps: {', '.join(means)}")
     if json_file is not None:
-        _write_json(json_file, {"resolution": resolution, "maps": rows})
+        write_json(json_file, {"resolution": resolution, "maps": rows})
 
 
 @group.command("clutter", epilog="Example: layoutexplore evaluate clutter maps/*.png")
@@ -315,4 +308,4 @@ def clutter(
     for key, value in asdict(summary).items():
         typer.echo(f"{key.replace('_', ' ')}: {value}")
     if json_file is not None:
-        _write_json(json_file, {"summary": asdict(summary), "trials": [asdict(t) for t in trials]})
+        write_json(json_file, {"summary": asdict(summary), "trials": [asdict(t) for t in trials]})

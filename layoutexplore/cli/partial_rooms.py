@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from layoutexplore.cli.json_file import write_json
 
 ROOM_COLUMNS = ("rooms", "hidden_iou", "hidden_low", "hidden_high", "iou", "log_area", "boundary_m", "spearman", "mae_m2")
 FRONTIER_COLUMNS = ("frontiers", "mcc", "f1_closed", "f1_open", "leftover_accuracy", "leftover_mcc", "calibration_error")
@@ -35,7 +36,6 @@ def partial_rooms(
     from layoutexplore.evaluation.partial_rooms_summary import summarise
     from layoutexplore.evaluation.snapshots import explore
     from layoutexplore.floorplan import FloorPlan
-    from layoutexplore.grid_io import write_atomically
     from layoutexplore.predictors import make_room_predictor, predictor_names
     from layoutexplore.processes import command_line
 
@@ -60,9 +60,7 @@ def partial_rooms(
         typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
     if json_file is not None:
         data = {"summary": summary, "rooms": [asdict(r) for r in scores.rooms], "ms": scores.milliseconds}
-        frontiers = [asdict(f) for f in scores.frontiers]
-        write_atomically(json_file, (json.dumps(data | {"frontiers": frontiers}) + "\n").encode())
-        typer.echo(f"written: {json_file}")
+        write_json(json_file, data | {"frontiers": [asdict(f) for f in scores.frontiers]}, indent=None)
 
 
 def print_summary(summary: dict[str, Any]) -> None:

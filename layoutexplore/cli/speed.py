@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from layoutexplore.cli.json_file import write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -40,8 +41,7 @@ def speed(
         rows.extend(measure(only or (), begin=lambda name: status.update(f"Measuring {name}")))
     console.print(_table(rows))
     if json_file:
-        json_file.parent.mkdir(parents=True, exist_ok=True)
-        json_file.write_text(json.dumps({"versions": _versions(), "rows": [row.as_dict() for row in rows]}, indent=1) + "\n")
+        write_json(json_file, {"versions": _versions(), "rows": [row.as_dict() for row in rows]})
     if any(row.missed for row in rows):
         raise typer.Exit(1)
 
