@@ -34,6 +34,7 @@ from layoutexplore.layout.merging_graph import (
     WALL_SIDES,
     WIDTH,
     PieceGraph,
+    add_node,
 )
 from layoutexplore.union_find import root_of
 
@@ -199,13 +200,8 @@ def _unite(
     """Add the second piece of a contact to the first one."""
     nodes, edges, rooms = tables
     a, b = ends[best, 0], ends[best, 1]
-    first, second = nodes[a], nodes[b]
-    for k in (AREA, SPACE, CLUTTER, SIDES, OPEN_END, WALL_SIDES):
-        first[k] += second[k]
-    first[SIDES] -= 2 * edges[best, OPEN]
-    first[ROW0], first[COL0] = min(first[ROW0], second[ROW0]), min(first[COL0], second[COL0])
-    first[ROW1], first[COL1] = max(first[ROW1], second[ROW1]), max(first[COL1], second[COL1])
-    first[PEAK] = max(first[PEAK], second[PEAK])
+    add_node(nodes[a], nodes[b])
+    nodes[a, SIDES] -= 2 * edges[best, OPEN]
     rooms[a] += rooms[b]
 
 

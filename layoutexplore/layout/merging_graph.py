@@ -69,6 +69,16 @@ def _add_lines(edge: NDArray[np.float64], walls: NDArray[np.uint64], cols: int, 
     edge[FAR] += wide / (2 * far + 1)
 
 
+@njit(cache=True, nogil=True)
+def add_node(whole: NDArray[np.float64], part: NDArray[np.float64]) -> None:
+    """Add a piece to another one (rows of the node table); the sides between them still count."""
+    for column in (AREA, SPACE, CLUTTER, SIDES, OPEN_END, WALL_SIDES):
+        whole[column] += part[column]
+    whole[ROW0], whole[COL0] = min(whole[ROW0], part[ROW0]), min(whole[COL0], part[COL0])
+    whole[ROW1], whole[COL1] = max(whole[ROW1], part[ROW1]), max(whole[COL1], part[COL1])
+    whole[PEAK] = max(whole[PEAK], part[PEAK])
+
+
 @njit("void(int32[:,::1], boolean[:,::1], int64[::1], int64)", cache=True, nogil=True)
 def _spread(out: NDArray[np.int32], wall: NDArray[np.bool_], front: NDArray[np.int64], steps: int) -> None:
     """Spread labels in place from the cells of a front."""

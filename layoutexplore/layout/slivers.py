@@ -12,23 +12,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.layout.merging_graph import (
-    AREA,
-    CLUTTER,
-    COL0,
-    COL1,
     DOOR,
     EDGE_COLUMNS,
     NODE_COLUMNS,
     OPEN,
-    OPEN_END,
     PASS,
-    PEAK,
-    ROW0,
-    ROW1,
     SIDES,
     SPACE,
-    WALL_SIDES,
     PieceGraph,
+    add_node,
     find_edge,
 )
 from layoutexplore.union_find import root_of
@@ -117,15 +109,10 @@ def _coarsen(
         into[k] = number[whole]
         if into[k] == 0:
             continue
-        node, sum_ = nodes[k], out[into[k]]
-        if sum_[SPACE] == 0:
-            sum_[:] = node
-            continue
-        for column in (AREA, SPACE, CLUTTER, SIDES, OPEN_END, WALL_SIDES):
-            sum_[column] += node[column]
-        sum_[ROW0], sum_[COL0] = min(sum_[ROW0], node[ROW0]), min(sum_[COL0], node[COL0])
-        sum_[ROW1], sum_[COL1] = max(sum_[ROW1], node[ROW1]), max(sum_[COL1], node[COL1])
-        sum_[PEAK] = max(sum_[PEAK], node[PEAK])
+        if out[into[k], SPACE] == 0:
+            out[into[k]] = nodes[k]
+        else:
+            add_node(out[into[k]], nodes[k])
     new_ends = np.empty((len(ends), 2), np.int32)
     new_edges = np.zeros((len(ends), EDGE_COLUMNS))
     heads, links = np.full(count, -1, np.int32), np.empty(len(ends), np.int32)
