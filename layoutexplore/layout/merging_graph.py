@@ -32,11 +32,19 @@ EDGE_COLUMNS = 14
 NEAR_REACH, FAR_REACH = 1.5, 6.0
 """How far walls in line with a contact are looked for on either side, in metres."""
 
+SLACK = 0.1
+"""A wall may step aside by this much [m]."""
+
 BESIDE = 0.3
 """A line lies near a contact within this distance [m]."""
 
 WALL_THICKNESS = 0.5
 """Two pieces touch across an obstacle up to twice so thick [m]."""
+
+Lines = tuple[
+    NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], int
+]
+"""For kernels: the arrays of a `LineEvidence` in their order, and in how many cells a line lies near a contact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,9 +251,7 @@ def _add_evidence(
     r: int,
     c: int,
     above: bool,
-    lines: tuple[
-        NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], int
-    ],
+    lines: Lines,
 ) -> None:
     """Add what the representative lines say of the side between cell (r, c) and the one `above` it, or right of it."""
     row_strip, col_strip, face, room, edge_above, edge_right, reach = lines
@@ -306,9 +312,7 @@ def _contacts(
     gap: NDArray[np.int32],
     gaps: NDArray[np.float64],
     walls: tuple[NDArray[np.uint64], NDArray[np.uint64], int, int],
-    lines: tuple[
-        NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], NDArray[np.float64], int
-    ],
+    lines: Lines,
     nodes: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """The contacts; adds their sides to the nodes."""
@@ -377,8 +381,7 @@ def piece_graph(
         resolution: Metres a cell.
     """
     steps = max(round(WALL_THICKNESS / resolution), 1)
-    slack = max(round(0.1 / resolution), 1)
-    near, far = max(round(NEAR_REACH / resolution), 1), max(round(FAR_REACH / resolution), 1)
+    slack, near, far, beside = (max(round(length / resolution), 1) for length in (SLACK, NEAR_REACH, FAR_REACH, BESIDE))
     rows, cols = labels.shape
     wall_cells = true_cells(wall)
     along_rows, along_cols = set_bits(wall_cells, rows, cols, slack)
@@ -396,7 +399,7 @@ def piece_graph(
         openings.gap,
         openings.table.astype(np.float64) * resolution,
         (along_rows, along_cols, near, far),
-        (lines.row_strip, lines.col_strip, lines.face, lines.room, lines.above, lines.right, max(round(BESIDE / resolution), 1)),
+        (lines.row_strip, lines.col_strip, lines.face, lines.room, lines.above, lines.right, beside),
         nodes,
     )
     return PieceGraph(nodes, ends, edges, count_rooms(labels, free, lines, count), resolution)
