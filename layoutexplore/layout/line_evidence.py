@@ -270,9 +270,8 @@ def _seen_faces(
     total, seen = np.zeros(face.max() + 1), np.zeros(face.max() + 1)
     for n in range(face.shape[0]):
         for m in range(face.shape[1]):
-            size = float(row_bounds[n + 1] - row_bounds[n]) * (col_bounds[m + 1] - col_bounds[m])
-            total[face[n, m]] += size
-            seen[face[n, m]] += known[n, m] / max(size, 1.0) * size
+            total[face[n, m]] += (row_bounds[n + 1] - row_bounds[n]) * (col_bounds[m + 1] - col_bounds[m])
+            seen[face[n, m]] += known[n, m]
     return seen >= least * np.maximum(total, 1.0)
 
 
