@@ -22,6 +22,7 @@ from layoutexplore.errors import MapError
 from layoutexplore.floorplan import Door, FloorPlan, Room
 from layoutexplore.geometry import polygons_of
 from layoutexplore.grid_io import write_atomically
+from layoutexplore.maps.json_plan import read_json
 
 FORMAT, VERSION = "layoutexplore floor plan", 1
 SOLIDS = ("walls", "furniture", "passages")
@@ -66,12 +67,7 @@ def load_geojson(path: Path) -> FloorPlan:
     Raises:
         MapError: The file is not a plan of this format; the message names the feature that is wrong.
     """
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise MapError(f"{path}: cannot read the plan: {error.strerror}") from error
-    except ValueError as error:
-        raise MapError(f"{path}: broken JSON: {error}") from error
+    data = read_json(path)
     features = data.get("features") if isinstance(data, dict) else None
     if not isinstance(features, list) or data.get("type") != "FeatureCollection":
         raise MapError(f"{path}: must be a GeoJSON FeatureCollection")

@@ -19,6 +19,7 @@ from shapely import LineString, Point, Polygon
 from layoutexplore.errors import MapError
 from layoutexplore.floorplan import Door, FloorPlan, Room
 from layoutexplore.geometry import polygons_of
+from layoutexplore.maps.json_plan import read_json
 
 OUTER_WALL = 0.2
 """Metres of wall that are drawn around the contour."""
@@ -57,12 +58,7 @@ def load_houseexpo(path: Path) -> FloorPlan:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise MapError(f"{path}: cannot read the plan: {error.strerror}") from error
-    except ValueError as error:
-        raise MapError(f"{path}: broken JSON: {error}") from error
+    data = read_json(path)
     if not isinstance(data, dict):
         raise MapError(f"{path}: a HouseExpo plan is a JSON object with 'verts', got a {type(data).__name__}")
     return data
