@@ -27,8 +27,6 @@ FORMAT = 1
 WEIGHTS = Path(__file__).resolve().parent / "weights"
 """Folder of the policies that ship."""
 
-DEFAULT_POLICY = "layout"
-
 _LARGEST_HEADER = 1 << 20
 _UNUSED_FRONTIER = {"valid"}
 _ROBOT = ("distance", "known_area", "expected_area")

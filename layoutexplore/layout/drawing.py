@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.types import FaceKind, Layout
+from layoutexplore.palette import Colour
 
 Image = NDArray[np.uint8]
-Colour = tuple[int, int, int]
 
 INK: Colour = (30, 30, 36)
 PAPER: Colour = (250, 250, 250)
@@ -25,7 +25,6 @@ FACES: dict[FaceKind, Colour] = {
     FaceKind.PARTIAL: (190, 196, 205),
     FaceKind.INTERNAL: (205, 226, 246),
 }
-
 
 WIDE = 1.6
 """Width over height from which the panels stand below each other."""

@@ -10,20 +10,16 @@ import difflib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.floorplan import FloorPlan
+from layoutexplore.floorplan import FloorPlan, PlanRaster
 from layoutexplore.frontier_classes import classify_frontiers
 from layoutexplore.predictors.cell_features import Candidates, find_candidates
 from layoutexplore.predictors.frontier_features import frontier_features
 from layoutexplore.predictors.regions import Regions, seen_regions
 from layoutexplore.snapshot import Snapshot
-
-if TYPE_CHECKING:
-    from layoutexplore.floorplan import PlanRaster
 
 REGIONS = 8
 """Regions of a decision whose cells are kept."""
