@@ -7,7 +7,7 @@ more nor less. Where no predictor runs, everything that a layout would tell is z
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -15,7 +15,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from layoutexplore.decision import Decision
+from layoutexplore.decision import Decision, Frontier, FrontierList
 from layoutexplore.envs import map_images
 from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS, MapFrame, Trail, draw_global_map, draw_local_map
 from layoutexplore.errors import ConfigError
@@ -258,34 +258,20 @@ def action_mask(decision: Decision, max_frontiers: int) -> NDArray[np.int8]:
 def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[np.float32]:
     """float32 (max_frontiers * features,): a row of `FRONTIER_FEATURES` per slot, zero in slots without a frontier."""
     table = np.zeros((config.max_frontiers, len(FRONTIER_FEATURES)))
-    shown = decision.frontiers[: config.max_frontiers]
-    if shown:
+    columns = frontier_columns(decision.frontiers)[:, : config.max_frontiers]
+    count = columns.shape[1]
+    if count:
         x, y, theta = decision.pose
-        columns = np.array(
-            [
-                (
-                    *f.centroid,
-                    f.path_length,
-                    f.straight_distance,
-                    f.size,
-                    f.visible_area,
-                    0.0 if f.is_closed is None else 1.0 if f.is_closed else -1.0,
-                    f.expected_area or 0.0,
-                    f.confidence or 0.0,
-                )
-                for f in shown
-            ]
-        ).T
         dx, dy = columns[0] - x, columns[1] - y
         ahead = (dx * math.cos(theta) + dy * math.sin(theta)) / config.length_scale
         left = (dy * math.cos(theta) - dx * math.sin(theta)) / config.length_scale
         path_length, straight, size = columns[2:5] / config.length_scale
-        rank = detour = np.zeros(len(shown))
+        rank = detour = np.zeros(count)
         if config.detour:
-            rank, detour = (column[: len(shown)] for column in tour_features(decision, config.tour))
-        table[: len(shown)] = np.stack(
+            rank, detour = (column[:count] for column in tour_features(decision, config.tour))
+        table[:count] = np.stack(
             [
-                np.ones(len(shown)),
+                np.ones(count),
                 ahead,
                 left,
                 path_length,
@@ -304,6 +290,34 @@ def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[n
     return np.clip(table, _FRONTIER_LOW, _FRONTIER_HIGH).astype(np.float32).ravel()
 
 
+def frontier_columns(frontiers: Sequence[Frontier]) -> NDArray[np.float64]:
+    """What there is to tell of frontiers as float64 (9, n).
+
+    x and y of the centroid, path length, straight distance, size, visible area, class (1 closed, -1 open, 0 not predicted),
+    expected area and confidence.
+    """
+    columns = np.zeros((9, len(frontiers)))
+    if isinstance(frontiers, FrontierList):
+        columns[:6] = frontiers.columns
+    elif frontiers:
+        columns[:] = np.array(
+            [
+                (
+                    *f.centroid,
+                    f.path_length,
+                    f.straight_distance,
+                    f.size,
+                    f.visible_area,
+                    0.0 if f.is_closed is None else 1.0 if f.is_closed else -1.0,
+                    f.expected_area or 0.0,
+                    f.confidence or 0.0,
+                )
+                for f in frontiers
+            ]
+        ).T
+    return columns
+
+
 def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame) -> NDArray[np.float32]:
     """float32 (features,): the entries of `ROBOT_FEATURES`; map position and span are 0 without a global map."""
     grid, pose = decision.grid, decision.pose
@@ -313,7 +327,7 @@ def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame)
         map_x = ((pose.x - grid.origin.x) / grid.resolution - frame.col) / cells
         map_y = ((pose.y - grid.origin.y) / grid.resolution - frame.row) / cells
         span = cells * grid.resolution / config.length_scale
-    expected = sum(frontier.expected_area or 0.0 for frontier in decision.frontiers)
+    expected = sum(frontier_columns(decision.frontiers)[7].tolist())
     values = (
         math.cos(pose.theta),
         math.sin(pose.theta),

@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, overload, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.floorplan import FloorPlan, PlanRaster
+from layoutexplore.frontiers import FrontierClusters
 from layoutexplore.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.lidar import LidarConfig
 from layoutexplore.path_table import PathTable
@@ -63,6 +64,54 @@ class Frontier:
     room: int | None = None
 
 
+class FrontierList(Sequence[Frontier]):
+    """Frontiers that are not judged, kept as columns; each becomes a `Frontier` when it is asked for.
+
+    Most decisions of a training run ask for one of forty.
+
+    Args:
+        clusters: The frontiers' cells, and maybe others.
+        kept: int64 (k,), the numbers of the clusters that are the frontiers.
+        columns: float64 (6, k): x and y of the centroid, path length, straight distance, size and visible area.
+        viewpoints: int32 (k, 2), as (row, col).
+    """
+
+    def __init__(
+        self,
+        clusters: FrontierClusters,
+        kept: NDArray[np.int64],
+        columns: NDArray[np.float64],
+        viewpoints: NDArray[np.int32],
+    ) -> None:
+        self.columns = columns
+        self._clusters, self._kept, self._viewpoints = clusters, kept, viewpoints
+        self._made: dict[int, Frontier] = {}
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    @overload
+    def __getitem__(self, index: int) -> Frontier: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Frontier, ...]: ...
+    def __getitem__(self, index: int | slice) -> Frontier | tuple[Frontier, ...]:
+        if isinstance(index, slice):
+            return tuple(self[k] for k in range(*index.indices(len(self))))
+        k = range(len(self))[index]
+        if k not in self._made:
+            x, y, path_length, straight_distance, size, visible_area = self.columns[:, k].tolist()
+            self._made[k] = Frontier(
+                cells=self._clusters.cluster(int(self._kept[k])),
+                size=size,
+                centroid=(x, y),
+                viewpoint=Cell(*self._viewpoints[k].tolist()),
+                path_length=path_length,
+                straight_distance=straight_distance,
+                visible_area=visible_area,
+            )
+        return self._made[k]
+
+
 @dataclass(frozen=True, eq=False)
 class Decision:
     """One decision of an exploration. Arrays are views that change with the next step: copy what you keep.
@@ -86,7 +135,7 @@ class Decision:
     step: int
     grid: OccupancyGrid
     pose: Pose
-    frontiers: tuple[Frontier, ...]
+    frontiers: Sequence[Frontier]
     field: NDArray[np.float32] | DistanceField
     distance: float
     sensor: LidarConfig

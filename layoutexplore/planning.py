@@ -8,6 +8,7 @@ The search itself lies in `layoutexplore.wavefront`.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -39,17 +40,13 @@ def inflate(occupied: NDArray[np.bool_], radius: float, resolution: float) -> ND
         raise ConfigError(f"the radius must be metres, 0 or more, got {radius}")
     world = check_mask(occupied)
     reach = radius / resolution
-    # Centres at exactly the radius are not closer, whatever the rounding of the division.
-    limit = reach * reach - 1e-9
-    span = np.arange(-math.ceil(reach), math.ceil(reach) + 1)
-    near = ((span[:, None] ** 2 + span[None, :] ** 2) < limit) if limit > 0 else np.zeros((1, 1), bool)
-    near[near.shape[0] // 2, near.shape[1] // 2] = True
-    if near.sum() <= 1:
+    near = _disc(reach)
+    if near.size == 1:
         return world.copy()
     if reach <= 8:
-        return cv2.dilate(world.view(np.uint8), _trimmed(near)).view(np.bool_)
+        return cv2.dilate(world.view(np.uint8), near).view(np.bool_)
     distance = cv2.distanceTransform((~world).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return distance.astype(np.float64) ** 2 < limit if world.any() else world.copy()
+    return distance.astype(np.float64) ** 2 < _squared(reach) if world.any() else world.copy()
 
 
 def geodesic_distances(
@@ -214,10 +211,21 @@ def _padded(world: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return padded
 
 
-def _trimmed(kernel: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """A symmetric kernel without its empty outer rows and columns."""
-    rows, cols = np.flatnonzero(kernel.any(axis=1)), np.flatnonzero(kernel.any(axis=0))
-    return kernel[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1].astype(np.uint8)
+def _squared(reach: float) -> float:
+    """The square of a reach in cells; centres at exactly the radius are not closer, whatever the rounding of the division."""
+    return reach * reach - 1e-9
+
+
+@lru_cache(maxsize=16)
+def _disc(reach: float) -> NDArray[np.uint8]:
+    """uint8 (n, n): 1 where a cell's centre is closer than `reach` cells to that of the middle one, and in the middle."""
+    span = np.arange(-math.ceil(reach), math.ceil(reach) + 1)
+    near = (span[:, None] ** 2 + span[None, :] ** 2) < _squared(reach)
+    near[near.shape[0] // 2, near.shape[1] // 2] = True
+    rows = np.flatnonzero(near.any(axis=1))
+    disc = near[rows[0] : rows[-1] + 1, rows[0] : rows[-1] + 1].astype(np.uint8)
+    disc.setflags(write=False)
+    return disc
 
 
 def flat_indices(places: NDArray[np.int64], space: Search) -> NDArray[np.int64]:

@@ -18,6 +18,7 @@ from layoutexplore.planning import check_cells, flat_indices, inflate, walk_down
 from layoutexplore.wavefront import STRAIGHT, Search, find_moves, to_metres
 
 _NOTHING: Box = (0, 0, 0, 0)
+_NOWHERE = np.empty(0, np.int64)
 
 
 class DistanceField:
@@ -116,10 +117,11 @@ class Ground:
             ConfigError: A cell lies outside of the grid.
         """
         self._adapt(cells)
-        start = check_cells(np.array([source]), self._shape)
-        stops = check_cells(np.empty((0, 2)) if stop_at is None else stop_at, self._shape)
-        search = self._search
-        settled = search.spread(int(flat_indices(start, search)[0]), flat_indices(stops, search))
+        (row, col), search = source, self._search
+        if not (0 <= row < self._shape[0] and 0 <= col < self._shape[1]):
+            raise ConfigError(f"cell ({row}, {col}) lies outside of the grid of shape {self._shape}")
+        stops = _NOWHERE if stop_at is None else flat_indices(check_cells(stop_at, self._shape), search)
+        settled = search.spread((row + 1) * search.cols + col + 1, stops)
         return DistanceField(search, self._world, self._resolution, settled)
 
     def path(self, cells: NDArray[np.int8], source: Cell, goal: Cell) -> NDArray[np.int32]:

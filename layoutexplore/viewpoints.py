@@ -15,9 +15,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.coverage import Box
-from layoutexplore.decision import Frontier
+from layoutexplore.decision import FrontierList
 from layoutexplore.frontiers import FrontierClusters
-from layoutexplore.grid import Cell, OccupancyGrid, Pose
+from layoutexplore.grid import OccupancyGrid, Pose
 from layoutexplore.open_view import OpenView
 from layoutexplore.reach import DistanceField
 from layoutexplore.simulation_config import SimulationConfig
@@ -42,11 +42,12 @@ class Outlook:
 
     def exhaust(self, cells: NDArray[np.int32]) -> None:
         """Never offer these frontier cells int32 (n, 2) again: they were looked at in vain."""
-        self._exhausted = np.union1d(self._exhausted, cells.astype(np.int64) @ np.array([self._cols, 1]))
+        indices = cells.astype(np.int64) @ np.array([self._cols, 1])
+        self._exhausted = np.sort(np.concatenate([self._exhausted, indices]))
 
     def frontiers(
         self, grid: OccupancyGrid, here: Pose, distances: DistanceField, clusters: FrontierClusters, changed: Box
-    ) -> tuple[Frontier, ...]:
+    ) -> FrontierList:
         """The frontiers that the robot can look at, nearest first by path length (ties in raster order).
 
         Args:
@@ -65,30 +66,16 @@ class Outlook:
         order = np.argsort(lengths, kind="stable")
         kept, lengths = kept[order], lengths[order]
         areas = self._view.areas(grid.cells, view[kept], changed)
-        middles = grid.cells_to_world(_middles(clusters)[kept])
-        columns = (kept, sizes[kept], middles, view[kept], lengths, areas)
-        return tuple(
-            Frontier(
-                cells=clusters.cluster(k),
-                size=size,
-                centroid=(x, y),
-                viewpoint=Cell(row, col),
-                path_length=length,
-                straight_distance=math.hypot(x - here.x, y - here.y),
-                visible_area=area,
-            )
-            for k, size, (x, y), (row, col), length, area in zip(*(column.tolist() for column in columns), strict=True)
-        )
+        middles = grid.cells_to_world(_middles(clusters.cells, clusters.offsets)[kept])
+        straight = [math.hypot(x - here.x, y - here.y) for x, y in middles.tolist()]
+        columns = np.array([middles[:, 0], middles[:, 1], lengths, straight, sizes[kept], areas])
+        return FrontierList(clusters, kept, columns, view[kept])
 
     def _without_exhausted(self, clusters: FrontierClusters) -> FrontierClusters:
         """The clusters without the cells that were looked at in vain."""
         if len(self._exhausted) == 0:
             return clusters
-        kept = _not_among(clusters.cells, self._cols, self._exhausted)
-        if kept.all():
-            return clusters
-        sums = np.concatenate([[0], np.cumsum(kept)])[clusters.offsets]
-        return FrontierClusters(clusters.cells[kept], np.unique(sums))
+        return FrontierClusters(*_without(clusters.cells, clusters.offsets, self._cols, self._exhausted))
 
 
 def choose_viewpoints(
@@ -131,14 +118,6 @@ def facing(cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tupl
     return math.atan2(row - viewpoint[0], col - viewpoint[1])
 
 
-def _middles(clusters: FrontierClusters) -> NDArray[np.float64]:
-    """The mean cell float64 (k, 2) of each cluster."""
-    if len(clusters.offsets) < 2:
-        return np.empty((0, 2))
-    sums = np.add.reduceat(clusters.cells, clusters.offsets[:-1], axis=0, dtype=np.int64)
-    return np.asarray(sums / np.diff(clusters.offsets)[:, None])
-
-
 @functools.lru_cache(maxsize=8)
 def _disc_offsets(radius: int) -> NDArray[np.int32]:
     """int32 (n, 2): the offsets within a radius in cells, nearest first, ties by row and column."""
@@ -171,15 +150,37 @@ def _sees(cells: NDArray[np.int8], row: int, col: int, to_row: int, to_col: int)
 
 
 @njit(cache=True, nogil=True)
-def _not_among(cells: NDArray[np.int32], cols: int, sorted_indices: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which cells bool (n,) of a grid are not among some sorted flat indices."""
-    kept = np.ones(len(cells), np.bool_)
-    least, most = sorted_indices[0], sorted_indices[-1]
-    for k in range(len(cells)):
-        index = np.int64(cells[k, 0]) * cols + cells[k, 1]
-        if least <= index <= most:
-            kept[k] = sorted_indices[np.searchsorted(sorted_indices, index)] != index
-    return kept
+def _without(
+    cells: NDArray[np.int32], offsets: NDArray[np.int64], cols: int, left_out: NDArray[np.int64]
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Clusters without the cells of some sorted flat indices (of a grid of `cols` columns); those without any cell fall away."""
+    kept, starts = np.empty_like(cells), np.empty_like(offsets)
+    least, most = left_out[0], left_out[-1]
+    count, clusters = 0, 0
+    starts[0] = 0
+    for k in range(len(offsets) - 1):
+        for n in range(offsets[k], offsets[k + 1]):
+            index = np.int64(cells[n, 0]) * cols + cells[n, 1]
+            if least <= index <= most and left_out[np.searchsorted(left_out, index)] == index:
+                continue
+            kept[count] = cells[n]
+            count += 1
+        if count > starts[clusters]:
+            clusters += 1
+            starts[clusters] = count
+    return kept[:count], starts[: clusters + 1]
+
+
+@njit(cache=True, nogil=True)
+def _middles(cells: NDArray[np.int32], offsets: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The mean cell float64 (k, 2) of each cluster."""
+    middles = np.zeros((len(offsets) - 1, 2))
+    for k in range(len(middles)):
+        for n in range(offsets[k], offsets[k + 1]):
+            middles[k, 0] += cells[n, 0]
+            middles[k, 1] += cells[n, 1]
+        middles[k] /= offsets[k + 1] - offsets[k]
+    return middles
 
 
 @njit(cache=True, nogil=True)
@@ -199,13 +200,18 @@ def _choose(
         cluster = members[starts[k] : starts[k + 1]]
         middle_row, middle_col = cluster[:, 0].mean(), cluster[:, 1].mean()
         squared = (cluster[:, 0] - middle_row) ** 2 + (cluster[:, 1] - middle_col) ** 2
-        order = np.argsort(squared, kind="mergesort")
-        stride = max(1, len(order) // 16)
-        for rank in range(0, len(order), stride):
+        # Hardly ever is more than the nearest cell tried, so only then are they sorted.
+        order = np.array([np.argmin(squared)])
+        stride = max(1, len(cluster) // 16)
+        for rank in range(0, len(cluster), stride):
+            if rank == stride:
+                order = np.argsort(squared, kind="mergesort")
             row, col = cluster[order[rank]]
             for n in range(len(offsets)):
                 r, c = row + offsets[n, 0], col + offsets[n, 1]
-                if 0 <= r < rows and 0 <= c < cols and distances[r + 1, c + 1] <= farthest and _sees(cells, row, col, r, c):
+                if not (0 <= r < rows and 0 <= c < cols) or distances[r + 1, c + 1] > farthest:
+                    continue
+                if _sees(cells, row, col, r, c):
                     view[k, 0], view[k, 1] = r, c
                     found[k] = True
                     break

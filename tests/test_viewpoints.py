@@ -11,9 +11,11 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers import find_frontiers
-from layoutexplore.grid import Cell
+from layoutexplore.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.planning import geodesic_distances
-from layoutexplore.viewpoints import MAX_REACH, choose_viewpoints, facing, looked_at, remaining_share
+from layoutexplore.reach import Ground
+from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.viewpoints import MAX_REACH, Outlook, choose_viewpoints, facing, looked_at, remaining_share
 
 TRINARY = hnp.arrays(np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 0, 100]))
 
@@ -76,3 +78,41 @@ def test_facing_looks_into_the_unknown() -> None:
     cells[4] = -1
     frontier = np.array([[3, c] for c in range(5)], np.int32)
     assert facing(cells, frontier, (1, 2)) == math.pi / 2
+
+
+@settings(max_examples=60, deadline=None)
+@given(cells=TRINARY, data=st.data())
+def test_offered_frontiers_are_listed_as_if_one_by_one(cells: NDArray[np.int8], data: st.DataObject) -> None:
+    """Cells that were looked at in vain are left out, and what is kept as columns is what each frontier tells."""
+    free = np.argwhere(cells == 0)
+    if len(free) == 0:
+        return
+    config = SimulationConfig(robot_radius=0.1, frontier_min_size=data.draw(st.sampled_from([0.0, 0.3])))
+    grid, ground, outlook = OccupancyGrid(cells, 0.1), Ground(cells.shape, 0.1, 0.1), Outlook(cells.shape, config)
+    ground.note((0, cells.shape[0], 0, cells.shape[1]))
+    start = Cell(*map(int, free[data.draw(st.integers(0, len(free) - 1))]))
+    here = Pose(*grid.cell_to_world(*start), 0.0)
+    vain: set[tuple[int, int]] = set()
+    for _ in range(3):
+        distances = ground.distances(cells, start)
+        found = outlook.frontiers(grid, here, distances, find_frontiers(cells), (0, 0, 0, 0))
+        clusters = find_frontiers(cells)
+        rest = [[tuple(c) for c in clusters.cluster(k).tolist() if tuple(c) not in vain] for k in range(len(clusters))]
+        expected = [cluster for cluster in rest if cluster]
+        offered = [[tuple(c) for c in frontier.cells.tolist()] for frontier in found]
+        assert all(cluster in expected for cluster in offered)
+        lengths = [frontier.path_length for frontier in found]
+        assert lengths == sorted(lengths) and len(found) == len(offered)
+        for k, frontier in enumerate(found):
+            assert found[k] is frontier is found[k - len(found)] and found[k : k + 1] == (frontier,)
+            assert frontier.size == len(frontier.cells) * 0.1
+            assert frontier.path_length == distances.metres()[frontier.viewpoint]
+            middle = frontier.cells.mean(axis=0)
+            assert frontier.centroid == grid.cell_to_world(*middle) and not vain & set(offered[k])
+            told = (*frontier.centroid, frontier.path_length, frontier.straight_distance, frontier.size, frontier.visible_area)
+            assert tuple(found.columns[:, k].tolist()) == told
+        if len(found):
+            chosen = found[data.draw(st.integers(0, len(found) - 1))].cells
+            looked_at_in_vain = chosen[: data.draw(st.integers(1, len(chosen)))]
+            outlook.exhaust(looked_at_in_vain)
+            vain |= {tuple(c) for c in looked_at_in_vain.tolist()}

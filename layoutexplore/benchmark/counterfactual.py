@@ -13,7 +13,7 @@ import dataclasses
 import heapq
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -319,13 +319,13 @@ def _mixed(decision: Decision, truth: Decision, *, classes: bool, areas: bool) -
     return dataclasses.replace(decision, frontiers=tuple(mixed))
 
 
-def _judged(found: tuple[Frontier, ...], true: tuple[Frontier, ...]) -> NDArray[np.float64]:
+def _judged(found: Sequence[Frontier], true: Sequence[Frontier]) -> NDArray[np.float64]:
     """float64 (k, 4): judged closed, expected area, truly closed, true area."""
     rows = [(f.is_closed, f.expected_area, t.is_closed, t.expected_area) for f, t in zip(found, true, strict=True)]
     return np.array(rows, np.float64)
 
 
-def _counts(found: tuple[Frontier, ...], true: tuple[Frontier, ...]) -> list[float]:
+def _counts(found: Sequence[Frontier], true: Sequence[Frontier]) -> list[float]:
     """The columns from `closed` to `open_left`."""
     judged = _judged(found, true)
     closed, true_closed = judged[:, 0] > 0, judged[:, 2] > 0
