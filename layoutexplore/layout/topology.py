@@ -23,7 +23,7 @@ from layoutexplore.grid import FREE, OccupancyGrid
 from layoutexplore.layout.face_model import FaceConfig, FaceModel, WallModel, arrange_lines, face_model, line_weights, with_lines
 from layoutexplore.layout.faces import Arrangement
 from layoutexplore.layout.rooms import merge_small, renumber
-from layoutexplore.union_find import components, root_of
+from layoutexplore.union_find import components, join, number_sets
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,22 +262,14 @@ def _label_components(
                 parent[used] = used
                 part[row, col] = used
                 used += 1
-            elif up >= 0 and left >= 0:
-                a, b = root_of(parent, up), root_of(parent, left)
-                part[row, col] = min(a, b)
-                parent[max(a, b)] = min(a, b)
             else:
                 part[row, col] = max(up, left)
-    count = 0
-    for i in range(used):
-        if parent[i] == i:
-            parent[i] = count
-            count += 1
-        else:
-            parent[i] = parent[parent[i]]
+                if up >= 0 and left >= 0 and up != left:
+                    join(parent, up, left)
+    number = number_sets(parent[:used])
     for row in range(rows):
         for col in range(cols):
             if part[row, col] >= 0:
-                part[row, col] = parent[part[row, col]]
+                part[row, col] = number[part[row, col]]
                 size[part[row, col]] += 1
-    return count
+    return int(number.max()) + 1 if used else 0
