@@ -223,7 +223,6 @@ def collect_all(sources: Sequence[Source], cache: Path | None = None) -> Iterato
 
 def save(models: Models, folder: Path, note: str) -> None:
     """Write both forests."""
-    folder.mkdir(parents=True, exist_ok=True)
     save_forests(folder / DOOR_MODEL.name, {DOOR: models.doors}, DOOR_FEATURES, note)
     save_forests(folder / ROOM_MODEL.name, {AGREEMENT: models.rooms}, FEATURES, note)
 

@@ -142,7 +142,6 @@ def train_models(samples: Samples, folder: Path, held_out: Mapping[str, str], co
     """
     from layoutexplore.grid_io import write_atomically
 
-    folder.mkdir(parents=True, exist_ok=True)
     note = f"{len(samples.closed)} frontiers of {len(np.unique(samples.building))} buildings"
     save_forests(folder / FRONTIER_MODEL.name, fit_frontier_forests(samples, config), FEATURES, note)
     count = sum(len(part.inside) for part in samples.cells)
