@@ -234,6 +234,14 @@ def test_a_damaged_table_is_told(config: BenchmarkConfig, tmp_path: Path, damage
         run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
 
 
+@pytest.mark.parametrize(("name", "said"), [("results.csv", "no table of results"), ("run.toml", "damaged")])
+def test_a_file_that_is_no_text_is_told(config: BenchmarkConfig, tmp_path: Path, name: str, said: str) -> None:
+    run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
+    (tmp_path / "out" / name).write_bytes(b"\xff\xfe\n")
+    with pytest.raises(ResultsError, match=said):
+        run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
+
+
 def test_two_benchmarks_do_not_share_a_folder(config: BenchmarkConfig, tmp_path: Path) -> None:
     with locked(tmp_path / "out"), pytest.raises(ResultsError, match="another benchmark is writing"):
         run_benchmark(config, tmp_path / "out", force=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import shutil
 import signal
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.card import read_card  # noqa: E402
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
 from layoutexplore.agents.rl.policy_file import load_actor  # noqa: E402
+from layoutexplore.agents.rl.run import EVALUATIONS  # noqa: E402
 from layoutexplore.agents.rl.search import (  # noqa: E402
     EXPLORATIONS,
     LINEAR,
@@ -155,6 +157,9 @@ def test_explorations_of_something_else(searched: Path, tmp_path: Path) -> None:
     (tmp_path / EXPLORATIONS).write_text("a,b\n1,2\n")
     with pytest.raises(ResultsError, match="not a file of explorations"):
         read_explorations(tmp_path / EXPLORATIONS, 4)
+    (tmp_path / EXPLORATIONS).write_bytes(b"\xff\xfe\n")
+    with pytest.raises(ResultsError, match="not a file of explorations"):
+        read_explorations(tmp_path / EXPLORATIONS, 4)
     (tmp_path / EXPLORATIONS).write_text("group,member,d95,d99\n0,0,x,3.0\n")
     with pytest.raises(ResultsError, match="damaged"):
         read_explorations(tmp_path / EXPLORATIONS, 4)
@@ -162,6 +167,11 @@ def test_explorations_of_something_else(searched: Path, tmp_path: Path) -> None:
         read_explorations(searched / EXPLORATIONS, 6)
     with pytest.raises(ResultsError, match="add --resume"):
         SearchRun(small_config(tmp_path), searched, device="cpu", resume=False, watcher=Silent())
+    shutil.copytree(searched, tmp_path / "run")
+    for damage in (b"steps,score\n12,high\n", b"score\n1.0\n", b"\xff\xfe\n1\n"):
+        (tmp_path / "run" / EVALUATIONS).write_bytes(damage)
+        with pytest.raises(ResultsError, match=r"evaluations\.csv is damaged"):
+            SearchRun(small_config(tmp_path), tmp_path / "run", device="cpu", resume=True, watcher=Silent())
 
 
 @pytest.mark.parametrize(

@@ -287,7 +287,7 @@ def _build(algorithm: str, table: dict[str, Any]) -> TrainingConfig:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text())
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"cannot read the configuration {path}: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -295,7 +295,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _defaults() -> dict[str, dict[str, Any]]:
-    return tomllib.loads(DEFAULTS.read_text())
+    return tomllib.loads(DEFAULTS.read_text(encoding="utf-8"))
 
 
 def _plain(value: Any) -> Any:

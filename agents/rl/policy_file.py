@@ -21,7 +21,7 @@ def save_policy(path: Path, state: Mapping[str, torch.Tensor], card: Mapping[str
     text = to_toml(dict(card))
     save_tensors(path, state, {"card": text})
     with atomic(path.with_suffix(".toml")) as temporary:
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8")
 
 
 def save_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: dict[str, str]) -> None:

@@ -80,7 +80,7 @@ class TrainingRun:
         """Make the folder and write the configuration."""
         self.folder.mkdir(parents=True, exist_ok=True)
         with atomic(self.folder / CONFIG) as path:
-            path.write_text(to_toml(self.config.as_table()))
+            path.write_text(to_toml(self.config.as_table()), encoding="utf-8")
 
     def record(
         self, now: float, scores: Mapping[str, float], weights: Mapping[str, torch.Tensor], card: Callable[[], dict[str, Any]]
@@ -118,7 +118,7 @@ class TrainingRun:
     def _write_evaluations(self) -> None:
         """All evaluations as a table, and the last one for TensorBoard."""
         rows = self.evaluations
-        with atomic(self.folder / EVALUATIONS) as path, path.open("w", newline="") as file:
+        with atomic(self.folder / EVALUATIONS) as path, path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, list(rows[-1]))
             writer.writeheader()
             writer.writerows({key: row.get(key, "") for key in rows[-1]} for row in rows)

@@ -158,7 +158,7 @@ class SearchRun(TrainingRun):
         end = min((self.steps // self.search.round + 1) * self.search.round, self.config.steps)
         groups = range(self.steps // self.members, -(-end // self.members))
         jobs = ((self.config, group, [_tour(self.config.tour, z) for z in self.draws(group)]) for group in groups)
-        with (self.folder / EXPLORATIONS).open("a", newline="") as file:
+        with (self.folder / EXPLORATIONS).open("a", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             for group, found in zip(groups, _explored(executor, jobs), strict=True):
                 rows = [Exploration(group, member, *metres) for member, metres in enumerate(found)]
@@ -194,7 +194,7 @@ class SearchRun(TrainingRun):
 
     def _rewrite(self) -> None:
         """Write all explorations anew: what was cut off in the middle of a group is done again."""
-        with atomic(self.folder / EXPLORATIONS) as path, path.open("w", newline="") as file:
+        with atomic(self.folder / EXPLORATIONS) as path, path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(Exploration._fields)
             writer.writerows(self.explorations)
@@ -208,7 +208,7 @@ def read_explorations(path: Path, members: int) -> list[Exploration]:
     """
     if not path.is_file():
         raise ResultsError(f"no checkpoint {path}: leave out --resume to start a run there")
-    lines = path.read_text().split("\n")
+    lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
     if lines[0].strip() != ",".join(Exploration._fields):
         raise ResultsError(f"{path} is not a file of explorations of layoutexplore train")
     whole = lines[1:-1]  # What follows the last line break was cut off, or is nothing.
@@ -294,9 +294,16 @@ def _executor(workers: int) -> Iterator[Executor | None]:
 
 
 def _read_evaluations(path: Path, steps: int) -> list[dict[str, float]]:
-    """What evaluations found up to a step."""
+    """What evaluations found up to a step.
+
+    Raises:
+        ResultsError: The file is something else.
+    """
     if not path.is_file():
         return []
-    with path.open(newline="") as file:
-        rows = [{key: float(value) for key, value in row.items() if value} for row in csv.DictReader(file)]
-    return [row for row in rows if row["steps"] <= steps]
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = [{key: float(value) for key, value in row.items() if value} for row in csv.DictReader(file)]
+        return [row for row in rows if row["steps"] <= steps]
+    except (ValueError, KeyError, TypeError, csv.Error) as error:
+        raise ResultsError(f"{path} is damaged: {error!r}; remove it to go on without the evaluations so far") from error

@@ -113,7 +113,7 @@ def read_config(path: Path) -> dict[str, Any]:
         ConfigError: The file cannot be read, a key is unknown, or a value has the wrong type.
     """
     try:
-        table = tomllib.loads(path.read_text())
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"cannot read the configuration {path}: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

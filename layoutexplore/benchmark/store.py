@@ -65,9 +65,11 @@ class ResultsFolder:
             ResultsError: The file is missing or not one of ours.
         """
         try:
-            text = self.table.read_text()
+            text = self.table.read_text(encoding="utf-8")
         except OSError as error:
             raise ResultsError(f"cannot read {self.table}: {error.strerror}") from error
+        except UnicodeDecodeError as error:
+            raise ResultsError(f"{self.table} is no table of results: {error}") from error
         lines = list(csv.reader(io.StringIO(text)))
         if not lines or not _REQUIRED <= set(lines[0]) <= set(COLUMNS):
             raise ResultsError(f"{self.table} does not have the columns of this version: choose another --out, or --force")
@@ -85,14 +87,15 @@ class ResultsFolder:
         """Replace all rows, sorted, at once."""
         ordered = sorted(rows, key=lambda row: row.key)
         with atomic(self.table) as temporary:
-            temporary.write_text(_header() + "".join(map(_line, ordered)))
+            temporary.write_text(_header() + "".join(map(_line, ordered)), encoding="utf-8")
 
     def finished(self) -> list[Row]:
         """Rows of earlier runs that ended well and whose curve is there; the file is cut back to these."""
         if self.table.exists():
-            text = self.table.read_text()
-            if not text.endswith("\n"):
-                self.table.write_text(text[: text.rfind("\n") + 1])
+            written = self.table.read_bytes()
+            if not written.endswith(b"\n"):
+                with atomic(self.table) as temporary:
+                    temporary.write_bytes(written[: written.rfind(b"\n") + 1])
         rows = self.rows() if self.table.exists() and self.table.stat().st_size else []
         good = {row.key: row for row in rows if not row.error and self.curve_path(row).exists()}
         self.rewrite(good.values())
@@ -142,10 +145,10 @@ class ResultsFolder:
             ResultsError: It is missing or cannot be read.
         """
         try:
-            return tomllib.loads((self.path / "run.toml").read_text())
+            return tomllib.loads((self.path / "run.toml").read_text(encoding="utf-8"))
         except OSError as error:
             raise ResultsError(f"{self.path} holds no benchmark: there is no run.toml in it") from error
-        except tomllib.TOMLDecodeError as error:
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ResultsError(f"{self.path}/run.toml is damaged ({error}): start again with --force") from error
 
 
@@ -199,7 +202,7 @@ def open_results(
     if (path / "run.toml").exists():
         wanted = _merged(folder.manifest(), wanted, path, extend=extend)
     with atomic(path / "run.toml") as temporary:
-        temporary.write_text(to_toml(wanted))
+        temporary.write_text(to_toml(wanted), encoding="utf-8")
     return folder
 
 

@@ -112,7 +112,7 @@ def write_report(
     written = []
     for name, template in (("report.html", "exploration.html"), ("report.md", "exploration.md")):
         with atomic(folder.path / name) as temporary:
-            temporary.write_text(render(template, **view))
+            temporary.write_text(render(template, **view), encoding="utf-8")
         written.append(folder.path / name)
     return [*written, *_write_tables(folder.path, rows, view["comparisons"])]
 

@@ -96,4 +96,4 @@ def _environment() -> Any:
 def _style() -> Any:
     from markupsafe import Markup
 
-    return Markup((TEMPLATES / "style.css").read_text())
+    return Markup((TEMPLATES / "style.css").read_text(encoding="utf-8"))
