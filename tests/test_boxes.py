@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -12,6 +12,7 @@ from layoutexplore.boxes import known_box
 grids = hnp.arrays(np.int8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([-1, -1, -1, 0, 100]))
 
 
+@settings(deadline=None)
 @given(grids, st.integers(0, 3))
 def test_known_cells_lie_in_their_box(cells: np.ndarray, margin: int) -> None:
     rows, cols = np.nonzero(cells >= 0)

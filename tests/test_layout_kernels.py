@@ -30,6 +30,7 @@ masks = hnp.arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 150)),
 maps = hnp.arrays(np.int8, st.tuples(st.integers(1, 9), st.integers(1, 11)), elements=st.sampled_from([-1, 0, 100]))
 
 
+@settings(deadline=None)
 @given(st.integers(0, 2**64 - 1))
 def test_ones_are_the_set_bits_of_a_word(word: int) -> None:
     assert ones(np.uint64(word)) == word.bit_count()

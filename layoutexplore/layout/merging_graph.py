@@ -143,12 +143,7 @@ def find_edge(a: int, b: int, index: NDArray[np.int32], heads: NDArray[np.int32]
 
 @njit(cache=True, nogil=True)
 def _add_run(
-    node: NDArray[np.float64],
-    free: NDArray[np.bool_],
-    clutter: NDArray[np.bool_],
-    r: int,
-    begin: int,
-    end: int,
+    node: NDArray[np.float64], free: NDArray[np.bool_], clutter: NDArray[np.bool_], r: int, begin: int, end: int
 ) -> None:
     """Add the cells begin <= c < end of row r to a piece."""
     known = furniture = 0
@@ -246,13 +241,7 @@ def _nodes(
 
 
 @njit(cache=True, nogil=True)
-def _add_evidence(
-    edge: NDArray[np.float64],
-    r: int,
-    c: int,
-    above: bool,
-    lines: Lines,
-) -> None:
+def _add_evidence(edge: NDArray[np.float64], r: int, c: int, above: bool, lines: Lines) -> None:
     """Add what the representative lines say of the side between cell (r, c) and the one `above` it, or right of it."""
     row_strip, col_strip, face, room, edge_above, edge_right, reach = lines
     covered = 0.0
