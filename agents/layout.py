@@ -16,7 +16,7 @@ from layoutexplore.agents.base import Heuristic, option, register
 from layoutexplore.agents.greedy import GreedyOptions, best_index
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.decision import STOP, Choice, Decision, Frontier
-from layoutexplore.frontier_tour import SURE, area_left, ready_frontiers, sizeable_frontiers
+from layoutexplore.frontier_tour import BEGUN, SURE, area_left, ready_frontiers, sizeable_frontiers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +26,7 @@ class LayoutOptions(GreedyOptions):
     area: float = option(1.0, "square metres; closed frontiers with less left in their room wait", low=0.0)
     stop_area: float = option(0.0, "square metres; stop when every frontier has less left behind it (0: never)", low=0.0)
     stop_sure: float = option(SURE, "probability; and when so sure that every frontier is closed", low=0.0, high=1.0)
+    stop_known: float = option(BEGUN, "square metres; and when so much floor is known", low=0.0)
     predictor: str = option("layout", "where classes and areas come from")
 
 
@@ -53,9 +54,12 @@ class _LayoutHeuristic(Heuristic[LayoutOptions]):
 
     def act(self, decision: Decision) -> Choice:
         """The frontier to go to, or `STOP` when there is none or surely less than `stop_area` behind each."""
-        if all(self._is_done(frontier) for frontier in decision.frontiers):
+        if all(self._is_done(frontier) for frontier in decision.frontiers) and self._has_begun(decision):
             return STOP
         return super().act(decision)
+
+    def _has_begun(self, decision: Decision) -> bool:
+        return not decision.frontiers or decision.grid.free_area >= self.options.stop_known
 
     def _is_done(self, frontier: Frontier) -> bool:
         sure = frontier.confidence is None or frontier.confidence >= self.options.stop_sure

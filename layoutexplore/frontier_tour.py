@@ -34,8 +34,11 @@ MOST_AREA = 30.0
 SAME_GOAL = 2.0
 """Metres; a frontier that is nearer to the middle of the one last gone to is what is left of it."""
 
-SURE = 0.9
+SURE = 0.7
 """Probability of being right from which a class is relied on where nobody looks again: to stop."""
+
+BEGUN = 60.0
+"""Square metres of known floor from which a building can be finished: before, the robot has hardly left its first room."""
 
 _UNCONNECTED = 1e6
 

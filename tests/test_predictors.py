@@ -257,12 +257,23 @@ def test_an_early_stop_saves_metres() -> None:
     assert make_agent("layout-tour").act(decision) == STOP or decision.frontiers
 
 
-@pytest.mark.parametrize(("confidence", "stops"), [(0.95, True), (0.8, False)])
+@pytest.mark.parametrize(("confidence", "stops"), [(0.95, True), (0.75, True), (0.65, False)])
 def test_who_doubts_that_all_is_closed_does_not_stop(confidence: float, stops: bool) -> None:
     simulation = Simulation(floorplan_from_ascii(PLAN, resolution=0.9), SimulationConfig(sensor="indoor"), make_predictor("none"))
     decision = simulation.reset(seed=1)
     judged = tuple(dataclasses.replace(f, is_closed=True, expected_area=0.5, confidence=confidence) for f in decision.frontiers)
-    agent = make_agent("layout-nearest:stop_area=1")
-    assert (agent.act(dataclasses.replace(decision, frontiers=judged)) == STOP) == stops
-    never = make_agent("layout-nearest:stop_area=1,stop_sure=0.99")
-    assert judged and never.act(dataclasses.replace(decision, frontiers=judged)) != STOP
+    judged_so, known = dataclasses.replace(decision, frontiers=judged), decision.grid.free_area
+    agent = make_agent(f"layout-nearest:stop_area=1,stop_known={known}")
+    assert (agent.act(judged_so) == STOP) == stops
+    for doubt in ("stop_sure=0.99", f"stop_known={known + 0.01}"):
+        assert judged and make_agent(f"layout-nearest:stop_area=1,{doubt}").act(judged_so) != STOP
+
+
+def test_nobody_stops_in_the_first_room_unless_nothing_is_left() -> None:
+    simulation = Simulation(floorplan_from_ascii(PLAN, resolution=0.5), SimulationConfig(sensor="indoor"), make_predictor("none"))
+    decision = simulation.reset(seed=1)
+    done = tuple(dataclasses.replace(f, is_closed=True, expected_area=0.0, confidence=1.0) for f in decision.frontiers)
+    agent = make_agent("layout-tour:stop_area=4")
+    assert 0 < decision.grid.free_area < 60
+    assert done and agent.act(dataclasses.replace(decision, frontiers=done)) != STOP
+    assert agent.act(dataclasses.replace(decision, frontiers=())) == STOP

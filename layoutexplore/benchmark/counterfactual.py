@@ -31,13 +31,13 @@ from layoutexplore.viewpoints import remaining_share
 LOG = (
     "distance", "coverage", "prediction_ms", "frontiers", "changed", "misled", "class_alone", "area_alone", "both",
     "closed", "closed_as_open", "open", "open_as_closed", "leftover", "leftover_missed", "leftover_wrong",
-    "largest_left", "total_left", "least_sure", "open_judged", "open_left", "true_left",
+    "largest_left", "total_left", "least_sure", "open_judged", "open_left", "true_left", "known",
 )  # fmt: skip
 """Columns of the log, a row a decision. Counts of frontiers: truly `closed` and `closed_as_open` judged open; truly `open` and
 `open_as_closed`; truly `leftover` (closed, less than 1 m2 left), `leftover_missed`, and `leftover_wrong` (judged so and
 not). `largest_left` and `total_left` are the predicted square metres behind frontiers judged closed, `least_sure` the least
 confidence among them, 1 without any; `open_judged` counts frontiers judged open, `open_left` are the predicted square metres
-behind them; `true_left` is the unseen target area."""
+behind them; `true_left` is the unseen target area, `known` that of the known floor."""
 
 MOMENTS = 4
 """Moments that are kept of a run: those in which most metres were at stake."""
@@ -210,7 +210,7 @@ class Asides:
         self._rows.append(
             [decision.distance, self._simulation.coverage, prediction_ms, len(decision.frontiers)]
             + [float(flag) for flag in (changed, misled, *reasons)]
-            + [*counts, unseen]
+            + [*counts, unseen, decision.grid.free_area]
         )
         if changed:
             self._keep(decision, truth, choice, without)

@@ -22,7 +22,7 @@ from layoutexplore.benchmark.counterfactual import Counterfactual
 from layoutexplore.benchmark.episode import Row
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.exploration_metrics import distance_to_coverage
-from layoutexplore.frontier_tour import SURE
+from layoutexplore.frontier_tour import BEGUN, SURE
 from layoutexplore.statistics import Interval, cluster_bootstrap, interquartile_mean, weighted_mean
 
 GOAL = 0.99
@@ -136,11 +136,14 @@ def tried_stops(
 
 
 def stops_below(area: float) -> Rule:
-    """The rule of the option `stop_area`: every frontier is surely closed and has less than `area` square metres left."""
+    """The rule of the option `stop_area`: every frontier is surely closed and has less than `area` square metres left.
+
+    And the robot has more than begun.
+    """
 
     def rule(told: Counterfactual) -> NDArray[np.bool_]:
         surely_closed = (told.column("open_judged") == 0) & (told.column("least_sure") >= SURE)
-        return np.asarray(surely_closed & (told.column("largest_left") < area))
+        return np.asarray(surely_closed & (told.column("largest_left") < area) & (told.column("known") >= BEGUN))
 
     return rule
 

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
-from layoutexplore.benchmark.counterfactual import Counterfactual, from_arrays, to_arrays
+from layoutexplore.benchmark.counterfactual import LOG, Counterfactual, from_arrays, to_arrays
 from layoutexplore.benchmark.episode import Episode, Row
 from layoutexplore.benchmark.plans import PlanEntry
 from layoutexplore.errors import ResultsError
@@ -120,9 +120,9 @@ class ResultsFolder:
             return data["curve"].astype(np.float64), data["track"].astype(np.float64)
 
     def counterfactual(self, row: Row) -> Counterfactual | None:
-        """What the layout changed in a run; None where nobody asked."""
+        """What the layout changed in a run; None where nobody asked, or a version that noted other things."""
         with np.load(self.curve_path(row)) as data:
-            return from_arrays(dict(data)) if "log" in data else None
+            return from_arrays(dict(data)) if "log" in data and data["log"].shape[1] == len(LOG) else None
 
     def save_raster(self, name: str, raster: PlanRaster) -> None:
         """Keep a plan's cells for the pictures."""
