@@ -242,43 +242,23 @@ def _run(
 
 
 @njit(cache=True, nogil=True)
-def _go_on(
-    cell: int,
-    move: int,
-    here: int,
-    cols: int,
-    moves: NDArray[np.uint8],
+def _begin(
+    source: int,
+    origin: int,
     distance: NDArray[np.int32],
     scheduled: NDArray[np.uint8],
     heads: NDArray[np.int32],
     items: NDArray[np.int64],
     links: NDArray[np.int32],
-    state: NDArray[np.int64],
-) -> None:
-    """Follow a diagonal move out of a cell and the two runs beside it; queue where the diagonal leads, if it gains anything."""
-    north, east = move < 6, move & 1 == 1
-    up = cols if north else -cols
-    right = 1 if east else -1
-    vertical, horizontal = (0 if north else 1), (3 if east else 2)
-    # fmt: off
-    _run(cell, here, up, vertical, 2, 3, 4 if north else 6, 5 if north else 7,
-         moves, distance, scheduled, heads, items, links, state)
-    _run(cell, here, right, horizontal, 0, 1, 5 if east else 4, 7 if east else 6,
-         moves, distance, scheduled, heads, items, links, state)
-    # fmt: on
-    if not moves[cell] >> move & 1:
-        return
-    target = cell + up + right
-    there = here + DIAGONAL
-    follow = 1 << move | 1 << vertical | 1 << horizontal
-    if there < distance[target]:
-        distance[target] = there
-        scheduled[target] = follow
-    elif there == distance[target] and follow & ~scheduled[target]:
-        scheduled[target] |= follow
-    else:
-        return
-    _push(target, move, there, heads, items, links, state)
+) -> NDArray[np.int64]:
+    """Queue the four diagonal moves out of the source; the queue's state."""
+    heads[:] = -1
+    state = np.array([-1, 0, 0, 0])
+    distance[source] = origin
+    scheduled[source] = 255
+    for move in range(4, 8):
+        _push(source, move, origin, heads, items, links, state)
+    return state
 
 
 @njit(cache=True, nogil=True)
@@ -304,12 +284,7 @@ def _spread(
     cols = padded_moves.shape[1]
     end = FAR if origin == 0 else origin + _SPAN
     longest = end - STRAIGHT * (max(padded_moves.shape[0], cols) + 2)
-    heads[:] = -1
-    state = np.array([-1, 0, 0, 0])
-    distance[source] = origin
-    scheduled[source] = 255
-    for move in range(4, 8):
-        _push(source, move, origin, heads, items, links, state)
+    state = _begin(source, origin, distance, scheduled, heads, items, links)
     level, settled = origin // STRAIGHT, 0
     while state[_WAITING] > 0:
         bucket = level & (heads.size - 1)
@@ -334,7 +309,29 @@ def _spread(
                 if origin > 0:
                     return _TOO_FAR
                 continue
-            _go_on(cell, move, here, cols, moves, distance, scheduled, heads, items, links, state)
+            north, east = move < 6, move & 1 == 1
+            up = cols if north else -cols
+            right = 1 if east else -1
+            vertical, horizontal = (0 if north else 1), (3 if east else 2)
+            # fmt: off
+            _run(cell, here, up, vertical, 2, 3, 4 if north else 6, 5 if north else 7,
+                 moves, distance, scheduled, heads, items, links, state)
+            _run(cell, here, right, horizontal, 0, 1, 5 if east else 4, 7 if east else 6,
+                 moves, distance, scheduled, heads, items, links, state)
+            # fmt: on
+            if not moves[cell] >> move & 1:
+                continue
+            target = cell + up + right
+            there = here + DIAGONAL
+            follow = 1 << move | 1 << vertical | 1 << horizontal
+            if there < distance[target]:
+                distance[target] = there
+                scheduled[target] = follow
+            elif there == distance[target] and follow & ~scheduled[target]:
+                scheduled[target] |= follow
+            else:
+                continue
+            _push(target, move, there, heads, items, links, state)
         if state[_OVERFLOW]:
             return -1
         level += 1
