@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.bits import ones
 from layoutexplore.decision import Path, Truth
 from layoutexplore.lidar import LidarConfig, around, beam_table
 
@@ -92,12 +93,7 @@ def _added(sets: NDArray[np.uint64], rows: NDArray[np.int64], missing: NDArray[n
     words = np.flatnonzero(missing)
     for k in range(len(rows)):
         for w in words:
-            value = sets[rows[k], w] & missing[w]
-            # The parallel bit count of Hacker's Delight, section 5-1.
-            value -= (value >> np.uint64(1)) & np.uint64(0x5555555555555555)
-            value = (value & np.uint64(0x3333333333333333)) + ((value >> np.uint64(2)) & np.uint64(0x3333333333333333))
-            value = (value + (value >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
-            counts[k] += (value * np.uint64(0x0101010101010101)) >> np.uint64(56)
+            counts[k] += ones(sets[rows[k], w] & missing[w])
     return counts
 
 
