@@ -12,6 +12,7 @@ from layoutexplore.floorplan import FloorPlan
 from layoutexplore.grid import Cell, Pose
 from layoutexplore.lidar import Lidar, LidarConfig
 from layoutexplore.mapping import Mapper
+from layoutexplore.maps.generator import PlanConfig, generate
 from layoutexplore.planning import geodesic_distances, inflate
 
 PLAN = "office:1"
@@ -23,6 +24,12 @@ RESOLUTION = 0.1
 def plan() -> FloorPlan:
     """The office that everything is measured on."""
     return FloorPlan.load(PLAN)
+
+
+@lru_cache(maxsize=4)
+def plan_of(area: float) -> FloorPlan:
+    """An office of about this floor area in square metres."""
+    return generate("office", 1, PlanConfig(area=area))
 
 
 @lru_cache(maxsize=4)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import cv2
 
 from layoutexplore.errors import unknown_name
-from layoutexplore.speed import environment, kernels, layout, vector
+from layoutexplore.speed import environment, kernels, layout, training, vector
 from layoutexplore.speed.measurement import Measurement, Row
 
 
@@ -28,6 +28,7 @@ def measurements(only: Sequence[str] = ()) -> list[Measurement]:
             Measurement("steps", environment.frontier_steps),
             Measurement("motion", environment.motion_steps),
             Measurement("vector", vector.vector_steps),
+            Measurement("training", training.training),
             Measurement("reset", environment.resets),
             Measurement("memory", environment.memory),
             Measurement("import", environment.import_time),

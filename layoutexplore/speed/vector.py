@@ -1,13 +1,14 @@
-"""Throughput of vector environments: by who steps them, without and with the tour's features and a predictor.
+"""Throughput of vector environments: by who steps them, on plans of three sizes, without and with tour features and a predictor.
 
-Wall time, since worker processes are part of it. All vectors of a row group make the same decisions on the same plan, and take
-turns; the fastest turn of each counts, so that a busy machine disturbs the ratios little.
+Wall time, since worker processes are part of it. All vectors of a row group play the same stretch of the same episodes again and
+again, taking turns; the fastest turn of each counts, so that a busy machine disturbs the ratios little.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -15,89 +16,124 @@ import numpy as np
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 
 from layoutexplore.envs.observation import ObservationConfig
+from layoutexplore.floorplan import FloorPlan
 from layoutexplore.processes import usable_cores
-from layoutexplore.speed.floors import plan
+from layoutexplore.speed.floors import plan_of
 from layoutexplore.speed.measurement import Row
 
+AREAS = (1000.0, 1750.0, 2350.0)
+"""Floor areas in square metres that plans are asked for; the one in the middle is the one that all backends run on."""
+
 _ID = "LayoutExplore/Frontier-v0"
-_ENVIRONMENTS, _STEPS, _TURNS = 4, 10, 3
+_ENVIRONMENTS, _TURNS = 8, 2
 _MAPLESS: dict[str, Any] = {"local_map": False, "global_map": False}
 
-_SETTINGS: tuple[tuple[str, dict[str, Any], float], ...] = (
-    ("maps", {}, 0.0),
-    ("no maps", {"observation": ObservationConfig(**_MAPLESS)}, 1000.0),
-    ("no maps, tour", {"observation": ObservationConfig(**_MAPLESS, detour=True)}, 0.0),
-    (
+
+@dataclass(frozen=True)
+class _Setting:
+    """Options of an environment, the steps of a turn, and the goal in decisions a second with all cores (0: none)."""
+
+    name: str
+    options: dict[str, Any]
+    steps: int
+    goal: float = 0.0
+
+
+_SETTINGS = (
+    _Setting("maps", {}, 50),
+    _Setting("no maps", {"observation": ObservationConfig(**_MAPLESS)}, 150, 1000.0),
+    _Setting("no maps, tour", {"observation": ObservationConfig(**_MAPLESS, detour=True)}, 50),
+    _Setting(
         "no maps, tour, prediction",
         {"observation": ObservationConfig(**_MAPLESS, detour=True), "predictor": "layout"},
+        50,
         150.0,
     ),
 )
-"""Name, options and goal in decisions a second with all cores (0: none)."""
 
 
 class _Racer:
-    """A vector environment on its way: every turn goes on where the last one ended."""
+    """A vector environment that plays the same steps every turn."""
 
-    def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
-        self._env, self._rng = env, np.random.default_rng(0)
-        _, self._infos = env.reset(seed=0)
-        self.best = np.inf
+    def __init__(self, env: VectorEnv[Any, Any, Any], steps: int) -> None:
+        self._env, self._steps, self.best = env, steps, np.inf
 
     def turn(self) -> None:
-        """A few steps: mostly the nearest frontier, now and then one behind it."""
+        """The first steps of the same episodes: mostly to the nearest frontier, now and then to one behind it."""
+        rng = np.random.default_rng(0)
+        _, infos = self._env.reset(seed=0)
         start = time.perf_counter()
-        for _ in range(_STEPS):
-            last = np.maximum(self._infos["frontier_count"] - 1, 0)
-            *_, self._infos = self._env.step(np.minimum(self._rng.geometric(0.5, _ENVIRONMENTS) - 1, last))
+        for _ in range(self._steps):
+            last = np.maximum(infos["frontier_count"] - 1, 0)
+            *_, infos = self._env.step(np.minimum(rng.geometric(0.5, _ENVIRONMENTS) - 1, last))
         self.best = min(self.best, time.perf_counter() - start)
 
     @property
     def rate(self) -> float:
         """Decisions a second."""
-        return _STEPS * _ENVIRONMENTS / self.best
+        return self._steps * _ENVIRONMENTS / self.best
 
 
 def vector_steps() -> Iterator[Row]:
-    """Decisions a second of every backend beside Gymnasium's vectors of the same environment."""
-    for name, options, goal in _SETTINGS:
-        yield from _race(name, {"plan": plan()} | options, goal)
+    """Decisions a second: of every backend beside Gymnasium's vectors on one plan, of worker processes on all plans."""
+    for setting in _SETTINGS:
+        for area in AREAS:
+            if area == AREAS[1]:
+                yield from _race(setting, plan_of(area), everybody=True)
+            elif setting.goal:
+                yield from _race(setting, plan_of(area), everybody=False)
 
 
-def _race(name: str, options: dict[str, Any], goal: float) -> Iterator[Row]:
+def _race(setting: _Setting, plan: FloorPlan, *, everybody: bool) -> Iterator[Row]:
+    cores = usable_cores()
+    own: dict[str, dict[str, Any]] = {}
+    if everybody:
+        own = {"1 thread": {"backend": "serial"}, f"{cores} threads": {"backend": "threads", "workers": cores}}
+    own |= {_processes(n): {"backend": "processes", "workers": n} for n in sorted({1, cores})}
+    rates = _rates(setting, {"plan": plan} | setting.options, own, references=everybody)
+    for label in own:
+        reference = "" if not everybody else "AsyncVectorEnv" if "process" in label else "SyncVectorEnv"
+        last = setting.goal > 0 and label == _processes(cores)
+        yield Row(
+            name=f"vector, {setting.name}, {plan.area:.0f} m2, {label}",
+            ours=rates[label],
+            unit="decisions/s",
+            reference=rates[reference] if reference else None,
+            reference_name=reference,
+            ratio=rates[label] / rates[reference] if reference else None,
+            goal=f">= {setting.goal:.0f} on 2 cores" if last else "",
+            reached=rates[label] / setting.goal if last else None,
+        )
+
+
+def _processes(count: int) -> str:
+    return f"{count} process" if count == 1 else f"{count} processes"
+
+
+def _rates(setting: _Setting, options: dict[str, Any], own: dict[str, dict[str, Any]], *, references: bool) -> dict[str, float]:
+    """Decisions a second of vectors by name: Gymnasium's, if asked for, and our own with their options."""
+
     def single() -> gymnasium.Env[Any, Any]:
         return gymnasium.make(_ID, **options)
 
-    makers = [single] * _ENVIRONMENTS
-    cores = usable_cores()
-    own: list[tuple[str, dict[str, Any]]] = [("1 thread", {"backend": "serial"})]
-    own.append((f"{cores} threads", {"backend": "threads", "workers": cores}))
-    own += [(f"{n} processes", {"backend": "processes", "workers": n}) for n in sorted({1, cores})]
-    racers: dict[str, _Racer] = {}
-    envs: list[VectorEnv[Any, Any, Any]] = []
+    makers: dict[str, Callable[[], VectorEnv[Any, Any, Any]]] = {}
+    if references:
+        singles, mode = [single] * _ENVIRONMENTS, AutoresetMode.SAME_STEP
+        makers["SyncVectorEnv"] = lambda: SyncVectorEnv(singles, autoreset_mode=mode)
+        makers["AsyncVectorEnv"] = lambda: AsyncVectorEnv(singles, autoreset_mode=mode, context="spawn")
+    for label, backend in own.items():
+        makers[label] = lambda given=backend: gymnasium.make_vec(  # type: ignore[misc]
+            _ID, num_envs=_ENVIRONMENTS, **options, **given
+        )
+    envs: dict[str, VectorEnv[Any, Any, Any]] = {}
     try:
-        envs.append(SyncVectorEnv(makers, autoreset_mode=AutoresetMode.SAME_STEP))
-        envs.append(AsyncVectorEnv(makers, autoreset_mode=AutoresetMode.SAME_STEP, context="spawn"))
-        envs += [gymnasium.make_vec(_ID, num_envs=_ENVIRONMENTS, **options, **backend) for _, backend in own]
-        names = ["SyncVectorEnv", "AsyncVectorEnv", *(label for label, _ in own)]
-        racers = {label: _Racer(env) for label, env in zip(names, envs, strict=True)}
+        for label, make in makers.items():
+            envs[label] = make()
+        racers = {label: _Racer(env, setting.steps) for label, env in envs.items()}
         for _ in range(_TURNS):
             for racer in racers.values():
                 racer.turn()
     finally:
-        for env in envs:
+        for env in envs.values():
             env.close()
-    for label, _ in own:
-        reference = "AsyncVectorEnv" if "processes" in label else "SyncVectorEnv"
-        ours, theirs = racers[label].rate, racers[reference].rate
-        last = goal > 0 and label == own[-1][0]
-        yield Row(
-            name=f"vector, {name}, {label}",
-            ours=ours,
-            unit="decisions/s",
-            reference=theirs,
-            reference_name=reference,
-            ratio=ours / theirs,
-            goal=f">= {goal:.0f} on 2 cores" if last else "",
-            reached=ours / goal if last else None,
-        )
+    return {label: racer.rate for label, racer in racers.items()}
