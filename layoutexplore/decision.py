@@ -157,7 +157,7 @@ class Decision:
     @cached_property
     def traversable(self) -> NDArray[np.bool_]:
         """Bool (rows, cols): the cells the robot can plan to."""
-        return np.isfinite(self.distances)
+        return self.field.reached if isinstance(self.field, DistanceField) else np.isfinite(self.field)
 
     def path_lengths(self, chosen: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float32]:
         """Path lengths between the robot and some frontiers' viewpoints, and among these.

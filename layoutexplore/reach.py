@@ -42,6 +42,12 @@ class DistanceField:
         lengths = ((units - float(self._search.origin)) * self._scale).astype(np.float32)
         return np.where(units <= self.settled, lengths, np.float32(np.inf))
 
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """Bool (rows, cols): the cells that have a length."""
+        self._check()
+        return self.units[1:-1, 1:-1] <= self.settled
+
     def metres(self) -> NDArray[np.float32]:
         """Lengths float32 (rows, cols) in metres to every cell, inf where there is no path."""
         self._check()

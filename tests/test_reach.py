@@ -46,6 +46,7 @@ def test_a_grid_that_changes_in_boxes(data: st.DataObject) -> None:
         np.testing.assert_array_equal(ground.traversable, traversable)
         expected = geodesic_distances(traversable, source, 0.1, stop_at=stop_at)
         np.testing.assert_array_equal(field.metres(), expected)
+        np.testing.assert_array_equal(field.reached, np.isfinite(expected))
         np.testing.assert_array_equal(field.to_cells(stops), expected[tuple(stops.T)])
         reached = np.argwhere(np.isfinite(expected))
         target = Cell(*reached[rng.integers(len(reached))].tolist())
@@ -62,7 +63,12 @@ def test_distances_that_are_gone_are_refused() -> None:
     with pytest.raises(ConfigError, match="cannot be reached"):
         field.path_to(Cell(0, 4))
     ground.distances(cells, Cell(1, 0))
-    for ask in (field.metres, lambda: field.path_to(Cell(0, 1)), lambda: field.to_cells(np.array([[0, 1]]))):
+    for ask in (
+        field.metres,
+        lambda: field.reached,
+        lambda: field.path_to(Cell(0, 1)),
+        lambda: field.to_cells(np.array([[0, 1]])),
+    ):
         with pytest.raises(ConfigError, match="a decision that is over"):
             ask()
     with pytest.raises(ConfigError, match="outside"):

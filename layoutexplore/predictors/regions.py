@@ -81,11 +81,10 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
     margin = round((DOOR_WIDTHS[1] + WIDENING) / resolution) + 1
     part = np.pad(cells[box], margin, constant_values=UNKNOWN)
     doors = find_doors(part == OCCUPIED, resolution)
-    clear = ((part != OCCUPIED) & (doors == 0)).view(np.uint8)
-    core = cv2.erode(clear, _disc(CORE / resolution))
-    core[part != FREE] = 0
+    clear, free = ((part != OCCUPIED) & (doors == 0)).view(np.uint8), part == FREE
+    core = cv2.erode(clear, _disc(CORE / resolution)) & free.view(np.uint8)
     count, cores = cv2.connectedComponents(core, connectivity=4, ltype=cv2.CV_32S)
-    grown, count = _grow(np.asarray(cores, np.int32), part == FREE, int(count))
+    grown, count = _grow(np.asarray(cores, np.int32), free, int(count))
     inner = slice(margin, -margin)
     labels[box], door_width[box] = grown[inner, inner], doors[inner, inner]
     return Regions(labels, count - 1, door_width)
@@ -167,37 +166,85 @@ def _grow(labels: NDArray[np.int32], free: NDArray[np.bool_], count: int) -> tup
     The border of both arrays is not free.
     """
     rows, cols = labels.shape
-    flat, open_ = labels.ravel(), free.ravel()
-    queue = np.empty(rows * cols, np.int32)
+    width = (cols + 7) // 8 * 8
+    # A byte a cell, in rows of whole words, so that eight cells are passed over at once: free and without a label yet.
+    bare = np.zeros((rows, width), np.uint8)
+    for r in range(rows):
+        _mark_bare(labels[r], free[r], bare[r])
+    mark = np.zeros(width, np.uint8)
+    queue = np.empty(rows * cols, np.int64)
     last = 0
-    for i in range(cols, (rows - 1) * cols):
-        if flat[i]:
-            for step in (-cols, -1, 1, cols):
-                if open_[i + step] and flat[i + step] == 0:
-                    queue[last] = i
-                    last += 1
-                    break
-    first = _spread(flat, open_, cols, queue, 0, last)
-    for i in range(cols, (rows - 1) * cols):
-        if open_[i] and flat[i] == 0:
-            flat[i] = count
+    for r in range(1, rows - 1):
+        inner = bare[r - 1, 1 : cols - 1], bare[r + 1, 1 : cols - 1], bare[r, : cols - 2], bare[r, 2:cols]
+        _mark_edge(labels[r, 1 : cols - 1], *inner, mark[1 : cols - 1])
+        last = _queue_marked(mark, r, queue, last)
+    flat, left = labels.ravel(), bare.ravel()
+    first = _spread(flat, left, cols, width, queue, 0, last)
+    words = left.view(np.uint64)
+    for w in range(words.size):
+        while words[w] != 0:
+            k = 8 * w
+            while left[k] == 0:
+                k += 1
+            flat[k // width * cols + k % width] = count
+            left[k] = 0
             count += 1
-            queue[first] = i
-            first = _spread(flat, open_, cols, queue, first, first + 1)
+            queue[first] = k
+            first = _spread(flat, left, cols, width, queue, first, first + 1)
     return flat.reshape(rows, cols), count
 
 
 @njit(cache=True, nogil=True)
+def _mark_bare(labels: NDArray[np.int32], free: NDArray[np.bool_], bare: NDArray[np.uint8]) -> None:
+    for c in range(labels.size):
+        bare[c] = free[c] & (labels[c] == 0)
+
+
+@njit(cache=True, nogil=True)
+def _mark_edge(
+    labels: NDArray[np.int32],
+    above: NDArray[np.uint8],
+    below: NDArray[np.uint8],
+    left: NDArray[np.uint8],
+    right: NDArray[np.uint8],
+    mark: NDArray[np.uint8],
+) -> None:
+    """Mark cells with a label beside one that is free and has none."""
+    for c in range(labels.size):
+        mark[c] = (labels[c] != 0) & ((above[c] | below[c] | left[c] | right[c]) != 0)
+
+
+@njit(cache=True, nogil=True)
+def _queue_marked(mark: NDArray[np.uint8], row: int, queue: NDArray[np.int64], last: int) -> int:
+    """Queue the marked cells of a row (in whole words) from `last` on; where the queue ends then."""
+    words = mark.view(np.uint64)
+    for w in range(words.size):
+        if words[w] != 0:
+            for c in range(8 * w, 8 * w + 8):
+                if mark[c]:
+                    queue[last] = row * mark.size + c
+                    last += 1
+    return last
+
+
+@njit(cache=True, nogil=True)
 def _spread(
-    labels: NDArray[np.int32], free: NDArray[np.bool_], cols: int, queue: NDArray[np.int32], first: int, last: int
+    labels: NDArray[np.int32], bare: NDArray[np.uint8], cols: int, width: int, queue: NDArray[np.int64], first: int, last: int
 ) -> int:
+    """Give bare cells the labels of their neighbours in the queue, ring by ring; where the queue ends then.
+
+    `labels` is flat with rows of `cols` cells; `bare` and the queue's numbers with rows of `width`.
+    """
+    spare = width - cols
     while first < last:
         i = queue[first]
         first += 1
-        for step in (-cols, cols, -1, 1):
-            k = i + step
-            if free[k] and labels[k] == 0:
-                labels[k] = labels[i]
+        row = i // width
+        label = labels[np.uint64(i - row * spare)]
+        for k, at in ((i - width, row - 1), (i + width, row + 1), (i - 1, row), (i + 1, row)):
+            if bare[np.uint64(k)]:
+                bare[np.uint64(k)] = 0
+                labels[np.uint64(k - at * spare)] = label
                 queue[last] = k
                 last += 1
     return last
@@ -209,17 +256,23 @@ def _sum_up(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Boxes and doors of all regions."""
     boxes, doors = np.zeros((count + 1, 5), np.int64), np.zeros(count + 1)
+    cols = labels.shape[1]
     for r in range(labels.shape[0]):
-        for c in range(labels.shape[1]):
-            label = labels[r, c]
+        row, widths = labels[r], door_width[r]
+        c = 0
+        while c < cols:
+            label, begin = row[c], c
             if label == 0:
+                c += 1
                 continue
+            while c < cols and row[c] == label:
+                if widths[c] > 0:
+                    doors[label] += 1.0 / widths[c]
+                c += 1
             box = boxes[label]
             if box[0] == 0:
-                box[1], box[2], box[3], box[4] = r, c, r, c
-            box[0] += 1
-            box[1], box[2] = min(box[1], r), min(box[2], c)
-            box[3], box[4] = max(box[3], r + 1), max(box[4], c + 1)
-            if door_width[r, c] > 0:
-                doors[label] += 1.0 / door_width[r, c]
+                box[1], box[2] = r, begin
+            box[0] += c - begin
+            box[2] = min(box[2], begin)
+            box[3], box[4] = r + 1, max(box[4], c)
     return boxes, doors
