@@ -74,11 +74,12 @@ def continued_walls(chart: Chart) -> NDArray[np.bool_]:
 def _draw(
     cells: NDArray[np.int8], door_width: NDArray[np.float32], box: NDArray[np.int64], margin: int, code: NDArray[np.uint8]
 ) -> None:
+    low, high = box[1], box[3]
     for r in range(box[0], box[2]):
-        for c in range(box[1], box[3]):
-            value = cells[r, c]
-            bits = UNKNOWN_BIT if value == -1 else (WALL_BIT if value == 100 else FREE_BIT)
-            code[r + margin, c + margin] = bits | (DOOR_BIT if door_width[r, c] > 0 else 0)
+        values, widths, bits = cells[r, low:high], door_width[r, low:high], code[r + margin, low + margin : high + margin]
+        for c in range(values.size):
+            known = WALL_BIT if values[c] == 100 else FREE_BIT
+            bits[c] = (UNKNOWN_BIT if values[c] == -1 else known) | (DOOR_BIT if widths[c] > 0 else 0)
 
 
 @njit(cache=True, nogil=True)
