@@ -70,7 +70,7 @@ class OpenView:
     def __init__(self, shape: tuple[int, ...], resolution: float, range_max: float, rays: int) -> None:
         reach = range_max / resolution
         self._rows, self._cols, entered, starts = ray_table(int(rays), reach)
-        self._table = (self._rows * shape[1] + self._cols, entered, starts, reach * reach)
+        self._table = (_flat_offsets(int(rays), reach, shape[1]), entered, starts, reach * reach)
         self._unit = math.pi / rays * resolution**2
         self._places, self._areas = np.empty((0, 2), np.int32), np.empty(0)
         self._boxes = np.empty((0, 4), np.int64)
@@ -119,6 +119,13 @@ def ray_table(rays: int, reach: float) -> tuple[NDArray[np.int64], NDArray[np.in
                 entered.append(at * at)
         starts.append(len(rows))
     return np.array(rows), np.array(cols), np.array(entered), np.array(starts)
+
+
+@lru_cache(maxsize=8)
+def _flat_offsets(rays: int, reach: float, width: int) -> NDArray[np.int64]:
+    """The offsets int64 (n,) of `ray_table` in a ravelled grid of that width."""
+    rows, cols, _, _ = ray_table(rays, reach)
+    return rows * width + cols
 
 
 @njit(cache=True, nogil=True)

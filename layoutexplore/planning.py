@@ -101,7 +101,7 @@ def descend(distances: NDArray[np.float32], traversable: NDArray[np.bool_], targ
     goal = check_cells(np.array([target]), world.shape)[0]
     if not np.isfinite(distances[goal[0], goal[1]]):
         raise ConfigError(f"cell ({goal[0]}, {goal[1]}) cannot be reached: its distance is infinite")
-    path = walk_down(np.ascontiguousarray(distances, np.float32), 0, 0.0, 1.0, np.inf, _padded(world), goal[0], goal[1])
+    path = walk_down(np.ascontiguousarray(distances, np.float32), 0, 0.0, 1.0, np.inf, workspace(world).moves, goal[0], goal[1])
     if path.size == 0:
         raise ConfigError("the distance field does not lead to a source: was it computed on another grid?")
     return path
@@ -204,13 +204,6 @@ def check_cells(cells: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.int64]:
     return places
 
 
-def _padded(world: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """uint8 (rows + 2, cols + 2): the mask with a border that is not traversable, so that kernels need no bounds."""
-    padded = np.zeros((world.shape[0] + 2, world.shape[1] + 2), np.uint8)
-    padded[1:-1, 1:-1] = world
-    return padded
-
-
 def _squared(reach: float) -> float:
     """The square of a reach in cells; centres at exactly the radius are not closer, whatever the rounding of the division."""
     return reach * reach - 1e-9
@@ -260,7 +253,7 @@ def walk_down(
     origin: float,
     scale: float,
     farthest: float,
-    world: NDArray[np.uint8],
+    moves: NDArray[np.uint8],
     row: int,
     col: int,
 ) -> NDArray[np.int32]:
@@ -273,11 +266,11 @@ def walk_down(
         origin: See `lengths`.
         scale: See `lengths`.
         farthest: What lies above is not reached.
-        world: uint8 (rows + 2, cols + 2), 1 where traversable.
+        moves: uint8 (rows + 2, cols + 2), the moves out of every cell, as bits.
         row: Of the target; likewise `col`.
         col: See `row`.
     """
-    rows, cols = world.shape[0] - 2, world.shape[1] - 2
+    rows, cols = moves.shape[0] - 2, moves.shape[1] - 2
     found = np.empty((rows + cols, 2), np.int32)
     count = 0
     here = np.float32((np.float64(lengths[row + border, col + border]) - origin) * scale)
@@ -299,7 +292,8 @@ def walk_down(
             there = np.float32((np.float64(lengths[r + border, c + border]) - origin) * scale)
             if there >= here:
                 continue
-            if k >= 4 and not (world[row + 1, c + 1] and world[r + 1, col + 1]):
+            sides = 1 << (0 if d_row > 0 else 1) | 1 << (2 if d_col < 0 else 3)
+            if k >= 4 and moves[row + 1, col + 1] & sides != sides:
                 continue
             # Down the steepest slope: the neighbour before this cell on a shortest path loses a whole move's length.
             slope = float(here - there) / (1.0 if k < 4 else math.sqrt(2.0))

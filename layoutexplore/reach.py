@@ -29,10 +29,10 @@ class DistanceField:
         settled: The greatest of them that is a length; what lies above is not reached.
     """
 
-    def __init__(self, search: Search, world: NDArray[np.uint8], resolution: float, settled: int) -> None:
-        self._search, self._world, self._number = search, world, search.count
+    def __init__(self, search: Search, resolution: float, settled: int) -> None:
+        self._search, self._number = search, search.count
         self._scale = resolution / STRAIGHT
-        self.units: NDArray[np.int32] = search.distance.reshape(world.shape)
+        self.units: NDArray[np.int32] = search.distance.reshape(search.moves.shape)
         self.settled = settled
 
     def to_cells(self, cells: NDArray[np.integer]) -> NDArray[np.float32]:
@@ -65,7 +65,8 @@ class DistanceField:
         row, col = int(target[0]), int(target[1])
         if self.units[row + 1, col + 1] > self.settled:
             raise ConfigError(f"cell ({row}, {col}) cannot be reached: its distance is infinite")
-        return walk_down(self.units, 1, float(self._search.origin), self._scale, float(self.settled), self._world, row, col)
+        search = self._search
+        return walk_down(self.units, 1, float(search.origin), self._scale, float(self.settled), search.moves, row, col)
 
     def _check(self) -> None:
         if self._search.count != self._number:
@@ -93,14 +94,8 @@ class Ground:
         self._shape, self._radius, self._resolution = shape, robot_radius, resolution
         self._margin = math.ceil(robot_radius / resolution)
         self._search = Search(shape)
-        self._world = np.zeros(self._search.moves.shape, np.uint8)
         self._changed = _NOTHING
         self._shut: list[Cell] = []
-
-    @property
-    def traversable(self) -> NDArray[np.bool_]:
-        """Bool (rows, cols): the cells that can be planned through, as a view, up to date since the last search."""
-        return self._world[1:-1, 1:-1].view(np.bool_)
 
     def note(self, box: Box) -> None:
         """Remember that cells in a box (half open) have changed."""
@@ -128,7 +123,7 @@ class Ground:
             raise ConfigError(f"cell ({row}, {col}) lies outside of the grid of shape {self._shape}")
         stops = _NOWHERE if stop_at is None else flat_indices(check_cells(stop_at, self._shape), search)
         settled = search.spread((row + 1) * search.cols + col + 1, stops)
-        return DistanceField(search, self._world, self._resolution, settled)
+        return DistanceField(search, self._resolution, settled)
 
     def path(self, cells: NDArray[np.int8], source: Cell, goal: Cell) -> NDArray[np.int32]:
         """The shortest path int32 (k, 2) from a cell to another on the grid as it is now; empty when there is none."""
@@ -141,14 +136,21 @@ class Ground:
         box, self._changed = self._changed, _NOTHING
         if box[0] >= box[1]:
             return
-        near, around = _grown(box, self._margin, self._shape), _grown(box, 2 * self._margin, self._shape)
+        # The inflation reaches so far from the changes, moves a cell farther; and they hang on the cells beside.
+        changed = _grown(box, self._margin + 1, self._shape)
+        beside = _grown(changed, 1, self._shape)
+        around = _grown(beside, self._margin, self._shape)
         seen = cells[around[0] : around[1], around[2] : around[3]]
         free = (seen == FREE) & ~inflate(seen == OCCUPIED, self._radius, self._resolution)
-        part = free[near[0] - around[0] : near[1] - around[0], near[2] - around[2] : near[3] - around[2]]
-        self.traversable[near[0] : near[1], near[2] : near[3]] = part
+        window = np.zeros((changed[1] - changed[0] + 2, changed[3] - changed[2] + 2), np.uint8)
+        top, left = 1 - changed[0], 1 - changed[2]
+        part = free[beside[0] - around[0] : beside[1] - around[0], beside[2] - around[2] : beside[3] - around[2]]
+        window[beside[0] + top : beside[1] + top, beside[2] + left : beside[3] + left] = part
         for cell in self._shut:
-            self.traversable[cell] = False
-        find_moves(self._world, self._search.moves, *_grown(near, 1, self._shape))
+            row, col = cell.row + top, cell.col + left
+            if 0 <= row < window.shape[0] and 0 <= col < window.shape[1]:
+                window[row, col] = 0
+        find_moves(window, self._search.moves, changed[0], changed[2])
 
 
 def _grown(box: Box, margin: int, shape: tuple[int, int]) -> Box:

@@ -133,7 +133,7 @@ class Workspace(Search):
     def load(self, traversable: NDArray[np.bool_]) -> None:
         """Take a mask bool (rows, cols) as the grid to search."""
         self.world[1:-1, 1:-1] = traversable
-        find_moves(self.world, self.moves, 0, traversable.shape[0], 0, traversable.shape[1])
+        find_moves(self.world, self.moves, 0, 0)
 
 
 _threads = threading.local()
@@ -150,11 +150,14 @@ def workspace(traversable: NDArray[np.bool_]) -> Workspace:
 
 
 @njit(cache=True, nogil=True)
-def find_moves(world: NDArray[np.uint8], moves: NDArray[np.uint8], row0: int, row1: int, col0: int, col1: int) -> None:
-    """Write the moves out of the cells of a box (half open, not padded) of a padded mask of 0 and 1, traversable or not."""
-    for r in range(row0 + 1, row1 + 1):
-        behind, here, ahead = world[r - 1, col0 : col1 + 2], world[r, col0 : col1 + 2], world[r + 1, col0 : col1 + 2]
-        written = moves[r, col0 + 1 : col1 + 1]
+def find_moves(world: NDArray[np.uint8], moves: NDArray[np.uint8], row: int, col: int) -> None:
+    """Write the moves out of each inner cell of a padded mask of 0 and 1, traversable or not.
+
+    The mask is a window of the padded grid that `moves` is of; its corner lies at (row, col) there.
+    """
+    for r in range(1, world.shape[0] - 1):
+        behind, here, ahead = world[r - 1], world[r], world[r + 1]
+        written = moves[row + r, col + 1 : col + world.shape[1] - 1]
         for c in range(written.size):
             south, west, east, north = behind[c + 1], here[c], here[c + 2], ahead[c + 1]
             written[c] = (
