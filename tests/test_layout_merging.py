@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from layoutexplore.evaluation.cross_validation import deal_folds
 from layoutexplore.evaluation.explored_maps import explore, explored_examples
 from layoutexplore.evaluation.segmentation import Case, MapScore, seed_spread
-from layoutexplore.grid import FREE, UNKNOWN
-from layoutexplore.layout.line_evidence import EvidenceConfig, count_rooms, find_evidence
+from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.layout.line_evidence import BESIDE_LINE, EvidenceConfig, count_rooms, find_evidence
 from layoutexplore.layout.line_rooms import split_line_rooms
-from layoutexplore.layout.merging import merge_pieces
+from layoutexplore.layout.merging import Rest, merge_pieces
 from layoutexplore.layout.merging_graph import (
+    AREA,
     DOOR,
     EDGE_COLUMNS,
     NODE_COLUMNS,
@@ -28,7 +29,7 @@ from layoutexplore.layout.merging_graph import (
     SPACE,
     PieceGraph,
 )
-from layoutexplore.layout.merging_training import TrainingConfig, make_example, mean_forest, train_forest
+from layoutexplore.layout.merging_training import TrainingConfig, first_forest, make_example, mean_forest, train_forest
 from layoutexplore.layout.slivers import absorb_slivers
 
 
@@ -188,12 +189,45 @@ def test_the_mean_of_judges_is_a_judge() -> None:
     assert (again.threshold == one.threshold).all()
 
 
+@pytest.mark.parametrize("room_area", [0.0, 1.5, 12.0, 1e6])
+def test_what_is_too_small_for_a_room_joins_a_neighbour(room_area: float) -> None:
+    graph = make_example(plan(), rooms_of(plan()), 0.05, building="a", kind="x").graph
+    into = merge_pieces(graph, first_forest(), level=1e9, rest=Rest(room_area))
+    area = np.bincount(into, weights=graph.nodes[:, AREA], minlength=len(into))[into] * graph.resolution**2
+    a, b = graph.ends[graph.edges[:, OPEN] > 0].T
+    parted = into[a] != into[b]
+    assert (np.minimum(area[a], area[b])[parted] >= room_area).all()
+    assert len(set(into[1:].tolist())) == len(into) - 1 or room_area > 0
+
+
+def test_nooks_join_a_neighbour_unless_they_are_surely_rooms() -> None:
+    graph = make_example(plan(), rooms_of(plan()), 0.05, building="a", kind="x").graph
+    alone = np.arange(len(graph.nodes))
+    assert (merge_pieces(graph, first_forest(), level=1e9, rest=Rest(nook=1e6, level=1e9)) == alone).all()
+    for area in (1.5, 12.0, 1e6):
+        always, unless = (merge_pieces(graph, first_forest(), level=1e9, rest=rest) for rest in (Rest(area), Rest(0, area, -1e9)))
+        assert (always == unless).all()
+
+
+def test_cells_beside_a_line_hardly_count() -> None:
+    cells = plan()
+    evidence = find_evidence(cells, cells == OCCUPIED, 0.05)
+    labels, free = np.ones(cells.shape, np.int32), cells == FREE
+    rows, cols = (np.abs(np.subtract.outer(np.arange(len(s)), np.flatnonzero(np.diff(s)) + 0.5)).min(axis=1)
+                  for s in (evidence.row_strip, evidence.col_strip))  # fmt: skip
+    clear = (rows[:, None] > 2) & (cols > 2)
+    all_cells, weighed = (count_rooms(labels, free, evidence, beside=beside).sum() for beside in (0, 2))
+    assert all_cells == np.count_nonzero(free) > np.count_nonzero(free & clear) > 0
+    assert weighed == pytest.approx(np.count_nonzero(free & clear) + BESIDE_LINE * np.count_nonzero(free & ~clear))
+
+
 def test_explored_maps_show_the_map_itself() -> None:
     cells = plan()
-    seen = explore(cells, 0.05, np.random.default_rng(0))
-    known = seen != UNKNOWN
-    assert (seen[known] == cells[known]).all()
-    assert 0 < np.count_nonzero(seen == FREE) <= np.count_nonzero(cells == FREE)
+    for dense in (True, False):
+        seen = explore(cells, 0.05, np.random.default_rng(0), dense=dense)
+        known = seen != UNKNOWN
+        assert (seen[known] == cells[known]).all()
+        assert 0 < np.count_nonzero(seen == FREE) <= np.count_nonzero(cells == FREE)
     examples = explored_examples(cells, rooms_of(cells), 0.05, building="a", kind="x", rng=np.random.default_rng(1))
     assert examples and {e.kind for e in examples} == {"x, explored"}
 

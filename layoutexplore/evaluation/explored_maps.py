@@ -18,27 +18,39 @@ from layoutexplore.mapping import Mapper
 from layoutexplore.planning import inflate
 
 RANGES, FIELDS = (4.0, 8.0, 15.0, 30.0), (np.pi, 2 * np.pi, 2 * np.pi)
+DENSE, SPARSE = (720,), (180, 360, 720)
+"""Beams: so many that what they see hangs together, or as few as those of many a real lidar, that leave far rooms in stripes."""
+
+VERSIONS = 24
+"""Times a map is explored; a quarter of them with dense beams."""
+
+FURNISHED = 6
+"""Times it is furnished and, every other time, explored."""
+
 CLEARANCE = 0.2
 LEAST = 10.0
 """A version with less free space is left out [m2]."""
 
 
-def explore(cells: NDArray[np.int8], resolution: float, rng: np.random.Generator) -> NDArray[np.int8]:
+def explore(cells: NDArray[np.int8], resolution: float, rng: np.random.Generator, *, dense: bool) -> NDArray[np.int8]:
     """A map as it may have been while it was explored: int8 (rows, cols), of the same cells, less of them known.
 
     Args:
         cells: int8 (rows, cols), trinary.
         resolution: Metres a cell.
         rng: Source of randomness.
+        dense: Whether the beams stand close, and what lies two cells beside what they see is known too; else one.
     """
     solid = cells != FREE
-    sensor = LidarConfig(range_max=float(rng.choice(RANGES)), fov=float(rng.choice(FIELDS)), beams=720)
+    beams = int(rng.choice(DENSE if dense else SPARSE))
+    sensor = LidarConfig(range_max=float(rng.choice(RANGES)), fov=float(rng.choice(FIELDS)), beams=beams)
     origin = Pose(0.0, 0.0, 0.0)
     lidar, mapper = Lidar(sensor, solid, resolution, origin), Mapper(cells.shape, resolution, origin)
     for cell in choose_stops(~inflate(solid, CLEARANCE, resolution), resolution, rng):
         x, y = mapper.grid.cell_to_world(*cell)
         mapper.observe(lidar, Pose(x, y, float(rng.uniform(0, 2 * np.pi))))
-    shown = cv2.dilate((mapper.grid.cells == FREE).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    side = 5 if dense else 3
+    shown = cv2.dilate((mapper.grid.cells == FREE).astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     return np.where(shown, cells, UNKNOWN).astype(np.int8)
 
 
@@ -51,7 +63,7 @@ def explored_examples(
     kind: str,
     rng: np.random.Generator,
 ) -> list[Example]:
-    """A map explored twice, and furnished and, every other time, explored; without those of hardly any free space.
+    """A map explored `VERSIONS` times, and furnished `FURNISHED` times; without those of hardly any free space.
 
     Args:
         cells: int8 (rows, cols), trinary.
@@ -61,10 +73,11 @@ def explored_examples(
         kind: Kind of map.
         rng: Source of randomness.
     """
-    added = furnish(cells == OCCUPIED, truth, float(rng.choice(DENSITIES[1:])), resolution, rng)
-    furnished = np.where(added & (cells == FREE), OCCUPIED, cells).astype(np.int8)
-    versions = [explore(cells, resolution, rng), explore(cells, resolution, rng)]
-    versions.append(explore(furnished, resolution, rng) if rng.random() < 0.5 else furnished)
+    versions = [explore(cells, resolution, rng, dense=k % 4 == 0) for k in range(VERSIONS)]
+    for k in range(FURNISHED):
+        added = furnish(cells == OCCUPIED, truth, float(rng.choice(DENSITIES[1:])), resolution, rng)
+        furnished = np.where(added & (cells == FREE), OCCUPIED, cells).astype(np.int8)
+        versions.append(explore(furnished, resolution, rng, dense=k % 2 == 0) if rng.random() < 0.5 else furnished)
     return [
         make_example(version, truth, resolution, building=building, kind=f"{kind}, explored")
         for version in versions

@@ -10,7 +10,8 @@
 5. Small forests of decision trees look at two touching pieces (the pass between them, the doors and walls in line with it,
    the lines between them, their shapes and that of their union, ...) and merge the surest pair, again and again, while it
    is likely that both belong to one room.
-6. Pieces too small for a room are dropped; the rooms' cells are turned back.
+6. Pieces too small for a room join the neighbour they most likely belong to, and so do nooks that are not surely rooms; what
+   is too small and has no neighbour is dropped. The rooms' cells are turned back.
 
 What varies from map to map is in the features; there is one set of parameters.
 """
@@ -38,7 +39,7 @@ from layoutexplore.layout.face_model import WallModel
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.line_evidence import find_evidence
 from layoutexplore.layout.line_rooms import split_line_rooms
-from layoutexplore.layout.merging import merge_pieces
+from layoutexplore.layout.merging import Rest, merge_pieces
 from layoutexplore.layout.merging_graph import PieceGraph, piece_graph, spread_in_place
 from layoutexplore.layout.merging_model import load_forest
 from layoutexplore.layout.openings import OpeningConfig, find_openings
@@ -69,7 +70,9 @@ class DefaultConfig(OpeningConfig):
         sliver_area: Smaller pieces join the neighbour they open to most widely before any pair is judged [m2].
         room_pass: Pieces are in one room of the lines as far as the passes between them are this share of the smaller peak.
         merge_level: Pieces merge while the log-odds of belonging together are at least this.
-        room_area: Smallest room [m2].
+        room_area: Smallest room [m2]; what is smaller joins the neighbour it most likely belongs to.
+        nook_area: What is smaller than this joins it too [m2] ...
+        nook_level: ... unless the log-odds are below this.
         wall_half: A room's polygon reaches so far into its walls, to the middle of those between two rooms.
     """
 
@@ -82,6 +85,8 @@ class DefaultConfig(OpeningConfig):
     room_pass: float = 0.6
     merge_level: float = 0.1
     room_area: float = 1.5
+    nook_area: float = 3.0
+    nook_level: float = -1.0
     wall_half: float = 0.3
 
     def __post_init__(self) -> None:
@@ -92,8 +97,11 @@ class DefaultConfig(OpeningConfig):
         for name in ("basin_share", "room_pass"):
             if not 0 < getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must lie in (0, 1], got {getattr(self, name)}")
-        if min(self.clutter_area, self.clutter_length, self.basin_wide) <= 0 or min(self.chink, self.room_area) < 0:
-            raise ConfigError("lengths and areas must be above 0 (chink and room_area may be 0)")
+        if (
+            min(self.clutter_area, self.clutter_length, self.basin_wide) <= 0
+            or min(self.chink, self.room_area, self.nook_area) < 0
+        ):
+            raise ConfigError("lengths and areas must be above 0 (chink, room_area and nook_area may be 0)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,13 +155,13 @@ def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfi
         grow_in_place(labels, inside, shut & inside)
     with timer("graph"):
         padded = cv2.copyMakeBorder(inside.view(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-        distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
+        distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1] - np.float32(0.5)
         graph = piece_graph(
             labels,
             free=turned.cells == FREE,
             clutter=clutter,
             wall=wall,
-            distance=np.ascontiguousarray(distance),
+            distance=distance,
             openings=openings,
             lines=find_evidence(turned.cells, wall, resolution),
             resolution=resolution,
@@ -167,7 +175,8 @@ def merge_into_rooms(
     pieces: Pieces, grid: OccupancyGrid, config: DefaultConfig, forest: Forest
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Room labels of the grid's cells that are not occupied, and the rooms' footprints: with the furniture and half the walls."""
-    into = merge_pieces(pieces.graph, forest, level=config.merge_level)[pieces.part]
+    rest = Rest(config.room_area, config.nook_area, config.nook_level)
+    into = merge_pieces(pieces.graph, forest, level=config.merge_level, rest=rest)[pieces.part]
     footprint = turn_back(pieces.labels, pieces.turned, grid.shape)
     if pieces.turned.angle:
         grow_in_place(footprint, grid.free)

@@ -24,6 +24,9 @@ from layoutexplore.layout.rooms import FaceGraph, cluster_faces
 from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.union_find import join, number_sets
 
+BESIDE_LINE = 0.05
+"""What a cell beside a line counts in the rooms of the lines: walls are thicker than lines and step aside."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class EvidenceConfig:
@@ -319,24 +322,36 @@ def find_evidence(
     )
 
 
-@njit("void(int32[:,::1], boolean[:,::1], int32[::1], int32[::1], int32[:,::1], float64[:,::1])", cache=True, nogil=True)
+@njit(
+    "void(int32[:,::1], boolean[:,::1], int32[::1], int32[::1], int32[:,::1], float64[::1], float64[::1], float64[:,::1])",
+    cache=True,
+    nogil=True,
+)
 def _count(
     labels: NDArray[np.int32],
     free: NDArray[np.bool_],
     row_strip: NDArray[np.int32],
     col_strip: NDArray[np.int32],
     room: NDArray[np.int32],
+    row_weight: NDArray[np.float64],
+    col_weight: NDArray[np.float64],
     out: NDArray[np.float64],
 ) -> None:
     for r in range(labels.shape[0]):
-        of_row = room[row_strip[r]]
+        of_row, weight = room[row_strip[r]], row_weight[r]
         for c in range(labels.shape[1]):
             if labels[r, c] > 0 and free[r, c]:
-                out[labels[r, c], of_row[col_strip[c]]] += 1
+                out[labels[r, c], of_row[col_strip[c]]] += min(weight, col_weight[c])
+
+
+def _weights(strip: NDArray[np.int32], beside: int) -> NDArray[np.float64]:
+    """float64 (n,): 1, and `BESIDE_LINE` for rows or columns less than so many cells beside a line."""
+    padded = np.pad(strip, beside, mode="edge")
+    return np.where(padded[: len(strip)] == padded[2 * beside :], 1.0, BESIDE_LINE)
 
 
 def count_rooms(
-    labels: NDArray[np.int32], free: NDArray[np.bool_], evidence: LineEvidence, count: int | None = None
+    labels: NDArray[np.int32], free: NDArray[np.bool_], evidence: LineEvidence, count: int | None = None, *, beside: int = 0
 ) -> NDArray[np.float64]:
     """float64 (k + 1, rooms + 1): known free cells of each piece in each room of the lines, column 0 in none.
 
@@ -345,8 +360,10 @@ def count_rooms(
         free: bool (rows, cols), known free cells.
         evidence: The rooms.
         count: Number of pieces, where it is known.
+        beside: On which side of a line cells lie that are no further from it is chance: they count `BESIDE_LINE`.
     """
     pieces = int(labels.max(initial=0)) if count is None else count
     out = np.zeros((pieces + 1, int(evidence.room.max(initial=0)) + 1))
-    _count(labels, free, evidence.row_strip, evidence.col_strip, evidence.room, out)
+    row_weight, col_weight = (_weights(strip, beside) for strip in (evidence.row_strip, evidence.col_strip))
+    _count(labels, free, evidence.row_strip, evidence.col_strip, evidence.room, row_weight, col_weight, out)
     return out

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -27,6 +29,7 @@ from layoutexplore.layout.merging_graph import (
     PEAK,
     ROW0,
     ROW1,
+    SEEN,
     SHORT,
     SIDES,
     SPACE,
@@ -45,13 +48,29 @@ FEATURES = (
     "fill_small", "fill_large", "fill_union", "fill_change", "aspect_small", "aspect_large", "aspect_union", "misalignment",
     "line_near", "line_near_min", "line_far", "unknown_small", "unknown_large", "clutter_small", "clutter_large",
     "wall_small", "wall_large", "straightness", "through", "facing_small", "facing_large",
-    "only_way_small", "only_way_large", "parted", "covered", "apart",
+    "only_way_small", "only_way_large", "parted", "covered", "apart", "seen",
     "same_room", "room_share_small", "room_share_large", "room_overlap", "room_fit", "map_clutter", "map_unknown", "map_radius",
 )  # fmt: skip
 """What is known of a pair of touching pieces, in this order; the small one is the one of less known free space."""
 
-
 FEATURE_COUNT = len(FEATURES)
+
+
+class Rest(NamedTuple):
+    """What is too small for a room joins the neighbour it most likely belongs to.
+
+    Attributes:
+        small: What is smaller than this always does [m2].
+        nook: What is smaller than this does [m2] ...
+        level: ... while the log-odds are at least this.
+    """
+
+    small: float = 0.0
+    nook: float = 0.0
+    level: float = 0.0
+
+
+NO_REST = Rest()
 
 
 @njit(cache=True, nogil=True)
@@ -122,6 +141,7 @@ def _features(
     out[38] = e[PARTED] / n
     out[39] = e[COVERED] / n
     out[40] = e[APART] / n
+    out[41] = e[SEEN] / n
 
 
 @njit(cache=True, nogil=True)
@@ -138,11 +158,11 @@ def _room_features(a: NDArray[np.float64], b: NDArray[np.float64], size: NDArray
         most_a, most_b = max(most_a, x), max(most_b, y)
         fit_a, fit_b = max(fit_a, x / (total_a + size[k] - x)), max(fit_b, y / (total_b + size[k] - y))
         fit = max(fit, (x + y) / (total_a + total_b + size[k] - x - y))
-    out[41] = same / (total_a * total_b)
-    out[42] = most_a / total_a
-    out[43] = most_b / total_b
-    out[44] = overlap
-    out[45] = fit - max(fit_a, fit_b)
+    out[42] = same / (total_a * total_b)
+    out[43] = most_a / total_a
+    out[44] = most_b / total_b
+    out[45] = overlap
+    out[46] = fit - max(fit_a, fit_b)
 
 
 @njit(cache=True, nogil=True)
@@ -259,12 +279,31 @@ def _surest(odds: NDArray[np.float64], gone: NDArray[np.bool_]) -> int:
 
 
 @njit(cache=True, nogil=True)
+def _surest_of_rest(
+    odds: NDArray[np.float64],
+    gone: NDArray[np.bool_],
+    ends: NDArray[np.int32],
+    nodes: NDArray[np.float64],
+    rest: Rest,
+) -> int:
+    """The same among the contacts of pieces that are too small (areas in cells)."""
+    best, best_odds = -1, -1e9
+    for e in range(len(odds)):
+        if not gone[e] and odds[e] > best_odds:
+            area = min(nodes[ends[e, 0], AREA], nodes[ends[e, 1], AREA])
+            if area < rest.small or (area < rest.nook and odds[e] >= rest.level):
+                best, best_odds = e, odds[e]
+    return best
+
+
+@njit(cache=True, nogil=True)
 def _agglomerate(
     ends: NDArray[np.int32],
     tables: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
     resolution: float,
     forest: Numbers,
     level: float,
+    rest: Rest,
     truth: NDArray[np.float64],
     samples: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], int]:
@@ -282,7 +321,7 @@ def _agglomerate(
     stale_count = len(stale)
     stale = np.concatenate((stale, np.empty(count, np.int32)))
     x, judged = np.empty((len(stale), FEATURE_COUNT)), np.empty(len(stale))
-    x[:, 46:] = _surroundings(nodes, resolution)
+    x[:, 47:] = _surroundings(nodes, resolution)
     size = rooms.sum(axis=0)
     written = 0
     while True:
@@ -296,7 +335,9 @@ def _agglomerate(
                 written += 1
         stale_count = 0
         best = _surest(odds, gone)
-        if best < 0 or (odds[best] < level and not learning):
+        if not learning and best >= 0 and odds[best] < level:
+            best = _surest_of_rest(odds, gone, ends, nodes, rest)
+        if best < 0:
             break
         a, b = ends[best, 0], ends[best, 1]
         gone[best] = True
@@ -313,19 +354,21 @@ def _agglomerate(
     return into, written
 
 
-def merge_pieces(graph: PieceGraph, forest: Forest, *, level: float = 0.0) -> NDArray[np.int32]:
+def merge_pieces(graph: PieceGraph, forest: Forest, *, level: float = 0.0, rest: Rest = NO_REST) -> NDArray[np.int32]:
     """Which pieces become one.
 
     Args:
         graph: The pieces; not changed.
         forest: The judge.
         level: Merge while the log-odds of the surest pair are at least this.
+        rest: What is too small to stay by itself then.
 
     Returns:
         int32 (k + 1,), the piece that each piece is merged into (itself for the first of each room).
     """
-    nothing = np.zeros((0, 0))
-    into, _ = _agglomerate(graph.ends.copy(), _tables(graph), graph.resolution, forest.numbers, level, nothing, nothing)
+    nothing, cell = np.zeros((0, 0)), graph.resolution**2
+    rest = Rest(rest.small / cell, rest.nook / cell, rest.level)
+    into, _ = _agglomerate(graph.ends.copy(), _tables(graph), graph.resolution, forest.numbers, level, rest, nothing, nothing)
     return into
 
 
@@ -348,7 +391,7 @@ def judge_with_truth(graph: PieceGraph, forest: Forest, rooms: NDArray[np.float6
     """
     pairs = len(graph.ends)
     samples = np.zeros((min(80 * pairs + 100, 400_000), FEATURE_COUNT + 2))
-    _, n = _agglomerate(graph.ends.copy(), _tables(graph), graph.resolution, forest.numbers, 0.0, rooms.copy(), samples)
+    _, n = _agglomerate(graph.ends.copy(), _tables(graph), graph.resolution, forest.numbers, 0.0, NO_REST, rooms.copy(), samples)
     later = np.linspace(pairs, n - 1, min(pairs, max(n - pairs, 0))).astype(np.int64)
     chosen = np.concatenate([np.arange(min(pairs, n)), later])
     return np.asarray(samples[chosen])

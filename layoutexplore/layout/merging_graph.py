@@ -17,7 +17,7 @@ from layoutexplore.layout.openings import Openings
 from layoutexplore.layout.true_cells import true_cells
 
 # Columns of the node table. AREA: known free cells; SPACE: all cells; SIDES: sides shared with anything else;
-# OPEN_END: sides towards unknown space; ROWS..: bounding box, half open; PEAK: largest distance to the obstacles [cells].
+# OPEN_END: sides towards unknown space; ROWS..: bounding box, half open; PEAK: largest distance to the obstacles' edges [cells].
 AREA, SPACE, CLUTTER, SIDES, OPEN_END, WALL_SIDES, ROW0, ROW1, COL0, COL1, PEAK = range(11)
 NODE_COLUMNS = 11
 
@@ -25,9 +25,9 @@ NODE_COLUMNS = 11
 # opening, with sums of its WIDTH and the LONG and SHORT run beside it [m]; PASS: largest distance to the obstacles on
 # the contact [cells]; NEAR, NEAR_MIN, FAR: sums of the share of wall in line with the contact; THROUGH: contact across a
 # wall; PARTED, COVERED, APART: sides near which lies an edge between two faces of the representative lines, sums of the
-# covered shares of these edges, and sides near which two of their rooms meet.
-OPEN, ACROSS_ROWS, DOOR, WIDTH, LONG, SHORT, PASS, NEAR, NEAR_MIN, FAR, THROUGH, PARTED, COVERED, APART = range(14)
-EDGE_COLUMNS = 14
+# covered shares of these edges, and sides near which two of their rooms meet; SEEN: those between two known free cells.
+OPEN, ACROSS_ROWS, DOOR, WIDTH, LONG, SHORT, PASS, NEAR, NEAR_MIN, FAR, THROUGH, PARTED, COVERED, APART, SEEN = range(15)
+EDGE_COLUMNS = 15
 
 NEAR_REACH, FAR_REACH = 1.5, 6.0
 """How far walls in line with a contact are looked for on either side, in metres."""
@@ -268,6 +268,7 @@ def _add_contact(
     r: int,
     c: int,
     above: bool,
+    free: NDArray[np.bool_],
     distance: NDArray[np.float32],
     gap: NDArray[np.int32],
     gaps: NDArray[np.float64],
@@ -277,6 +278,7 @@ def _add_contact(
     rr, cc = (r + 1, c) if above else (r, c + 1)
     along_rows, along_cols, near, far = walls
     edge[OPEN] += 1
+    edge[SEEN] += free[r, c] & free[rr, cc]
     edge[PASS] = max(edge[PASS], min(distance[r, c], distance[rr, cc]))
     door = max(gap[r, c], gap[rr, cc])
     if door > 0:
@@ -296,6 +298,7 @@ def _contacts(
     labels: NDArray[np.int32],
     spread: NDArray[np.int32],
     changes: NDArray[np.int64],
+    free: NDArray[np.bool_],
     wall: NDArray[np.bool_],
     distance: NDArray[np.float32],
     gap: NDArray[np.int32],
@@ -341,7 +344,7 @@ def _contacts(
             if a == 0 or b == 0:
                 edges[e, THROUGH] += 1
             else:
-                _add_contact(edges[e], r, c, above, distance, gap, gaps, walls)
+                _add_contact(edges[e], r, c, above, free, distance, gap, gaps, walls)
                 _add_evidence(edges[e], r, c, above, lines)
     return ends[:m].copy(), edges[:m].copy()
 
@@ -364,7 +367,7 @@ def piece_graph(
         free: bool (rows, cols), known free cells.
         clutter: bool (rows, cols), occupied cells that are no walls.
         wall: bool (rows, cols), occupied cells that are.
-        distance: float32 (rows, cols), distance to the walls in cells.
+        distance: float32 (rows, cols), distance to the edges of the walls' cells, in cells.
         openings: The candidate openings.
         lines: The representative lines.
         resolution: Metres a cell.
@@ -383,6 +386,7 @@ def piece_graph(
         labels,
         spread,
         changes,
+        free,
         wall,
         distance,
         openings.gap,
@@ -391,4 +395,4 @@ def piece_graph(
         (lines.row_strip, lines.col_strip, lines.face, lines.room, lines.above, lines.right, beside),
         nodes,
     )
-    return PieceGraph(nodes, ends, edges, count_rooms(labels, free, lines, count), resolution)
+    return PieceGraph(nodes, ends, edges, count_rooms(labels, free, lines, count, beside=slack), resolution)
