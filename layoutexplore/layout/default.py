@@ -83,7 +83,7 @@ class DefaultConfig(OpeningConfig):
     basin_wide: float = 1.5
     sliver_area: float = 0.5
     room_pass: float = 0.6
-    merge_level: float = 0.1
+    merge_level: float = 0.0
     room_area: float = 1.5
     nook_area: float = 3.0
     nook_level: float = -1.0
