@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.boxes import known_box
 from layoutexplore.decision import STOP, Agent, Choice, Decision, Frontier
-from layoutexplore.grid import UNKNOWN
 from layoutexplore.planning import distance_matrix
 from layoutexplore.predictors import OraclePredictor
 from layoutexplore.predictors.layout import LEFTOVER
@@ -342,7 +342,5 @@ def _counts(found: Sequence[Frontier], true: Sequence[Frontier]) -> list[float]:
 
 def _known_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:
     """A copy of the known part of a grid int8 (rows, cols) with a margin, and its first row and column."""
-    known = cells != UNKNOWN
-    rows, cols = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
-    row, col = max(int(rows[0]) - _MARGIN, 0), max(int(cols[0]) - _MARGIN, 0)
-    return cells[row : rows[-1] + _MARGIN, col : cols[-1] + _MARGIN].copy(), (row, col)
+    row0, row1, col0, col1 = known_box(cells, _MARGIN)
+    return cells[row0:row1, col0:col1].copy(), (row0, col0)
