@@ -91,13 +91,10 @@ class PathTable:
         doors, steps = entrances(flat, space)
         first = -1
         while True:
-            missing = np.count_nonzero(units == _UNKNOWN, axis=1)
-            most = int(missing.max())
-            if most == 0:
-                return
-            candidates = np.flatnonzero(missing == most)
             # The outermost place first: what remains lies ever closer together, and searches stop ever sooner.
-            source = int(candidates[np.argmax(units[first, candidates])] if first >= 0 else candidates[0])
+            source = int(_next_source(units, first))
+            if source < 0:
+                return
             first = source if first < 0 else first
             targets = np.flatnonzero(units[source] == _UNKNOWN)
             ahead = doors[targets]
@@ -110,11 +107,29 @@ class PathTable:
 def _nearest_change(places: NDArray[np.int64], changes: NDArray[np.int64], cols: int) -> NDArray[np.int64]:
     """Length int64 (n,) of the straight way (without walls) from each place (n, 2) to the nearest changed cell, flat (m,)."""
     nearest = np.empty(len(places), np.int64)
+    # Half words, of which many fit a register; lengths that do not fit come out shorter, and a length too many is forgotten.
+    rows, columns = np.empty(len(changes), np.int32), np.empty(len(changes), np.int32)
+    for n in range(len(changes)):
+        rows[n], columns[n] = changes[n] // cols, changes[n] % cols
+    straight, more = np.int32(STRAIGHT), np.int32(DIAGONAL - STRAIGHT)
     for k in range(len(places)):
-        best = np.int64(FAR)
-        for change in changes:
-            rows, columns = abs(change // cols - places[k, 0]), abs(change % cols - places[k, 1])
-            shorter = min(rows, columns)
-            best = min(best, STRAIGHT * (max(rows, columns) - shorter) + DIAGONAL * shorter)
+        row, column, best = np.int32(places[k, 0]), np.int32(places[k, 1]), np.int32(FAR)
+        for n in range(len(changes)):
+            one, other = np.int32(abs(rows[n] - row)), np.int32(abs(columns[n] - column))
+            best = min(best, np.int32(straight * max(one, other) + more * min(one, other)))
         nearest[k] = best
     return nearest
+
+
+@njit(cache=True, nogil=True)
+def _next_source(units: NDArray[np.int64], first: int) -> int:
+    """The place from which most lengths are unknown, of equals the one farthest from `first` (if that is one); -1 if none is."""
+    source, most = -1, 0
+    for k in range(len(units)):
+        missing = 0
+        for length in units[k]:
+            missing += length == _UNKNOWN
+        farther = first >= 0 and most > 0 and missing == most and units[first, k] > units[first, source]
+        if missing > most or farther:
+            source, most = k, missing
+    return source

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from layoutexplore.frontiers import find_frontiers
 from layoutexplore.predictors.cell_features import FEATURES as CELL_FEATURES
 from layoutexplore.predictors.cell_features import add_judgement, find_candidates
-from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, UNKNOWN_BIT, draw_chart
-from layoutexplore.predictors.frontier_features import ProbeMemory, frontier_features
-from layoutexplore.predictors.frontier_probes import TOUCHED, flood_unknown
+from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT, draw_chart
+from layoutexplore.predictors.frontier_features import BLOCK, FEATURES, ProbeMemory, _changed_blocks, _probe, frontier_features
+from layoutexplore.predictors.frontier_probes import TOUCHED, doors_near, flood_unknown
 from layoutexplore.predictors.regions import Regions, find_doors, seen_regions
 
 grids = hnp.arrays(np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 100]))
@@ -106,6 +106,81 @@ def test_a_flood_against_a_slow_one(cells: NDArray[np.int8]) -> None:
         if depth in depths:
             assert out[depths.tolist().index(depth)] == behind
     assert (chart.code.ravel()[touched[touched >= 0]] & UNKNOWN_BIT == 0).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(cells=grids, seed=st.integers(0, 1000))
+def test_floods_that_meet_no_barrier_are_shared(cells: NDArray[np.int8], seed: int) -> None:
+    """Probing all barriers at once writes what floods with each of them write; doors are scattered thinly, or not at all."""
+    clusters = find_frontiers(cells)
+    if not len(clusters):
+        return
+    rng = np.random.default_rng(seed)
+    chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 3.0)
+    chart.code[rng.random(chart.code.shape) < rng.choice([0.0, 0.01, 0.3])] |= DOOR_BIT
+    members = clusters.cluster(0) + np.int32(chart.margin)
+    depths, barriers = np.array([1, 2, 4], np.int64), np.array([0, ALONG_ROWS | ALONG_COLS, DOOR_BIT], np.int64)
+    stamp, queue = np.zeros(chart.code.size, np.int32), np.zeros(chart.code.size, np.int32)
+    one = np.array([0, len(members)], np.int64), np.zeros(1, np.int64), depths, np.array([8, 1, 3, 1], np.int64), barriers
+    found = np.zeros((1, len(FEATURES)), np.float32)
+    _, touched = _probe(chart.code, members, *one, stamp, 0, queue, found)
+    first = FEATURES.index("open_area_0.3")
+    for b, barrier in enumerate(barriers):
+        out, cells_touched = np.zeros(8, np.float32), np.zeros(TOUCHED, np.int32)
+        met = flood_unknown(chart.code, barrier, members, depths, stamp, 10 + b, queue, out, cells_touched)
+        np.testing.assert_array_equal(found[0, first + 8 * b : first + 8 * (b + 1)], out)
+        np.testing.assert_array_equal(touched[0, b], cells_touched)
+        assert met & UNKNOWN_BIT or not out.any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 100_000))
+def test_doors_near_against_a_slow_version(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    reach = int(rng.integers(1, 7))
+    code = rng.choice(np.array([FREE_BIT, WALL_BIT, UNKNOWN_BIT], np.uint8), (20, 21))
+    code[rng.random(code.shape) < rng.choice([0.0, 0.02, 0.3])] |= DOOR_BIT
+    members = rng.integers(reach, 20 - reach, (4, 2)).astype(np.int32)
+    frame, out = np.concatenate([members[0], np.zeros(6)]), np.zeros(4, np.float32)
+    doors_near(code, members, frame, reach, out)
+    rows, cols = np.indices(code.shape)
+    away = (rows - members[0, 0]) ** 2 + (cols - members[0, 1]) ** 2
+    near = (code & DOOR_BIT > 0) & (away <= reach**2)
+    inside = (code[members[:, 0], members[:, 1]] & DOOR_BIT > 0).mean()
+    nearest = np.sqrt(away[near].min()) if near.any() else reach
+    assert out.tolist() == np.array([inside, nearest, *((near & (code & b > 0)).sum() for b in (1, 4))], np.float32).tolist()
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 100_000))
+def test_changed_blocks_against_a_slow_version(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    before = rng.integers(0, 64, rng.integers(1, 40, 2), np.uint8)
+    after = before.copy()
+    after[rng.random(before.shape) < 0.02] ^= 4
+    changed = _changed_blocks(before, after)
+    expected = np.zeros_like(changed, np.bool_)
+    for r, c in np.argwhere(before != after):
+        expected[r // BLOCK, c // BLOCK] = True
+    assert changed.shape == tuple(-(-n // BLOCK) for n in before.shape) and ((changed > 0) == expected).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 100_000))
+def test_sums_of_regions_against_slow_ones(seed: int) -> None:
+    """Labels in runs of all lengths, shorter and longer than what is compared at once; doors at few cells."""
+    rng = np.random.default_rng(seed)
+    labels = rng.integers(0, 5, (6, 60)).repeat(rng.integers(1, 30, 60), axis=1).astype(np.int32)
+    width = np.where(rng.random(labels.shape) < 0.02, rng.uniform(0.5, 2.0, labels.shape), 0.0).astype(np.float32)
+    regions = Regions(labels, 4, width)
+    for region in range(1, 5):
+        rows, cols = np.nonzero(labels == region)
+        expected = [len(rows), rows.min(), cols.min(), rows.max() + 1, cols.max() + 1] if len(rows) else [0] * 5
+        assert regions.boxes[region].tolist() == expected
+        total = 0.0
+        for value in width[rows, cols]:
+            total += 1.0 / np.float64(value) if value > 0 else 0.0
+        assert regions.doors[region] == pytest.approx(total, rel=1e-6)
 
 
 def test_doors_are_the_narrower_of_two_gaps() -> None:

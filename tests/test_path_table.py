@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.path_table import PathTable
+from layoutexplore.path_table import PathTable, _nearest_change, _next_source
 from layoutexplore.planning import distance_matrix
 from layoutexplore.simulation import Simulation, SimulationConfig
+from layoutexplore.wavefront import DIAGONAL, STRAIGHT
 from tests.env_cases import rooms
 
 
@@ -32,6 +33,33 @@ def test_kept_lengths_are_exact(seed: int) -> None:
         where = rng.integers(0, mask.size, flips)
         mask = mask.copy()
         mask.ravel()[where] ^= True
+
+
+@given(seed=st.integers(0, 100_000))
+@settings(max_examples=40, deadline=None)
+def test_the_nearest_change_is_as_far_as_the_straight_way(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows, cols = rng.integers(1, 900, 2).tolist()
+    places = np.stack([rng.integers(0, rows, 9), rng.integers(0, cols, 9)], axis=1)
+    changes = rng.choice(rows * cols, int(rng.integers(1, min(rows * cols, 40) + 1)), replace=False)
+    away = abs(places[:, None] - np.stack(np.divmod(changes, cols), axis=1))
+    diagonal = away.min(axis=2)
+    expected = (STRAIGHT * (away.max(axis=2) - diagonal) + DIAGONAL * diagonal).min(axis=1)
+    assert _nearest_change(places, changes, cols).tolist() == expected.tolist()
+
+
+@given(seed=st.integers(0, 100_000))
+@settings(max_examples=80, deadline=None)
+def test_the_next_source_knows_least_and_lies_farthest(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 9))
+    units = rng.integers(0, 5, (count, count))
+    units[rng.random((count, count)) < rng.uniform(0, 0.6)] = -1
+    missing = (units == -1).sum(axis=1)
+    most = np.flatnonzero(missing == missing.max())
+    for first in range(-1, count):
+        best = most[0] if first < 0 else most[np.argmax(units[first, most])]
+        assert _next_source(units, first) == (best if missing.any() else -1)
 
 
 def test_far_changes_need_no_search() -> None:

@@ -124,20 +124,24 @@ class ProbeMemory:
             self._touched, self._mark = np.zeros((1, len(_BARRIERS), TOUCHED), np.int32), 0
             return np.full(len(keys), -1, np.int64)
         old = np.array([self._known.get(key, -1) for key in keys], np.int64)
-        changes = np.asarray(cv2.integral(_changed_blocks(self._chart.code, chart.code, BLOCK)), np.int32)
+        changes = np.asarray(cv2.integral(_changed_blocks(self._chart.code, chart.code)), np.int32)
         _forget_changed(changes, members, offsets, chart.margin // BLOCK + 1, old)
         return old
 
 
 @njit(cache=True, nogil=True)
-def _changed_blocks(before: NDArray[np.uint8], after: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
-    """Squares that hold a cell that differs."""
-    changed = np.zeros(((before.shape[0] - 1) // size + 1, (before.shape[1] - 1) // size + 1), np.uint8)
+def _changed_blocks(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Not 0 in squares that hold a cell that differs."""
+    changed = np.zeros(((before.shape[0] - 1) // BLOCK + 1, (before.shape[1] - 1) // BLOCK + 1), np.uint8)
     for r in range(before.shape[0]):
-        row = changed[r // size]
-        for c in range(before.shape[1]):
-            if before[r, c] != after[r, c]:
-                row[c // size] = 1
+        old, new, row = before[r], after[r], changed[r // BLOCK]
+        for k in range(old.size // BLOCK):
+            differ = np.uint8(0)
+            for c in range(BLOCK):
+                differ |= old[np.uint64(BLOCK * k + c)] ^ new[np.uint64(BLOCK * k + c)]
+            row[np.uint64(k)] |= differ
+        for c in range(old.size // BLOCK * BLOCK, old.size):
+            row[-1] |= old[c] ^ new[c]
     return changed
 
 
@@ -219,9 +223,15 @@ def _probe(
         at += 4
         cast_rays(code, frame, lengths[0], out[n, at:])
         at += 4 * RAYS
+        met = 255
         for b in range(len(barriers)):
-            mark += 1
-            flood_unknown(code, barriers[b], cluster, depths, stamp, mark, queue, out[n, at:], touched[n, b])
+            if b > 0 and not met & barriers[b]:
+                # The first flood, which nothing bars, met no cell of this barrier: this one would be the same.
+                out[n, at : at + flood], touched[n, b] = out[n, at - b * flood : at - (b - 1) * flood], touched[n, 0]
+            else:
+                mark += 1
+                bits = flood_unknown(code, barriers[b], cluster, depths, stamp, mark, queue, out[n, at:], touched[n, b])
+                met = bits if b == 0 else met
             at += flood
         walls_in_line(code, frame, lengths[3], out[n, at:])
     return frames, touched

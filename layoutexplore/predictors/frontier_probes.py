@@ -97,11 +97,11 @@ def _start_flood(
     stamp: NDArray[np.int32],
     mark: int,
     queue: NDArray[np.int32],
-) -> tuple[int, int]:
-    """How many unknown cells lie beside a frontier, and how many of them no barrier takes; these are queued."""
+) -> tuple[int, int, int]:
+    """How many unknown cells lie beside a frontier, how many of them no barrier takes, and their bits; these are queued."""
     cols = code.shape[1]
     flat = code.ravel()
-    started = queued = 0
+    started = queued = met = 0
     for n in range(len(members)):
         i = members[n, 0] * cols + members[n, 1]
         for step in (cols, -cols, 1, -1):
@@ -109,10 +109,11 @@ def _start_flood(
             if flat[k] & UNKNOWN_BIT and stamp[k] != mark:
                 stamp[k] = mark
                 started += 1
+                met |= int(flat[k])
                 if not flat[k] & barrier:
                     queue[queued] = k
                     queued += 1
-    return started, queued
+    return started, queued, met
 
 
 @njit(cache=True, nogil=True)
@@ -134,17 +135,20 @@ def flood_unknown(
     queue: NDArray[np.int32],
     out: NDArray[np.float32],
     touched: NDArray[np.int32],
-) -> None:
+) -> int:
     """Flood the unknown behind a frontier, ring by ring, not into cells with one of the bits of a barrier.
 
     Writes the number of cells within each depth, then the sides at which the flood touches walls, free space and the
     barrier, the share of its starting cells that the barrier takes, and whether it came to an end before the last depth.
     `stamp` int32 (cells of the chart,) must not hold `mark`. `touched` int32 (TOUCHED,) receives the free cells that the
     flood touches, evenly thinned out, as indices into the flat chart; -1 for none.
+
+    Returns:
+        All bits of the unknown cells that the flood meets.
     """
     cols = code.shape[1]
     flat = code.ravel()
-    started, last = _start_flood(code, barrier, members, stamp, mark, queue)
+    started, last, met = _start_flood(code, barrier, members, stamp, mark, queue)
     stopped = started - last
     first = walls = free = barred = 0
     touched[:] = -1
@@ -158,16 +162,17 @@ def flood_unknown(
                 i = queue[first]
                 first += 1
                 for step in (cols, -cols, 1, -1):
-                    k = i + step
+                    k = np.uint64(i + step)
                     bits = flat[k]
                     if bits & UNKNOWN_BIT:
                         if stamp[k] == mark:
                             continue
+                        met |= bits
                         if bits & barrier:
                             barred += 1
                             continue
                         stamp[k] = mark
-                        queue[last] = k
+                        queue[np.uint64(last)] = k
                         last += 1
                     elif bits & WALL_BIT:
                         walls += 1
@@ -184,6 +189,7 @@ def flood_unknown(
     end = len(depths)
     out[end], out[end + 1], out[end + 2] = walls, free, barred
     out[end + 3], out[end + 4] = stopped / max(started, 1), first == last
+    return met
 
 
 @njit(cache=True, nogil=True)
@@ -232,8 +238,14 @@ def doors_near(
     row, col = int(frame[0]), int(frame[1])
     nearest, free, unknown = reach * reach, 0, 0
     for dr in range(-reach, reach + 1):
+        line = code[row + dr, col - reach : col + reach + 1]
+        some = np.uint8(0)
+        for bits in line:
+            some |= bits
+        if not some & DOOR_BIT:
+            continue
         for dc in range(-reach, reach + 1):
-            bits = code[row + dr, col + dc]
+            bits = line[dc + reach]
             if bits & DOOR_BIT and dr * dr + dc * dc <= reach * reach:
                 nearest = min(nearest, dr * dr + dc * dc)
                 free += (bits & FREE_BIT) != 0
