@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,12 +12,23 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers import find_frontiers
+from layoutexplore.layout.openings import free_runs, widens
 from layoutexplore.predictors.cell_features import FEATURES as CELL_FEATURES
 from layoutexplore.predictors.cell_features import add_judgement, find_candidates
 from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT, draw_chart
 from layoutexplore.predictors.frontier_features import BLOCK, FEATURES, ProbeMemory, _changed_blocks, _probe, frontier_features
-from layoutexplore.predictors.frontier_probes import TOUCHED, doors_near, flood_unknown
-from layoutexplore.predictors.regions import Regions, find_doors, seen_regions
+from layoutexplore.predictors.frontier_probes import (
+    AHEAD,
+    ASIDE,
+    BACK,
+    BESIDE,
+    FORTH,
+    TOUCHED,
+    doors_near,
+    flood_unknown,
+    walls_in_line,
+)
+from layoutexplore.predictors.regions import Regions, _gaps, find_doors, seen_regions
 
 grids = hnp.arrays(np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 100]))
 
@@ -149,6 +162,57 @@ def test_doors_near_against_a_slow_version(seed: int) -> None:
     inside = (code[members[:, 0], members[:, 1]] & DOOR_BIT > 0).mean()
     nearest = np.sqrt(away[near].min()) if near.any() else reach
     assert out.tolist() == np.array([inside, nearest, *((near & (code & b > 0)).sum() for b in (1, 4))], np.float32).tolist()
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 100_000), turn=st.integers(0, 3), mirrored=st.booleans())
+def test_walls_in_line_against_a_slow_version(seed: int, turn: int, mirrored: bool) -> None:
+    rng = np.random.default_rng(seed)
+    unit = int(rng.integers(1, 3))
+    size = 20 * unit
+    code = rng.choice(np.array([FREE_BIT, WALL_BIT, 4, 4 | ALONG_ROWS, 4 | ALONG_COLS], np.uint8), (2 * size + 1, 2 * size + 1))
+    forward = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)][turn])
+    side = forward[::-1] * (-1 if mirrored else 1)
+    out = np.zeros(2 * AHEAD + 2 * BESIDE, np.float32)
+    walls_in_line(code, np.array([size, size, *forward, *side, 0, 0], np.float64), unit, out)
+
+    def most(bits: int, across: range, along: range, ways: tuple[NDArray[np.int64], NDArray[np.int64]]) -> int:
+        places = size + np.array([[u * ways[0] + v * ways[1] for v in along] for u in across])
+        return int((code[places[..., 0], places[..., 1]] & bits > 0).sum(axis=1).max())
+
+    aside = range(-ASIDE * unit, ASIDE * unit + 1)
+    extension = ALONG_ROWS if forward[0] else ALONG_COLS
+    for k in range(AHEAD):
+        slices = range(k * unit, (k + 1) * unit)
+        assert out[k] == most(WALL_BIT, slices, aside, (forward, side))
+        assert out[AHEAD + k] == most(extension, slices, aside, (forward, side))
+    for k in range(2 * BESIDE):
+        slices = range((k - BESIDE) * unit, (k - BESIDE + 1) * unit)
+        assert out[2 * AHEAD + k] == most(WALL_BIT, slices, range(-BACK * unit, FORTH * unit), (side, forward))
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 100_000))
+def test_gaps_against_a_slow_version(seed: int) -> None:
+    """Lines of wall with holes; whether the space widens is told by the runs of all cells."""
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((25, 60)) < rng.uniform(0, 0.1)
+    for r in rng.integers(0, 25, 3):
+        occupied[r] |= rng.random(60) < 0.85
+    narrowest, widest, wall, widening, depth = sizes = (2, 14, 2, 2, 3)
+    runs, expected = free_runs(occupied), []
+    for r, line in enumerate(occupied):
+        for left, right in itertools.pairwise(np.flatnonzero(line).tolist()):
+            n = right - left - 1
+            if not narrowest <= n <= widest:
+                continue
+            near: NDArray[np.bool_] = np.logical_or.reduce(np.pad(occupied, 1)[r : r + 3, 1:-1])
+            sides = near[max(left + 1 - wall, 0) : left + 1], near[right : right + wall]
+            walled = any(len(part) == wall and part.all() for part in sides)
+            middle = left + 1 + n // 2
+            if walled and all(widens(runs, r, middle, step, depth, n + widening) for step in (-1, 1)):
+                expected.append([r, left + 1, n])
+    assert _gaps(occupied, np.array(sizes, np.int64)).tolist() == expected
 
 
 @settings(max_examples=60, deadline=None)

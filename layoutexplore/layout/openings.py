@@ -62,14 +62,34 @@ def free_runs(blocked: NDArray[np.bool_]) -> NDArray[np.int16]:
     rows, cols = blocked.shape
     out = np.empty((rows, cols), np.int16)
     for r in range(rows):
-        begin = 0
-        for c in range(cols):
-            if blocked[r, c]:
-                out[r, begin:c] = min(c - begin, 32767)
-                out[r, c] = 0
-                begin = c + 1
-        out[r, begin:] = min(cols - begin, 32767)
+        line, lengths = blocked[r], out[r]
+        c = 0
+        while c < cols:
+            if line[c]:
+                lengths[c] = 0
+                c += 1
+                continue
+            end = next_blocked(line, c)
+            length = np.int16(min(end - c, 32767))
+            for k in range(c, end):
+                lengths[k] = length
+            c = end
     return out
+
+
+@njit(cache=True, nogil=True)
+def next_blocked(line: NDArray[np.bool_], c: int) -> int:
+    """The first blocked cell from `c` on, or the line's length; eight cells are looked at at once."""
+    while c + 8 <= line.size:
+        some = False
+        for k in range(8):
+            some |= line[np.uint64(c + k)]
+        if some:
+            break
+        c += 8
+    while c < line.size and not line[c]:
+        c += 1
+    return c
 
 
 @njit(cache=True, nogil=True)

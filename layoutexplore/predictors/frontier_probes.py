@@ -193,38 +193,62 @@ def flood_unknown(
 
 
 @njit(cache=True, nogil=True)
+def _bits_on_lines(
+    code: NDArray[np.uint8],
+    along_rows: bool,
+    row: int,
+    col: int,
+    lines: tuple[int, int, int],
+    cells: tuple[int, int, int],
+    other: int,
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Cells with the bit of a wall, and with one of the other bits, on each of some lines along the rows or the columns.
+
+    `lines` and `cells` say where, from (row, col), the lines and the cells of each begin, the step (1 or -1), and how many.
+    """
+    walls, others = np.zeros(lines[2], np.int32), np.zeros(lines[2], np.int32)
+    at = cells[0] + min(0, cells[1] * (cells[2] - 1))
+    if along_rows:
+        for n in range(lines[2]):
+            r = row + lines[0] + n * lines[1]
+            hit, met = np.int32(0), np.int32(0)
+            for bits in code[r, col + at : col + at + cells[2]]:
+                hit += np.int32((bits & WALL_BIT) != 0)
+                met += np.int32((bits & other) != 0)
+            walls[n], others[n] = hit, met
+        return walls, others
+    # Cells of lines along the columns are taken row by row, as they lie in memory; lines that run down come out backwards.
+    left = col + lines[0] + min(0, lines[1] * (lines[2] - 1))
+    for r in range(row + at, row + at + cells[2]):
+        line = code[r, left : left + lines[2]]
+        for n in range(lines[2]):
+            walls[n] += np.int32((line[n] & WALL_BIT) != 0)
+            others[n] += np.int32((line[n] & other) != 0)
+    return walls[:: lines[1]], others[:: lines[1]]
+
+
+@njit(cache=True, nogil=True)
 def walls_in_line(code: NDArray[np.uint8], frame: NDArray[np.float64], unit: int, out: NDArray[np.float32]) -> None:
     """The longest walls across the frontier's way, and beside it.
 
     `AHEAD` slices of `unit` cells forward: most wall cells on a line across the way within `ASIDE` units to either side; the
     same for extensions of walls; `BESIDE` slices to either side: most wall cells on a line along the way.
     """
-    cols = code.shape[1]
-    flat = code.ravel()
-    across = ALONG_ROWS if frame[2] != 0 else ALONG_COLS
-    origin = int(frame[0]) * cols + int(frame[1])
-    ahead, side = int(frame[2]) * cols + int(frame[3]), int(frame[4]) * cols + int(frame[5])
+    row, col, forward_row, side_row = int(frame[0]), int(frame[1]), int(frame[2]), int(frame[4])
+    upright = forward_row != 0
+    forward, side = (forward_row, int(frame[5])) if upright else (int(frame[3]), side_row)
+    across = ALONG_ROWS if upright else ALONG_COLS
+    aside, length = ASIDE * unit, AHEAD * unit
+    walls, extended = _bits_on_lines(code, upright, row, col, (0, forward, length), (-aside, 1, 2 * aside + 1), across)
     for k in range(AHEAD):
-        most, most_extended = 0, 0
-        for u in range(k * unit, (k + 1) * unit):
-            walls, extended = 0, 0
-            i = origin + u * ahead - ASIDE * unit * side
-            for _ in range(2 * ASIDE * unit + 1):
-                walls += (flat[i] & WALL_BIT) != 0
-                extended += (flat[i] & across) != 0
-                i += side
-            most, most_extended = max(most, walls), max(most_extended, extended)
-        out[k], out[AHEAD + k] = most, most_extended
+        out[k] = walls[k * unit : (k + 1) * unit].max()
+        out[AHEAD + k] = extended[k * unit : (k + 1) * unit].max()
+    beside, back, width = BESIDE * unit, BACK * unit, (BACK + FORTH) * unit
+    walls, _ = _bits_on_lines(
+        code, not upright, row, col, (-beside * side, side, 2 * beside), (-back * forward, forward, width), 0
+    )
     for k in range(2 * BESIDE):
-        most = 0
-        for v in range((k - BESIDE) * unit, (k - BESIDE + 1) * unit):
-            walls = 0
-            i = origin + v * side - BACK * unit * ahead
-            for _ in range((BACK + FORTH) * unit):
-                walls += (flat[i] & WALL_BIT) != 0
-                i += ahead
-            most = max(most, walls)
-        out[2 * AHEAD + k] = most
+        out[2 * AHEAD + k] = walls[k * unit : (k + 1) * unit].max()
 
 
 @njit(cache=True, nogil=True)

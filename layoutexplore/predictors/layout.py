@@ -121,6 +121,7 @@ class LayoutPredictor:
         """The decision with class, area and confidence judged by the trees, and a `PredictedLayout`."""
         if not decision.frontiers:
             return decision
+        decision = dataclasses.replace(decision, frontiers=tuple(decision.frontiers))  # Each is asked for several times.
         cells, resolution = decision.grid.cells, decision.grid.resolution
         regions = seen_regions(cells, resolution)
         clusters = [f.cells for f in decision.frontiers]

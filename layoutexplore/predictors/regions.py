@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.boxes import known_box
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
-from layoutexplore.layout.openings import free_runs, widens
+from layoutexplore.layout.openings import next_blocked
 
 DOOR_WIDTHS = (0.45, 2.2)
 """Metres: narrowest and widest gap that counts as a door."""
@@ -127,24 +127,42 @@ def _gaps(occupied: NDArray[np.bool_], sizes: NDArray[np.int64]) -> NDArray[np.i
     """Doors along the rows int32 (n, 3): row, first column and width in cells."""
     narrowest, widest, wall, widening, depth = int(sizes[0]), int(sizes[1]), int(sizes[2]), int(sizes[3]), int(sizes[4])
     rows, cols = occupied.shape
-    runs = free_runs(occupied)
     gaps = np.empty((rows * cols // (narrowest + 1) + 1, 3), np.int32)
     count = 0
     for r in range(rows):
-        c = 1
-        while c < cols:
-            n = int(runs[r, c])
-            if n >= narrowest and n <= widest and c + n < cols and occupied[r, c - 1]:
+        line = occupied[r]
+        before = next_blocked(line, 0)
+        while before < cols:
+            c, behind = before + 1, next_blocked(line, before + 1)
+            n = behind - c
+            if narrowest <= n <= widest and behind < cols:
                 middle = c + n // 2
                 if (
-                    (_wall_run(occupied, r, c - 1, -1, wall) or _wall_run(occupied, r, c + n, 1, wall))
-                    and widens(runs, r, middle, -1, depth, n + widening)
-                    and widens(runs, r, middle, 1, depth, n + widening)
+                    (_wall_run(occupied, r, before, -1, wall) or _wall_run(occupied, r, behind, 1, wall))
+                    and _widens(occupied, r, middle, -1, depth, n + widening)
+                    and _widens(occupied, r, middle, 1, depth, n + widening)
                 ):
                     gaps[count, 0], gaps[count, 1], gaps[count, 2] = r, c, n
                     count += 1
-            c += max(n, 1)
+            before = behind
     return gaps[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _widens(occupied: NDArray[np.bool_], r: int, c: int, step: int, depth: int, wanted: int) -> bool:
+    """Whether the cells above (`step` -1) or below (1) one are free up to one, within `depth` rows, whose run is that long."""
+    for k in range(1, depth + 1):
+        rr = r + step * k
+        if not 0 <= rr < occupied.shape[0] or occupied[rr, c]:
+            return False
+        first, last = c, c + 1
+        while first > 0 and last - first < wanted and not occupied[rr, first - 1]:
+            first -= 1
+        while last < occupied.shape[1] and last - first < wanted and not occupied[rr, last]:
+            last += 1
+        if last - first >= wanted:
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)
