@@ -39,7 +39,11 @@ _FREE_ENTRY, _USED, _WAITING, _OVERFLOW = range(4)  # What the numbers of a queu
 
 
 class _Queue:
-    """What a search needs besides its grid, kept from search to search because fresh memory costs more than the search."""
+    """What a search needs besides its grid, kept from search to search because fresh memory costs more than the search.
+
+    `scheduled` holds the moves that will be, or have been, followed out of a cell at its present distance: what arrives
+    at the same distance by another way adds only the moves that are missing, so that ties do not multiply.
+    """
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.shape = shape
@@ -279,16 +283,11 @@ def _spread(
     """Lower `distance` from `origin` on; return up to where it is exact.
 
     It is -1 when the queue's memory is too small, and `_TOO_FAR` when cells lie too far from an origin above 0.
-
-    `scheduled` holds the moves that will be, or have been, followed out of a cell at its present distance: what arrives
-    at the same distance by another way adds only the moves that are missing, so that ties do not multiply.
     """
     moves = padded_moves.ravel()
     cols = padded_moves.shape[1]
-    end = FAR if origin == 0 else origin + _SPAN
-    longest = end - STRAIGHT * (max(padded_moves.shape[0], cols) + 2)
-    state = _begin(source, origin, distance, scheduled, heads, items, links)
-    level, settled = origin // STRAIGHT, 0
+    longest = (FAR if origin == 0 else origin + _SPAN) - STRAIGHT * (max(padded_moves.shape[0], cols) + 2)
+    state, level, settled = _begin(source, origin, distance, scheduled, heads, items, links), origin // STRAIGHT, 0
     while state[_WAITING] > 0:
         bucket = level & (heads.size - 1)
         base = level * STRAIGHT
@@ -296,15 +295,11 @@ def _spread(
             settled += 1
         if stops.size > 0 and settled == stops.size:
             return base
-        entry = heads[bucket]
-        heads[bucket] = -1
+        entry, heads[bucket] = heads[bucket], -1
         while entry >= 0:
             cell, move = items[entry] >> 3, items[entry] & 7
-            following = links[entry]
-            links[entry] = state[_FREE_ENTRY]
-            state[_FREE_ENTRY] = entry
+            links[entry], state[_FREE_ENTRY], entry = state[_FREE_ENTRY], entry, links[entry]  # Freed; on to the next one.
             state[_WAITING] -= 1
-            entry = following
             here = distance[cell]
             if here < base:
                 continue  # Improved since it was queued.
@@ -313,19 +308,14 @@ def _spread(
                     return _TOO_FAR
                 continue
             north, east = move < 6, move & 1 == 1
-            up = cols if north else -cols
-            right = 1 if east else -1
+            up, right = (cols if north else -cols), (1 if east else -1)
             vertical, horizontal = (0 if north else 1), (3 if east else 2)
-            # fmt: off
-            _run(cell, here, up, vertical, 2, 3, 4 if north else 6, 5 if north else 7,
-                 moves, distance, scheduled, heads, items, links, state)
-            _run(cell, here, right, horizontal, 0, 1, 5 if east else 4, 7 if east else 6,
-                 moves, distance, scheduled, heads, items, links, state)
-            # fmt: on
+            (a, b), (c, d) = ((4, 5) if north else (6, 7)), ((5, 7) if east else (4, 6))  # The corners on these sides.
+            _run(cell, here, up, vertical, 2, 3, a, b, moves, distance, scheduled, heads, items, links, state)
+            _run(cell, here, right, horizontal, 0, 1, c, d, moves, distance, scheduled, heads, items, links, state)
             if not moves[cell] >> move & 1:
                 continue
-            target = cell + up + right
-            there = here + DIAGONAL
+            target, there = cell + up + right, here + DIAGONAL
             follow = 1 << move | 1 << vertical | 1 << horizontal
             if there < distance[target]:
                 distance[target] = there
