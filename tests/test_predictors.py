@@ -257,13 +257,16 @@ def test_an_early_stop_saves_metres() -> None:
     assert make_agent("layout-tour").act(decision) == STOP or decision.frontiers
 
 
-@pytest.mark.parametrize(("confidence", "stops"), [(0.95, True), (0.75, True), (0.65, False)])
-def test_who_doubts_that_all_is_closed_does_not_stop(confidence: float, stops: bool) -> None:
+@pytest.mark.parametrize(
+    ("confidence", "asked", "stops"),
+    [(0.95, ",stop_sure=0.9", True), (0.8, ",stop_sure=0.9", False), (0.75, "", True), (0.65, "", False)],
+)
+def test_who_doubts_that_all_is_closed_does_not_stop(confidence: float, asked: str, stops: bool) -> None:
     simulation = Simulation(floorplan_from_ascii(PLAN, resolution=0.9), SimulationConfig(sensor="indoor"), make_predictor("none"))
     decision = simulation.reset(seed=1)
     judged = tuple(dataclasses.replace(f, is_closed=True, expected_area=0.5, confidence=confidence) for f in decision.frontiers)
     judged_so, known = dataclasses.replace(decision, frontiers=judged), decision.grid.free_area
-    agent = make_agent(f"layout-nearest:stop_area=1,stop_known={known}")
+    agent = make_agent(f"layout-nearest:stop_area=1,stop_known={known}{asked}")
     assert (agent.act(judged_so) == STOP) == stops
     for doubt in ("stop_sure=0.99", f"stop_known={known + 0.01}"):
         assert judged and make_agent(f"layout-nearest:stop_area=1,{doubt}").act(judged_so) != STOP
