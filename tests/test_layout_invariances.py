@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -15,9 +16,10 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.floorplan import FloorPlan
-from layoutexplore.grid import OccupancyGrid
+from layoutexplore.grid import OccupancyGrid, Pose
 from layoutexplore.grid_io import load_grid
 from layoutexplore.layout.default_turn import Posture, posture_of
+from layoutexplore.layout.frame import to_world
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.registry import METHOD_MODULES
 from layoutexplore.speed.floors import half_explored
@@ -84,36 +86,60 @@ def moved_labels(grid: OccupancyGrid, method: str, move: str) -> NDArray[np.int3
     return np.ascontiguousarray(back(reconstruct(turned, method).labels))
 
 
+ROOM_METHODS = [method for method in METHOD_MODULES if method != "rose"]
+
+
+@pytest.mark.parametrize("method", ROOM_METHODS)
 @pytest.mark.parametrize("name", list(MAPS))
-def test_turned_and_mirrored_maps_give_the_same_rooms(name: str) -> None:
-    grid = MAPS[name]()
-    labels = reconstruct(grid).labels
-    assert labels.max() >= 1
-    for move in MOVES:
-        assert strays(labels, moved_labels(grid, "default", move)) == 0
-
-
-@pytest.mark.parametrize("name", ["clean", "furnished"])
-@pytest.mark.parametrize("method", ["morphological", "distance"])
-def test_the_wave_of_the_classic_methods_moves_few_cells(method: str, name: str) -> None:
-    # It breaks ties in raster order, as the authors' does.
+def test_turned_and_mirrored_maps_give_the_same_rooms(name: str, method: str) -> None:
     grid = MAPS[name]()
     labels = reconstruct(grid, method).labels
+    assert labels.max() >= 1
     for move in MOVES:
-        assert strays(labels, moved_labels(grid, method, move)) < 0.05 * (labels > 0).sum()
+        assert strays(labels, moved_labels(grid, method, move)) == 0
 
 
+@pytest.mark.parametrize("method", ["default", "rose2", "voronoi"])
 @pytest.mark.parametrize("map_name", ["fr79_incremental/map5", "cluttered/intel_map"])
-def test_scanned_maps_give_the_same_rooms_however_they_lie(data_dir: Path, map_name: str) -> None:
+def test_scanned_maps_give_the_same_rooms_however_they_lie(data_dir: Path, map_name: str, method: str) -> None:
     grid = load_grid(data_dir / "gridmaps" / f"{map_name}.png", resolution=0.05)
-    labels = reconstruct(grid).labels
+    labels = reconstruct(grid, method).labels
     for move in ("quarter", "left-right"):
-        assert strays(labels, moved_labels(grid, "default", move)) == 0
+        assert strays(labels, moved_labels(grid, method, move)) == 0
+
+
+@pytest.mark.parametrize("method", ["rose2", "ias15", "distance"])
+@pytest.mark.parametrize("move", list(MOVES))
+def test_everything_found_lies_where_the_map_does(method: str, move: str) -> None:
+    cells = np.ascontiguousarray(MOVES[move][0](generated().cells))
+    layout = reconstruct(OccupancyGrid(cells, 0.1, Pose(3.0, -2.0, 0.4)), method)
+    rows, cols = np.nonzero(layout.labels)
+    centres = to_world(np.stack((cols + 0.5, rows + 0.5), axis=1) * 0.1, layout.clean_grid.origin)
+    polygons = np.array([None, *(room.polygon for room in layout.rooms)])
+    assert shapely.distance(polygons[layout.labels[rows, cols]], shapely.points(centres)).max() < 0.1
+    assert all(shapely.is_ccw(room.polygon.exterior) for room in layout.rooms)
+    assert (layout.directions == np.sort(layout.directions)).all()
+    for side in (*layout.walls, *(line for line in layout.lines if not line.is_border)):
+        along = np.subtract(side.end, side.start)
+        assert side.angle == pytest.approx(layout.directions[side.direction])
+        assert abs(np.cross(np.append(along, 0), (np.cos(side.angle), np.sin(side.angle), 0))[2]) < 1e-6
+    occupied = shapely.MultiPoint(to_world((np.argwhere(cells == 100)[:, ::-1] + 0.5) * 0.1, layout.clean_grid.origin))
+    for x0, y0, x1, y1 in layout.segments:
+        assert occupied.distance(shapely.Point((x0 + x1) / 2, (y0 + y1) / 2)) < 0.2
+    for face in layout.faces:
+        assert shapely.is_ccw(face.polygon.exterior)
+        for edge in face.edges:
+            middle = np.add(edge.start, edge.end) / 2
+            inward = np.subtract(edge.end, edge.start)[::-1] * (-1, 1) / max(np.hypot(*np.subtract(edge.end, edge.start)), 1e-9)
+            assert face.polygon.boundary.distance(shapely.Point(middle)) < 1e-6
+            assert face.polygon.covers(shapely.Point(middle + 1e-4 * inward))
+            if edge.neighbour >= 0:
+                assert layout.faces[edge.neighbour].polygon.distance(shapely.Point(middle)) < 1e-6
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.sampled_from(list(MOVES)))
-def test_plans_of_random_boxes_give_the_same_rooms(seed: int, move: str) -> None:
+@given(st.integers(0, 2**32 - 1), st.sampled_from(list(MOVES)), st.sampled_from(ROOM_METHODS))
+def test_plans_of_random_boxes_give_the_same_rooms(seed: int, move: str, method: str) -> None:
     rng = np.random.default_rng(seed)
     cells = np.full((60, 75), -1, np.int8)
     for _ in range(6):
@@ -121,7 +147,7 @@ def test_plans_of_random_boxes_give_the_same_rooms(seed: int, move: str) -> None
         cells[row : row + height, col : col + width] = 100
         cells[row + 1 : row + height - 1, col + 1 : col + width - 1] = 0
     grid = OccupancyGrid(cells, 0.1)
-    assert strays(reconstruct(grid).labels, moved_labels(grid, "default", move)) == 0
+    assert strays(reconstruct(grid, method).labels, moved_labels(grid, method, move)) == 0
 
 
 @settings(max_examples=60, deadline=None)

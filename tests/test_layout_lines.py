@@ -261,6 +261,22 @@ def test_segments_follow_a_wall_in_metres():
     assert find_segments(np.zeros((40, 40), bool), 0.05, SegmentConfig()).shape == (0, 4)
 
 
+@given(seeds)
+@settings(max_examples=20, deadline=None)
+def test_two_searches_find_the_same_in_the_mirror(seed):
+    rng = np.random.default_rng(seed)
+    mask = rng.random((60, 80)) < 0.02
+    mask[rng.integers(0, 60, 4)] = mask[:, rng.integers(0, 80, 4)] = True
+    mask[[0, -1]] = True  # the origin of a search is the first row, and nothing is searched behind the last occupied one
+    config = SegmentConfig(votes=0.5)
+    segments, mirrored = find_segments(mask, 0.1, config), find_segments(mask[::-1], 0.1, config)
+    mirrored[:, 1::2] = 6.0 - mirrored[:, 1::2]
+    assert np.sort(segments.round(6), axis=0).tolist() == np.sort(mirrored.round(6), axis=0).tolist()
+    once = find_segments(mask, 0.1, SegmentConfig(votes=0.5, twice=False))
+    assert len(once) < len(segments)
+    assert segments[: len(once)].tolist() == once.tolist()
+
+
 def test_align_projects_on_the_nearest_direction():
     segments = np.array([[0.0, 0.0, 2.0, 0.2], [1.0, 0.0, 1.0, 3.0], [0.0, 0.0, 1.0, 1.0]])
     aligned, kept = align(segments, np.array([0.0, np.pi / 2]), np.radians(20))

@@ -2,7 +2,7 @@
 
 Bormann et al., "Room segmentation: survey, implementation, and analysis" (ICRA 2016), written from the description of the
 algorithms. Only free cells take part; unknown and occupied ones are obstacles. Lengths and areas are in metres, with the
-authors' steps of one cell kept as steps of one cell. Ties go to the lower label, in raster order.
+authors' steps of one cell kept as steps of one cell. Ties go to the lower label, in raster order of the map laid down.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.grid import OccupancyGrid
 from layoutexplore.layout.baselines_voronoi import VoronoiConfig, voronoi_labels
+from layoutexplore.layout.laid_down import laid_down
 from layoutexplore.layout.outlines import layout_of_labels
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.timing import StageTimer
@@ -127,18 +128,21 @@ def _run(name: str, grid: OccupancyGrid, labelling: Any, config: Any) -> Layout:
 
 
 @register_method("morphological", MorphologicalConfig)
+@laid_down
 def run_morphological(grid: OccupancyGrid, config: MorphologicalConfig) -> Layout:
     """Room segmentation by morphological erosion."""
     return _run("morphological", grid, morphological_labels, config)
 
 
 @register_method("distance", DistanceConfig)
+@laid_down
 def run_distance(grid: OccupancyGrid, config: DistanceConfig) -> Layout:
     """Room segmentation by one threshold on the distance transform."""
     return _run("distance", grid, distance_labels, config)
 
 
 @register_method("voronoi", VoronoiConfig)
+@laid_down
 def run_voronoi(grid: OccupancyGrid, config: VoronoiConfig) -> Layout:
     """Room segmentation by critical lines of the Voronoi graph, small pieces merged."""
     return _run("voronoi", grid, voronoi_labels, config)

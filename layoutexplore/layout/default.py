@@ -53,7 +53,7 @@ from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.layout.types import Layout, LayoutRoom, empty_layout, has_free_space
 from layoutexplore.layout.wavefront import grow_in_place
 
-WALLS = Rose2Config()
+WALLS = Rose2Config(twice=False)
 """How walls, lines and faces are made; the rooms do not depend on them."""
 
 
@@ -140,7 +140,7 @@ def find_pieces(cells: NDArray[np.int8], resolution: float, config: DefaultConfi
         laid = posture.lay(part)
         structure = find_directions(surfaces(laid), resolution, DeclutterConfig())
         turned = turn(laid, main_direction(structure.profile), corner, posture)
-        structure = replace(structure, directions=posture.lift_angles(structure.directions))
+        structure = replace(structure, directions=np.sort(posture.lift_angles(structure.directions)))
     with timer("openings"):
         occupied = turned.cells == OCCUPIED
         openings = find_openings(occupied, resolution, config)

@@ -29,7 +29,7 @@ STRAIGHT = math.radians(0.6)
 """A map whose walls lie closer to the axes than this is left as it is: turning costs more than it brings."""
 
 
-T = TypeVar("T", np.int8, np.int32, np.bool_)
+T = TypeVar("T", np.int8, np.int32, np.bool_, np.float32)
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,10 @@ class Posture:
         return np.asarray(cv2.flip(_plain(cells), code)).view(cells.dtype)
 
     def lift_angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Directions (n,) of what was laid down as directions in the grid, radians in [0, pi), rising."""
+        """Directions (n,) of what was laid down as directions in the grid, in the same order, radians in [0, pi)."""
         if self.swap:
             angles = np.pi / 2 - angles
-        return np.sort(np.mod(-angles if self.mirror_rows != self.mirror_cols else angles, np.pi))
+        return np.asarray(np.mod(-angles if self.mirror_rows != self.mirror_cols else angles, np.pi))
 
 
 def _transposed(cells: NDArray[T]) -> NDArray[T]:

@@ -17,6 +17,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.assembly import assemble, clean_grid
 from layoutexplore.layout.face_model import FaceConfig, FaceModel, WallModel, build_faces, find_rooms, with_lines
+from layoutexplore.layout.laid_down import laid_down
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.segments import SegmentConfig, angle_between, find_segments, project, segment_angles
 from layoutexplore.layout.timing import StageTimer
@@ -71,6 +72,7 @@ class Ias15Config(SegmentConfig, FaceConfig):
 
 
 @register_method("ias15", Ias15Config)
+@laid_down
 def ias15(grid: OccupancyGrid, config: Ias15Config) -> Layout:
     """Run the IAS-15 reconstruction on a grid."""
     timer = StageTimer()

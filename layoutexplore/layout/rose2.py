@@ -17,6 +17,7 @@ from layoutexplore.grid import OccupancyGrid
 from layoutexplore.layout.assembly import assemble, clean_grid
 from layoutexplore.layout.declutter import DeclutterConfig, Directions, Structure, find_structure, wall_surface
 from layoutexplore.layout.face_model import FaceConfig, WallModel, build_faces, find_rooms
+from layoutexplore.layout.laid_down import laid_down
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.segments import AlignedSegments, SegmentConfig, align, find_segments
 from layoutexplore.layout.timing import StageTimer
@@ -47,7 +48,7 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
     level: float = 0.15
     level_step: float = 0.03
     level_max: float = 0.3
-    density: float = 1.6
+    density: float = 3.2
     deviation: float = 30.0
     wall_gap: float = 0.6
     line_distance: float = 0.6
@@ -64,6 +65,7 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
 
 
 @register_method("rose2", Rose2Config)
+@laid_down
 def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
     """Run ROSE2 on a grid."""
     timer = StageTimer()

@@ -23,11 +23,15 @@ class SegmentConfig:
         votes: Cells of a line that must be occupied, as a length.
         min_length: Shortest segment.
         max_gap: Longest gap inside a segment.
+        twice: Search the mirror image of the map as well, and keep what either search finds. A search visits the cells in a
+            random order and takes those of a segment from the others: what it finds depends on how the map lies, and where
+            one leaves a gap the other may not.
     """
 
     votes: float = 1.25
     min_length: float = 0.25
     max_gap: float = 0.0
+    twice: bool = True
 
     def __post_init__(self) -> None:
         if self.votes <= 0 or self.min_length < 0 or self.max_gap < 0:
@@ -76,6 +80,16 @@ def find_segments(mask: NDArray[np.bool_], resolution: float, config: SegmentCon
         return np.zeros((0, 4))
     # nothing lies behind the last occupied row and column; the origin has to stay, for the rounding of the lines
     image = np.ascontiguousarray(mask[: rows[-1] + 1, : cols[-1] + 1]).view(np.uint8)
+    found = _hough(image, resolution, config)
+    if config.twice:
+        mirrored = _hough(np.ascontiguousarray(image[::-1]), resolution, config)
+        mirrored[:, 1::2] = rows[-1] - mirrored[:, 1::2]
+        found = np.concatenate((found, mirrored))
+    return np.asarray((found + 0.5) * resolution, np.float64)
+
+
+def _hough(image: NDArray[np.uint8], resolution: float, config: SegmentConfig) -> NDArray[np.int64]:
+    """Segments int64 (n, 4) as column and row of both ends."""
     found = cv2.HoughLinesP(
         image,
         1,
@@ -84,9 +98,7 @@ def find_segments(mask: NDArray[np.bool_], resolution: float, config: SegmentCon
         minLineLength=round(config.min_length / resolution),
         maxLineGap=round(config.max_gap / resolution),
     )
-    if found is None:
-        return np.zeros((0, 4))
-    return (found.reshape(-1, 4).astype(np.float64) + 0.5) * resolution
+    return np.zeros((0, 4), np.int64) if found is None else found.reshape(-1, 4).astype(np.int64)
 
 
 def segment_angles(segments: NDArray[np.float64]) -> NDArray[np.float64]:
