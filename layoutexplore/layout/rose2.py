@@ -37,7 +37,7 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
         level: Least score of a cell of the clean map, at first.
         level_step: It rises by this while the segments are too dense ...
         level_max: ... but not above this.
-        density: Most segments of the clean map per square metre of free space.
+        density: Most segments that a search of the clean map finds per square metre of free space.
         deviation: Segments farther than this from every dominant direction, in degrees, are left out.
         wall_gap: Segments of one direction closer than this belong to one wall.
         line_distance: Walls of one direction closer than this share a representative line ("a doorway").
@@ -48,7 +48,7 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
     level: float = 0.15
     level_step: float = 0.03
     level_max: float = 0.3
-    density: float = 3.2
+    density: float = 1.6
     deviation: float = 30.0
     wall_gap: float = 0.6
     line_distance: float = 0.6
@@ -113,12 +113,12 @@ def clean_map(
     The level starts low and rises until the segments are no denser than walls can be: clutter makes many short ones. The
     paper tunes the level to an interval of segments per free cell that it does not print.
     """
-    free_area = max(grid.free_area, grid.resolution**2)
+    most = config.density * (1 + config.twice) * max(grid.free_area, grid.resolution**2)
     level = config.level
     while True:
         mask = occupied & (structure.cell_scores >= level)
         segments = find_segments(mask, grid.resolution, config)
-        if len(segments) <= config.density * free_area or level + config.level_step > config.level_max:
+        if len(segments) <= most or level + config.level_step > config.level_max:
             return mask, segments
         level += config.level_step
 
