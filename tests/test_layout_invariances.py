@@ -137,6 +137,21 @@ def test_everything_found_lies_where_the_map_does(method: str, move: str) -> Non
                 assert layout.faces[edge.neighbour].polygon.distance(shapely.Point(middle)) < 1e-6
 
 
+@pytest.mark.parametrize("method", ["default", "rose2", "ias15", "rose"])
+@pytest.mark.parametrize("theta", [0.0, np.pi / 2, 2.9, -1e-17, -np.pi])
+def test_directions_rise_from_zero_to_pi_whatever_the_origin(method: str, theta: float) -> None:
+    for move in (np.asarray, *(there for there, _ in MOVES.values())):
+        cells = np.ascontiguousarray(move(generated().cells))
+        layout = reconstruct(OccupancyGrid(cells, 0.1, Pose(1.0, 2.0, theta)), method)
+        angles = layout.directions
+        assert len(angles) and (angles == np.sort(angles)).all()
+        for side in (*layout.walls, *layout.lines):
+            angles = np.append(angles, side.angle)
+            if side.direction >= 0:
+                assert side.angle == layout.directions[side.direction]
+        assert ((angles >= 0) & (angles < np.pi)).all()
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(list(MOVES)), st.sampled_from(ROOM_METHODS))
 def test_plans_of_random_boxes_give_the_same_rooms(seed: int, move: str, method: str) -> None:

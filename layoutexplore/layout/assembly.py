@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.layout.face_model import FaceModel, WallModel
-from layoutexplore.layout.frame import angles_to_world, to_world
+from layoutexplore.layout.frame import angles_to_world, ranks, to_world
 from layoutexplore.layout.regions import outline
 from layoutexplore.layout.segments import AlignedSegments
 from layoutexplore.layout.timing import StageTimer
@@ -50,7 +50,7 @@ def assemble(
         clean_grid=model.clean_grid,
         labels=labels,
         rooms=rooms,
-        directions=angles_to_world(model.aligned.directions, grid.origin),
+        directions=np.sort(angles_to_world(model.aligned.directions, grid.origin)),
         structure_score=model.structure_score,
         segments=ends,
         walls=walls,
@@ -92,7 +92,7 @@ class FaceDetails(Details):
         lines, angle = faces.arrangement.lines, angles_to_world(self.model.aligned.directions, self.origin)
         index = np.arange(len(lines))
         start, end = (to_world(lines.points(at, index), self.origin).tolist() for at in (lines.start, lines.end))
-        direction = [*aligned.tolist(), *[BORDER] * 4]
+        direction = [*ranks(angle)[aligned].tolist(), *[BORDER] * 4]
         angles = [*angle[aligned].tolist(), *angles_to_world(lines.angle[-4:], self.origin).tolist()]
         return tuple(
             Line(
@@ -204,10 +204,10 @@ def place_walls(aligned: AlignedSegments, walls: WallGroups, lines: WallGroups, 
     order = np.argsort(walls.group, kind="stable").astype(np.int32)
     begin = [0, *np.cumsum(np.bincount(walls.group, minlength=len(walls))).tolist()]
     members = [order[i:j] for i, j in pairwise(begin)]
-    directions, angles = walls.direction.tolist(), angle.tolist()
+    directions, angles = ranks(angle)[walls.direction].tolist(), angle[walls.direction].tolist()
     return tuple(
-        Wall(direction=d, angle=angles[d], start=tuple(a), end=tuple(b), segments=m, line=k)
-        for d, a, b, m, k in zip(directions, *ends, members, line.tolist(), strict=True)
+        Wall(direction=d, angle=t, start=tuple(a), end=tuple(b), segments=m, line=k)
+        for d, t, a, b, m, k in zip(directions, angles, *ends, members, line.tolist(), strict=True)
     )
 
 

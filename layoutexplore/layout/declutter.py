@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.layout.frame import undirected
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,7 +194,7 @@ def dominant_directions(profile: NDArray[np.float64], config: DeclutterConfig) -
     peaks = peaks[strongest]
     left, top, right = scaled[peaks - 1], scaled[peaks], scaled[(peaks + 1) % n]
     shift = 0.5 * (left - right) / np.minimum(left - 2 * top + right, -1e-12)
-    angles = np.mod((peaks + np.clip(shift, -0.5, 0.5)) * np.pi / n, np.pi)
+    angles = undirected((peaks + np.clip(shift, -0.5, 0.5)) * np.pi / n)
     return np.sort(angles), float(scaled.mean() / top.mean())
 
 

@@ -268,7 +268,7 @@ def reconstruct_with(grid: OccupancyGrid, config: DefaultConfig, forest: Forest)
         clean_grid=clean,
         labels=labels,
         rooms=rooms,
-        directions=angles_to_world(structure.directions, grid.origin),
+        directions=np.sort(angles_to_world(structure.directions, grid.origin)),
         structure_score=structure.score,
         segments=segments,
         walls=walls,

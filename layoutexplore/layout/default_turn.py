@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.boxes import known_box
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.layout.frame import undirected
 
 _TRINARY = np.full(256, UNKNOWN, np.int8)
 _TRINARY[FREE] = FREE
@@ -65,7 +66,7 @@ class Posture:
         """Directions (n,) of what was laid down as directions in the grid, in the same order, radians in [0, pi)."""
         if self.swap:
             angles = np.pi / 2 - angles
-        return np.asarray(np.mod(-angles if self.mirror_rows != self.mirror_cols else angles, np.pi))
+        return undirected(-angles if self.mirror_rows != self.mirror_cols else angles)
 
 
 def _transposed(cells: NDArray[T]) -> NDArray[T]:

@@ -24,9 +24,32 @@ def to_world(points: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:
     return np.asarray(points @ np.array([[c, s], [-s, c]]) + np.array((origin.x, origin.y)))
 
 
+def undirected(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles of undirected lines, brought into [0, pi) radians.
+
+    Example:
+        >>> undirected(np.array([-1e-17, np.pi])).tolist()
+        [0.0, 0.0]
+    """
+    turned = np.mod(angles, np.pi)
+    return np.where(turned < np.pi, turned, 0.0)  # what is hardly below 0 is rounded up to pi
+
+
+def ranks(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The place int64 (n,) of each value (n,) among all of them, rising; equal ones as they come.
+
+    Example:
+        >>> ranks(np.array([0.3, 0.1, 0.2])).tolist()
+        [2, 0, 1]
+    """
+    out = np.empty(len(values), np.int64)
+    out[np.argsort(values, kind="stable")] = np.arange(len(values))
+    return out
+
+
 def angles_to_world(angles: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:
     """Directions in radians in [0, pi) of the world frame, given directions in the local frame."""
-    return np.asarray(np.mod(angles + origin.theta, np.pi))
+    return undirected(angles + origin.theta)
 
 
 def angles_to_local(angles: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:
@@ -36,7 +59,7 @@ def angles_to_local(angles: NDArray[np.float64], origin: Pose) -> NDArray[np.flo
         >>> angles_to_local(np.array([0.5]), Pose(0.0, 0.0, 0.2)).round(6).tolist()
         [0.3]
     """
-    return np.asarray(np.mod(angles - origin.theta, np.pi))
+    return undirected(angles - origin.theta)
 
 
 def extent(grid: OccupancyGrid) -> tuple[float, float]:

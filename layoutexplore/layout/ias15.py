@@ -17,6 +17,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.assembly import assemble, clean_grid
 from layoutexplore.layout.face_model import FaceConfig, FaceModel, WallModel, build_faces, find_rooms, with_lines
+from layoutexplore.layout.frame import ranks, undirected
 from layoutexplore.layout.laid_down import laid_down
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.segments import SegmentConfig, angle_between, find_segments, project, segment_angles
@@ -145,11 +146,8 @@ def mean_shift_directions(
     group = components(near[:, 0], near[:, 1], len(modes))
     doubled = counts * np.exp(2j * modes)
     total = np.bincount(group, doubled.real) + 1j * np.bincount(group, doubled.imag)
-    centres = np.mod(np.angle(total) / 2, np.pi)
-    order = np.argsort(centres, kind="stable")
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    return centres[order], rank[group][inverse.reshape(-1)]
+    centres = undirected(np.angle(total) / 2)
+    return np.sort(centres), ranks(centres)[group][inverse.reshape(-1)]
 
 
 def _select(

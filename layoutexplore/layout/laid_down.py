@@ -16,9 +16,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from layoutexplore.grid import OccupancyGrid
+from layoutexplore.grid import OccupancyGrid, Pose
 from layoutexplore.layout.default_turn import Posture, posture_of, trinary_part
-from layoutexplore.layout.frame import angles_to_world, extent, to_world
+from layoutexplore.layout.frame import angles_to_world, extent, ranks, to_world
 from layoutexplore.layout.types import BORDER, Details, Face, FaceEdge, Layout, Line, Point, Wall
 
 ConfigT = TypeVar("ConfigT")
@@ -34,7 +34,7 @@ def laid_down(run: Callable[[OccupancyGrid, ConfigT], Layout]) -> Callable[[Occu
         if posture == Posture():
             return run(grid, config)
         found = run(OccupancyGrid(posture.lay(grid.cells), grid.resolution), config)
-        return Lifting(posture, grid, found.directions).layout(found)
+        return Lifting(posture, extent(grid), grid.origin, found.directions).layout(found)
 
     return run_laid_down
 
@@ -45,25 +45,27 @@ class Lifting:
 
     Attributes:
         posture: How it was laid down.
-        grid: As it was.
+        size: Width and height of the grid in metres.
+        origin: Of the grid.
         laid_directions: float64 (k,), the directions found in what was laid down.
     """
 
     posture: Posture
-    grid: OccupancyGrid
+    size: tuple[float, float]
+    origin: Pose
     laid_directions: NDArray[np.float64]
 
     def points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """World points float64 (n, 2) of points of what was laid down."""
         x, y = points[:, ::-1].T if self.posture.swap else points.T
-        width, height = extent(self.grid)
+        width, height = self.size
         x = width - x if self.posture.mirror_cols else x
         y = height - y if self.posture.mirror_rows else y
-        return to_world(np.stack([x, y], axis=1), self.grid.origin)
+        return to_world(np.stack([x, y], axis=1), self.origin)
 
     def angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
         """Directions float64 (n,) in the world of directions of what was laid down, in the same order, in [0, pi)."""
-        return angles_to_world(self.posture.lift_angles(angles), self.grid.origin)
+        return angles_to_world(self.posture.lift_angles(angles), self.origin)
 
     def pairs(self, points: Iterable[Point]) -> list[Point]:
         """The world points of points."""
@@ -83,8 +85,7 @@ class Lifting:
     @cached_property
     def rank(self) -> NDArray[np.int64]:
         """int64 (k,): the new index of each direction, for directions rise."""
-        order = np.argsort(self.angles(self.laid_directions), kind="stable")
-        return np.argsort(order, kind="stable")
+        return ranks(self.angles(self.laid_directions))
 
     def sides(self, sides: Sequence[Side]) -> tuple[Side, ...]:
         """Walls or lines."""
@@ -110,7 +111,7 @@ class Lifting:
         polygons = self.polygons(room.polygon for room in found.rooms)
         return replace(
             found,
-            clean_grid=OccupancyGrid(self.posture.lift(found.clean_grid.cells), self.grid.resolution, self.grid.origin),
+            clean_grid=OccupancyGrid(self.posture.lift(found.clean_grid.cells), found.clean_grid.resolution, self.origin),
             labels=self.posture.lift(found.labels),
             rooms=tuple(replace(r, polygon=p, details=details) for r, p in zip(found.rooms, polygons, strict=True)),
             directions=np.sort(self.angles(found.directions)),
@@ -128,22 +129,14 @@ class LiftedDetails(Details):
     lifting: Lifting
 
     @cached_property
-    def _lines(self) -> tuple[Line, ...]:
+    def lines(self) -> tuple[Line, ...]:
+        """Representative lines, the box's border last."""
         return self.lifting.sides(self.laid.lines)
 
     @cached_property
-    def _faces(self) -> tuple[Face, ...]:
-        return tuple(self.lifting.face(face) for face in self.laid.faces)
-
-    @property
-    def lines(self) -> tuple[Line, ...]:
-        """Representative lines, the box's border last."""
-        return self._lines
-
-    @property
     def faces(self) -> tuple[Face, ...]:
         """The faces, by id."""
-        return self._faces
+        return tuple(self.lifting.face(face) for face in self.laid.faces)
 
     @property
     def cell_scores(self) -> NDArray[np.float32] | None:

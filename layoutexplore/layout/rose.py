@@ -56,7 +56,7 @@ def rose(grid: OccupancyGrid, config: RoseConfig) -> Layout:
         method="rose",
         clean_grid=clean_grid(grid, kept),
         labels=np.zeros(grid.shape, np.int32),
-        directions=angles_to_world(structure.directions, grid.origin),
+        directions=np.sort(angles_to_world(structure.directions, grid.origin)),
         structure_score=structure.score,
         timings=timer.seconds,
         warnings=tuple(warnings),

@@ -17,6 +17,7 @@ from layoutexplore.grid import OccupancyGrid
 from layoutexplore.layout.assembly import assemble, clean_grid
 from layoutexplore.layout.declutter import DeclutterConfig, Directions, Structure, find_structure, wall_surface
 from layoutexplore.layout.face_model import FaceConfig, WallModel, build_faces, find_rooms
+from layoutexplore.layout.frame import undirected
 from layoutexplore.layout.laid_down import laid_down
 from layoutexplore.layout.registry import register_method
 from layoutexplore.layout.segments import AlignedSegments, SegmentConfig, align, find_segments
@@ -101,7 +102,7 @@ def with_perpendicular(structure: S) -> S:
     """A single direction closes no room: its perpendicular joins it."""
     if len(structure.directions) != 1:
         return structure
-    both = np.mod(structure.directions[0] + np.array((0.0, np.pi / 2)), np.pi)
+    both = undirected(structure.directions[0] + np.array((0.0, np.pi / 2)))
     return replace(structure, directions=np.sort(both))
 
 

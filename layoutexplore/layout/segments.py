@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.layout.frame import undirected
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,8 +104,7 @@ def _hough(image: NDArray[np.uint8], resolution: float, config: SegmentConfig) -
 
 def segment_angles(segments: NDArray[np.float64]) -> NDArray[np.float64]:
     """Directions float64 (n,) of segments (n, 4), radians in [0, pi)."""
-    angles = np.mod(np.arctan2(segments[:, 3] - segments[:, 1], segments[:, 2] - segments[:, 0]), np.pi)
-    return np.where(angles >= np.pi, 0.0, angles)
+    return undirected(np.arctan2(segments[:, 3] - segments[:, 1], segments[:, 2] - segments[:, 0]))
 
 
 def angle_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

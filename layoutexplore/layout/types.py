@@ -199,7 +199,7 @@ class Layout:
         clean_grid: The grid with clutter turned free; its frame is the frame of `labels`.
         labels: int32 (rows, cols), room id of each cell that a room claims, 0 for none.
         rooms: The rooms, by id.
-        directions: float64 (k,), dominant directions of the walls in radians in [0, pi), in the world frame.
+        directions: float64 (k,), dominant directions of the walls in radians in [0, pi), in the world frame, rising.
         structure_score: ROSE's W: near 0 for a structured map, near 1 for an unstructured one; NaN if not computed.
         segments: float64 (n, 4), wall segments as (x0, y0, x1, y1).
         walls: Chains of collinear segments.
