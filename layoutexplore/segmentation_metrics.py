@@ -29,6 +29,9 @@ MIN_TRUTH_CELLS = 200
 MEASURES = ("precision", "recall", "iou_s", "iou_g", "one_to_one", "a_fc", "a_bc")
 """The measures, in the order of the tables."""
 
+HEADINGS = dict(zip(MEASURES, ("P", "R", "IoU_s", "IoU_g", "1-1", "A_FC", "A_BC"), strict=True))
+"""Names of the measures in tables."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class SegmentationScores:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import math
+import os
 from pathlib import Path
 
 import cv2
@@ -12,6 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app
+from layoutexplore.cli.json_file import write_json
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.evaluation.cross_validation import deal_folds
 from layoutexplore.evaluation.segmentation import find_cases, guess_building
@@ -58,6 +61,59 @@ def test_layout_prints_a_line_a_map_and_refuses_equal_names(tmp_path: Path) -> N
     assert isinstance(again.exception, ConfigError)
 
 
+def test_a_broken_map_does_not_keep_the_others_from_being_done(tmp_path: Path) -> None:
+    draw(tmp_path, "good")
+    whole = (tmp_path / "good.png").read_bytes()
+    (tmp_path / "cut.png").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "text.png").write_text("no image")
+    maps = [str(tmp_path / f"{name}.png") for name in ("cut", "good", "text", "missing")]
+    result = runner.invoke(app, ["layout", *maps, "--out", str(tmp_path / "out"), "-m", "distance"])
+    assert result.exit_code == 2
+    errors = result.stderr.splitlines()
+    assert [line.split(": ")[1] for line in errors] == [maps[0], maps[2], maps[3]]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "good_labels.png",
+        "good_layout.geojson",
+        "good_overview.png",
+    ]
+
+
+def test_places_that_cannot_be_written_are_found_before_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    draw(tmp_path, "a")
+    file = tmp_path / "file"
+    file.write_text("mine")
+    commands = [
+        ["layout", str(tmp_path / "a.png"), "--out", str(file)],
+        ["layout", str(tmp_path / "a.png"), "--out", str(file / "deeper")],
+        ["evaluate", "segmentation", str(tmp_path), "--out", str(file)],
+        ["evaluate", "segmentation", str(tmp_path), "--json", str(tmp_path)],
+        ["evaluate", "layout", str(tmp_path), "--json", str(file / "n.json")],
+        ["evaluate", "clutter", str(tmp_path), "--json", str(tmp_path)],
+    ]
+    for command in commands:
+        result = runner.invoke(app, command)
+        assert isinstance(result.exception, ConfigError) and command[-2] in str(result.exception), command
+        assert not result.output
+    monkeypatch.setattr("os.access", lambda path, mode: not mode & os.W_OK)
+    result = runner.invoke(app, ["layout", str(tmp_path / "a.png"), "--out", str(tmp_path / "new" / "folder")])
+    assert isinstance(result.exception, ConfigError) and "permission" in str(result.exception)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.png", "a_gt.png", "file"]
+
+
+@pytest.mark.parametrize("resolution", ["-1", "0", "nan", "inf"])
+@pytest.mark.parametrize("blueprint", [[], ["--blueprint"]])
+def test_a_resolution_that_is_none_is_refused(tmp_path: Path, resolution: str, blueprint: list[str]) -> None:
+    draw(tmp_path, "a")
+    result = runner.invoke(app, ["layout", str(tmp_path / "a.png"), "--resolution", resolution, *blueprint])
+    assert result.exit_code == 2 or isinstance(result.exception, MapError)
+
+
+def test_json_files_hold_no_word_that_json_does_not_know(tmp_path: Path) -> None:
+    write_json(tmp_path / "n.json", {"a": float("nan"), "b": [1.5, float("inf")], "c": {"d": (1, -math.inf)}, "e": "NaN"})
+    data = json.loads((tmp_path / "n.json").read_text(), parse_constant=lambda word: pytest.fail(word))
+    assert data == {"a": None, "b": [1.5, None], "c": {"d": [1, None]}, "e": "NaN"}
+
+
 def test_evaluate_segmentation_scores_several_methods(tmp_path: Path) -> None:
     for k, name in enumerate(("a", "b")):
         draw(tmp_path, name, 82 + 10 * k)
@@ -72,7 +128,8 @@ def test_evaluate_segmentation_scores_several_methods(tmp_path: Path) -> None:
     assert best["one_to_one"] > 0.9 and best["maps"] == 2
     rows = list(csv.DictReader((out / "results.csv").open()))
     assert len(rows) == 4 and float(rows[0]["precision"]) > 90
-    assert "Map by map" in (out / "report.html").read_text()
+    page = (out / "report.html").read_text()
+    assert "Map by map" in page and page.count("<img") == 4 and "<b>2</b>maps" in page
     assert len(list((out / "pictures").glob("*.png"))) == 4
 
 
@@ -106,10 +163,28 @@ def test_what_is_missing_is_said_clearly(tmp_path: Path) -> None:
     assert isinstance(result.exception, ConfigError)
     result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), "-m", "roses"])
     assert isinstance(result.exception, ConfigError)
+    table = tmp_path / "buildings.csv"
+    for text in ("", "hello\n", "name;house\nmap1;castle\n"):
+        table.write_text(text)
+        result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), "--buildings", str(table)])
+        assert isinstance(result.exception, ConfigError) and "columns map and building" in str(result.exception)
+    for options in (["--seeds", "2"], ["--weight", "x=2"], ["--plans", "office-01"]):
+        draw(tmp_path, "map1")
+        result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), *options])
+        assert isinstance(result.exception, ConfigError) and "--folds" in str(result.exception)
     for weight in ("nowhere=4", f"{tmp_path.name}=heavy", f"{tmp_path.name}=0"):
         draw(tmp_path, "map1")
         result = runner.invoke(app, ["evaluate", "train", str(tmp_path), "--out", str(tmp_path / "m.json"), "--weight", weight])
         assert isinstance(result.exception, ConfigError) and weight in str(result.exception)
+
+
+def test_a_truth_without_a_painted_room_is_an_error_and_no_score_of_zero(tmp_path: Path) -> None:
+    draw(tmp_path, "map1")
+    ids = np.zeros((140, 200), np.uint16)
+    ids[24:116, 24:176] = 1
+    cv2.imwrite(str(tmp_path / "map1_gt.png"), ids)
+    result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path)])
+    assert isinstance(result.exception, MapError) and "no room is painted" in str(result.exception)
 
 
 def test_evaluate_layout_on_a_school(data_dir: Path, tmp_path: Path) -> None:

@@ -58,7 +58,16 @@ def test_outlines_are_read_and_stretched(tmp_path):
     assert [r.area for r in moved] == pytest.approx([4, 2])
 
 
-@pytest.mark.parametrize("text", ["not xml", "<building/>"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "not xml",
+        "<building/>",
+        "<bounding_polygon><point x='1' y='wide'/></bounding_polygon>",
+        "<bounding_polygon><point x='1'/></bounding_polygon>",
+        "<bounding_polygon><point x='nan' y='0'/></bounding_polygon>",
+    ],
+)
 def test_broken_floor_plans_are_named(tmp_path, text):
     path = tmp_path / "broken.xml"
     path.write_text(text)

@@ -12,6 +12,7 @@ import typer
 
 from layoutexplore.cli.closed_doors import closed_doors
 from layoutexplore.cli.json_file import write_json
+from layoutexplore.cli.output_places import check_places
 from layoutexplore.cli.partial_rooms import partial_rooms
 from layoutexplore.cli.train_predictor import train_predictor
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 group = typer.Typer(name="evaluate", help="Score the layout methods against ground truth.", no_args_is_help=True)
 
 Methods = Annotated[list[str] | None, typer.Option("--method", "-m", help="Method; repeat for several side by side.")]
-Resolution = Annotated[float, typer.Option(help="Metres a pixel.")]
+Resolution = Annotated[float, typer.Option(min=0.001, help="Metres a pixel.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")]
 Weights = Annotated[
     list[str] | None, typer.Option("--weight", help="FOLDER=NUMBER: weight in training of a folder's maps, else 1; repeat.")
@@ -49,7 +50,7 @@ def segmentation(
     folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
     method: Methods = None,
     protocol: Annotated[str, typer.Option(help="rose2, or bormann: segments and rooms up to 100 pixels are dropped.")] = "rose2",
-    folds: Annotated[int, typer.Option(help="Cross-validate the default method over so many folds of buildings.")] = 0,
+    folds: Annotated[int, typer.Option(min=0, help="Cross-validate the default method over so many folds of buildings.")] = 0,
     seeds: Annotated[int, typer.Option(min=1, help="Train the folds' judges so often, with other seeds.")] = 1,
     buildings: Annotated[
         Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME), for the folds.")
@@ -65,7 +66,7 @@ def segmentation(
     jobs: Jobs = 1,
 ) -> None:
     """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all."""
-    from layoutexplore.errors import ConfigError
+    from layoutexplore.errors import ConfigError, require
     from layoutexplore.evaluation.segmentation import evaluate_cases, find_cases, seed_spread, summarise
     from layoutexplore.layout.registry import layout_method
     from layoutexplore.segmentation_metrics import PROTOCOLS
@@ -76,8 +77,12 @@ def segmentation(
     for name in methods:
         layout_method(name)
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
-    if seeds > 1 and not folds:
-        raise ConfigError("--seeds trains judges again: it needs --folds")
+    for option, given in (("--seeds", seeds > 1), ("--plans", plans), ("--weight", weight)):
+        if given and not folds:
+            raise ConfigError(f"{option} is about training: it needs --folds")
+    check_places(out, json_file)
+    if out is not None:
+        require("jinja2", "bench")
     if folds:
         if methods != ["default"]:
             raise ConfigError("--folds cross-validates the default method, the only one that is trained")
@@ -125,9 +130,11 @@ def _write_results(
         write_json(json_file, numbers | {"summary": summarise(rows), "seeds": seed_spread(rows)})
     if out is not None:
         from layoutexplore.evaluation.segmentation_report import write_report
+        from layoutexplore.processes import command_line
 
         title = "Room segmentation" + (f", {folds} folds of buildings" if folds else "")
-        for path in write_report(out, results, title=title, protocol=protocol, resolution=resolution):
+        written = write_report(out, results, title=title, protocol=protocol, resolution=resolution, command=command_line())
+        for path in written:
             typer.echo(f"written: {path}")
 
 
@@ -139,17 +146,13 @@ def _line(row: MapScore) -> str:
     return f"{row.folder}/{row.map} {row.method}: {values}  {row.segments}/{row.rooms} rooms  {row.ms:.0f} ms{note}"
 
 
-_NAMES = ("P", "R", "IoU_s", "IoU_g", "1-1", "A_FC", "A_BC")
-"""The measures in tables, in their order."""
-
-
 def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from layoutexplore.segmentation_metrics import MEASURES
+    from layoutexplore.segmentation_metrics import HEADINGS, MEASURES
 
-    table = Table("set", "method", "maps", *_NAMES, "segments/rooms", "ms", box=None)
+    table = Table("set", "method", "maps", *HEADINGS.values(), "segments/rooms", "ms", box=None)
     for line in lines:
         values = [f"{100 * line[m]:.1f}±{100 * line[m + '_std']:.1f}" for m in MEASURES]
         counts = f"{line['segments']:.1f}/{line['rooms']:.1f}"
@@ -161,10 +164,10 @@ def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
 
 
 def _print_spread(lines: Sequence[dict[str, Any]]) -> None:
-    from layoutexplore.segmentation_metrics import MEASURES
+    from layoutexplore.segmentation_metrics import HEADINGS
 
     for line in lines:
-        values = ", ".join(f"{name} {100 * line[m]:.1f}" for name, m in zip(_NAMES, MEASURES, strict=True))
+        values = ", ".join(f"{name} {100 * line[m]:.1f}" for m, name in HEADINGS.items())
         typer.echo(f"{line['folder']}, standard deviation of the mean over {line['seeds']} seeds: {values}")
 
 
@@ -191,10 +194,13 @@ def _read_buildings(path: Path) -> dict[str, str]:
 
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-        return {row["map"]: row["building"] for row in rows}
-    except (OSError, KeyError, csv.Error, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: a CSV with the columns map and building is needed: {error!r}") from error
+            table = csv.DictReader(file)
+            columns, rows = {*(table.fieldnames or ())}, list(table)
+    except (OSError, csv.Error, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot read the buildings: {error}") from error
+    if not {"map", "building"} <= columns:
+        raise ConfigError(f"{path}: a CSV with the columns map and building is needed")
+    return {row["map"]: row["building"] for row in rows}
 
 
 def _plans(folders: Sequence[str] | None) -> list[str]:
@@ -238,6 +244,7 @@ def train(
     from layoutexplore.evaluation.segmentation import find_cases
     from layoutexplore.layout.merging_model import save_forest
 
+    check_places(out.parent)
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
     weights = _weights(weight, cases)
     forest = train_judge(
@@ -269,7 +276,13 @@ def layout(
     from layoutexplore.evaluation.schools import read_outlines, score_layout
     from layoutexplore.grid_io import load_grid
     from layoutexplore.layout.pipeline import reconstruct
+    from layoutexplore.layout.registry import layout_method
 
+    check_places(None, json_file)
+    if not folder.is_dir():
+        raise MapError(f"{folder}: no such folder")
+    for name in method or ():
+        layout_method(name)
     pairs = [(p, p.with_name(f"{p.stem}_gt.xml")) for p in sorted(folder.glob("*.png"))]
     pairs = [(image, truth) for image, truth in pairs if truth.is_file()]
     if not pairs:
@@ -302,6 +315,7 @@ def clutter(
     from layoutexplore.evaluation.clutter import run_study
     from layoutexplore.grid_io import load_grid
 
+    check_places(None, json_file)
     files = [f for path in maps for f in (sorted(path.glob("*.png")) if path.is_dir() else [path])]
     files = [f for f in files if not f.stem.endswith("_gt")]
     summary, trials = run_study({f.stem: load_grid(f, resolution=resolution) for f in files})

@@ -22,7 +22,7 @@ def layout(
     method: Annotated[
         str, typer.Option("--method", "-m", help="default, rose2, ias15, rose, morphological, distance or voronoi.")
     ] = "default",
-    resolution: Annotated[float | None, typer.Option(help="Metres a pixel of plain images (0.05 without).")] = None,
+    resolution: Annotated[float | None, typer.Option(min=0.001, help="Metres a pixel of plain images (0.05 without).")] = None,
     blueprint: Annotated[
         bool,
         typer.Option("--blueprint", help="Evacuation plans: erase words and symbols first (needs tesseract)."),
@@ -34,51 +34,71 @@ def layout(
     """Reconstruct the layout of grid maps.
 
     Writes NAME_labels.png (16-bit room ids in the image's own orientation, 0 for none), NAME_layout.geojson and
-    NAME_overview.png for each map.
+    NAME_overview.png for each map. A map that cannot be read does not keep the others from being done.
     """
+    from layoutexplore.cli.output_places import check_places
     from layoutexplore.errors import ConfigError
+    from layoutexplore.grid import check_resolution
     from layoutexplore.layout.registry import layout_method
 
     layout_method(method)
+    if resolution is not None:
+        check_resolution(resolution)
     names = [path.stem for path in maps]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise ConfigError(f"several maps are called {', '.join(twice)}: their results would overwrite each other")
-    out.mkdir(parents=True, exist_ok=True)
+    check_places(out)
     work = [(path, method, resolution, blueprint, out) for path in maps]
     if jobs == 1 or len(work) == 1:
-        for item in work:
-            _say(_reconstruct(item), as_json)
-        return
-    with ProcessPoolExecutor(min(jobs, len(work)), mp_context=get_context("spawn")) as pool:
-        for summary in pool.map(_reconstruct, work):
-            _say(summary, as_json)
+        failed = [_say(_attempt(item), as_json) for item in work]
+    else:
+        with ProcessPoolExecutor(min(jobs, len(work)), mp_context=get_context("spawn")) as pool:
+            failed = [_say(summary, as_json) for summary in pool.map(_attempt, work)]
+    if any(failed):
+        raise typer.Exit(2)
 
 
-def _say(summary: dict[str, Any], as_json: bool) -> None:
+def _say(summary: dict[str, Any] | str, as_json: bool) -> bool:
+    """Print what became of a map; whether it failed."""
+    if isinstance(summary, str):
+        typer.echo(f"layoutexplore: {summary}", err=True)
+        return True
     if as_json:
         typer.echo(json.dumps(summary))
-        return
+        return False
     note = f"  warning: {'; '.join(summary['warnings'])}" if summary["warnings"] else ""
     score = "" if summary["structure_score"] is None else f", W {summary['structure_score']:.2f}"
     typer.echo(
         f"{summary['map']}: {summary['rooms']} rooms, {summary['room_area']:.0f} m2{score}, {summary['ms']:.0f} ms"
         f" -> {summary['labels']}{note}"
     )
+    return False
+
+
+def _attempt(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, Any] | str:
+    """What `_reconstruct` sums up, or what is wrong with the map."""
+    from layoutexplore.errors import MapError
+
+    try:
+        return _reconstruct(item)
+    except MapError as error:
+        return str(error)
 
 
 def _reconstruct(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, Any]:
     """Reconstruct one map, write its files, and sum up."""
     import numpy as np
 
-    from layoutexplore.grid_io import encode_png, load_grid, write_atomically
-    from layoutexplore.layout.blueprint import DEFAULT_RESOLUTION, load_blueprint
+    from layoutexplore.grid_io import DEFAULT_RESOLUTION, encode_png, load_grid, write_atomically
+    from layoutexplore.layout.blueprint import load_blueprint
     from layoutexplore.layout.pipeline import reconstruct
 
     path, method, resolution, blueprint, out = item
-    grid = (
-        load_blueprint(path, resolution=resolution or DEFAULT_RESOLUTION) if blueprint else load_grid(path, resolution=resolution)
-    )
+    if blueprint:
+        grid = load_blueprint(path, resolution=DEFAULT_RESOLUTION if resolution is None else resolution)
+    else:
+        grid = load_grid(path, resolution=resolution)
     found = reconstruct(grid, method)
     labels = out / f"{path.stem}_labels.png"
     overview = out / f"{path.stem}_overview.png"

@@ -37,7 +37,7 @@ def deal_folds(cases: Sequence[Case], folds: int) -> dict[str, int]:
     for case in cases:
         counts[case.building] = counts.get(case.building, 0) + 1
     if not 2 <= folds <= len(counts):
-        raise ConfigError(f"{folds} folds need at least 2 and at most one a building, got {len(counts)} buildings")
+        raise ConfigError(f"folds must be at least 2 and at most one a building: got {folds} for {len(counts)} building(s)")
     sizes, dealt = [0] * folds, {}
     for building in sorted(counts, key=lambda b: (-counts[b], b)):
         dealt[building] = sizes.index(min(sizes))

@@ -6,8 +6,9 @@ authors do; then A_FC and A_BC pool the overlap of each room with its best count
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,17 +50,23 @@ def read_outlines(path: str | Path) -> list[shapely.Polygon]:
     path = Path(path)
     try:
         root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
+        outlines = [[_point(p.attrib) for p in outline.iter("point")] for outline in root.iter("bounding_polygon")]
+    except (OSError, ElementTree.ParseError, ValueError) as error:
         raise MapError(f"{path}: cannot read the floor plan: {error}") from error
     rooms = []
-    for outline in root.iter("bounding_polygon"):
-        points = [(float(p.attrib["x"]), float(p.attrib["y"])) for p in outline.iter("point")]
+    for points in outlines:
         if len(points) >= 3:
-            polygon = shapely.Polygon(points).buffer(0)
-            rooms += [p for p in shapely.get_parts(polygon) if p.area > 0]
+            rooms += [p for p in shapely.get_parts(shapely.Polygon(points).buffer(0)) if p.area > 0]
     if not rooms:
         raise MapError(f"{path}: the floor plan has no room")
     return rooms
+
+
+def _point(attributes: Mapping[str, str]) -> tuple[float, float]:
+    x, y = (float(attributes.get(key, "nan")) for key in "xy")
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"a point needs two finite numbers x and y, got {dict(attributes)}")
+    return x, y
 
 
 def stretch(rooms: Sequence[shapely.Polygon], box: tuple[float, float, float, float]) -> list[shapely.Polygon]:

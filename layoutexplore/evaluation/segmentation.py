@@ -25,7 +25,7 @@ from layoutexplore.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grid_io import load_grid, read_image, read_pixels
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
-from layoutexplore.segmentation_metrics import MEASURES, score_segmentation, truth_labels
+from layoutexplore.segmentation_metrics import MEASURES, MIN_TRUTH_CELLS, score_segmentation, truth_labels
 
 TRUTH_SUFFIX = "_gt"
 FREE_FROM = 250
@@ -122,11 +122,17 @@ def guess_building(name: str, folder: str) -> str:
 
 
 def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, NDArray[np.int32], NDArray[np.bool_]]:
-    """The grid, the true rooms and the free cells of a map, rows from the lowest y."""
+    """The grid, the true rooms and the free cells of a map, rows from the lowest y.
+
+    Raises:
+        MapError: An image cannot be read, no room is painted, or the two differ in size.
+    """
     grid = load_grid(case.image, resolution=resolution)
     pixels = read_pixels(case.truth)
     truth = truth_labels(pixels)[::-1]
     free = read_image(case.image)[0][::-1] >= FREE_FROM
+    if not truth.any():
+        raise MapError(f"{case.truth}: no room is painted; each is one colour of 8 bit on more than {MIN_TRUTH_CELLS} pixels")
     if truth.shape != grid.shape:
         raise MapError(f"{case.truth}: {truth.shape} pixels, but the map has {grid.shape}")
     return grid, np.ascontiguousarray(truth), np.ascontiguousarray(free)

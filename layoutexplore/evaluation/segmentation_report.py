@@ -11,23 +11,13 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from layoutexplore import palette
-from layoutexplore.evaluation.segmentation import COLUMNS, Case, MapScore, read_case, summarise, to_csv
+from layoutexplore.evaluation.segmentation import Case, MapScore, read_case, summarise, to_csv
 from layoutexplore.grid import UNKNOWN
 from layoutexplore.grid_io import encode_png, write_atomically
 from layoutexplore.report.page import png_uri, render
-from layoutexplore.segmentation_metrics import MEASURES, overlap_table
+from layoutexplore.segmentation_metrics import HEADINGS, MEASURES, overlap_table
 
 UNCLAIMED, WALL, UNSEEN = (255, 255, 255), (30, 30, 36), (205, 208, 212)
-HEADINGS = {
-    "precision": "P",
-    "recall": "R",
-    "iou_s": "IoU s",
-    "iou_g": "IoU g",
-    "one_to_one": "1-1",
-    "a_fc": "A FC",
-    "a_bc": "A BC",
-}
-"""Names of the measures in tables."""
 
 
 def comparison_picture(case: Case, labels: NDArray[np.int32], resolution: float) -> NDArray[np.uint8]:
@@ -73,7 +63,13 @@ def _matched(found: NDArray[np.int32], truth: NDArray[np.int32]) -> NDArray[np.i
 
 
 def write_report(
-    out: Path, results: Sequence[tuple[Case, MapScore, NDArray[np.int32]]], *, title: str, protocol: str, resolution: float
+    out: Path,
+    results: Sequence[tuple[Case, MapScore, NDArray[np.int32]]],
+    *,
+    title: str,
+    protocol: str,
+    resolution: float,
+    command: str,
 ) -> list[Path]:
     """Write `results.csv`, `pictures/SET_MAP_METHOD.png` (of seed 0) and `report.html` into a folder.
 
@@ -83,9 +79,9 @@ def write_report(
         title: Heading of the page.
         protocol: Named on the page.
         resolution: Metres a pixel.
+        command: Noted on the page.
     """
     rows = [row for _, row, _ in results]
-    (out / "pictures").mkdir(parents=True, exist_ok=True)
     write_atomically(out / "results.csv", to_csv(rows).encode())
     pictures = []
     first = [result for result in results if result[1].seed == 0]
@@ -101,9 +97,12 @@ def write_report(
         resolution=resolution,
         measures=MEASURES,
         headings=HEADINGS,
-        columns=COLUMNS,
         summary=summarise(rows),
         pictures=pictures,
+        maps=len({(row.folder, row.map) for row in rows}),
+        buildings=len({row.building for row in rows}),
+        methods=len({row.method for row in rows}),
+        command=command,
     )
     write_atomically(out / "report.html", page.encode())
     return [out / "report.html", out / "results.csv"]

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError, MissingExtraError, require
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
-
-DEFAULT_RESOLUTION = 0.05
+from layoutexplore.grid_io import DEFAULT_RESOLUTION
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import shapely
 
-from layoutexplore.layout.types import OUTSIDE, Face, Layout
+from layoutexplore.layout.types import OUTSIDE, Face, Layout, LayoutRoom
 
 
 def layout_to_geojson(layout: Layout) -> dict[str, Any]:
@@ -43,8 +44,8 @@ def layout_to_geojson(layout: Layout) -> dict[str, Any]:
         "type": "FeatureCollection",
         "layout": {
             "method": layout.method,
-            "directions": [round(float(v), 4) for v in layout.directions * 180 / 3.141592653589793],
-            "structure_score": round(score, 4) if score == score else None,
+            "directions": [round(float(v), 4) for v in np.degrees(layout.directions)],
+            "structure_score": None if math.isnan(score) else round(score, 4),
             "warnings": list(layout.warnings),
         },
         "features": features,
@@ -65,7 +66,7 @@ def _neighbours(face: Face) -> list[dict[str, Any]]:
     ]
 
 
-def _room(room: Any) -> dict[str, Any]:
+def _room(room: LayoutRoom) -> dict[str, Any]:
     return {
         "id": room.id,
         "area": round(room.area, 4),
