@@ -84,6 +84,25 @@ def test_unusable_pictures_are_refused(tmp_path):
         BlueprintConfig(magnification=0)
 
 
+def test_every_kind_of_picture_is_read_alike_and_errors_name_it(tmp_path):
+    grey = cv2.cvtColor(plan(), cv2.COLOR_RGB2GRAY)
+    clear = cv2.cvtColor(grey, cv2.COLOR_GRAY2BGRA)
+    clear[grey == 255] = 0  # paper as transparent black
+    kinds = {
+        "grey": grey,
+        "deep": grey.astype(np.uint16) * 257,
+        "colour": cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR),
+        "clear": clear,
+    }
+    expected = grid_from_blueprint(kinds["colour"], 0.05, config=SILENT).cells
+    for name, image in kinds.items():
+        cv2.imwrite(str(tmp_path / f"{name}.png"), image)
+        assert np.array_equal(load_blueprint(tmp_path / f"{name}.png", config=SILENT).cells, expected), name
+    cv2.imwrite(str(tmp_path / "paper.png"), np.full((50, 50), 255, np.uint8))
+    with pytest.raises(MapError, match=r"paper\.png: the blueprint shows no walls"):
+        load_blueprint(tmp_path / "paper.png", config=SILENT)
+
+
 def test_evacuation_plans_have_rooms(data_dir):
     for path in sorted((data_dir / "blueprints").glob("*.png")):
         assert len(reconstruct(load_blueprint(path, config=SILENT), "rose2").rooms) >= 8

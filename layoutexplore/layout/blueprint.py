@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError, MissingExtraError, require
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
-from layoutexplore.grid_io import DEFAULT_RESOLUTION
+from layoutexplore.grid_io import DEFAULT_RESOLUTION, read_pixels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,20 +62,27 @@ def load_blueprint(
     config: BlueprintConfig | None = None,
     templates: Sequence[NDArray[np.uint8]] = (),
 ) -> OccupancyGrid:
-    """Read a blueprint or evacuation plan as an occupancy grid.
+    """Read a blueprint or evacuation plan as an occupancy grid; transparent pixels are paper.
 
     Raises:
         MapError: The file cannot be read, or it shows no walls.
         MissingExtraError: Words are to be erased and the OCR is not installed.
     """
+    image = _on_paper(read_pixels(Path(path)))
     try:
-        data = np.fromfile(path, np.uint8)
-    except OSError as error:
-        raise MapError(f"{path}: cannot read the image: {error.strerror}") from error
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    if image is None:
-        raise MapError(f"{path}: not an image")
-    return grid_from_blueprint(np.asarray(image[..., ::-1], np.uint8), resolution, config=config, templates=templates)
+        return grid_from_blueprint(image, resolution, config=config, templates=templates)
+    except MapError as error:
+        raise MapError(f"{path}: {error}") from error
+
+
+def _on_paper(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """RGB uint8 (h, w, 3) of grey or BGR pixels, those with an alpha channel laid on white."""
+    channels = np.atleast_3d(pixels)
+    colour = channels[..., : 1 if channels.shape[2] < 3 else 3]
+    if channels.shape[2] in (2, 4):
+        alpha = channels[..., -1:] / 255.0
+        colour = np.rint(colour * alpha + 255 * (1 - alpha)).astype(np.uint8)
+    return np.broadcast_to(colour[..., ::-1], (*colour.shape[:2], 3)).copy()
 
 
 def grid_from_blueprint(
@@ -110,7 +117,7 @@ def grid_from_blueprint(
         for top, left, height, width in find_words(plain, config):
             walls[top : top + height, left : left + width] = False
     if not walls.any():
-        raise MapError("the blueprint shows no walls: see the options darkness, saturation and wall_width")
+        raise MapError("the blueprint shows no walls: see darkness, saturation and wall_width of BlueprintConfig")
     outside = _outside(walls, round(config.opening / resolution / 2))
     cells = np.where(walls, OCCUPIED, np.where(outside, UNKNOWN, FREE)).astype(np.int8)
     return OccupancyGrid(np.ascontiguousarray(cells[::-1]), resolution, Pose(0.0, 0.0, 0.0))
@@ -120,7 +127,8 @@ def find_words(image: NDArray[np.uint8], config: BlueprintConfig) -> list[tuple[
     """Boxes (top, left, height, width) in pixels of the words of a picture, by Tesseract.
 
     Raises:
-        MissingExtraError: pytesseract or the program tesseract is not installed.
+        MissingExtraError: pytesseract or the program tesseract is not installed, or the program fails (without its
+            language data, say).
     """
     tesseract = require("pytesseract", "blueprint")
     scale = config.magnification
@@ -129,6 +137,8 @@ def find_words(image: NDArray[np.uint8], config: BlueprintConfig) -> list[tuple[
         found = tesseract.image_to_data(large, config="--psm 11", output_type=tesseract.Output.DICT)
     except tesseract.TesseractNotFoundError as error:
         raise MissingExtraError("the program tesseract is not installed: apt install tesseract-ocr (Debian, Ubuntu)") from error
+    except tesseract.TesseractError as error:
+        raise MissingExtraError(f"tesseract has failed: {' '.join(str(error.message).split())}") from error
     boxes = []
     for text, confidence, *box in zip(*(found[key] for key in ("text", "conf", "top", "left", "height", "width")), strict=True):
         letters = sum(c.isalnum() for c in text)
