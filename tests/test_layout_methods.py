@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
 
@@ -13,8 +14,10 @@ from hypothesis import strategies as st
 
 from layoutexplore.errors import ConfigError, MapError, UnknownNameError
 from layoutexplore.grid import OccupancyGrid, Pose
+from layoutexplore.layout.default import DefaultConfig
 from layoutexplore.layout.ias15 import Ias15Config, mean_shift_directions, without_islands
 from layoutexplore.layout.pipeline import LayoutCache, reconstruct
+from layoutexplore.layout.registry import METHOD_MODULES, layout_method
 from layoutexplore.layout.rose2 import Rose2Config
 from layoutexplore.layout.types import BORDER, FaceKind
 
@@ -290,3 +293,39 @@ def test_cache_keeps_the_layout_while_the_walls_stay():
     grid.cells[0, 0] = 100
     assert cache(grid) is not layouts[0]
     assert cache(OccupancyGrid(grid.cells, 0.2)).clean_grid.resolution == 0.2
+
+
+@pytest.mark.parametrize("method", list(METHOD_MODULES))
+@pytest.mark.parametrize("value", ["wide", None, (1, 2, 3), float("nan"), float("inf"), [1.0]])
+def test_options_that_make_no_sense_are_named(method, value):
+    grid = OccupancyGrid(np.zeros((4, 4), np.int8), 0.1)
+    for option in dataclasses.fields(layout_method(method).config()):
+        if value != option.default:
+            with pytest.raises(ConfigError, match=f"{option.name} must be"):
+                reconstruct(grid, method, {option.name: value})
+
+
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [
+        ("morphological", {"depth": 0.0}),
+        ("morphological", {"area_min": 50.0}),
+        ("distance", {"area_max": -1.0}),
+        ("voronoi", {"neighbourhood": 0}),
+        ("voronoi", {"spacing": -0.1}),
+    ],
+)
+def test_the_classic_methods_refuse_lengths_and_areas_that_cannot_be(method, options):
+    with pytest.raises(ConfigError, match=next(iter(options))):
+        reconstruct(OccupancyGrid(np.zeros((4, 4), np.int8), 0.1), method, options)
+
+
+def test_numbers_of_every_kind_are_taken_and_flags_are_no_numbers():
+    grid = OccupancyGrid(np.zeros((30, 30), np.int8), 0.1)
+    config = {"room_area": 2, "chink": np.float32(0.25)}
+    assert reconstruct(grid, "default", config).rooms[0].area == reconstruct(grid).rooms[0].area
+    for method, options in (("rose2", {"split": 1}), ("rose2", {"split_rounds": 1.5}), ("default", {"chink": True})):
+        with pytest.raises(ConfigError, match=next(iter(options))):
+            reconstruct(grid, method, options)
+    with pytest.raises(ConfigError, match="chink"):
+        reconstruct(grid, "default", dataclasses.replace(DefaultConfig(), chink=float("nan")))

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.errors import ConfigError
 from layoutexplore.grid import OccupancyGrid
 from layoutexplore.layout.baselines_voronoi import VoronoiConfig, voronoi_labels
 from layoutexplore.layout.laid_down import laid_down
@@ -43,6 +44,10 @@ class MorphologicalConfig:
     area_max: float = 47.0
     depth: float = 3.65
 
+    def __post_init__(self) -> None:
+        if not 0 <= self.area_min < self.area_max or self.depth <= 0:
+            raise ConfigError("area_min must be at least 0 and below area_max, depth above 0")
+
 
 @dataclass(frozen=True, kw_only=True)
 class DistanceConfig:
@@ -55,6 +60,10 @@ class DistanceConfig:
 
     area_min: float = 0.35
     area_max: float = 163.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.area_min < self.area_max:
+            raise ConfigError("area_min must be at least 0 and below area_max")
 
 
 Contours = Sequence[NDArray[np.int32]]

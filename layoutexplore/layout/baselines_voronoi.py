@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.errors import ConfigError
 from layoutexplore.layout.baselines_merging import merge_by_borders
 from layoutexplore.layout.critical_lines import critical_lines
 from layoutexplore.layout.voronoi_graph import contour_cells, critical_points, voronoi_graph
@@ -35,6 +36,10 @@ class VoronoiConfig:
     spacing: float = 0.5
     area_min: float = 0.1
     merge_area: float = 12.5
+
+    def __post_init__(self) -> None:
+        if min(self.neighbourhood, self.iterations) < 1 or min(self.spacing, self.area_min, self.merge_area) < 0:
+            raise ConfigError("neighbourhood and iterations must be above 0, spacing, area_min and merge_area not below")
 
 
 def voronoi_labels(free: NDArray[np.bool_], resolution: float, config: VoronoiConfig) -> NDArray[np.int32]:

@@ -7,8 +7,10 @@ that `import layoutexplore` stays cheap.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
+from numbers import Integral, Real
 from typing import Any, TypeVar
 
 from layoutexplore.errors import ConfigError, unknown_name
@@ -42,19 +44,40 @@ class LayoutMethod:
         """The configuration to run with: the default, the given one, or the default changed by a mapping.
 
         Raises:
-            ConfigError: An unknown key, or a configuration of another method.
+            ConfigError: An unknown key, a value of another kind than the default's, or a configuration of another method.
         """
         if config is None:
             return self.config_class()
+        defaults = {f.name: f.default for f in fields(self.config_class)}
         if isinstance(config, self.config_class):
+            self._check({name: getattr(config, name) for name in defaults}, defaults)
             return config
         if isinstance(config, dict):
-            known = {f.name for f in fields(self.config_class)}
-            for key in config:
-                if key not in known:
-                    raise unknown_name(f"option of the {self.name} method", str(key), known)
+            self._check(config, defaults)
             return replace(self.config_class(), **config)
         raise ConfigError(f"the {self.name} method takes a {self.config_class.__name__}, got {type(config).__name__}")
+
+    def _check(self, options: Mapping[str, Any], defaults: Mapping[str, Any]) -> None:
+        for name, value in options.items():
+            if name not in defaults:
+                raise unknown_name(f"option of the {self.name} method", str(name), defaults)
+            if not _is_like(value, defaults[name]):
+                kind = _KINDS.get(type(defaults[name]), "a finite number")
+                raise ConfigError(f"the {self.name} method's {name} must be {kind}, such as {defaults[name]}; got {value!r}")
+
+
+_KINDS = {bool: "True or False", int: "a whole number", tuple: "finite numbers in a tuple"}
+
+
+def _is_like(value: Any, default: Any) -> bool:
+    """Whether a value is of the kind of an option's default: a flag, finite numbers, whole ones where the default is whole."""
+    if isinstance(default, tuple):
+        return isinstance(value, tuple) and len(value) == len(default) and all(map(_is_like, value, default))
+    if isinstance(default, bool) or isinstance(value, bool):
+        return isinstance(default, bool) and isinstance(value, bool)
+    if default is None and value is None:
+        return True
+    return isinstance(value, Integral if isinstance(default, int) else Real) and math.isfinite(value)
 
 
 _METHODS: dict[str, LayoutMethod] = {}
