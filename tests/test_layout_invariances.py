@@ -152,6 +152,26 @@ def test_directions_rise_from_zero_to_pi_whatever_the_origin(method: str, theta:
         assert ((angles >= 0) & (angles < np.pi)).all()
 
 
+@pytest.mark.parametrize("method", list(METHOD_MODULES))
+def test_it_does_not_matter_how_the_cells_lie_in_memory(method: str) -> None:
+    for cells in (generated().cells, np.ascontiguousarray(np.rot90(generated().cells))):
+        layout = reconstruct(OccupancyGrid(cells, 0.1), method)
+        frozen = cells.copy()
+        frozen.flags.writeable = False
+        part = np.pad(cells, 3)[3:-3, 3:-3]
+        for same in (
+            np.asfortranarray(cells),
+            np.ascontiguousarray(cells[::-1, ::-1])[::-1, ::-1],
+            frozen,
+            part,
+            cells.astype(int),
+        ):
+            again = reconstruct(OccupancyGrid(same, 0.1), method)
+            assert np.array_equal(again.labels, layout.labels)
+            assert np.array_equal(again.clean_grid.cells, layout.clean_grid.cells)
+            assert [room.polygon for room in again.rooms] == [room.polygon for room in layout.rooms]
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(list(MOVES)), st.sampled_from(ROOM_METHODS))
 def test_plans_of_random_boxes_give_the_same_rooms(seed: int, move: str, method: str) -> None:

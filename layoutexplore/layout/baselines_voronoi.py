@@ -54,7 +54,7 @@ def voronoi_pieces(free: NDArray[np.bool_], resolution: float, config: VoronoiCo
     distance = np.ascontiguousarray(distance[1:-1, 1:-1].astype(np.uint8))
     walls = contour_cells(free)
     points = critical_points(voronoi_graph(free, walls), distance, config.neighbourhood, config.iterations)
-    cut = free.astype(np.uint8)
+    cut = free.astype(np.uint8, order="C")
     for point, *ends in critical_lines(points, walls, distance, config.spacing)[:, :, ::-1].tolist():
         for end in ends:
             cv2.line(cut, point, end, 0, 2)

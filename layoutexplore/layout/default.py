@@ -180,7 +180,8 @@ def merge_into_rooms(
     footprint = turn_back(pieces.labels, pieces.turned, grid.shape)
     if pieces.turned.angle:
         grow_in_place(footprint, grid.free)
-    labels = _number_large(footprint, into, np.ascontiguousarray(grid.cells), grid.resolution**2, config.room_area)
+    cells = np.require(grid.cells, requirements=("C", "W"))  # the kernel takes no array that may only be read
+    labels = _number_large(footprint, into, cells, grid.resolution**2, config.room_area)
     spread_in_place(footprint, np.ascontiguousarray(grid.occupied), max(round(config.wall_half / grid.resolution), 1))
     return labels, footprint
 
