@@ -1,12 +1,15 @@
 """Independent tasks on worker processes, where a worker that dies costs one task and not the run.
 
 Workers are spawned, not forked (threads and compiled kernels do not survive a fork), and keep to one thread each: BLAS,
-OpenMP and OpenCV would otherwise start as many as there are cores in every worker.
+OpenMP and OpenCV would otherwise start as many as there are cores in every worker. A worker ends with the process that
+started it, even when that one was killed: it would wait for work for ever.
 """
 
 from __future__ import annotations
 
 import multiprocessing
+import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -51,7 +54,8 @@ def run_all(
         careful = bool(suspects)  # tasks that were in flight when a worker died run alone, to find the one that kills
         source, workers = (suspects, 1) if careful else (queue, min(jobs, len(queue)))
         with single_threaded():
-            pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=initializer, initargs=arguments)
+            spawn = multiprocessing.get_context("spawn")
+            pool = ProcessPoolExecutor(workers, spawn, initializer=_begin, initargs=(initializer, arguments))
             flying: dict[Future[R], T] = {}
             try:
                 while source or flying:
@@ -69,6 +73,19 @@ def run_all(
                     suspects.extend(flying.values())
             finally:
                 _stop(pool)
+
+
+def _begin(initializer: Callable[..., None], arguments: tuple[Any, ...]) -> None:
+    """What a worker does first."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    initializer(*arguments)
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _stop(pool: ProcessPoolExecutor) -> None:

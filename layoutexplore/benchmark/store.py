@@ -6,7 +6,7 @@
     plans/PLAN.npz    the plan's cells, for the pictures of the report
 
 A run's curve is renamed into place before its row is appended in one write, so a killed benchmark loses only the runs that
-were in flight; a row that was cut off half-way is dropped when the folder is opened again.
+were in flight; a row that was cut off half-way is dropped when the folder is opened again, and so is what was half-written.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.archives import is_whole, read_arrays
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual, from_arrays, to_arrays
 from layoutexplore.benchmark.episode import Episode, Row
@@ -43,6 +44,18 @@ _REQUIRED = {f.name for f in dataclasses.fields(Row) if f.default is dataclasses
 
 LOCK = ".lock"
 """File that is held while a benchmark writes."""
+
+_HALF = ".part"
+"""How the names of files end that are being written."""
+
+_MANIFEST: dict[type | tuple[type, ...], tuple[str, ...]] = {
+    str: ("config_hash", "command", "baseline", "settings.version"),
+    int: ("starts", "settings.seed"),
+    list: ("agents", "sensors"),
+    dict: ("plans", "settings.lidars"),
+    (int, float): ("settings.simulation.turn_cost", "settings.simulation.coverage_goal"),
+}
+"""What run.toml must hold, by type."""
 
 _CONVERTERS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "bool": lambda text: text == "True", "str": str}
 
@@ -79,9 +92,12 @@ class ResultsFolder:
             raise ResultsError(f"{self.table} is damaged: {error}; remove the line, or start again with --force") from error
 
     def append(self, row: Row) -> None:
-        """Add a row in a single write."""
-        with self.table.open("ab", buffering=0) as file:
-            file.write(_line(row).encode())
+        """Add a row in a single write; `ResultsError` where that fails."""
+        try:
+            with self.table.open("ab", buffering=0) as file:
+                file.write(_line(row).encode())
+        except OSError as error:
+            raise ResultsError(f"cannot write {self.table}: {error.strerror}") from error
 
     def rewrite(self, rows: Iterable[Row]) -> None:
         """Replace all rows, sorted, at once."""
@@ -90,14 +106,14 @@ class ResultsFolder:
             temporary.write_text(_header() + "".join(map(_line, ordered)), encoding="utf-8")
 
     def finished(self) -> list[Row]:
-        """Rows of earlier runs that ended well and whose curve is there; the file is cut back to these."""
+        """Rows of earlier runs that ended well and whose curve is there, whole; the file is cut back to these."""
         if self.table.exists():
             written = self.table.read_bytes()
             if not written.endswith(b"\n"):
                 with atomic(self.table) as temporary:
                     temporary.write_bytes(written[: written.rfind(b"\n") + 1])
         rows = self.rows() if self.table.exists() and self.table.stat().st_size else []
-        good = {row.key: row for row in rows if not row.error and self.curve_path(row).exists()}
+        good = {row.key: row for row in rows if not row.error and is_whole(self.curve_path(row))}
         self.rewrite(good.values())
         return list(good.values())
 
@@ -115,14 +131,18 @@ class ResultsFolder:
             np.savez_compressed(file, **arrays)
 
     def episode(self, row: Row) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The curve (n, 2) and track (m, 3) of a run."""
-        with np.load(self.curve_path(row)) as data:
-            return data["curve"].astype(np.float64), data["track"].astype(np.float64)
+        """The curve (n, 2) and track (m, 3) of a run.
+
+        Raises:
+            ResultsError: Their file is missing or damaged.
+        """
+        data = self._arrays(self.curve_path(row), "curve", "track")
+        return data["curve"].astype(np.float64), data["track"].astype(np.float64)
 
     def counterfactual(self, row: Row) -> Counterfactual | None:
         """What the layout changed in a run; None where nobody asked, or a version that noted other things."""
-        with np.load(self.curve_path(row)) as data:
-            return from_arrays(dict(data)) if "log" in data and data["log"].shape[1] == len(LOG) else None
+        data = self._arrays(self.curve_path(row))
+        return from_arrays(data) if "log" in data and data["log"].shape[1] == len(LOG) else None
 
     def save_raster(self, name: str, raster: PlanRaster) -> None:
         """Keep a plan's cells for the pictures."""
@@ -134,22 +154,37 @@ class ResultsFolder:
 
     def raster(self, name: str) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """A plan's occupied cells bool (rows, cols), and (resolution, origin x, y, theta)."""
-        with np.load(self.path / "plans" / f"{slug(name)}.npz") as data:
-            rows, cols = data["shape"]
-            return np.unpackbits(data["occupied"], count=rows * cols).reshape(rows, cols).astype(np.bool_), data["frame"]
+        data = self._arrays(self.path / "plans" / f"{slug(name)}.npz", "occupied", "shape", "frame")
+        rows, cols = data["shape"]
+        return np.unpackbits(data["occupied"], count=rows * cols).reshape(rows, cols).astype(np.bool_), data["frame"]
+
+    @staticmethod
+    def _arrays(path: Path, *names: str) -> dict[str, NDArray[Any]]:
+        try:
+            return read_arrays(path, *names)
+        except ResultsError as error:
+            raise ResultsError(f"{error}; the same benchmark command makes it anew") from error
 
     def manifest(self) -> dict[str, Any]:
         """What run.toml says.
 
         Raises:
-            ResultsError: It is missing or cannot be read.
+            ResultsError: It is missing, cannot be read, or lacks what this version needs.
         """
         try:
-            return tomllib.loads((self.path / "run.toml").read_text(encoding="utf-8"))
+            manifest = tomllib.loads((self.path / "run.toml").read_text(encoding="utf-8"))
         except OSError as error:
             raise ResultsError(f"{self.path} holds no benchmark: there is no run.toml in it") from error
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ResultsError(f"{self.path}/run.toml is damaged ({error}): start again with --force") from error
+        lacking = [name for kind, names in _MANIFEST.items() for name in names if not isinstance(_at(manifest, name), kind)]
+        if not lacking:
+            lacking = [f"plans.{name}" for name, plan in manifest["plans"].items() if _at(plan, "content_hash") is None]
+        if lacking:
+            raise ResultsError(
+                f"{self.path}/run.toml is damaged or of another version (no {lacking[0]}): start again with --force"
+            )
+        return manifest
 
 
 @contextmanager
@@ -163,11 +198,15 @@ def locked(path: Path) -> Iterator[None]:
         raise ResultsError(f"{path} is a file: --out must name a folder")
     if path.exists() and any(path.iterdir()) and not any((path / name).exists() for name in ("run.toml", LOCK)):
         raise ResultsError(f"{path} is not empty and holds no benchmark: choose another folder with --out")
-    path.mkdir(parents=True, exist_ok=True)
     lock = path / LOCK
-    with lock.open("w") as file:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        held = lock.open("w")
+    except OSError as error:
+        raise ResultsError(f"cannot write into {path} ({error.strerror}): choose another folder with --out") from error
+    with held:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             raise ResultsError(f"another benchmark is writing into {path}: wait for it, or choose another --out") from error
         try:
@@ -199,11 +238,20 @@ def open_results(
             shutil.rmtree(path / name, ignore_errors=True)
         for name in ("results.csv", "results.parquet", "summary.csv", "report.html", "report.md", "run.toml"):
             (path / name).unlink(missing_ok=True)
+    for half_written in path.rglob(f".*{_HALF}"):
+        half_written.unlink(missing_ok=True)
     if (path / "run.toml").exists():
         wanted = _merged(folder.manifest(), wanted, path, extend=extend)
     with atomic(path / "run.toml") as temporary:
         temporary.write_text(to_toml(wanted), encoding="utf-8")
     return folder
+
+
+def _at(table: Any, path: str) -> Any:
+    """The value at a path like "settings.seed" of nested tables; None where there is none."""
+    for key in path.split("."):
+        table = table.get(key) if isinstance(table, dict) else None
+    return table
 
 
 def _manifest(config: BenchmarkConfig, plans: list[PlanEntry], command: str) -> dict[str, Any]:
@@ -309,16 +357,24 @@ def slug(name: str) -> str:
 
 @contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that replaces it when the block ends well, and vanishes when it does not."""
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
+    """A temporary path beside `path` that replaces it when the block ends well, and vanishes when it does not.
+
+    Raises:
+        ResultsError: The file cannot be written.
+    """
+    temporary = path
     try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=_HALF, dir=path.parent)
+        os.close(handle)
+        temporary = Path(name)
         yield temporary
         temporary.chmod(0o644)
         temporary.replace(path)
+    except OSError as error:
+        raise ResultsError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        if temporary is not path:
+            temporary.unlink(missing_ok=True)
 
 
 def _header() -> str:

@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.archives import is_whole, read_arrays
 from layoutexplore.closed_doors.candidates import rectangles
 from layoutexplore.closed_doors.doors import DOOR_FEATURES, Door
 from layoutexplore.closed_doors.features import FEATURES, describe
@@ -181,10 +182,10 @@ def find_sources(folder: Path | None, plans: Sequence[str], *, buildings: Sequen
 def samples_of(source: Source, cache: Path | None = None) -> Samples | None:
     """The samples of a map, kept in a folder where one is given; None where no room can be shut."""
     kept = cache / f"{source.name}.npz" if cache else None
-    if kept is not None and kept.is_file():
-        with np.load(kept, allow_pickle=False) as data:
-            if data["boxes"].shape[1] == len(FEATURES) and data["edges"].shape[1] == len(DOOR_FEATURES):
-                return Samples(*(data[name] for name in Samples.__dataclass_fields__))
+    if kept is not None and is_whole(kept):
+        data = read_arrays(kept, *Samples.__dataclass_fields__)
+        if data["boxes"].shape[1] == len(FEATURES) and data["edges"].shape[1] == len(DOOR_FEATURES):
+            return Samples(**data)
     rng = np.random.default_rng([*source.name.encode()])
     maps = _maps(source, rng)
     if maps is None:

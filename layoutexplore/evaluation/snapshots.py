@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.archives import is_whole, read_arrays
 from layoutexplore.decision import Agent, Decision, Frontier
 from layoutexplore.floorplan import FloorPlan
 from layoutexplore.grid import Cell, OccupancyGrid, Pose
@@ -46,11 +47,11 @@ def explore(
         sensor: A preset's name.
         seed: Decides the start.
         coverages: Rising shares 0..1.
-        store: Folder in which explorations are kept; one that is there is read instead of run again.
+        store: Folder in which explorations are kept; one that is there, whole, is read instead of run again.
     """
     simulation = Simulation(plan, SimulationConfig(sensor=sensor))
     path = store and store / f"{_key(plan, simulation, seed, agent.name, coverages)}.npz"
-    if path and path.is_file():
+    if path and is_whole(path):
         return _load(path, plan, simulation, seed)
     found = list(_run(simulation, seed, agent, coverages))
     if path:
@@ -107,15 +108,15 @@ def _load(path: Path, plan: FloorPlan, simulation: Simulation, seed: int) -> lis
     simulation.reset(seed=seed)
     snapshots = []
     raster, config = simulation.raster, simulation.config
-    with np.load(path, allow_pickle=False) as data:
-        for k, share in enumerate(data["coverages"].tolist()):
-            grid = OccupancyGrid(data[f"cells{k}"], raster.resolution, raster.origin)
-            pose = Pose(*data[f"pose{k}"].tolist())
-            clusters = np.split(data[f"members{k}"], np.cumsum(data[f"lengths{k}"])[:-1])
-            rows = data[f"numbers{k}"].tolist()
-            frontiers = [_frontier(grid, pose, *pair) for pair in zip(clusters, rows, strict=True)]
-            decision = _decision(grid, pose, frontiers, config.lidar.name, config.robot_radius)
-            snapshots.append(Snapshot(plan.name, plan.building, config.lidar.name, seed, share, decision, simulation.truth))
+    data = read_arrays(path)
+    for k, share in enumerate(data["coverages"].tolist()):
+        grid = OccupancyGrid(data[f"cells{k}"], raster.resolution, raster.origin)
+        pose = Pose(*data[f"pose{k}"].tolist())
+        clusters = np.split(data[f"members{k}"], np.cumsum(data[f"lengths{k}"])[:-1])
+        rows = data[f"numbers{k}"].tolist()
+        frontiers = [_frontier(grid, pose, *pair) for pair in zip(clusters, rows, strict=True)]
+        decision = _decision(grid, pose, frontiers, config.lidar.name, config.robot_radius)
+        snapshots.append(Snapshot(plan.name, plan.building, config.lidar.name, seed, share, decision, simulation.truth))
     return snapshots
 
 
