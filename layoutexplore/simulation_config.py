@@ -26,7 +26,7 @@ class SimulationConfig:
         frontier_min_size: Metres; shorter frontiers are offered only when no longer one is left.
         gain_range: Metres up to which `Frontier.visible_area` looks (never beyond the sensor's range).
         gain_rays: Rays per viewpoint for `Frontier.visible_area`.
-        gone_share: A walk ends early when less than this share of the target frontier is left.
+        gone_share: A walk ends early when less than this share of the target frontier is left, 0..1.
         odometry_noise: How the believed pose drifts; the error enters the map.
 
     Raises:
@@ -50,10 +50,13 @@ class SimulationConfig:
         sensor(self.sensor)
         for name in ("resolution", "robot_radius", "scan_spacing", "coverage_goal", "gain_range", "gain_rays"):
             _check(name, getattr(self, name), above=0.0)
+        if not isinstance(self.gain_rays, int):
+            raise ConfigError(f"gain_rays must be a whole number above 0, got {self.gain_rays!r}")
         for name in ("turn_cost", "frontier_min_size", "gone_share"):
             _check(name, getattr(self, name), least=0.0)
-        if self.coverage_goal > 1:
-            raise ConfigError(f"coverage_goal is a share of the target area and cannot exceed 1, got {self.coverage_goal}")
+        for name, whole in (("coverage_goal", "the target area"), ("gone_share", "a frontier")):
+            if getattr(self, name) > 1:
+                raise ConfigError(f"{name} is a share of {whole} and cannot exceed 1, got {getattr(self, name)}")
         if self.max_distance is not None:
             _check("max_distance", self.max_distance, above=0.0)
         _check("odometry_noise.translation", self.odometry_noise.translation, least=0.0)
@@ -66,6 +69,7 @@ class SimulationConfig:
 
 
 def _check(name: str, value: float, *, above: float = -math.inf, least: float = -math.inf) -> None:
-    if not (isinstance(value, (int, float)) and math.isfinite(value) and value > above and value >= least):
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not (number and math.isfinite(value) and value > above and value >= least):
         bound = f"above {above:g}" if math.isfinite(above) else f"{least:g} or more"
         raise ConfigError(f"{name} must be a finite number {bound}, got {value!r}")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -114,6 +116,34 @@ def test_a_killed_run_continues(config: BenchmarkConfig, tmp_path: Path) -> None
     assert again.ran == 4
     assert timeless(again.rows) == timeless(whole.rows)
     assert run_benchmark(config, out).ran == 0
+
+
+def test_what_is_cut_off_is_made_again(config: BenchmarkConfig, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    whole = run_benchmark(config, out)
+    path = whole.folder.curve_path(whole.rows[0])
+    path.write_bytes(path.read_bytes()[:200])
+    half = path.with_name(f".{path.name}.abcdefgh.part")
+    half.write_bytes(b"half")
+    with pytest.raises(ResultsError, match="is damaged"):
+        whole.folder.episode(whole.rows[0])
+    again = run_benchmark(config, out)
+    assert again.ran == 1 and timeless(again.rows) == timeless(whole.rows)
+    assert not half.exists() and len(again.folder.episode(again.rows[0])[0]) > 1
+
+
+def test_workers_end_with_a_killed_benchmark() -> None:
+    code = """
+import time
+from layoutexplore.benchmark.pool import run_all
+for _ in run_all(time.sleep, [0.0, 600.0, 600.0, 600.0], jobs=2, lost=str, initializer=int):
+    print("one", flush=True)
+"""
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout and process.stdout.readline() == b"one\n"
+        process.kill()
+        process.communicate(timeout=120)  # it ends when nobody holds the other end of the pipe any more
 
 
 def test_an_interrupted_run_keeps_what_is_finished(config: BenchmarkConfig, tmp_path: Path) -> None:
@@ -242,6 +272,16 @@ def test_a_file_that_is_no_text_is_told(config: BenchmarkConfig, tmp_path: Path,
         run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
 
 
+@pytest.mark.parametrize("line", ["starts", "baseline", "content_hash", "turn_cost"])
+def test_a_manifest_that_lacks_something_is_told(config: BenchmarkConfig, tmp_path: Path, line: str) -> None:
+    folder = run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out").folder
+    path = folder.path / "run.toml"
+    kept = [text for text in path.read_text().splitlines() if not text.startswith(line)]
+    path.write_text("\n".join(kept))
+    with pytest.raises(ResultsError, match=r"run\.toml is damaged"):
+        folder.manifest()
+
+
 def test_two_benchmarks_do_not_share_a_folder(config: BenchmarkConfig, tmp_path: Path) -> None:
     with locked(tmp_path / "out"), pytest.raises(ResultsError, match="another benchmark is writing"):
         run_benchmark(config, tmp_path / "out", force=True)
@@ -253,6 +293,10 @@ def test_unknown_names_are_told_before_anything_runs(config: BenchmarkConfig, tm
         run_benchmark(dataclasses.replace(config, agents=("nearst",)), tmp_path / "out")
     with pytest.raises(UnknownNameError, match="did you mean 'indoor'"):
         dataclasses.replace(config, sensors=("indor",))
+    with pytest.raises(UnknownNameError, match="did you mean 'layout'"):
+        run_benchmark(dataclasses.replace(config, agents=("layout-tour:predictor=layot",)), tmp_path / "out")
+    with pytest.raises(UnknownNameError, match="unknown agent 'neighbour'"):
+        run_benchmark(dataclasses.replace(config, baseline="neighbour"), tmp_path / "out")
     with pytest.raises(MapError, match="no such"):
         run_benchmark(dataclasses.replace(config, plans=("nowhere/plan.xml",)), tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -310,7 +354,11 @@ def test_configuration_from_toml(tmp_path: Path) -> None:
         ("simulation = 3", "simulation in .* must be a table"),
         ("lidars = { mine = 3 }", "expected a table"),
         ("[simulation]\nodometry_noise = 3", "expected a table"),
-        ("[simulation]\nresolution = 'fine'", "resolution"),
+        ("[simulation]\nresolution = 'fine'", r"study\.toml \[simulation\]: resolution"),
+        ("[simulation]\nresolution = true", "resolution must be a finite number"),
+        ("[simulation]\ngain_rays = 1.5", "gain_rays must be a whole number"),
+        ("[simulation]\ngone_share = 7", "gone_share is a share"),
+        ("baseline = 3", "baseline must be the name of an agent"),
     ],
 )
 def test_bad_configurations(tmp_path: Path, text: str, said: str) -> None:

@@ -75,6 +75,8 @@ class BenchmarkConfig:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < least:
                 raise ConfigError(f"{name} must be a whole number, {least} or more, got {value!r}")
+        if not isinstance(self.baseline, str) or not self.baseline:
+            raise ConfigError(f"baseline must be the name of an agent, got {self.baseline!r}")
         if not isinstance(self.explain, bool):
             raise ConfigError(f"explain must be true or false, got {self.explain!r}")
         for name in self.sensors:
@@ -148,9 +150,13 @@ def _lidar(name: str, table: Any, where: str) -> LidarConfig:
 
 def _build(kind: type[T], table: dict[str, Any], where: str) -> T:
     _check_keys(table, kind, f"in {where}")
+    fields = dataclasses.fields(kind)  # type: ignore[arg-type]
+    needed = [f.name for f in fields if f.default is f.default_factory is dataclasses.MISSING]
+    if lacking := [name for name in needed if name not in table]:
+        raise ConfigError(f"{where}: missing {' and '.join(lacking)}")
     try:
         return kind(**table)
-    except TypeError as error:
+    except (TypeError, ConfigError) as error:
         raise ConfigError(f"{where}: {error}") from error
 
 

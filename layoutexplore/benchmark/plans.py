@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.benchmark.episode import run_seed
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.floorplan import FloorPlan
 from layoutexplore.grid import Pose
 from layoutexplore.robot import draw_start
@@ -65,7 +65,10 @@ def entry(source: str, simulation: SimulationConfig) -> PlanEntry:
         MapError: The plan cannot be read, or has no place for the robot.
     """
     plan = load(source)
-    reachable = plan.rasterize(simulation.resolution).reachable(simulation.robot_radius)
+    try:
+        reachable = plan.rasterize(simulation.resolution).reachable(simulation.robot_radius)
+    except MapError as error:
+        raise MapError(f"{source}: {error}") from error
     return PlanEntry(
         name=plan.name,
         source=source,

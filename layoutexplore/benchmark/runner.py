@@ -22,6 +22,7 @@ from layoutexplore.benchmark.pool import run_all
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.errors import ConfigError, LayoutExploreError
 from layoutexplore.floorplan import floorplan_from_ascii
+from layoutexplore.predictors import make_predictor
 
 _WARM_UP_PLAN = """
 ####################
@@ -123,8 +124,9 @@ def run_benchmark(
         raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
     if cluster:
         check_cluster(cluster)
-    for name in config.agents:
-        make_agent(name)  # an unknown name or parameter is better told now than in every run
+    make_agent(config.baseline)
+    for name in config.agents:  # an unknown name or parameter is better told now than in every run
+        make_predictor(getattr(make_agent(name), "predictor", "none"))
     plans = _loaded(config, report)
     with locked(out):
         folder = open_results(out, config, plans, force=force, extend=extend, command=command)
