@@ -60,3 +60,6 @@ def main() -> None:
         # The reader has gone (`layoutexplore ... | head`): that is not an error, but nothing more can be written.
         sys.stdout = None
         sys.exit(0)
+    except OSError as error:  # a full disk, a folder that is not ours
+        print(f"layoutexplore: {f'{error.filename}: ' if error.filename else ''}{error.strerror or error}", file=sys.stderr)
+        sys.exit(2)

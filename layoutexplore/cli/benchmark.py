@@ -99,14 +99,18 @@ def report(
     """Write the report of a results folder again."""
     from rich.console import Console
 
+    from layoutexplore.benchmark.analysis import agents_of
     from layoutexplore.benchmark.store import ResultsFolder
-    from layoutexplore.errors import require
+    from layoutexplore.errors import require, unknown_name
     from layoutexplore.report.exploration import write_report
 
     for module in ("pandas", "pyarrow", "jinja2"):
         require(module, "bench")
+    results = ResultsFolder(folder)
+    if baseline is not None and baseline not in (known := agents_of(results.rows())):
+        raise unknown_name(f"agent of the results in {folder}", baseline, known)
     console = Console(highlight=False)
-    for path in write_report(ResultsFolder(folder), baseline=baseline):
+    for path in write_report(results, baseline=baseline):
         console.print(f"wrote {path}", soft_wrap=True)
 
 
@@ -150,6 +154,8 @@ def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig)
     paths = write_report(outcome.folder, baseline=config.baseline, comparisons=comparisons)
     console.print()
     console.print(_table(headline(outcome.rows, config.baseline, comparisons)))
+    if not any(row.agent == config.baseline for row in outcome.rows):
+        console.print(f"{config.baseline} did not run, so nothing is compared: --baseline names another, --extend adds agents")
     for row in outcome.failed[:5]:
         console.print(f"failed: {row.plan}, start {row.start}, {row.sensor}, {row.agent}: {row.error}", soft_wrap=True)
     if len(outcome.failed) > 5:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from layoutexplore.cli.json_file import write_json
+from layoutexplore.cli.output_places import check_places
 
 COLUMNS = ("before", "free_iou", "iou", "iqm", "iqm_low", "iqm_high", "precision", "recall")
 
@@ -43,6 +44,7 @@ def closed_doors(
 
     if report:
         require("jinja2", "bench")
+    check_places(out, json_file)
     triples = find_triples(folder)
     scores = []
     if folds:

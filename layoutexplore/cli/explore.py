@@ -51,11 +51,13 @@ def explore(
     from rich.console import Console
 
     from layoutexplore.benchmark.episode import Row, play, prepare, score
+    from layoutexplore.cli.output_places import check_places
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.grid_io import encode_png
     from layoutexplore.picture import draw_state
     from layoutexplore.simulation_config import SimulationConfig
 
+    check_places(out)
     console = Console(highlight=False)
     simulation, chosen = prepare(plan, SimulationConfig(sensor=sensor), agent)
     pictures: dict[int, bytes] = {}
@@ -106,14 +108,18 @@ def parse_start(text: str | None) -> Pose | None:
 
 def save_run(folder: Path, simulation: Simulation, pictures: dict[int, bytes]) -> list[Path]:
     """Write the final map, the way walked, the coverage curve and pictures (by percent seen) of a run; the files written."""
+    import io
+
     import numpy as np
 
     from layoutexplore.grid_io import write_atomically
 
-    folder.mkdir(parents=True, exist_ok=True)
     simulation.mapper.grid.save(folder / "map.yaml")
-    np.savetxt(folder / "track.csv", simulation.track, "%.4f", ",", header="x,y,theta", comments="")
-    np.savetxt(folder / "curve.csv", simulation.curve, "%.6f", ",", header="distance,coverage,scan", comments="")
+    tables = {"track": (simulation.track, "%.4f", "x,y,theta"), "curve": (simulation.curve, "%.6f", "distance,coverage,scan")}
+    for name, (table, digits, header) in tables.items():
+        text = io.StringIO()
+        np.savetxt(text, table, digits, ",", header=header, comments="")
+        write_atomically(folder / f"{name}.csv", text.getvalue().encode())
     for percent, picture in pictures.items():
         write_atomically(folder / f"seen_{percent:03}.png", picture)
     names = ["map.yaml", "track.csv", "curve.csv", *(f"seen_{percent:03}.png" for percent in pictures)]

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from layoutexplore.cli.json_file import write_json
+from layoutexplore.cli.output_places import check_places
 
 ROOM_COLUMNS = ("rooms", "hidden_iou", "hidden_low", "hidden_high", "iou", "log_area", "boundary_m", "spearman", "mae_m2")
 FRONTIER_COLUMNS = ("frontiers", "mcc", "f1_closed", "f1_open", "leftover_accuracy", "leftover_mcc", "calibration_error")
@@ -36,17 +37,20 @@ def partial_rooms(
     from layoutexplore.evaluation.partial_rooms_summary import summarise
     from layoutexplore.evaluation.snapshots import explore
     from layoutexplore.floorplan import FloorPlan
+    from layoutexplore.lidar import sensor as find_sensor
     from layoutexplore.predictors import make_room_predictor, predictor_names
     from layoutexplore.processes import command_line
 
     if out is not None:
         require("jinja2", "bench")
+    check_places(out, json_file)
+    sensors = [find_sensor(name).name for name in sensor or SENSORS]
     predictors = [make_room_predictor(name) for name in dict.fromkeys(predictor or predictor_names())]
     taken = (
         snapshot
         for source in find_plans(plans)
         for plan in [FloorPlan.load(source)]
-        for name in sensor or SENSORS
+        for name in sensors
         for seed in range(starts)
         for snapshot in explore(plan, make_agent(PROTOCOL_AGENT), sensor=name, seed=seed, store=snapshots)
     )

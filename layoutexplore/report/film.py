@@ -26,7 +26,7 @@ class Film:
         fps: Frames per second.
 
     Raises:
-        ConfigError: Another kind of file, or a frame rate that makes no sense.
+        ConfigError: Another kind of file, a frame rate that makes no sense, or a place that cannot be written.
         MissingExtraError: imageio is not installed.
     """
 
@@ -42,8 +42,11 @@ class Film:
         self._last: NDArray[np.uint8] | None = None
 
     def __enter__(self) -> Film:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._folder = tempfile.TemporaryDirectory(dir=self.path.parent, prefix=".film-")
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._folder = tempfile.TemporaryDirectory(dir=self.path.parent, prefix=".film-")
+        except OSError as error:
+            raise ConfigError(f"{self.path}: a film cannot be written there: {error.strerror}") from error
         self._unfinished = Path(self._folder.name) / self.path.name
         gif = self.path.suffix.lower() == ".gif"
         options: dict[str, Any] = {"duration": 1000 / self.fps, "loop": 0} if gif else {"fps": self.fps, "macro_block_size": 2}
