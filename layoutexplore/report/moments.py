@@ -26,6 +26,9 @@ LEAST_ASPECT = 0.8
 LABELS = 10
 """Frontiers whose expected area is written into the picture: those nearest to the robot."""
 
+_TEXT = 16
+"""Room for the text of a label, in hundredths of a picture's longer side."""
+
 RADIUS = 0.2
 """Metres from walls at which ways are drawn where there is room."""
 
@@ -174,13 +177,15 @@ def _labels(moment: Moment, place: Place, size: tuple[int, int]) -> tuple[Label,
     for k in np.argsort(away, kind="stable").tolist():
         x, y = place((float(middles[k][0]), float(middles[k][1])))
         unit = max(size) / 100
-        crowded = any(abs(x - other.x) < 14 * unit and abs(y - other.y) < 4 * unit for other in labels)
+        before = x > size[0] - _TEXT * unit
+        left = x - before * _TEXT * unit
+        crowded = any(abs(left - (o.x - o.before * _TEXT * unit)) < _TEXT * unit and abs(y - o.y) < 4 * unit for o in labels)
         if not (0 <= x <= size[0] and 5 * unit <= y <= size[1]) or crowded or len(labels) >= LABELS:
             continue
         closed, area = moment.judged[k, :2].tolist()
         text = f"{_area(area)}{_NBSP}m²" if closed else "open"
         colour = palette.mix(palette.CLOSED if closed else palette.OPEN, palette.BLACK, 0.35)
-        labels.append(Label(x, y, text, palette.to_hex(colour), x > size[0] - 16 * unit))
+        labels.append(Label(x, y, text, palette.to_hex(colour), before))
     return tuple(labels)
 
 

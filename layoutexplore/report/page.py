@@ -52,10 +52,11 @@ def points(value: float) -> str:
     """A difference of shares, in percent points with its sign.
 
     Example:
-        >>> points(0.034), points(-0.0071)
-        ('+3.4', '−0.7')
+        >>> points(0.034), points(-0.0071), points(-0.0001)
+        ('+3.4', '−0.7', '0.0')
     """
-    return f"{100 * value:+.1f}".replace("-", "\N{MINUS SIGN}")
+    text = f"{100 * value:+.1f}"
+    return text[1:] if text[1:] == "0.0" else text.replace("-", "\N{MINUS SIGN}")
 
 
 def interval(value: Interval | None, digits: int = 2, *, sign: bool = False) -> str:
