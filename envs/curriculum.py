@@ -112,6 +112,8 @@ class PlanSampler(_Table):
         for name in ("area", "clutter", "door_width", "closed_doors"):
             _check_range(name, getattr(self, name), *LIMITS[name])
         _check("seeds", self.seeds, 0, 2**31)
+        if not isinstance(self.seeds, int):
+            raise ConfigError(f"seeds must be a whole number, got {self.seeds!r}")
         _check("shipped_share", self.shipped_share, 0.0, 1.0)
         _check("first_area", self.first_area, 0.0, math.inf)
         _check("growth", self.growth, 0.0, 1.0)
@@ -168,9 +170,10 @@ class Randomisation(_Table):
         for name in ("range_noise", "dropout", "drift"):
             if not getattr(self, name):
                 raise ConfigError(f"{name}: list at least one value")
-        for name, high in (("range_noise", 10.0), ("dropout", 0.99), ("drift", 1.0), ("robot_radius", 2.0)):
+        limits = {"range_noise": (0.0, 10.0), "dropout": (0.0, 0.99), "drift": (0.0, 1.0), "robot_radius": (0.01, 2.0)}
+        for name, (low, high) in limits.items():
             for value in getattr(self, name):
-                _check(name, value, 0.0, high)
+                _check(name, value, low, high)
 
     def draw(self, rng: np.random.Generator, config: SimulationConfig) -> SimulationConfig:
         """The configuration of an episode."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, cast
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from layoutexplore.decision import STOP, Predictor
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.curriculum import Randomisation
-from layoutexplore.envs.observation import Observation, ObservationConfig, Observer
+from layoutexplore.envs.observation import Observation, ObservationConfig, Observer, check_counts
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.privileged import PrivilegedView
 from layoutexplore.envs.rewards import Reward
@@ -183,6 +184,9 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         self.observation_space = self.observation_config.space
         self.action_space = spaces.Discrete(self.observation_config.max_frontiers + 1)
         self._privileged: PrivilegedView | None = None
+        if not (math.isfinite(invalid_penalty) and invalid_penalty >= 0):
+            raise ConfigError(f"invalid_penalty must be a finite number of 0 or more, got {invalid_penalty!r}")
+        check_counts(max_invalid_actions=(max_invalid_actions, 1))
         self._invalid_penalty, self._max_invalid_actions = float(invalid_penalty), max_invalid_actions
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observation, dict[str, Any]]:

@@ -203,6 +203,8 @@ class MotionEnv(ExplorationEnv[Any]):
         )
         if actions not in ACTIONS:
             raise ConfigError(f"actions must be one of {', '.join(ACTIONS)}, got {actions!r}")
+        if max_steps is not None:
+            check_counts(max_steps=(max_steps, 1))
         self.motion = motion or MotionConfig()
         self._max_steps = max_steps
         self.observation_space = self.motion.space

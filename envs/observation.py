@@ -158,14 +158,14 @@ def bounds(features: Mapping[str, tuple[float, float]]) -> tuple[NDArray[np.floa
 def check_counts(**counts: tuple[int, int]) -> None:
     """Raise `ConfigError` unless every value, given as (value, least), is a whole number and large enough."""
     for name, (value, least) in counts.items():
-        if int(value) != value or value < least:
+        if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
             raise ConfigError(f"{name} must be a whole number, {least} or more, got {value!r}")
 
 
 def check_positive(**values: float) -> None:
     """Raise `ConfigError` unless every value is a finite number above 0."""
     for name, value in values.items():
-        if not math.isfinite(value) or value <= 0:
+        if not isinstance(value, (int, float, np.number)) or not math.isfinite(value) or value <= 0:
             raise ConfigError(f"{name} must be a finite number above 0, got {value!r}")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -79,4 +79,6 @@ def _expand(spec: OnePlan | Sequence[OnePlan]) -> list[FloorPlan | str]:
         from layoutexplore.maps import expand_plans
 
         return list(expand_plans(str(spec)))
+    if not isinstance(spec, Iterable):
+        raise ConfigError(f"a plan is a FloorPlan, a name, a path, a sequence of these or a function, got {spec!r}")
     return [plan for one in spec for plan in _expand(one)]

@@ -34,13 +34,15 @@ class Viewer:
         frontiers: Whether frontiers are shown; computing them counts as a decision that is due.
 
     Raises:
-        ConfigError: There is no such mode.
+        ConfigError: There is no such mode, or the size makes no sense.
         MissingWindowError: The mode is "human" and pygame is not installed.
     """
 
     def __init__(self, mode: str | None, size: tuple[int, int], fps: int, *, frontiers: bool) -> None:
         if mode is not None and mode not in RENDER_MODES:
             raise ConfigError(f"render_mode must be one of {', '.join(RENDER_MODES)} or None, got {mode!r}")
+        if len(size) != 2 or not all(isinstance(side, (int, np.integer)) and side >= 1 for side in size):
+            raise ConfigError(f"render_size must be a width and a height in pixels, 1 or more each, got {size!r}")
         self.mode, self.size, self._fps, self._frontiers = mode, size, fps, frontiers
         self._window: Any = None
         if mode == "human":

@@ -124,6 +124,8 @@ def test_tables_of_a_file_are_read() -> None:
         (Randomisation, {"sensors": ["stagee"]}, UnknownNameError, "stage"),
         (Randomisation, {"range_noise": []}, ConfigError, "at least one"),
         (Randomisation, {"dropout": [1.5]}, ConfigError, "dropout"),
+        (Randomisation, {"robot_radius": [0.0]}, ConfigError, "robot_radius"),
+        (PlanSampler, {"seeds": 1.5}, ConfigError, "seeds"),
     ],
 )
 def test_tables_are_checked(kind: Any, table: dict[str, Any], error: type[Exception], text: str) -> None:

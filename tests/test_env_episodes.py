@@ -34,6 +34,8 @@ from tests.env_cases import FRONTIER, IDS, MOTION, ROOMS, cases, choose, make, r
         ({"resolution": 0.0}, ConfigError),
         ({"robot_radius": float("nan")}, ConfigError),
         ({"plan": []}, ConfigError),
+        ({"plan": 3}, ConfigError),
+        ({"render_mode": "rgb_array", "render_size": (0, 720)}, ConfigError),
         ({"plan": "no-such-plan"}, LayoutExploreError),
     ],
 )
@@ -94,6 +96,21 @@ def test_stepping_needs_a_running_episode(name: str) -> None:
     assert (info["scans"], info["distance"]) == (1, 0.0)
     with pytest.raises(ResetNeeded, match="over"):
         env.step(0)
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        (FRONTIER, {"invalid_penalty": float("nan")}),
+        (FRONTIER, {"invalid_penalty": -1.0}),
+        (FRONTIER, {"max_invalid_actions": 0}),
+        (MOTION, {"max_steps": 0}),
+        (MOTION, {"max_steps": 2.5}),
+    ],
+)
+def test_bad_limits_are_refused(name: str, options: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match=next(iter(options))):
+        make(name, **options)
 
 
 @pytest.mark.parametrize("name", IDS)
