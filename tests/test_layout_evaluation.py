@@ -110,7 +110,10 @@ def test_clutter_only_fills_free_cells(shape):
 
 
 def test_study_of_a_clean_hall():
-    summary, trials = run_study({"hall": hall()}, ClutterConfig(shapes=("square", "star"), counts=(20, 60), sizes=(3, 15)))
+    told = []
+    config = ClutterConfig(shapes=("square", "star"), counts=(20, 60), sizes=(3, 15))
+    summary, trials = run_study({"hall": hall()}, config, progress=lambda *what: told.append(what))
+    assert told == [("maps cluttered", 1, 1)]
     assert summary.trials == len(trials) == 8
     assert summary.median_precision > 0.95
     assert summary.clean_scores["hall"] < 0.2

@@ -97,7 +97,7 @@ def segmentation(
             plans=_plans(plans),
             seeds=seeds,
             weights=_weights(weight, cases),
-            progress=_training_progress(),
+            progress=_progress(),
         )
     else:
         results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
@@ -171,7 +171,7 @@ def _print_spread(lines: Sequence[dict[str, Any]]) -> None:
         typer.echo(f"{line['folder']}, standard deviation of the mean over {line['seeds']} seeds: {values}")
 
 
-def _training_progress() -> Callable[[str, int, int], None]:
+def _progress() -> Callable[[str, int, int], None]:
     """Shows on the error stream what takes long before and between the scores."""
     from rich.console import Console
 
@@ -254,7 +254,7 @@ def train(
         plans=_plans(plans),
         seed=seed,
         weights=weights,
-        progress=_training_progress(),
+        progress=_progress(),
     )
     note = f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} simulated ones"
     note += f", seed {seed}" + "".join(f", weight {value:g} for {folder}" for folder, value in weights.items())
@@ -317,9 +317,11 @@ def clutter(
 
     check_places(None, json_file)
     files = [f for path in maps for f in (sorted(path.glob("*.png")) if path.is_dir() else [path])]
-    files = [f for f in files if not f.stem.endswith("_gt")]
-    summary, trials = run_study({f.stem: load_grid(f, resolution=resolution) for f in files})
+    grids = {str(f): load_grid(f, resolution=resolution) for f in files if not f.stem.endswith("_gt")}
+    summary, trials = run_study(grids, progress=_progress())
     for key, value in asdict(summary).items():
-        typer.echo(f"{key.replace('_', ' ')}: {value}")
+        values = {"": value} if not isinstance(value, dict) else {f", {k}": v for k, v in value.items()}
+        for which, number in values.items():
+            typer.echo(f"{key.replace('_', ' ')}{which}: {number if isinstance(number, int) else format(number, '.3f')}")
     if json_file is not None:
         write_json(json_file, {"summary": asdict(summary), "trials": [asdict(t) for t in trials]})

@@ -11,7 +11,7 @@ are found without ROSE: the paper's were drawn by hand, and lines turned to ROSE
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -110,8 +110,18 @@ class ClutterSummary:
     raw_error: float
 
 
-def run_study(maps: dict[str, OccupancyGrid], config: ClutterConfig | None = None) -> tuple[ClutterSummary, list[ClutterTrial]]:
+def run_study(
+    maps: dict[str, OccupancyGrid],
+    config: ClutterConfig | None = None,
+    *,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> tuple[ClutterSummary, list[ClutterTrial]]:
     """Add every combination of shape, count and size to every map and measure ROSE.
+
+    Args:
+        maps: The maps by name.
+        config: Which clutter.
+        progress: Told, after each map, what has been done, how often, and how often it will be.
 
     Raises:
         MapError: No map, or a map without walls or free space.
@@ -119,7 +129,11 @@ def run_study(maps: dict[str, OccupancyGrid], config: ClutterConfig | None = Non
     config = config or ClutterConfig()
     if not maps:
         raise MapError("the clutter study needs at least one map")
-    trials = [trial for name, grid in maps.items() for trial in trials_of_map(name, grid, config)]
+    trials: list[ClutterTrial] = []
+    for k, (name, grid) in enumerate(maps.items(), start=1):
+        trials += trials_of_map(name, grid, config)
+        if progress is not None:
+            progress("maps cluttered", k, len(maps))
     clean = {name: float(rose(grid, config.rose).structure_score) for name, grid in maps.items()}
     return summarise(trials, clean), trials
 
