@@ -155,7 +155,10 @@ def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig)
     console.print()
     console.print(_table(headline(outcome.rows, config.baseline, comparisons)))
     if not any(row.agent == config.baseline for row in outcome.rows):
-        console.print(f"{config.baseline} did not run, so nothing is compared: --baseline names another, --extend adds agents")
+        console.print(
+            f"{config.baseline} did not run, so nothing is compared: --baseline names another, --extend adds agents",
+            soft_wrap=True,
+        )
     for row in outcome.failed[:5]:
         console.print(f"failed: {row.plan}, start {row.start}, {row.sensor}, {row.agent}: {row.error}", soft_wrap=True)
     if len(outcome.failed) > 5:
