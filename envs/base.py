@@ -85,7 +85,8 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         self._plans = PlanSource(plan)
         self._predictor = _named(predictor) if isinstance(predictor, str) else predictor
         self._reward = reward(reward_function)
-        self._watches_rooms = watches_rooms or reads_rooms(self._reward)
+        self._counts_visits = reads_rooms(self._reward)
+        self._watches_rooms = watches_rooms or self._counts_visits
         self._ledger: RoomLedger | None = None
         self._viewer = Viewer(render_mode, render_size, self.metadata["render_fps"], frontiers=shows_frontiers)
         self._simulation: Simulation | None = None
@@ -127,7 +128,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         self._over = False
         if self._watches_rooms:
             self._ledger = RoomLedger(self._simulation.truth)
-            self._ledger.update(self._simulation.unseen, self._simulation.robot.track)
+            self._watch()
         self._remember()
 
     def _remember(self) -> None:
@@ -141,7 +142,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         self.stop_reason = self.stop_reason or simulation.stop_reason
         self._over = bool(self.stop_reason)
         distance, known_free, coverage = self._before
-        finished = self._ledger.update(simulation.unseen, simulation.robot.track) if self._ledger else 0
+        finished = self._watch()
         transition = Transition(
             metres=simulation.distance - distance,
             new_area=(simulation.mapper.known_free - known_free) * simulation.raster.resolution**2,
@@ -158,6 +159,14 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         self._remember()
         truncated = self.stop_reason in _TRUNCATING
         return float(self._reward(transition)), self._over and not truncated, truncated
+
+    def _watch(self) -> int:
+        """Tell the ledger, if there is one, what has been seen; the rooms that were finished, where the reward reads them."""
+        if self._ledger is None:
+            return 0
+        simulation = self.simulation
+        finished = self._ledger.update(simulation.unseen, simulation.robot.track if self._counts_visits else None)
+        return finished if self._counts_visits else 0
 
     def _metres_before(self, mark: float) -> float:
         """Metres of the step that has been made before the coverage reached a mark."""

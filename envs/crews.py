@@ -14,8 +14,10 @@ import signal
 import sys
 import types
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from functools import partial
 from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as wait_for
 from typing import Any, Protocol
 
 import cloudpickle  # type: ignore[import-untyped]  # gymnasium depends on it
@@ -54,6 +56,12 @@ class Crew(Protocol):
     def wait(self) -> list[Any]:
         """The members' answers; raises what one of them raised."""
 
+    def start_one(self, k: int, command: str, arguments: tuple[Any, ...]) -> None:
+        """Send a command to one member, which must not be busy."""
+
+    def wait_one(self) -> int:
+        """A member that has answered its `start_one`; raises what it raised."""
+
     def close(self) -> None:
         """End it; never raises."""
 
@@ -86,6 +94,8 @@ class LocalCrew:
         self._pool = ThreadPoolExecutor(len(groups), thread_name_prefix="lanes") if threads else None
         self._answers: list[Any] = []
         self._futures: list[Future[Any]] = []
+        self._single: dict[Future[Any], int] = {}
+        self._done: list[int] = []
 
     def start(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> None:
         """Send a command; without threads it is done at once."""
@@ -102,6 +112,24 @@ class LocalCrew:
                 future.exception()
             self._answers = [future.result() for future in self._futures]
         return self._answers
+
+    def start_one(self, k: int, command: str, arguments: tuple[Any, ...]) -> None:
+        """Send a command to one member; without threads it is done at once."""
+        obey = partial(self.members[k].obey, command, *arguments)
+        if self._pool:
+            self._single[self._pool.submit(obey)] = k
+        else:
+            obey()
+            self._done.append(k)
+
+    def wait_one(self) -> int:
+        """A member that has answered its `start_one`."""
+        if not self._pool:
+            return self._done.pop(0)
+        done = next(iter(wait(self._single, return_when=FIRST_COMPLETED).done))
+        k = self._single.pop(done)
+        done.result()
+        return k
 
     def close(self) -> None:
         """Close the environments and end the threads."""
@@ -167,12 +195,16 @@ class ProcessCrew:
         """Send a command; an answer that was never collected (the user pressed Ctrl-C) is thrown away first."""
         if any(self._waiting):
             self.wait()
-        for k, (pipe, given) in enumerate(zip(self._pipes, arguments, strict=True)):
-            try:
-                pipe.send_bytes(_STEP if command == "step" else cloudpickle.dumps((command, given)))
-            except (BrokenPipeError, ConnectionError):
-                raise self._death(k) from None
-            self._waiting[k] = True
+        for k, given in enumerate(arguments):
+            self.start_one(k, command, given)
+
+    def start_one(self, k: int, command: str, arguments: tuple[Any, ...]) -> None:
+        """Send a command to one worker."""
+        try:
+            self._pipes[k].send_bytes(_STEP if command == "step" else cloudpickle.dumps((command, arguments)))
+        except (BrokenPipeError, ConnectionError):
+            raise self._death(k) from None
+        self._waiting[k] = True
 
     def wait(self) -> list[Any]:
         """The workers' answers.
@@ -180,19 +212,32 @@ class ProcessCrew:
         Raises:
             WorkerError: A worker died.
         """
-        answers = []
-        for k, pipe in enumerate(self._pipes):
-            if not self._waiting[k]:
-                continue
-            try:
-                answers.append(pickle.loads(pipe.recv_bytes()))
-            except (EOFError, ConnectionError):
-                raise self._death(k) from None
-            self._waiting[k] = False
+        answers = [self._answer_of(k) for k, waits in enumerate(self._waiting) if waits]
         for answer in answers:
             if isinstance(answer, _Failure):
                 raise answer.error
         return answers
+
+    def wait_one(self) -> int:
+        """A worker that has answered.
+
+        Raises:
+            WorkerError: A worker died.
+        """
+        ready = wait_for([pipe for pipe, waits in zip(self._pipes, self._waiting, strict=True) if waits])
+        k = next(k for k, pipe in enumerate(self._pipes) if pipe in ready)
+        answer = self._answer_of(k)
+        if isinstance(answer, _Failure):
+            raise answer.error
+        return k
+
+    def _answer_of(self, k: int) -> Any:
+        try:
+            answer = pickle.loads(self._pipes[k].recv_bytes())
+        except (EOFError, ConnectionError):
+            raise self._death(k) from None
+        self._waiting[k] = False
+        return answer
 
     def close(self) -> None:
         """End the workers: by asking, then by force."""

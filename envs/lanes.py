@@ -63,7 +63,9 @@ class Buffers:
         return cls(rows({"action": action})["action"], rows(shapes), rows(infos), rows(shapes), rows(infos), rows(flags))
 
     def rows(self, begin: int, end: int) -> Buffers:
-        """Views of some rows."""
+        """Views of some rows; of all of them, the arrays themselves."""
+        if (begin, end) == (0, len(self.actions)):
+            return self
 
         def cut(arrays: Arrays) -> Arrays:
             return {name: array[begin:end] for name, array in arrays.items()}

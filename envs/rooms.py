@@ -40,7 +40,9 @@ class RoomLedger:
         self._cell_area = truth.raster.resolution**2
         self._ids = np.ascontiguousarray(truth.raster.room_ids, np.int32).ravel()
         self._entries = int(self._ids.max()) + 1
-        self.left = self._count(truth.target)
+        self._unseen = np.array(truth.target, np.bool_).ravel().view(np.uint8)
+        self._counts = np.bincount(self._ids[self._unseen.view(np.bool_)], minlength=self._entries)
+        self.left = np.asarray(self._counts * self._cell_area, np.float64)
         self.counted = self.left >= LITTLE_LEFT
         self.counted[0] = False
         self.visits = np.zeros(self._entries, np.int64)
@@ -51,16 +53,25 @@ class RoomLedger:
         """Bool (rooms + 1,): counted rooms with 1 m² or more left to see."""
         return self.counted & (self.left >= LITTLE_LEFT)
 
-    def update(self, unseen: NDArray[np.bool_], track: Sequence[Pose]) -> int:
+    def update(self, unseen: NDArray[np.bool_], track: Sequence[Pose] | None) -> int:
         """Take note of what has happened since the last call.
 
         Args:
             unseen: bool (rows, cols), the cells of the target area that have not been seen.
-            track: The robot's true poses since the episode began.
+            track: The robot's true poses since the episode began; None leaves the visits as they are, which is quicker.
 
         Returns:
             Number of rooms that were finished (less than 1 m² left) before the robot came to them a second time.
         """
+        if track is not None:
+            self._follow(track)
+        open_before = self.open
+        _strike(self._unseen, np.ascontiguousarray(unseen).ravel().view(np.uint8), self._ids, self._counts)
+        self.left = np.asarray(self._counts * self._cell_area, np.float64)
+        return int(np.count_nonzero(open_before & ~self.open & (self.visits <= 1)))
+
+    def _follow(self, track: Sequence[Pose]) -> None:
+        """Count the rooms that were entered."""
         if len(track) > self._walked:
             origin, resolution = self._raster.origin, self._raster.resolution
             cols, rows = np.floor((np.array(track[self._walked :])[:, :2] - origin[:2]) / resolution).astype(np.int64).T
@@ -70,13 +81,6 @@ class RoomLedger:
             np.add.at(self.visits, entered, 1)
             self._room = int(rooms[-1]) if len(rooms) else self._room
         self._walked = len(track)
-        open_before = self.open
-        self.left = self._count(unseen)
-        return int(np.count_nonzero(open_before & ~self.open & (self.visits <= 1)))
-
-    def _count(self, cells: NDArray[np.bool_]) -> NDArray[np.float64]:
-        counts = _count_by_room(np.ascontiguousarray(cells).ravel().view(np.uint8), self._ids, self._entries)
-        return np.asarray(counts * self._cell_area, np.float64)
 
 
 class RoomDistances:
@@ -131,18 +135,20 @@ def _middle(cells: NDArray[np.int64], reachable: NDArray[np.bool_]) -> Cell:
 
 
 @njit(cache=True, nogil=True)
-def _count_by_room(cells: NDArray[np.uint8], ids: NDArray[np.int32], entries: int) -> NDArray[np.int64]:
-    """How many cells uint8 (n,) are set in each room int64 (entries,); stretches of eight unset ones are skipped."""
-    counts = np.zeros(entries, np.int64)
-    whole = cells.size // 8 * 8
-    words = cells[:whole].view(np.uint64)
-    for w in range(words.size):
-        if words[w] == 0:
+def _strike(kept: NDArray[np.uint8], unseen: NDArray[np.uint8], ids: NDArray[np.int32], counts: NDArray[np.int64]) -> None:
+    """Take the cells that are no longer set in `unseen` (n,) out of `kept` (n,) and out of their rooms' counts (entries,).
+
+    Stretches of 64 cells of which none has changed are skipped.
+    """
+    whole = kept.size // 64 * 8
+    before, now = kept[: 8 * whole].view(np.uint64), unseen[: 8 * whole].view(np.uint64)
+    for w in range(0, whole + 8, 8):
+        changed = np.uint64(w == whole)
+        for k in range(w, min(w + 8, whole)):
+            changed |= before[k] ^ now[k]
+        if changed == 0:
             continue
-        for k in range(8 * w, 8 * w + 8):
-            if cells[k]:
-                counts[ids[k]] += 1
-    for k in range(whole, cells.size):
-        if cells[k]:
-            counts[ids[k]] += 1
-    return counts
+        for k in range(8 * w, min(8 * w + 64, kept.size)):
+            if kept[k] != unseen[k]:
+                counts[ids[k]] -= 1
+                kept[k] = unseen[k]

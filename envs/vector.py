@@ -97,7 +97,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             raise ConfigError(f"{self.num_envs} environments need as many seeds, got {len(seeds)}")
         options = dict(options or {})
         chosen = _checked_mask(options.pop("reset_mask", None), self.num_envs)
-        self._command("reset", [(seeds[a:b], options, chosen[a:b]) for a, b in self._groups])
+        self._command("reset", [(seeds[a:b], options, chosen[a:b]) for a, b in self.groups])
         buffers = self._crew.buffers
         return self._shown(buffers.observation), _batched(buffers.info, chosen)
 
@@ -122,22 +122,47 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
                 f"the actions of {self.num_envs} environments have shape {buffers.actions.shape}, got {given.shape}"
             )
         buffers.actions[...] = given
-        self._crew.start("step", [()] * len(self._groups))
+        self._crew.start("step", [()] * len(self.groups))
 
     def step_wait(self) -> Step:
         """The results of the step that was sent last."""
         self._crew.wait()
-        buffers = self._crew.buffers
+        return self._results(0, self.num_envs)
+
+    @property
+    def groups(self) -> Sequence[tuple[int, int]]:
+        """Half-open ranges of environments, one for each thread or process that steps them."""
+        return self._crew.groups
+
+    def send(self, actions: NDArray[Any], group: int) -> None:
+        """Step the environments of one group; the groups need not wait for each other, and `receive` tells which is done.
+
+        Args:
+            actions: One for each environment of the group.
+            group: Which of `groups`; it must have been received since it was sent last.
+        """
+        begin, end = self.groups[group]
+        self._crew.buffers.actions[begin:end] = actions
+        self._crew.start_one(group, "step", ())
+
+    def receive(self) -> tuple[int, Step]:
+        """A group that was sent and is done, and its step: as of `step`, with a row for each environment of the group."""
+        group = self._crew.wait_one()
+        return group, self._results(*self.groups[group])
+
+    def _results(self, begin: int, end: int) -> Step:
+        """What the last step of some environments left in the buffers."""
+        buffers = self._crew.buffers.rows(begin, end)
         flags = {name: flag.copy() for name, flag in buffers.flags.items()}
         infos: dict[str, Any] = {}
         over = flags["terminated"] | flags["truncated"]
         if self._mode == AutoresetMode.SAME_STEP and over.any():
-            final = np.full(self.num_envs, None, object)
+            final = np.full(end - begin, None, object)
             for k in np.flatnonzero(over).tolist():
                 final[k] = {name: array[k].copy() for name, array in buffers.final_observation.items()}
             infos |= {"final_obs": final, "_final_obs": over.copy()}
             infos |= {"final_info": _batched(buffers.final_info, over), "_final_info": over.copy()}
-        infos |= _batched(buffers.info, np.ones(self.num_envs, np.bool_))
+        infos |= _batched(buffers.info, np.ones(end - begin, np.bool_))
         return self._shown(buffers.observation), flags["reward"], flags["terminated"], flags["truncated"], infos
 
     def action_masks(self) -> NDArray[np.bool_]:
@@ -150,7 +175,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """An attribute of each environment, or the result of calling it."""
-        answers = self._command("call", [(name, args, kwargs)] * len(self._groups))
+        answers = self._command("call", [(name, args, kwargs)] * len(self.groups))
         return tuple(value for answer in answers for value in answer)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
@@ -162,7 +187,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         each = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
         if len(each) != self.num_envs:
             raise ConfigError(f"{self.num_envs} environments need as many values, got {len(each)}")
-        self._command("set_attr", [(name, each[a:b]) for a, b in self._groups])
+        self._command("set_attr", [(name, each[a:b]) for a, b in self.groups])
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
@@ -177,10 +202,6 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
     def close_extras(self, **kwargs: Any) -> None:
         """End the workers; afterwards no process and no shared memory is left."""
         self._crew.close()
-
-    @property
-    def _groups(self) -> Sequence[tuple[int, int]]:
-        return self._crew.groups
 
     def _command(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
         self._crew.start(command, arguments)

@@ -20,7 +20,7 @@ from layoutexplore.envs.rewards import (
     reads_rooms,
     reward,
 )
-from layoutexplore.envs.rooms import RoomLedger, _count_by_room
+from layoutexplore.envs.rooms import RoomLedger, _strike
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.exploration_metrics import distance_to_coverage
 from layoutexplore.floorplan import floorplan_from_ascii
@@ -146,10 +146,15 @@ def test_rooms_are_counted_when_they_are_finished_on_the_first_visit() -> None:
 
 
 @given(st.integers(0, 10_000), st.integers(1, 200))
-def test_cells_are_counted_by_room(seed: int, size: int) -> None:
+def test_cells_that_are_seen_leave_their_rooms(seed: int, size: int) -> None:
     rng = np.random.default_rng(seed)
-    cells, ids = (rng.random(size) < rng.random()).astype(np.uint8), rng.integers(0, 5, size).astype(np.int32)
-    np.testing.assert_array_equal(_count_by_room(cells, ids, 5), np.bincount(ids[cells > 0], minlength=5))
+    kept, ids = (rng.random(size) < rng.random()).astype(np.uint8), rng.integers(0, 5, size).astype(np.int32)
+    counts = np.bincount(ids[kept > 0], minlength=5)
+    for _ in range(3):
+        unseen = kept & (rng.random(size) < rng.random())
+        _strike(kept, unseen, ids, counts)
+        np.testing.assert_array_equal(kept, unseen)
+        np.testing.assert_array_equal(counts, np.bincount(ids[unseen > 0], minlength=5))
 
 
 @pytest.mark.parametrize("name", ["LayoutExplore/Frontier-v0", "LayoutExplore/Motion-v0"])

@@ -15,8 +15,8 @@ from layoutexplore.agents.rl.policy import FrontierPolicy  # noqa: E402
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ObservationConfig  # noqa: E402
 from tests.rl_cases import SLOTS, observations, random_actor, spec  # noqa: E402
 
-encoders = pytest.mark.parametrize("encoder", ["attention", "deep-sets"])
-all_encoders = pytest.mark.parametrize("encoder", ["attention", "deep-sets", "none"])
+encoders = pytest.mark.parametrize("encoder", ["pooled", "attention", "deep-sets"])
+all_encoders = pytest.mark.parametrize("encoder", ["pooled", "attention", "deep-sets", "none"])
 COUNTS = [1, 3, SLOTS, 7]
 
 

@@ -57,7 +57,9 @@ class PolicyAgent:
     def _shown(self, slots: int) -> ObservationConfig:
         """What has to be observed; the policy does not care how many slots there are, so none is left out."""
         maps = bool(self.spec.map_channels)
-        return ObservationConfig(max_frontiers=slots, local_map=False, global_map=maps, detour=True, tour=self.spec.tour)
+        return ObservationConfig(
+            max_frontiers=slots, local_map=False, global_map=maps, detour=self.spec.reads_tour, tour=self.spec.tour
+        )
 
     def __repr__(self) -> str:
         return f"<PolicyAgent {self.name}>"

@@ -20,17 +20,16 @@ class TrainingCallback(BaseCallback):
         advance: Told the steps done.
         stop: Asked whether to stop.
         critic_steps: Steps at the start from which only the critic learns.
-        averaging: Share of the actor's running average that an update leaves.
 
     Attributes:
         learnt: Steps that have been learnt from; those of an unfinished rollout are not among them.
         interrupted: Whether learning was stopped within a rollout.
     """
 
-    def __init__(self, advance: Callable[[int], None], stop: Callable[[], bool], critic_steps: int, averaging: float) -> None:
+    def __init__(self, advance: Callable[[int], None], stop: Callable[[], bool], critic_steps: int) -> None:
         super().__init__()
         self._advance, self._stop = advance, stop
-        self._critic_steps, self._averaging = critic_steps, averaging
+        self._critic_steps = critic_steps
         self.learnt = 0
         self.interrupted = False
 
@@ -38,17 +37,7 @@ class TrainingCallback(BaseCallback):
         self.learnt = self.model.num_timesteps
 
     def _on_rollout_start(self) -> None:
-        if self.model.num_timesteps > self.learnt:
-            self._average()
         self.learnt = self.model.num_timesteps
-
-    def _average(self) -> None:
-        """Called once after every update."""
-        if isinstance(self.model.policy, FrontierPolicy):
-            self.model.policy.average(self._averaging)
-
-    def _on_training_end(self) -> None:
-        self._average()
 
     def _on_step(self) -> bool:
         self._advance(self.num_timesteps)

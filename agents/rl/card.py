@@ -29,6 +29,7 @@ WEIGHTS = Path(__file__).resolve().parent / "weights"
 
 _LARGEST_HEADER = 1 << 20
 _UNUSED_FRONTIER = {"valid"}
+_OF_THE_TOUR = {"detour", "tour_rank"}
 _ROBOT = ("distance", "known_area", "expected_area")
 _ROBOT_ON_MAP = ("map_x", "map_y", "map_span")
 
@@ -59,6 +60,11 @@ class PolicySpec:
     format: int = FORMAT
     version: str = layoutexplore.__version__
 
+    @property
+    def reads_tour(self) -> bool:
+        """Whether it has to be shown the tour."""
+        return not _OF_THE_TOUR.isdisjoint(self.frontier_features)
+
     def as_table(self) -> dict[str, Any]:
         """Nested plain values for TOML."""
         return {k: list(v) if isinstance(v, tuple) else v for k, v in dataclasses.asdict(self).items()}
@@ -68,9 +74,10 @@ def spec_of(config: TrainingConfig) -> PolicySpec:
     """The spec of the policy that a configuration trains."""
     assert config.network is not None
     maps = bool(config.observation["global_map"])
+    unused = _UNUSED_FRONTIER if config.observation["detour"] else _UNUSED_FRONTIER | _OF_THE_TOUR
     return PolicySpec(
         network=config.network,
-        frontier_features=tuple(name for name in FRONTIER_FEATURES if name not in _UNUSED_FRONTIER),
+        frontier_features=tuple(name for name in FRONTIER_FEATURES if name not in unused),
         robot_features=_ROBOT + (_ROBOT_ON_MAP if maps else ()),
         map_channels=CHANNELS + LAYOUT_CHANNELS if maps else (),
         predictor=config.predictor,

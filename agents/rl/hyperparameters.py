@@ -23,7 +23,7 @@ DEFAULTS = Path(__file__).resolve().parent.parent / "hyperparameters.toml"
 
 DEFAULT_ALGORITHM = "maskable-ppo"
 
-ENCODERS = ("attention", "deep-sets", "none")
+ENCODERS = ("pooled", "attention", "deep-sets", "none")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,12 +31,13 @@ class NetworkConfig:
     """The shape of the network that scores frontiers.
 
     Attributes:
-        encoder: "attention" or "deep-sets", how frontiers see each other; "none" scores each by its features alone.
+        encoder: "pooled", "attention" or "deep-sets", how frontiers see each other; "none" scores each by its features alone.
         width: Numbers in which a frontier is described.
         layers: Layers of the encoder.
         heads: Attention heads; divides the width.
         tour_weight: Where the weight of 1 / the place in the tour starts in the logits.
-        detour_weight: Where the weight of a detour of 10 m starts in the logits, with the sign changed.
+        detour_weight: Where the weight of a detour of 10 m starts in the logits, with the sign changed; where no tour is
+            computed (`observation.detour`), that of a way of 10 m.
     """
 
     encoder: str = "attention"

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import torch
 from gymnasium import spaces
-from numpy.typing import NDArray
 from sb3_contrib.common.maskable.distributions import MaskableDistribution
 from sb3_contrib.common.maskable.policies import MaskableActorCriticPolicy
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
@@ -15,8 +13,6 @@ from torch import Tensor
 
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.agents.rl.network import Actor, Critic
-
-Masks = NDArray[np.bool_] | Tensor | None
 
 
 class FrontierPolicy(MaskableActorCriticPolicy):
@@ -53,6 +49,7 @@ class FrontierPolicy(MaskableActorCriticPolicy):
         self.actor = Actor(self._spec)
         self.critic = Critic(self._spec, privileged.shape[0] if privileged and privileged.shape else 0)
         learning = [*self.actor.parameters(), *self.critic.parameters()]
+        self.optimizer_kwargs.setdefault("fused", True)
         self.averaged = Actor(self._spec)
         self.averaged.load_state_dict(self.actor.state_dict())
         self.averaged.requires_grad_(False)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from sb3_contrib import MaskablePPO
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
@@ -30,9 +29,10 @@ from layoutexplore.agents.rl.imitation import imitate
 from layoutexplore.agents.rl.network import Actor
 from layoutexplore.agents.rl.policy import FrontierPolicy
 from layoutexplore.agents.rl.policy_file import save_policy
+from layoutexplore.agents.rl.ppo import FrontierPPO
 from layoutexplore.agents.rl.run import TrainingRun, Watcher
 
-ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"maskable-ppo": MaskablePPO, "ppo": PPO, "dqn": DQN}
+ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"maskable-ppo": FrontierPPO, "ppo": PPO, "dqn": DQN}
 
 
 class Run(TrainingRun):
@@ -98,7 +98,7 @@ class Run(TrainingRun):
         self.model.set_random_seed(int(np.random.SeedSequence([config.seed, progress.steps]).generate_state(1)[0] >> 1))
         self.model._last_obs = None
         advance = partial(self.watcher.advance, total=config.steps)
-        callback = TrainingCallback(advance, lambda: self.stopping, config.critic_steps, config.averaging)
+        callback = TrainingCallback(advance, lambda: self.stopping, config.critic_steps)
         self.model.learn(target - progress.steps, callback, reset_num_timesteps=False)
         if callback.interrupted:
             self.model.num_timesteps = callback.learnt
@@ -156,7 +156,7 @@ def build(config: TrainingConfig, envs: Any, spec: PolicySpec | None, device: st
     """
     arguments: dict[str, Any] = {"policy": "MultiInputPolicy", "policy_kwargs": {}}
     if spec:
-        arguments = {"policy": FrontierPolicy, "policy_kwargs": {"spec": spec}}
+        arguments = {"policy": FrontierPolicy, "policy_kwargs": {"spec": spec}, "averaging": config.averaging}
     learning = dict(config.learning)
     share = learning.get("exploration_fraction", 1.0)
     model: BaseAlgorithm = ALGORITHMS[config.algorithm](

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,10 +11,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
+from layoutexplore.envs.vector import ExplorationVectorEnv
 from layoutexplore.errors import ConfigError
 
 Batch = Any
 """A batched observation: an array, or arrays by name."""
+
+Told = tuple[Batch, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
+"""Observations, rewards, which episodes ended, and infos."""
 
 LEVEL = 0.95
 
@@ -28,6 +33,9 @@ class VectorAdapter(VecEnv):
         env: The vector environment. Its observations may have an `action_mask`; stopping, the last action, is then allowed
             only where nothing else is.
 
+    Attributes:
+        waiting_seconds: How long `receive` has waited.
+
     Raises:
         ConfigError: It resets in another way.
     """
@@ -39,6 +47,7 @@ class VectorAdapter(VecEnv):
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._masks: NDArray[np.bool_] | None = None
         self._next_seed: int | None = None
+        self.waiting_seconds = 0.0
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """The seed of the next `reset`; it makes all that follows repeatable."""
@@ -59,23 +68,49 @@ class VectorAdapter(VecEnv):
         """Keep the actions for `step_wait`."""
         self._actions = actions
 
-    def step_wait(self) -> tuple[Batch, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(self) -> Told:
         """Make the step."""
-        observations, rewards, terminated, truncated, info = self.env.step(self._actions)
+        return self._told(slice(None), self.env.step(self._actions))
+
+    @property
+    def groups(self) -> Sequence[tuple[int, int]]:
+        """Half-open ranges of environments that can be stepped without waiting for the others."""
+        return self._native.groups
+
+    def send(self, actions: NDArray[Any], group: int) -> None:
+        """Begin a step of the environments of one group."""
+        self._native.send(actions, group)
+
+    def receive(self) -> tuple[int, Told]:
+        """A group that was sent and is done, and what `step` tells, for its environments."""
+        start = time.perf_counter()
+        group, step = self._native.receive()
+        self.waiting_seconds += time.perf_counter() - start
+        return group, self._told(slice(*self.groups[group]), step)
+
+    @property
+    def _native(self) -> ExplorationVectorEnv:
+        assert isinstance(self.env, ExplorationVectorEnv)
+        return self.env
+
+    def _told(self, rows: slice, step: tuple[Any, ...]) -> Told:
+        """A step of some environments as stable-baselines3 is told it."""
+        observations, rewards, terminated, truncated, info = step
         done = terminated | truncated
-        self._returns += rewards
-        self._lengths += 1
+        self._returns[rows] += rewards
+        self._lengths[rows] += 1
         coverage, distance = (_at_the_end(info, name) for name in ("coverage", "distance"))
-        reached = np.isnan(self._d95) & (coverage >= LEVEL)
-        self._d95[reached] = distance[reached]
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for k in np.flatnonzero(done):
+        marks = self._d95[rows]
+        reached = np.isnan(marks) & (coverage >= LEVEL)
+        marks[reached] = distance[reached]
+        infos: list[dict[str, Any]] = [{} for _ in range(len(done))]
+        for k in np.flatnonzero(done).tolist():
             infos[k] = {
                 "terminal_observation": info["final_obs"][k],
                 "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
-                "episode": self._episode(int(k), float(coverage[k]), float(distance[k])),
+                "episode": self._episode((rows.start or 0) + k, float(coverage[k]), float(distance[k])),
             }
-        return self._seen(observations), rewards.astype(np.float32), done, infos
+        return self._seen(observations, rows), rewards.astype(np.float32), done, infos
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are allowed, bool (envs, actions)."""
@@ -108,11 +143,13 @@ class VectorAdapter(VecEnv):
         """None is wrapped."""
         return [False] * self.num_envs
 
-    def _seen(self, observations: Batch) -> Batch:
+    def _seen(self, observations: Batch, rows: slice = slice(None)) -> Batch:
         if isinstance(observations, dict) and "action_mask" in observations:
             masks = observations["action_mask"].astype(np.bool_)
             masks[:, -1] = ~masks[:, :-1].any(axis=1)
-            self._masks = masks
+            if self._masks is None:
+                self._masks = np.zeros((self.num_envs, masks.shape[1]), np.bool_)
+            self._masks[rows] = masks
         return observations
 
     def _episode(self, k: int, coverage: float, distance: float) -> dict[str, Any]:

@@ -1,0 +1,81 @@
+"""What a rollout has seen and done: filled by groups of environments that do not wait for each other, learnt from as a whole."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from sb3_contrib.common.maskable.buffers import MaskableDictRolloutBuffer
+from torch import Tensor
+
+from layoutexplore.agents.rl.situations import Reader, Situations
+
+
+class Lesson(NamedTuple):
+    """Decisions and what became of them.
+
+    Attributes:
+        situations: What was read.
+        masks: bool (batch, actions), which were allowed.
+        actions: int64 (batch,).
+        log_probs: float32 (batch,), of the actions when they were taken.
+        advantages: float32 (batch,).
+        returns: float32 (batch,).
+        weights: float32 (batch,), how much each counts.
+    """
+
+    situations: Situations
+    masks: Tensor
+    actions: Tensor
+    log_probs: Tensor
+    advantages: Tensor
+    returns: Tensor
+    weights: Tensor
+
+    def take(self, chosen: Tensor) -> Lesson:
+        """Some of the decisions, int64 (k,)."""
+        return Lesson(self.situations.take(chosen), *(part[chosen] for part in self[1:]))
+
+
+class Rollout(MaskableDictRolloutBuffer):
+    """The buffer of stable-baselines3 with rows that are written in any order; its arrays are (steps, envs, ...)."""
+
+    def put(
+        self,
+        step: int,
+        rows: slice,
+        observation: dict[str, NDArray[Any]],
+        masks: NDArray[np.bool_],
+        starts: NDArray[np.bool_],
+    ) -> None:
+        """What some environments show at a step, and whether episodes begin there."""
+        for name, array in observation.items():
+            self.observations[name][step, rows] = array
+        self.action_masks[step, rows] = masks
+        self.episode_starts[step, rows] = starts
+
+    def put_actions(self, step: int, rows: slice, actions: NDArray[np.int64], log_probs: NDArray[np.float32]) -> None:
+        """What was done there, with the logarithms of the probabilities."""
+        self.actions[step, rows, 0], self.log_probs[step, rows] = actions, log_probs
+
+    def read(self, reader: Reader) -> Situations:
+        """All decisions, those of the first step first."""
+        situations: Situations = reader({name: self.to_torch(_flat(a), copy=False) for name, a in self.observations.items()})
+        return situations
+
+    def lesson(self, situations: Situations) -> Lesson:
+        """The decisions, once their values and returns are known."""
+        masks, actions = self.action_masks.astype(np.bool_), self.actions[..., 0].astype(np.int64)
+        rest = (self.log_probs, self.advantages, self.returns, np.ones_like(self.returns))
+        return Lesson(situations, *(self.to_torch(_flat(array), copy=False) for array in (masks, actions, *rest)))
+
+
+def _flat(array: NDArray[Any]) -> NDArray[Any]:
+    return array.reshape(-1, *array.shape[2:])
+
+
+def parts_of(order: Tensor, size: int = 512) -> tuple[Tensor, ...]:
+    """An order int64 (n,) cut into parts; by default of a size of which all that is computed stays in the cache."""
+    return torch.split(order, size)
