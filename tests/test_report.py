@@ -157,6 +157,18 @@ def test_caveats_follow_the_settings(folder: ResultsFolder) -> None:
     del made["simulation"]["max_distance"]
     said = " ".join(caveats(rows[:1], made))
     assert "no intervals at all" in said and "Odometry" not in said and "Turning" not in said and "95" in said
+    assert "best of" not in said and "has learnt" not in said
+
+
+def test_what_flatters_is_said(folder: ResultsFolder) -> None:
+    rows = [dataclasses.replace(row, agent="layout-tour", plan="office-01") for row in folder.rows()]
+    made = settings(BenchmarkConfig())
+    assert "has learnt from the KTH and school floors and from the plans of the split train (office-01 here)" in " ".join(
+        caveats(rows, made)
+    )
+    rows = [dataclasses.replace(row, agent="layout-tour:predictor=oracle") for row in rows]
+    assert "has learnt" not in " ".join(caveats(rows, made))
+    assert "the best of 3 on these very runs" in " ".join(caveats(rows, made, candidates=3))
 
 
 # --- pieces ---------------------------------------------------------------------------------------------------------

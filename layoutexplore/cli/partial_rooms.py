@@ -16,6 +16,12 @@ ROOM_COLUMNS = ("rooms", "hidden_iou", "hidden_low", "hidden_high", "iou", "log_
 FRONTIER_COLUMNS = ("frontiers", "mcc", "f1_closed", "f1_open", "leftover_accuracy", "leftover_mcc", "calibration_error")
 
 
+NOTE = (
+    "the predictor layout that ships has learnt from the KTH and school floors and from the plans of the split train; "
+    "scores on these are not held out: evaluate train-predictor --folds"
+)
+
+
 def partial_rooms(
     plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
     predictor: Annotated[list[str] | None, typer.Option("--predictor", "-p", help="Predictor; all when none is named.")] = None,
@@ -59,6 +65,8 @@ def partial_rooms(
     scores = score(taken, predictors, gallery if out else None)
     summary = summarise(scores)
     print_summary(summary)
+    if "layout" in names:
+        typer.echo(f"note: {NOTE}")
     if out is not None:
         written = write_report(out, scores, summary, gallery, command=command_line())
         typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
