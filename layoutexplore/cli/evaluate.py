@@ -77,15 +77,11 @@ def segmentation(
     for name in methods:
         layout_method(name)
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
-    for option, given in (("--seeds", seeds > 1), ("--plans", plans), ("--weight", weight)):
-        if given and not folds:
-            raise ConfigError(f"{option} is about training: it needs --folds")
+    _check_folds(folds, methods, {"--seeds": seeds > 1, "--plans": bool(plans), "--weight": bool(weight)})
     check_places(out, json_file)
     if out is not None:
         require("jinja2", "bench")
     if folds:
-        if methods != ["default"]:
-            raise ConfigError("--folds cross-validates the default method, the only one that is trained")
         from layoutexplore.evaluation.cross_validation import cross_validate
 
         results = cross_validate(
@@ -110,6 +106,17 @@ def segmentation(
     if seeds > 1:
         _print_spread(seed_spread(rows))
     _write_results(collected, json_file, out, protocol=protocol, resolution=resolution, folds=folds)
+
+
+def _check_folds(folds: int, methods: Sequence[str], training: dict[str, bool]) -> None:
+    """Refuse other methods with folds, and options of the training, given or not, without."""
+    from layoutexplore.errors import ConfigError
+
+    if folds and methods != ["default"]:
+        raise ConfigError("--folds cross-validates the default method, the only one that is trained")
+    for option, given in training.items():
+        if given and not folds:
+            raise ConfigError(f"{option} is about training: it needs --folds")
 
 
 def _write_results(
