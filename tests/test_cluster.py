@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from layoutexplore.benchmark.cluster import run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.runner import run_benchmark
-from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.errors import ConfigError, MissingExtraError, UnknownNameError
 
 TIMES = {"ms_decision_median", "ms_decision_p95", "wall_seconds"}
 
@@ -53,3 +54,10 @@ def test_bad_clusters() -> None:
     pytest.importorskip("distributed")
     with pytest.raises(ConfigError, match="no Dask scheduler answers"):
         next(run_on_cluster(square, [1], cluster="dask:nonsense", jobs=1, lost=square))
+
+
+def test_a_missing_extra_is_told_before_anything_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MissingExtraError, match=r"layoutexplore\[cluster\]"):
+        run_benchmark(BenchmarkConfig(plans=("apartment-03",)), tmp_path / "out", cluster="dask")
+    assert not (tmp_path / "out").exists()

@@ -12,6 +12,9 @@ from typing import TypeVar
 from layoutexplore.benchmark.pool import single_threaded
 from layoutexplore.errors import ConfigError, require, unknown_name
 
+_MODULES = {"dask": "distributed", "ray": "ray"}
+"""What drives each kind of cluster."""
+
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -41,10 +44,16 @@ def run_on_cluster(
 
 
 def check_cluster(cluster: str) -> None:
-    """Raise `UnknownNameError` unless the name begins with a kind of cluster that exists."""
+    """See whether there is such a cluster, before anything is done for it.
+
+    Raises:
+        UnknownNameError: The name does not begin with a kind of cluster that exists.
+        MissingExtraError: The `cluster` extra is not installed.
+    """
     kind = cluster.partition(":")[0]
-    if kind not in ("dask", "ray"):
-        raise unknown_name("cluster", kind, ("dask", "ray"))
+    if kind not in _MODULES:
+        raise unknown_name("cluster", kind, _MODULES)
+    require(_MODULES[kind], "cluster")
 
 
 def _dask(function: Callable[[T], R], tasks: Sequence[T], address: str, jobs: int, lost: Callable[[T], R]) -> Iterator[R]:
