@@ -34,7 +34,8 @@ def layout(
     """Reconstruct the layout of grid maps.
 
     Writes NAME_labels.png (16-bit room ids in the image's own orientation, 0 for none), NAME_layout.geojson and
-    NAME_overview.png for each map. A map that cannot be read does not keep the others from being done.
+    NAME_overview.png for each map. A map that cannot be read does not keep the others from being
+    done. The time of the first map includes loading compiled code.
     """
     from layoutexplore.cli.output_places import check_places
     from layoutexplore.errors import ConfigError
