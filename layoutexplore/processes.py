@@ -1,12 +1,15 @@
-"""Processes: how this one was started; how many workers the machine has room for, and one thread each."""
+"""Processes: how this one was started; how many workers the machine has room for, one thread each, and when they end."""
 
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
 import os
 import shlex
 import sys
+import threading
 from collections.abc import Iterator
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 THREAD_VARIABLES = (
@@ -27,6 +30,21 @@ def command_line() -> str:
 def usable_cores() -> int:
     """Number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def end_with_parent() -> None:
+    """End this worker as soon as the process that started it has ended, even when that was killed; for `initializer=`.
+
+    A worker of a pool waits for its next task, and nothing tells it that there is nobody any more.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+
+
+def _follow(parent: BaseProcess) -> None:
+    parent.join()
+    os._exit(1)
 
 
 @contextlib.contextmanager

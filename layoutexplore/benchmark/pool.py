@@ -8,13 +8,12 @@ started it, even when that one was killed: it would wait for work for ever.
 from __future__ import annotations
 
 import multiprocessing
-import os
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
+from layoutexplore.processes import end_with_parent
 from layoutexplore.processes import single_threaded as single_threaded
 from layoutexplore.processes import usable_cores as usable_cores
 
@@ -77,15 +76,8 @@ def run_all(
 
 def _begin(initializer: Callable[..., None], arguments: tuple[Any, ...]) -> None:
     """What a worker does first."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     initializer(*arguments)
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _stop(pool: ProcessPoolExecutor) -> None:

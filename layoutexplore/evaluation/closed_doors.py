@@ -22,6 +22,7 @@ from layoutexplore.closed_doors.prediction import predict_closed_rooms
 from layoutexplore.errors import MapError
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.grid_io import encode_png, read_image, write_atomically
+from layoutexplore.processes import end_with_parent
 from layoutexplore.statistics import cluster_bootstrap, weighted_interquartile_mean, weighted_mean
 
 if TYPE_CHECKING:
@@ -170,7 +171,7 @@ def evaluate(triples: Sequence[Triple], *, resolution: float, out: Path | None =
     if jobs <= 1:
         yield from (evaluate_triple(triple, resolution, out) for triple in triples)
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
         yield from pool.map(evaluate_triple, triples, [resolution] * len(triples), [out] * len(triples))
 
 
