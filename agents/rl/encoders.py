@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from layoutexplore.agents.rl.card import PolicySpec
+from layoutexplore.agents.rl.pooling import pool, spread
 from layoutexplore.agents.rl.situations import Situations
 
 
@@ -59,10 +60,10 @@ class PooledEncoder(Encoder):
     def forward(self, situations: Situations) -> tuple[Tensor, Tensor]:
         """The context (batch, width) and the frontiers (n, width)."""
         context, owners, counts = self.surroundings(situations), situations.owners, situations.counts
-        tokens = functional.relu(self.frontier(situations.frontiers) + context.index_select(0, owners))
+        tokens = functional.relu(self.frontier(situations.frontiers) + spread(context, owners, counts))
         for layer in self.layers:
             tokens = layer(tokens, owners, counts)
-        return functional.relu(self.join(_pool(tokens, counts)) + context), tokens
+        return functional.relu(self.join(pool(tokens, counts)) + context), tokens
 
 
 class _Pooled(nn.Module):
@@ -74,15 +75,8 @@ class _Pooled(nn.Module):
         self.shared = nn.Linear(2 * width, width, bias=False)
 
     def forward(self, tokens: Tensor, owners: Tensor, counts: Tensor) -> Tensor:
-        shared = self.shared(_pool(tokens, counts))
-        return functional.relu(self.own(tokens) + shared.index_select(0, owners))
-
-
-def _pool(tokens: Tensor, counts: Tensor) -> Tensor:
-    """Mean and greatest values of each decision's tokens, which are not negative: (batch, 2 * width), 0 where it has none."""
-    total = torch.segment_reduce(tokens, "sum", lengths=counts, axis=0)
-    greatest = torch.segment_reduce(tokens, "max", lengths=counts, axis=0, initial=0.0)
-    return torch.cat([total / counts.clamp(min=1)[:, None], greatest], dim=1)
+        shared = self.shared(pool(tokens, counts))
+        return functional.relu(self.own(tokens) + spread(shared, owners, counts))
 
 
 class TokenEncoder(Encoder):
