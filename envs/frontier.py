@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from typing import Any, cast
 
 import numpy as np
@@ -202,10 +203,10 @@ class FrontierEnv(ExplorationEnv[np.int64]):
 
         Raises:
             ResetNeeded: The episode is over.
-            ConfigError: The action is outside the action space.
+            ConfigError: The action is no whole number or outside the action space.
         """
         self._check_running()
-        choice, simulation = int(action), self.simulation
+        choice, simulation = _index(action), self.simulation
         stop = self.observation_config.max_frontiers
         if not 0 <= choice <= stop:
             raise ConfigError(f"action {choice} is outside of Discrete({stop + 1})")
@@ -249,3 +250,10 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         if self.render_mode == "human":
             self.render()
         return observation, info
+
+
+def _index(action: Any) -> int:
+    try:
+        return operator.index(action)
+    except TypeError:
+        raise ConfigError(f"an action is a whole number, got {action!r}") from None

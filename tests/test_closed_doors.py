@@ -228,6 +228,8 @@ def test_scores_by_hand() -> None:
     score = score_prediction(predicted, seen, truth)
     assert (score.free_iou, score.iou, score.precision, score.recall) == (0.6, 2 / 6, 0.5, 0.5)
     assert score_prediction(truth, seen, truth).iou == 1
+    nothing = score_prediction(seen, seen, truth)
+    assert np.isnan(nothing.precision) and (nothing.iou, nothing.recall) == (0, 0)
 
 
 def test_evaluation_writes_predictions_in_the_same_frame(folder: Path, tmp_path: Path) -> None:

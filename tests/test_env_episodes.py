@@ -70,6 +70,14 @@ def test_actions_outside_of_the_space_are_refused(name: str, options: dict[str, 
         env.step([2.0, 0.0] if options else 99)
 
 
+@pytest.mark.parametrize("action", [1.5, "1", None, [0, 1]])
+def test_a_frontier_is_chosen_by_a_whole_number(action: Any) -> None:
+    env = make(FRONTIER).unwrapped
+    env.reset(seed=0)
+    with pytest.raises(ConfigError, match="whole number"):
+        env.step(action)
+
+
 @pytest.mark.parametrize("name", IDS)
 def test_reset_options_choose_plan_and_start(name: str) -> None:
     env = make(name).unwrapped

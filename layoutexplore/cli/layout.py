@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
+from layoutexplore.processes import end_with_parent
+
 
 def register(app: typer.Typer) -> None:
     """Add `layout` to the command line."""
@@ -54,7 +56,7 @@ def layout(
     if jobs == 1 or len(work) == 1:
         failed = [_say(_attempt(item), as_json) for item in work]
     else:
-        with ProcessPoolExecutor(min(jobs, len(work)), mp_context=get_context("spawn")) as pool:
+        with ProcessPoolExecutor(min(jobs, len(work)), get_context("spawn"), end_with_parent) as pool:
             failed = [_say(summary, as_json) for summary in pool.map(_attempt, work)]
     if any(failed):
         raise typer.Exit(2)

@@ -6,6 +6,7 @@ prediction is what it makes free beyond IN.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -55,7 +56,7 @@ class Score:
     Attributes:
         free_iou: Intersection over union of the free space.
         iou: The same on what was never seen.
-        precision: Share of the predicted area that is right.
+        precision: Share of the predicted area that is right; NaN where nothing was predicted.
         recall: Share of the never seen area that is predicted.
     """
 
@@ -134,13 +135,13 @@ def score_prediction(
     return Score(
         _share(int((free & truth).sum()), int((free | truth).sum())),
         _share(hit, int((new | hidden).sum())),
-        _share(hit, int(new.sum())),
+        _share(hit, int(new.sum()), empty=math.nan),
         _share(hit, int(hidden.sum())),
     )
 
 
-def _share(part: int, whole: int) -> float:
-    return part / whole if whole else 1.0
+def _share(part: int, whole: int, *, empty: float = 1.0) -> float:
+    return part / whole if whole else empty
 
 
 def evaluate_triple(triple: Triple, resolution: float, out: Path | None = None, models: Models | None = None) -> PairScore:
@@ -236,7 +237,8 @@ def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[
     line: dict[str, Any] = {"group": group, "method": method, "maps": len(pairs)}
     line["before"] = float(np.mean([p.before for p in pairs]))
     for name in ("free_iou", "iou", "precision", "recall"):
-        line[name] = float(np.mean([getattr(s, name) for s in scores]))
+        known = [value for s in scores if not math.isnan(value := getattr(s, name))]
+        line[name] = float(np.mean(known)) if known else math.nan
     for name, statistic, values in (
         ("iqm", weighted_interquartile_mean, iou),
         ("free", weighted_mean, [s.free_iou for s in scores]),

@@ -25,6 +25,7 @@ from layoutexplore.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grid_io import load_grid, read_image, read_pixels
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
+from layoutexplore.processes import end_with_parent
 from layoutexplore.segmentation_metrics import MEASURES, MIN_TRUTH_CELLS, score_segmentation, truth_labels
 
 TRUTH_SUFFIX = "_gt"
@@ -187,7 +188,9 @@ def evaluate_cases(
         for item in work:
             yield _work(item)
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_warm_up, initargs=(tuple(methods),)) as pool:
+    with ProcessPoolExecutor(
+        jobs, mp_context=get_context("spawn"), initializer=_begin_worker, initargs=(tuple(methods),)
+    ) as pool:
         yield from pool.map(_work, work)
 
 
@@ -195,6 +198,11 @@ def _work(item: tuple[Case, str, str, float]) -> tuple[Case, MapScore, NDArray[n
     case, method, protocol, resolution = item
     row, layout = score_case(case, method, protocol=protocol, resolution=resolution)
     return case, row, layout.labels
+
+
+def _begin_worker(methods: Sequence[str]) -> None:
+    end_with_parent()
+    _warm_up(methods)
 
 
 def _warm_up(methods: Sequence[str]) -> None:
