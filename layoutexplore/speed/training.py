@@ -15,7 +15,7 @@ from typing import Any
 from layoutexplore.speed.measurement import Row
 from layoutexplore.speed.vector import AREAS
 
-_ROLLOUTS = 4
+_ROLLOUTS = 8
 """So many that every environment comes to the end of an episode."""
 
 _SETTINGS: tuple[tuple[str, str, bool, float], ...] = (
