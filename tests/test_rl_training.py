@@ -229,7 +229,7 @@ def test_two_minutes_of_training_beat_random(tmp_path: Path) -> None:
             checkpoint_every=2048,
             critic_steps=0,
             network={"tour_weight": 0.0, "detour_weight": 0.0, "width": 32, "heads": 4},
-            learning={"n_steps": 64, "batch_size": 128, "n_epochs": 6, "learning_rate": 1e-3},
+            learning={"n_steps": 64, "batch_size": 128, "n_epochs": 6},
             evaluation={"every": 6144, "plans": ["apartment:41-44"], "starts": 2, "references": ["random"]},
         )
     )
