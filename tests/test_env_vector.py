@@ -170,6 +170,31 @@ def test_a_predictor_is_not_shared() -> None:
     env.close()
 
 
+@pytest.mark.parametrize("backend", [SERIAL, THREADS, PROCESSES], ids=lambda backend: backend["backend"])
+def test_groups_need_not_wait_for_each_other(backend: dict[str, Any]) -> None:
+    """Group by group, one of them ahead of the others, the environments go where they go together."""
+    env, together = vector(FRONTIER, **backend), vector(FRONTIER, backend="serial")
+    try:
+        env.reset(seed=0)
+        together.reset(seed=0)
+        expected = [together.step(np.zeros(3, np.int64)) for _ in range(4)]
+        taken = [0] * len(env.groups)
+        for ahead in [*range(len(taken)), *[0] * 3, *[k for k in range(1, len(taken)) for _ in range(3)]]:
+            env.send(np.zeros(env.groups[ahead][1] - env.groups[ahead][0], np.int64), ahead)
+            group, (observations, rewards, terminated, truncated, infos) = env.receive()
+            assert group == ahead
+            rows, step = slice(*env.groups[group]), expected[taken[group]]
+            assert_same(observations, {key: array[rows] for key, array in step[0].items()})
+            for mine, theirs in zip((rewards, terminated, truncated), step[1:4], strict=True):
+                np.testing.assert_array_equal(mine, theirs[rows])
+            np.testing.assert_array_equal(infos["coverage"], step[4]["coverage"][rows])
+            taken[group] += 1
+        assert taken == [4] * len(taken)
+    finally:
+        env.close()
+        together.close()
+
+
 def test_results_are_copies_unless_told_otherwise() -> None:
     copied, bare = vector(FRONTIER, backend="serial"), vector(FRONTIER, backend="serial", copy=False)
     for env, same in ((copied, False), (bare, True)):
