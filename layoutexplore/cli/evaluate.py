@@ -312,6 +312,15 @@ def layout(
         write_json(json_file, {"resolution": resolution, "maps": rows})
 
 
+_CLUTTER_FIGURES = {
+    "correlation": "correlation of W and precision",
+    "correlation_by_count": "the same by number of objects",
+    "clean_scores": "W of the clean map",
+    "error": "wall-line error with ROSE [rad m]",
+    "raw_error": "wall-line error without [rad m]",
+}
+
+
 @group.command("clutter", epilog="Example: layoutexplore evaluate clutter maps/*.png")
 def clutter(
     maps: Annotated[list[Path], typer.Argument(help="Clean grid maps, images or ROS YAML; or folders of images.")],
@@ -329,6 +338,7 @@ def clutter(
     for key, value in asdict(summary).items():
         values = {"": value} if not isinstance(value, dict) else {f", {k}": v for k, v in value.items()}
         for which, number in values.items():
-            typer.echo(f"{key.replace('_', ' ')}{which}: {number if isinstance(number, int) else format(number, '.3f')}")
+            name = _CLUTTER_FIGURES.get(key, key.replace("_", " "))
+            typer.echo(f"{name}{which}: {number if isinstance(number, int) else format(number, '.3g')}")
     if json_file is not None:
         write_json(json_file, {"summary": asdict(summary), "trials": [asdict(t) for t in trials]})
