@@ -54,6 +54,8 @@ def random_segments(seed, n=40):
 
 @given(lines)
 @example([(0, 0.99999)])
+@example([(0, 0.99999), (1, 0.0)])
+@example([(0, 5.625), (1, 0.0), (1, 7.439364490862162e-07)])
 @settings(max_examples=60, deadline=None)
 def test_arrangement_covers_the_box_with_convex_faces(drawn):
     arrangement = arrangement_of(drawn)

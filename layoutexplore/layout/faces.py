@@ -101,21 +101,40 @@ class Arrangement:
 
 
 def clip_lines(angle: NDArray[np.float64], offset: NDArray[np.float64], box: Box) -> LineSet:
-    """Clip lines (n,) to a box and add its four sides."""
+    """Clip lines (n,) to a box and add its four sides.
+
+    Of parallel lines that lie closer than 2 `SNAP` all become the first: with a third line they would share a vertex or not as
+    the rounding falls.
+    """
     x0, y0, x1, y1 = box
     angle = np.concatenate((angle, (0.0, np.pi / 2, 0.0, np.pi / 2)))
-    offset = np.concatenate((offset, (y0, -x1, y1, -x0)))
+    offset = np.concatenate((_united(angle[:-4], offset), (y0, -x1, y1, -x0)))
     c, s = np.cos(angle), np.sin(angle)
     start, end = np.full(len(angle), -np.inf), np.full(len(angle), np.inf)
-    for low, high, rate, foot in ((x0, x1, c, -offset * s), (y0, y1, s, offset * c)):
+    for low, high, rate, across in ((x0, x1, c, -s), (y0, y1, s, c)):
         steep = np.abs(rate) > 1e-12
+        for side in (low, high):
+            beside = ~steep & (np.abs(offset * across - side) <= 2 * SNAP)
+            offset[beside] = side / across[beside]
+        foot = offset * across
         safe = np.where(steep, rate, 1.0)
         near, far = (low - foot) / safe, (high - foot) / safe
         start = np.where(steep, np.maximum(start, np.minimum(near, far)), start)
         end = np.where(steep, np.minimum(end, np.maximum(near, far)), end)
-        missed = ~steep & ((foot < low - SNAP) | (foot > high + SNAP))
+        missed = ~steep & ((foot < low) | (foot > high))
         end = np.where(missed, start, end)
     return LineSet(angle=angle, offset=offset, start=start, end=end, box=box)
+
+
+def _united(angle: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The offsets (n,), those of parallel lines that hardly differ made equal."""
+    order = np.lexsort((offset, angle))
+    near = (np.diff(angle[order]) == 0) & (np.diff(offset[order]) <= 2 * SNAP)
+    first = np.arange(len(order))
+    first[1:][near] = 0
+    united = np.empty(len(order))
+    united[order] = offset[order[np.maximum.accumulate(first)]]
+    return united
 
 
 def arrange(lines: LineSet) -> Arrangement:
@@ -159,7 +178,7 @@ def _edges(
     x = (c[first] * lines.offset[second] - c[second] * lines.offset[first]) / -cross
     y = (s[first] * lines.offset[second] - s[second] * lines.offset[first]) / -cross
     inside = (x >= x0 - SNAP) & (x <= x1 + SNAP) & (y >= y0 - SNAP) & (y <= y1 + SNAP)
-    # Onto the box before they are compared: a line just outside of it has the same vertices as the border.
+    # Onto the box before they are compared: lines that meet just outside of it meet on its border.
     first, second, x, y = first[inside], second[inside], np.clip(x[inside], x0, x1), np.clip(y[inside], y0, y1)
     snapped = np.rint((x - x0) / SNAP).astype(np.int64) << 32 | np.rint((y - y0) / SNAP).astype(np.int64) + 1
     _, keep, vertex = np.unique(snapped, return_index=True, return_inverse=True)
