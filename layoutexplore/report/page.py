@@ -42,10 +42,12 @@ def percent(value: float | None, digits: int = 0) -> str:
     r"""A share as percent.
 
     Example:
-        >>> percent(0.995, 1), percent(None)
-        ('99.5\xa0%', '–')
+        >>> percent(0.995, 1), percent(None), percent(-0.001), percent(-0.02)
+        ('99.5\xa0%', '–', '0\xa0%', '−2\xa0%')
     """
-    return "–" if value is None or not math.isfinite(value) else f"{100 * value:.{digits}f}\N{NO-BREAK SPACE}%"
+    if value is None or not math.isfinite(value):
+        return "–"
+    return f"{100 * value:z.{digits}f}\N{NO-BREAK SPACE}%".replace("-", "\N{MINUS SIGN}")
 
 
 def points(value: float) -> str:
