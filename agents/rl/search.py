@@ -42,7 +42,7 @@ from layoutexplore.errors import ResultsError
 from layoutexplore.exploration_metrics import distance_to_coverage
 from layoutexplore.frontier_tour import TourConfig, tour_features
 from layoutexplore.predictors import make_predictor
-from layoutexplore.processes import single_threaded, usable_cores
+from layoutexplore.processes import end_with_parent, single_threaded, usable_cores
 from layoutexplore.simulation import Simulation
 from layoutexplore.simulation_config import SimulationConfig
 
@@ -289,7 +289,7 @@ def _executor(workers: int) -> Iterator[Executor | None]:
     if count == 1:
         yield None
         return
-    with single_threaded(), ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) as executor:
+    with single_threaded(), ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), end_with_parent) as executor:
         yield executor
 
 
