@@ -165,7 +165,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         if self._ledger is None:
             return 0
         simulation = self.simulation
-        finished = self._ledger.update(simulation.unseen, simulation.robot.track if self._counts_visits else None)
+        finished = self._ledger.update(simulation.unseen_in, simulation.robot.track if self._counts_visits else None)
         return finished if self._counts_visits else 0
 
     def _metres_before(self, mark: float) -> float:

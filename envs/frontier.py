@@ -241,7 +241,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         decision = self.simulation.decision
         privileged = self._privileged.vector() if self._privileged else None
         observation = self._observer.observe(decision, privileged)
-        self._mask = cast(NDArray[np.int8], observation["action_mask"].copy())
+        self._mask = cast("NDArray[np.int8]", observation["action_mask"].copy())
         info = self._info() | {
             "frontier_count": len(decision.frontiers),
             "invalid_actions": self._invalid_actions,

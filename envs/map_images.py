@@ -6,7 +6,6 @@ Both are uint8, channel first, 0 or 255 where a pixel is one cell and a share in
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -57,11 +56,10 @@ class Trail:
         self._grid = grid
         self.marks = np.zeros(grid.shape, np.uint8)
 
-    def extend(self, track: Sequence[Pose]) -> None:
-        """Mark the way along some poses as the robot believes them, the first one already marked before."""
-        points = np.array(track, np.float64)
+    def extend(self, track: NDArray[np.float64]) -> None:
+        """Mark the way along poses float64 (n, 3) as the robot believes them, the first one already marked before."""
         origin, resolution = self._grid.origin, self._grid.resolution
-        _mark_way(self.marks, (points[:, 1] - origin.y) / resolution, (points[:, 0] - origin.x) / resolution)
+        _mark_way(self.marks, (track[:, 1] - origin.y) / resolution, (track[:, 0] - origin.x) / resolution)
 
 
 def draw_local_map(

@@ -13,6 +13,7 @@ from typing import cast
 
 import numpy as np
 from gymnasium import spaces
+from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.decision import Decision, Frontier, FrontierList
@@ -257,37 +258,52 @@ def action_mask(decision: Decision, max_frontiers: int) -> NDArray[np.int8]:
 
 def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[np.float32]:
     """float32 (max_frontiers * features,): a row of `FRONTIER_FEATURES` per slot, zero in slots without a frontier."""
-    table = np.zeros((config.max_frontiers, len(FRONTIER_FEATURES)))
+    table = np.zeros((config.max_frontiers, len(FRONTIER_FEATURES)), np.float32)
     columns = frontier_columns(decision.frontiers)[:, : config.max_frontiers]
     count = columns.shape[1]
     if count:
-        x, y, theta = decision.pose
-        dx, dy = columns[0] - x, columns[1] - y
-        ahead = (dx * math.cos(theta) + dy * math.sin(theta)) / config.length_scale
-        left = (dy * math.cos(theta) - dx * math.sin(theta)) / config.length_scale
-        path_length, straight, size = columns[2:5] / config.length_scale
         rank = detour = np.zeros(count)
         if config.detour:
             rank, detour = (column[:count] for column in tour_features(decision, config.tour))
-        table[:count] = np.stack(
-            [
-                np.ones(count),
-                ahead,
-                left,
-                path_length,
-                straight,
-                np.arctan2(left, ahead) / np.pi,
-                size,
-                columns[5] / config.area_scale,
-                detour / config.length_scale,
-                rank,
-                columns[6],
-                columns[7] / config.area_scale,
-                columns[8],
-            ],
-            axis=1,
+        limits = _FRONTIER_LOW, _FRONTIER_HIGH
+        _encode(columns, decision.pose, config.length_scale, config.area_scale, rank, detour, limits, table)
+    return table.ravel()
+
+
+@njit(cache=True, nogil=True)
+def _encode(
+    columns: NDArray[np.float64],
+    pose: tuple[float, float, float],
+    metres: float,
+    square_metres: float,
+    rank: NDArray[np.float64],
+    detour: NDArray[np.float64],
+    limits: tuple[NDArray[np.float32], NDArray[np.float32]],
+    table: NDArray[np.float32],
+) -> None:
+    """Write the rows of `FRONTIER_FEATURES` from those of `frontier_columns`, a row a frontier."""
+    (x, y, theta), (low, high) = pose, limits
+    for k in range(columns.shape[1]):
+        dx, dy = columns[0, k] - x, columns[1, k] - y
+        ahead = (dx * math.cos(theta) + dy * math.sin(theta)) / metres
+        left = (dy * math.cos(theta) - dx * math.sin(theta)) / metres
+        row = (
+            1.0,
+            ahead,
+            left,
+            columns[2, k] / metres,
+            columns[3, k] / metres,
+            math.atan2(left, ahead) / math.pi,
+            columns[4, k] / metres,
+            columns[5, k] / square_metres,
+            detour[k] / metres,
+            rank[k],
+            columns[6, k],
+            columns[7, k] / square_metres,
+            columns[8, k],
         )
-    return np.clip(table, _FRONTIER_LOW, _FRONTIER_HIGH).astype(np.float32).ravel()
+        for n in range(len(row)):
+            table[k, n] = min(max(row[n], low[n]), high[n])
 
 
 def frontier_columns(frontiers: Sequence[Frontier]) -> NDArray[np.float64]:

@@ -7,12 +7,13 @@ al., RSS 2018). The policy itself never reads it.
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.envs.observation import PRIVILEGED_FEATURES, ObservationConfig, bounds
 from layoutexplore.envs.rooms import RoomLedger, room_distances
 from layoutexplore.simulation import Simulation
-from layoutexplore.tours import improve_tour, open_tour
+from layoutexplore.tours import construct, improve
 
 _LOW, _HIGH = bounds(PRIVILEGED_FEATURES)
 
@@ -32,45 +33,60 @@ class PrivilegedView:
     def __init__(self, config: ObservationConfig, simulation: Simulation, ledger: RoomLedger) -> None:
         self._config, self._simulation, self._ledger = config, simulation, ledger
         self._distances = room_distances(simulation.truth)
-        self._order: NDArray[np.int64] | None = None
+        self._order = np.empty(0, np.int64)
 
     def vector(self) -> NDArray[np.float32]:
         """The entries of `PRIVILEGED_FEATURES` now, float32 (features,)."""
         simulation, config, ledger = self._simulation, self._config, self._ledger
-        unseen = simulation.target_area * (1.0 - simulation.coverage)
-        metres, left = self._tour()
-        lengths = np.cumsum(metres)
-        # What is left outside of the rooms of the tour, in doors and corners, is taken to be seen evenly on the way.
-        seen = np.cumsum(left) / left.sum() * unseen if len(left) else left
+        unseen, rooms = simulation.target_area * (1.0 - simulation.coverage), self._distances.rooms
+        is_open, left = ledger.open[rooms], ledger.left[rooms]
+        cell = simulation.raster.world_to_cell(simulation.pose.x, simulation.pose.y)
+        marks = np.array([0.05, 0.01]) * simulation.target_area
+        self._order, *lengths = _plan(
+            self._distances.between, self._distances.to_rooms(cell), self._order, is_open, left, unseen, marks
+        )
         values = (
             simulation.coverage,
             unseen / config.area_scale,
             simulation.target_area / config.area_scale,
-            len(metres) / max(1, int(np.count_nonzero(ledger.counted))),
-            metres.sum() / config.length_scale,
-            _length_until(unseen - 0.05 * simulation.target_area, lengths, seen) / config.length_scale,
-            _length_until(unseen - 0.01 * simulation.target_area, lengths, seen) / config.length_scale,
+            len(self._order) / max(1, int(np.count_nonzero(ledger.counted))),
+            *(length / config.length_scale for length in lengths),
             simulation.distance / simulation.max_distance,
         )
-        return np.clip(np.array(values, np.float32), _LOW, _HIGH)
-
-    def _tour(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The legs of the tour in metres and the square metres left in the room at the end of each."""
-        open_rooms = self._ledger.open[self._distances.rooms]
-        simulation = self._simulation
-        order = np.flatnonzero(open_rooms) if self._order is None else self._order[open_rooms[self._order]]
-        matrix = np.zeros((len(order) + 1, len(order) + 1))
-        cell = simulation.raster.world_to_cell(simulation.pose.x, simulation.pose.y)
-        matrix[0, 1:] = matrix[1:, 0] = self._distances.to_rooms(cell)[order]
-        matrix[1:, 1:] = self._distances.between[np.ix_(order, order)]
-        tour = open_tour(matrix) if self._order is None else improve_tour(matrix, np.arange(1, len(order) + 1))
-        self._order = order[tour - 1]
-        stops = np.concatenate([[0], tour])
-        return matrix[stops[:-1], stops[1:]], self._ledger.left[self._distances.rooms[self._order]]
+        return np.array(values, np.float32).clip(_LOW, _HIGH)
 
 
-def _length_until(area: float, lengths: NDArray[np.float64], seen: NDArray[np.float64]) -> float:
-    """Metres of the tour after which an area has been seen: 0 when it is nothing, the whole tour when that is not enough."""
-    if area <= 0 or len(lengths) == 0:
-        return 0.0
-    return float(np.interp(area, np.concatenate([[0.0], seen]), np.concatenate([[0.0], lengths])))
+@njit(cache=True, nogil=True)
+def _plan(
+    between: NDArray[np.float64],
+    to_rooms: NDArray[np.float64],
+    order: NDArray[np.int64],
+    is_open: NDArray[np.bool_],
+    left: NDArray[np.float64],
+    unseen: float,
+    marks: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], float, float, float]:
+    """The order over open rooms, its length in metres, and the lengths after which only the first and second mark are unseen.
+
+    An empty order is a tour that has not been planned; one that has is kept, as far as its rooms are open, and improved. What
+    is left outside of the rooms of the tour, in doors and corners, is taken to be seen evenly on the way.
+    """
+    rooms = (order[is_open[order]] if len(order) else np.flatnonzero(is_open)).astype(np.int64)
+    count = len(rooms)
+    matrix = np.zeros((count + 1, count + 1))
+    for k in range(count):
+        matrix[0, k + 1] = matrix[k + 1, 0] = to_rooms[rooms[k]]
+        for j in range(count):
+            matrix[k + 1, j + 1] = between[rooms[k], rooms[j]]
+    tour = np.arange(count + 1) if len(order) else construct(matrix)
+    improve(matrix, tour)
+    rooms = rooms[tour[1:] - 1]
+    total = left[rooms].sum()
+    until = np.zeros(2)
+    length, seen = 0.0, 0.0
+    for k in range(count):
+        leg, found = matrix[tour[k], tour[k + 1]], left[rooms[k]] / total * unseen
+        for m in range(2):
+            until[m] += leg * min(max((unseen - marks[m] - seen) / found, 0.0), 1.0)
+        length, seen = length + leg, seen + found
+    return rooms, length, until[0], until[1]

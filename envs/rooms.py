@@ -5,17 +5,15 @@ Only rewards and the critic's privileged view read it; policies do not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.decision import Truth
 from layoutexplore.floorplan import PlanRaster
 from layoutexplore.frontier_tour import LITTLE_LEFT
-from layoutexplore.grid import Cell, Pose
+from layoutexplore.grid import Cell
 from layoutexplore.planning import distances_between
 
 _BLOCK = 4
@@ -32,33 +30,29 @@ class RoomLedger:
         left: float64 (rooms + 1,), square metres of the target area in each room that have not been seen; entry 0 lies in
             no room.
         counted: bool (rooms + 1,), the rooms that had 1 m² or more to see at first: smaller ones are no rooms to visit.
+        open: bool (rooms + 1,), those of them with 1 m² or more left to see.
         visits: int64 (rooms + 1,), how often the robot has entered each room.
     """
 
     def __init__(self, truth: Truth) -> None:
         self._raster = truth.raster
         self._cell_area = truth.raster.resolution**2
-        self._ids = np.ascontiguousarray(truth.raster.room_ids, np.int32).ravel()
-        self._entries = int(self._ids.max()) + 1
-        self._unseen = np.array(truth.target, np.bool_).ravel().view(np.uint8)
-        self._counts = np.bincount(self._ids[self._unseen.view(np.bool_)], minlength=self._entries)
-        self.left = np.asarray(self._counts * self._cell_area, np.float64)
+        ids = truth.raster.room_ids
+        counts = np.bincount(ids[truth.target], minlength=int(ids.max()) + 1)
+        self.left = np.asarray(counts * self._cell_area, np.float64)
         self.counted = self.left >= LITTLE_LEFT
         self.counted[0] = False
-        self.visits = np.zeros(self._entries, np.int64)
+        self.open = self.counted
+        self.visits = np.zeros(len(counts), np.int64)
         self._room = self._walked = 0
 
-    @property
-    def open(self) -> NDArray[np.bool_]:
-        """Bool (rooms + 1,): counted rooms with 1 m² or more left to see."""
-        return self.counted & (self.left >= LITTLE_LEFT)
-
-    def update(self, unseen: NDArray[np.bool_], track: Sequence[Pose] | None) -> int:
+    def update(self, unseen: NDArray[np.int64], track: NDArray[np.float64] | None) -> int:
         """Take note of what has happened since the last call.
 
         Args:
-            unseen: bool (rows, cols), the cells of the target area that have not been seen.
-            track: The robot's true poses since the episode began; None leaves the visits as they are, which is quicker.
+            unseen: int64 (rooms + 1,), how many cells of the target area have not been seen in each room.
+            track: float64 (n, 3), the robot's true poses since the episode began; None leaves the visits as they are, which is
+                quicker.
 
         Returns:
             Number of rooms that were finished (less than 1 m² left) before the robot came to them a second time.
@@ -66,16 +60,16 @@ class RoomLedger:
         if track is not None:
             self._follow(track)
         open_before = self.open
-        _strike(self._unseen, np.ascontiguousarray(unseen).ravel().view(np.uint8), self._ids, self._counts)
-        self.left = np.asarray(self._counts * self._cell_area, np.float64)
+        self.left = np.asarray(unseen * self._cell_area, np.float64)
+        self.open = self.counted & (self.left >= LITTLE_LEFT)
         return int(np.count_nonzero(open_before & ~self.open & (self.visits <= 1)))
 
-    def _follow(self, track: Sequence[Pose]) -> None:
+    def _follow(self, track: NDArray[np.float64]) -> None:
         """Count the rooms that were entered."""
         if len(track) > self._walked:
             origin, resolution = self._raster.origin, self._raster.resolution
-            cols, rows = np.floor((np.array(track[self._walked :])[:, :2] - origin[:2]) / resolution).astype(np.int64).T
-            rooms = self._ids[rows * self._raster.shape[1] + cols]
+            cols, rows = np.floor((track[self._walked :, :2] - origin[:2]) / resolution).astype(np.int64).T
+            rooms = self._raster.room_ids[rows, cols]
             rooms = rooms[rooms > 0]
             entered = rooms[np.diff(rooms, prepend=self._room) != 0]
             np.add.at(self.visits, entered, 1)
@@ -132,23 +126,3 @@ def _middle(cells: NDArray[np.int64], reachable: NDArray[np.bool_]) -> Cell:
     candidates = inside if len(inside) else np.argwhere(reachable)
     nearest = candidates[np.argmin(((candidates - cells.mean(axis=0)) ** 2).sum(axis=1))]
     return Cell(int(nearest[0]), int(nearest[1]))
-
-
-@njit(cache=True, nogil=True)
-def _strike(kept: NDArray[np.uint8], unseen: NDArray[np.uint8], ids: NDArray[np.int32], counts: NDArray[np.int64]) -> None:
-    """Take the cells that are no longer set in `unseen` (n,) out of `kept` (n,) and out of their rooms' counts (entries,).
-
-    Stretches of 64 cells of which none has changed are skipped.
-    """
-    whole = kept.size // 64 * 8
-    before, now = kept[: 8 * whole].view(np.uint64), unseen[: 8 * whole].view(np.uint64)
-    for w in range(0, whole + 8, 8):
-        changed = np.uint64(w == whole)
-        for k in range(w, min(w + 8, whole)):
-            changed |= before[k] ^ now[k]
-        if changed == 0:
-            continue
-        for k in range(8 * w, min(8 * w + 64, kept.size)):
-            if kept[k] != unseen[k]:
-                counts[ids[k]] -= 1
-                kept[k] = unseen[k]

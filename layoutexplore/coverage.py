@@ -15,22 +15,27 @@ class Coverage:
 
     Args:
         target: bool (rows, cols), the cells that have to be seen.
+        rooms: int (rows, cols), the room of each cell, 0 for none.
 
     Attributes:
         unseen: bool (rows, cols), the cells of the target that have not been seen.
         target_count: Number of cells of the target.
         unseen_count: Number of those that have not been seen.
+        rooms: int32 (rows, cols), as given.
+        unseen_in: int64 (rooms + 1,), the same by room; entry 0 counts those that lie in no room.
 
     Example:
-        >>> coverage = Coverage(np.array([[True, True], [False, True]]))
+        >>> coverage = Coverage(np.array([[True, True], [False, True]]), np.array([[1, 1], [0, 2]]))
         >>> coverage.update(np.array([[0, -1], [0, -1]], np.int8), (0, 2, 0, 1))
-        >>> round(coverage.share, 3)
-        0.333
+        >>> round(coverage.share, 3), coverage.unseen_in.tolist()
+        (0.333, [0, 1, 1])
     """
 
-    def __init__(self, target: NDArray[np.bool_]) -> None:
+    def __init__(self, target: NDArray[np.bool_], rooms: NDArray[np.integer]) -> None:
         self.unseen = target.copy()
         self.target_count = self.unseen_count = int(np.count_nonzero(target))
+        self.rooms = np.ascontiguousarray(rooms, np.int32)
+        self.unseen_in = np.bincount(self.rooms[target], minlength=int(self.rooms.max()) + 1)
 
     @property
     def share(self) -> float:
@@ -39,7 +44,7 @@ class Coverage:
 
     def update(self, cells: NDArray[np.int8], box: Box) -> None:
         """Count the target's cells that are known now, inside the box of the grid int8 (rows, cols) that changed."""
-        self.unseen_count -= strike_seen(cells, self.unseen, *box)
+        self.unseen_count -= strike_seen(cells, self.unseen, self.rooms, self.unseen_in, *box)
 
 
 def union(a: Box, b: Box) -> Box:
@@ -57,12 +62,22 @@ def union(a: Box, b: Box) -> Box:
 
 
 @njit(cache=True, nogil=True)
-def strike_seen(cells: NDArray[np.int8], unseen: NDArray[np.bool_], row0: int, row1: int, col0: int, col1: int) -> int:
-    """How many unseen cells are known now; they are struck from `unseen`."""
+def strike_seen(
+    cells: NDArray[np.int8],
+    unseen: NDArray[np.bool_],
+    rooms: NDArray[np.int32],
+    unseen_in: NDArray[np.int64],
+    row0: int,
+    row1: int,
+    col0: int,
+    col1: int,
+) -> int:
+    """How many unseen cells are known now; they are struck from `unseen` and from the counts of their rooms."""
     count = 0
     for row in range(row0, row1):
         for col in range(col0, col1):
             if unseen[row, col] and cells[row, col] != -1:
                 unseen[row, col] = False
+                unseen_in[rooms[row, col]] -= 1
                 count += 1
     return count

@@ -7,6 +7,7 @@ the clairvoyant agent are handed.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -127,7 +128,7 @@ class Decision:
         sensor: The lidar's configuration.
         robot_radius: In metres.
         layout: The predicted layout; None without a predictor.
-        track: The poses so far, as the robot believes them; it grows with every move.
+        track: float64 (n, 3), the poses so far as (x, y, theta), as the robot believes them.
         paths: Keeps path lengths from decision to decision; None computes them anew.
         goal: World point (x, y) in the middle of the frontier that the robot was last sent to; None before that.
     """
@@ -141,7 +142,7 @@ class Decision:
     sensor: LidarConfig
     robot_radius: float
     layout: Any = None
-    track: Sequence[Pose] = ()
+    track: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.empty((0, 3)))
     paths: PathTable | None = None
     goal: tuple[float, float] | None = None
 

@@ -100,7 +100,7 @@ class OccupancyGrid:
     @property
     def free_area(self) -> float:
         """Area known to be free, in square metres."""
-        return float(self.cells.size - np.count_nonzero(self.cells)) * self.resolution**2
+        return float(np.count_nonzero(self.free)) * self.resolution**2
 
     def world_to_cell(self, x: float, y: float) -> Cell:
         """The cell that holds a world point; it may lie outside the grid (see `contains`)."""

@@ -78,6 +78,29 @@ def check_start(raster: PlanRaster, robot_radius: float, start: Pose) -> Pose:
     return Pose(x, y, math.remainder(theta, 2 * math.pi))
 
 
+class _Track:
+    """Poses in an array that grows."""
+
+    def __init__(self, start: Pose) -> None:
+        self._rows = np.empty((256, 3))
+        self._count = 0
+        self.add(start)
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """float64 (n, 3), as (x, y, theta); a view, to which nothing is added later."""
+        return self._rows[: self._count]
+
+    def add(self, poses: Pose | NDArray[np.float64]) -> None:
+        """One pose, or float64 (n, 3)."""
+        rows = np.asarray(poses, np.float64).reshape(-1, 3)
+        end = self._count + len(rows)
+        if end > len(self._rows):
+            self._rows = np.concatenate([self.poses, np.empty((2 * end - self._count, 3))])
+        self._rows[self._count : end] = rows
+        self._count = end
+
+
 class Robot:
     """A disc that turns and translates on a floor plan.
 
@@ -87,19 +110,27 @@ class Robot:
         walked: Metres walked.
         turned: Radians turned.
         collisions: How often a wall stopped it.
-        track: The true poses so far.
-        believed_track: Where it believed to be at each of them; the same list without odometry noise.
     """
 
     def __init__(self, raster: PlanRaster, radius: float, start: Pose, noise: OdometryNoise, rng: np.random.Generator) -> None:
         self.pose = self.believed = start
         self.walked = self.turned = 0.0
         self.collisions = 0
-        self.track = [start]
+        self._track = _Track(start)
         self._raster, self._radius, self._noise, self._rng = raster, radius, noise, rng
         self._blocked = raster.blocked(radius)
         self._drifts = noise.translation > 0 or noise.rotation > 0
-        self.believed_track = [start] if self._drifts else self.track
+        self._believed_track = _Track(start) if self._drifts else self._track
+
+    @property
+    def track(self) -> NDArray[np.float64]:
+        """float64 (n, 3): the true poses so far, as (x, y, theta)."""
+        return self._track.poses
+
+    @property
+    def believed_track(self) -> NDArray[np.float64]:
+        """float64 (n, 3): where it believed to be at each of them."""
+        return self._believed_track.poses
 
     def turn_to(self, theta: float) -> None:
         """Turn on the spot to a believed heading, the short way round."""
@@ -131,9 +162,9 @@ class Robot:
         self.believed = Pose(self.believed.x + share * dx, self.believed.y + share * dy, self.believed.theta)
         self.pose = Pose(self.pose.x + share * true_dx, self.pose.y + share * true_dy, self.pose.theta + drift)
         self.walked += share * length
-        self.track.append(self.pose)
+        self._track.add(self.pose)
         if self._drifts:
-            self.believed_track.append(self.believed)
+            self._believed_track.add(self.believed)
         collided = share < 1.0
         self.collisions += collided
         return share * length, collided
@@ -152,12 +183,12 @@ class Robot:
         Returns:
             How many points it has reached.
         """
-        origin, reached = self._raster.origin, np.empty_like(points)
+        origin, reached = self._raster.origin, np.full((len(points), 3), self.pose.theta)
         frame = np.array([self.pose.x, self.pose.y, origin.x, origin.y, self._raster.resolution])
         count, self.walked = advance_along(self._blocked, points, frame, self.walked, pause, end, reached)
-        theta = self.pose.theta
-        self.track.extend([Pose(x, y, theta) for x, y in reached[:count].tolist()])
-        self.pose = self.believed = self.track[-1]._replace(theta=theta)
+        if count:
+            self._track.add(reached[:count])
+            self.pose = self.believed = Pose(*reached[count - 1].tolist())
         return int(count)
 
     def arrive(self, way: NDArray[np.float64], pose: Pose, walked: float, turned: float) -> None:
@@ -169,7 +200,7 @@ class Robot:
             walked: Metres walked in all.
             turned: Radians turned in all.
         """
-        self.track.extend(map(Pose._make, way.tolist()))
+        self._track.add(way)
         self.pose = self.believed = pose
         self.walked, self.turned = walked, turned
 

@@ -113,7 +113,7 @@ class Simulation:
         self._witness = Mapper(shape, resolution, origin) if self._drifts else self.mapper
         self._detector = FrontierDetector(shape)
         self._changed = (0, 0, 0, 0)
-        self._coverage = Coverage(self.truth.target)
+        self._coverage = Coverage(self.truth.target, self.raster.room_ids)
         self._walker = Walker(self.lidar, self.raster.blocked(radius), self.config, self._coverage, self.max_distance)
         self._outlook = Outlook(shape, self.config)
         self._ground = Ground(shape, radius, resolution)
@@ -211,9 +211,9 @@ class Simulation:
         return self.truth.target & ~self._coverage.unseen
 
     @property
-    def unseen(self) -> NDArray[np.bool_]:
-        """Bool (rows, cols): the rest of the target area, as a view that changes with the next step."""
-        return self._coverage.unseen
+    def unseen_in(self) -> NDArray[np.int64]:
+        """int64 (rooms + 1,): the cells of the target area that have not been seen, by room; entry 0 counts those in none."""
+        return self._coverage.unseen_in
 
     @property
     def target_area(self) -> float:
@@ -233,7 +233,7 @@ class Simulation:
     @property
     def track(self) -> NDArray[np.float64]:
         """float64 (n, 3): the true poses walked, as (x, y, theta)."""
-        return np.array(self.robot.track, np.float64)
+        return self.robot.track.copy()
 
     @property
     def curve(self) -> NDArray[np.float64]:

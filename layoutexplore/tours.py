@@ -36,8 +36,8 @@ def open_tour(distances: NDArray[np.floating]) -> NDArray[np.int64]:
         [2, 3, 1]
     """
     matrix = _checked(distances)
-    tour = _construct(matrix)
-    _improve(matrix, tour)
+    tour = construct(matrix)
+    improve(matrix, tour)
     return tour[1:]
 
 
@@ -55,7 +55,7 @@ def improve_tour(distances: NDArray[np.floating], order: NDArray[np.integer]) ->
     if sorted(order) != list(range(1, len(matrix))):
         raise ConfigError(f"a tour over {len(matrix) - 1} places must be a permutation of 1..{len(matrix) - 1}")
     tour = np.concatenate([[0], order]).astype(np.int64)
-    _improve(matrix, tour)
+    improve(matrix, tour)
     return tour[1:]
 
 
@@ -77,8 +77,11 @@ def _checked(distances: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 @njit(cache=True, nogil=True)
-def _construct(distances: NDArray[np.float64]) -> NDArray[np.int64]:
-    """int64 (n + 1,): from place 0 always on to the nearest place that is left, of equally near ones the first."""
+def construct(distances: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The tour int64 (n + 1,) from place 0 always on to the nearest place that is left, of equally near ones the first.
+
+    The matrix float64 (n + 1, n + 1) is finite.
+    """
     count = len(distances)
     tour = np.zeros(count, np.int64)
     left = np.ones(count, np.bool_)
@@ -96,8 +99,8 @@ def _construct(distances: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 @njit(cache=True, nogil=True)
-def _improve(distances: NDArray[np.float64], tour: NDArray[np.int64]) -> None:
-    """Apply 2-opt and Or-opt in place until neither finds a shorter tour."""
+def improve(distances: NDArray[np.float64], tour: NDArray[np.int64]) -> None:
+    """Apply 2-opt and Or-opt to a tour int64 (n + 1,) in place until neither finds a shorter one."""
     buffer = np.empty_like(tour)
     while _two_opt(distances, tour) or _or_opt(distances, tour, buffer):
         pass

@@ -25,6 +25,11 @@ from layoutexplore.simulation_config import SimulationConfig
 MAX_REACH = 1.5
 """How far from the frontier a viewpoint may lie, in metres: beyond it a gap is taken to be too narrow for the robot."""
 
+NOTHING_VAIN = np.empty(0, np.uint64)
+"""For a map that is looked at for the first time."""
+
+_MIX = np.uint64(0x9E3779B97F4A7C15)
+
 
 class Outlook:
     """Lists the frontiers of a run as they are offered to the robot.
@@ -39,6 +44,7 @@ class Outlook:
         gain_range = min(config.gain_range, config.lidar.range_max)
         self._view = OpenView(shape, config.resolution, gain_range, config.gain_rays)
         self._exhausted = np.empty(0, np.int64)
+        self._vain = NOTHING_VAIN
 
     def exhaust(self, cells: NDArray[np.int32]) -> None:
         """Never offer these frontier cells int32 (n, 2) again: they were looked at in vain."""
@@ -58,7 +64,9 @@ class Outlook:
             changed: Around all cells of the grid that changed since the last call.
         """
         clusters, config = self._without_exhausted(clusters), self._config
-        view, found = choose_viewpoints(grid.cells, distances.units, distances.settled, clusters, grid.resolution)
+        view, found, self._vain = choose_viewpoints(
+            grid.cells, distances.units, distances.settled, clusters, grid.resolution, self._vain
+        )
         sizes = np.diff(clusters.offsets) * grid.resolution
         usable = found & (sizes >= config.frontier_min_size - 1e-9)
         kept = np.flatnonzero(usable if usable.any() else found)
@@ -79,8 +87,13 @@ class Outlook:
 
 
 def choose_viewpoints(
-    cells: NDArray[np.int8], distances: NDArray[np.int32], farthest: int, clusters: FrontierClusters, resolution: float
-) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    cells: NDArray[np.int8],
+    distances: NDArray[np.int32],
+    farthest: int,
+    clusters: FrontierClusters,
+    resolution: float,
+    vain: NDArray[np.uint64],
+) -> tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.uint64]]:
     """A viewpoint for every cluster.
 
     The cluster's cells are tried from the one nearest the centroid outwards; the first that a reachable cell within
@@ -92,12 +105,14 @@ def choose_viewpoints(
         farthest: The greatest of them that the robot can go.
         clusters: The frontier clusters.
         resolution: Metres per cell.
+        vain: uint64 (n,), what the last call on this map returned, or `NOTHING_VAIN`: clusters for which it found none and
+            around which nothing has changed are not searched again.
 
     Returns:
-        int32 (k, 2) viewpoints, and bool (k,) whether there is one.
+        int32 (k, 2) viewpoints, bool (k,) whether there is one, and the clusters without, for the next call.
     """
     offsets = _disc_offsets(math.ceil(MAX_REACH / resolution))
-    return _choose(cells, distances, farthest, clusters.cells, clusters.offsets, offsets)
+    return _choose(cells, distances, farthest, clusters.cells, clusters.offsets, offsets, vain)
 
 
 def remaining_share(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> float:
@@ -174,13 +189,20 @@ def _without(
 @njit(cache=True, nogil=True)
 def _middles(cells: NDArray[np.int32], offsets: NDArray[np.int64]) -> NDArray[np.float64]:
     """The mean cell float64 (k, 2) of each cluster."""
-    middles = np.zeros((len(offsets) - 1, 2))
+    middles = np.empty((len(offsets) - 1, 2))
     for k in range(len(middles)):
-        for n in range(offsets[k], offsets[k + 1]):
-            middles[k, 0] += cells[n, 0]
-            middles[k, 1] += cells[n, 1]
-        middles[k] /= offsets[k + 1] - offsets[k]
+        middles[k] = _middle(cells[offsets[k] : offsets[k + 1]])
     return middles
+
+
+@njit(cache=True, nogil=True)
+def _middle(cells: NDArray[np.int32]) -> tuple[float, float]:
+    """The mean of cells int32 (n, 2)."""
+    rows, cols = 0, 0
+    for n in range(len(cells)):
+        rows += cells[n, 0]
+        cols += cells[n, 1]
+    return rows / len(cells), cols / len(cells)
 
 
 @njit(cache=True, nogil=True)
@@ -191,33 +213,77 @@ def _choose(
     members: NDArray[np.int32],
     starts: NDArray[np.int64],
     offsets: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    vain: NDArray[np.uint64],
+) -> tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.uint64]]:
+    """Viewpoints, whether there are any, and the digests of the clusters that have none; those in `vain` are not searched."""
     count = len(starts) - 1
     view = np.zeros((count, 2), np.int32)
     found = np.zeros(count, np.bool_)
-    rows, cols = cells.shape
+    still_vain, failures = np.empty(count, np.uint64), 0
     for k in range(count):
         cluster = members[starts[k] : starts[k + 1]]
-        middle_row, middle_col = cluster[:, 0].mean(), cluster[:, 1].mean()
-        squared = (cluster[:, 0] - middle_row) ** 2 + (cluster[:, 1] - middle_col) ** 2
+        middle_row, middle_col = _middle(cluster)
         # Hardly ever is more than the nearest cell tried, so only then are they sorted.
-        order = np.array([np.argmin(squared)])
-        stride = max(1, len(cluster) // 16)
-        for rank in range(0, len(cluster), stride):
-            if rank == stride:
-                order = np.argsort(squared, kind="mergesort")
-            row, col = cluster[order[rank]]
-            for n in range(len(offsets)):
-                r, c = row + offsets[n, 0], col + offsets[n, 1]
-                if not (0 <= r < rows and 0 <= c < cols) or distances[r + 1, c + 1] > farthest:
-                    continue
-                if _sees(cells, row, col, r, c):
-                    view[k, 0], view[k, 1] = r, c
-                    found[k] = True
+        first = 0
+        nearest = np.inf
+        for n in range(len(cluster)):
+            away = (cluster[n, 0] - middle_row) ** 2 + (cluster[n, 1] - middle_col) ** 2
+            if away < nearest:
+                first, nearest = n, away
+        found[k] = _look_around(cells, distances, farthest, cluster[first, 0], cluster[first, 1], offsets, view[k])
+        if found[k]:
+            continue
+        digest = _digest(cells, distances, farthest, cluster, offsets[-1, 0])
+        if not (vain == digest).any():
+            order = np.argsort((cluster[:, 0] - middle_row) ** 2 + (cluster[:, 1] - middle_col) ** 2, kind="mergesort")
+            stride = max(1, len(cluster) // 16)
+            for rank in range(stride, len(cluster), stride):
+                row, col = cluster[order[rank]]
+                found[k] = _look_around(cells, distances, farthest, row, col, offsets, view[k])
+                if found[k]:
                     break
-            if found[k]:
-                break
-    return view, found
+        if not found[k]:
+            still_vain[failures] = digest
+            failures += 1
+    return view, found, still_vain[:failures]
+
+
+@njit(cache=True, nogil=True)
+def _look_around(
+    cells: NDArray[np.int8],
+    distances: NDArray[np.int32],
+    farthest: int,
+    row: int,
+    col: int,
+    offsets: NDArray[np.int32],
+    view: NDArray[np.int32],
+) -> bool:
+    """Whether a reachable cell at one of the offsets sees a cell; the first one is written into `view` (2,)."""
+    rows, cols = cells.shape
+    for n in range(len(offsets)):
+        r, c = row + offsets[n, 0], col + offsets[n, 1]
+        if 0 <= r < rows and 0 <= c < cols and distances[r + 1, c + 1] <= farthest and _sees(cells, row, col, r, c):
+            view[0], view[1] = r, c
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _digest(
+    cells: NDArray[np.int8], distances: NDArray[np.int32], farthest: int, cluster: NDArray[np.int32], reach: int
+) -> np.uint64:
+    """64 bits of all that the search for a cluster's viewpoint reads: its cells, and what is free and reachable around them."""
+    code = np.uint64(len(cluster))
+    for n in range(len(cluster)):
+        code = (code ^ np.uint64(cluster[n, 0] * cells.shape[1] + cluster[n, 1])) * _MIX
+    row0, row1 = max(cluster[:, 0].min() - reach, 0), min(cluster[:, 0].max() + reach + 1, cells.shape[0])
+    col0, col1 = max(cluster[:, 1].min() - reach, 0), min(cluster[:, 1].max() + reach + 1, cells.shape[1])
+    for r in range(row0, row1):
+        for c in range(col0, col1):
+            kind = 2 * np.int64(cells[r, c] == 0) + np.int64(distances[r + 1, c + 1] <= farthest)
+            code = (code ^ np.uint64(kind)) * _MIX
+            code ^= code >> np.uint64(29)
+    return code
 
 
 @njit(cache=True, nogil=True)

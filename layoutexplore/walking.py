@@ -33,6 +33,10 @@ _X, _Y, _HEADING, _WALKED, _TURNED, _SCANNED_AT, _FROM_X, _FROM_Y = range(8)
 _NEW, _NEW_OCCUPIED, _FREE_CHANGE, _OCCUPIED_CHANGE, _ROW0, _ROW1, _COL0, _COL1, _UNSEEN = range(9)
 
 
+_Grids = tuple[NDArray[np.int8], NDArray[np.bool_], NDArray[np.int32], NDArray[np.int64]]
+"""What scans change: the robot's grid, and of a `Coverage` what is unseen, the rooms, and what is unseen in each."""
+
+
 class _Eye(NamedTuple):
     """What scans need: the arguments of `cast_and_mark`, and the angle of the middle of the field of view."""
 
@@ -140,7 +144,7 @@ class Walker:
         state = np.array([*pose, robot.walked, robot.turned, *self.since])
         track, curve = np.empty((len(path) - first, 3)), np.empty((len(path) - first, 2))
         changes = np.array([0, 0, 0, 0, 0, 0, 0, 0, self._coverage.unseen_count])
-        grids = (mapper.grid.cells, self._coverage.unseen)
+        grids = (mapper.grid.cells, self._coverage.unseen, self._coverage.rooms, self._coverage.unseen_in)
         event, reached, steps, made = _walk(
             path, first, state, self._floor, self._eye, self._rules, grids, frontier, scans, track, curve, changes
         )
@@ -161,7 +165,7 @@ def _walk(
     floor: _Floor,
     eye: _Eye,
     rules: _Rules,
-    grids: tuple[NDArray[np.int8], NDArray[np.bool_]],
+    grids: _Grids,
     frontier: NDArray[np.int32],
     most_scans: int,
     track: NDArray[np.float64],
@@ -224,11 +228,11 @@ def _scan(
     state: NDArray[np.float64],
     floor: _Floor,
     eye: _Eye,
-    grids: tuple[NDArray[np.int8], NDArray[np.bool_]],
+    grids: _Grids,
     changes: NDArray[np.int64],
 ) -> int:
     """Scan from where the robot is: the grid and what is unseen follow. How many cells became occupied."""
-    cells, unseen = grids
+    cells, unseen, rooms, unseen_in = grids
     heading = state[_HEADING]
     update = cast_and_mark(
         eye.clearance,
@@ -251,7 +255,7 @@ def _scan(
     changes[_FREE_CHANGE] += free_change
     changes[_OCCUPIED_CHANGE] += occupied_change
     if row0 < row1:
-        changes[_UNSEEN] -= strike_seen(cells, unseen, row0, row1, col0, col1)
+        changes[_UNSEEN] -= strike_seen(cells, unseen, rooms, unseen_in, row0, row1, col0, col1)
         if changes[_ROW0] < changes[_ROW1]:
             row0, row1 = min(row0, changes[_ROW0]), max(row1, changes[_ROW1])
             col0, col1 = min(col0, changes[_COL0]), max(col1, changes[_COL1])

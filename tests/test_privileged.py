@@ -108,10 +108,16 @@ def test_the_tour_of_the_critic_visits_what_is_left() -> None:
     view, ledger = env._privileged, env._ledger
     distances = view._distances
     assert sorted(distances.rooms[view._order].tolist()) == np.flatnonzero(ledger.open).tolist()
-    metres, left = view._tour()
-    assert len(metres) == len(left) == np.count_nonzero(ledger.open)
-    np.testing.assert_allclose(left, ledger.left[distances.rooms[view._order]])
-    np.testing.assert_allclose(metres[1:], distances.between[view._order[:-1], view._order[1:]])
+    simulation, shown = env.simulation, dict(zip(PRIVILEGED_FEATURES, view.vector().tolist(), strict=True))
+    here = simulation.raster.world_to_cell(simulation.pose.x, simulation.pose.y)
+    legs = [distances.to_rooms(here)[view._order[0]], *distances.between[view._order[:-1], view._order[1:]]]
+    lengths, left = np.cumsum(legs), np.cumsum(ledger.left[distances.rooms[view._order]])
+    scale, unseen = env.observation_config.length_scale, 1.0 - simulation.coverage
+    assert shown["remaining_tour"] == pytest.approx(lengths[-1] / scale)
+    for name, mark in (("length_to_95", 0.05), ("length_to_99", 0.01)):
+        seen = np.concatenate([[0.0], left / left[-1] * unseen])
+        expected = np.interp(unseen - mark, seen, np.concatenate([[0.0], lengths])) if unseen > mark else 0.0
+        assert shown[name] == pytest.approx(expected / scale, rel=1e-5)
 
 
 def test_distances_between_rooms_are_geodesic() -> None:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from layoutexplore.coverage import Coverage
 from layoutexplore.envs.rewards import (
     REWARDS,
     PathToMarks,
@@ -20,7 +21,7 @@ from layoutexplore.envs.rewards import (
     reads_rooms,
     reward,
 )
-from layoutexplore.envs.rooms import RoomLedger, _strike
+from layoutexplore.envs.rooms import RoomLedger
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.exploration_metrics import distance_to_coverage
 from layoutexplore.floorplan import floorplan_from_ascii
@@ -130,31 +131,36 @@ def test_rooms_are_counted_when_they_are_finished_on_the_first_visit() -> None:
     simulation = Simulation(plan, SimulationConfig(sensor="short"))
     simulation.reset(0, Pose(2.5, 1.5, 0.0))
     a, b, c = (int(simulation.raster.room_ids[simulation.raster.world_to_cell(x, 2.5)]) for x in (2.5, 7.5, 11.0))
-    ledger, unseen = RoomLedger(simulation.truth), simulation.truth.target.copy()
-    ids = simulation.raster.room_ids
-    assert ledger.left[[a, b, c]] == pytest.approx([np.count_nonzero(unseen & (ids == room)) * 0.01 for room in (a, b, c)])
-    track = [Pose(2.5, 1.5, 0.0)]
+    ids, target = simulation.raster.room_ids, simulation.truth.target
+    ledger, unseen = RoomLedger(simulation.truth), np.bincount(ids[target])
+    assert ledger.left[[a, b, c]] == pytest.approx([np.count_nonzero(target & (ids == room)) * 0.01 for room in (a, b, c)])
+    track = np.array([[2.5, 1.5, 0.0]])
     assert ledger.update(unseen, track) == 0 and ledger.visits[a] == 1
-    unseen[ids == a] = False
+    unseen[a] = 0
     assert ledger.update(unseen, track) == 1, "the robot is in it for the first time"
-    unseen[ids == c] = False
+    unseen[c] = 0
     assert ledger.update(unseen, track) == 1, "it needs no visit at all"
-    track += [Pose(5.5, 3.5, 0.0), Pose(6.5, 3.5, 0.0), Pose(4.5, 3.5, 0.0), Pose(6.5, 3.5, 0.0)]
-    unseen[ids == b] = False
+    track = np.concatenate([track, [[x, 3.5, 0.0] for x in (5.5, 6.5, 4.5, 6.5)]])
+    unseen[b] = 0
     assert ledger.update(unseen, track) == 0 and ledger.visits[b] == 2, "the robot came back to it"
     assert not ledger.open.any()
 
 
-@given(st.integers(0, 10_000), st.integers(1, 200))
-def test_cells_that_are_seen_leave_their_rooms(seed: int, size: int) -> None:
+@given(st.integers(0, 10_000), st.integers(1, 15), st.integers(1, 15))
+def test_cells_that_are_seen_leave_their_rooms(seed: int, rows: int, cols: int) -> None:
     rng = np.random.default_rng(seed)
-    kept, ids = (rng.random(size) < rng.random()).astype(np.uint8), rng.integers(0, 5, size).astype(np.int32)
-    counts = np.bincount(ids[kept > 0], minlength=5)
+    target, rooms = rng.random((rows, cols)) < rng.random(), rng.integers(0, 5, (rows, cols)).astype(np.int32)
+    coverage, cells = Coverage(target, rooms), np.full((rows, cols), -1, np.int8)
     for _ in range(3):
-        unseen = kept & (rng.random(size) < rng.random())
-        _strike(kept, unseen, ids, counts)
-        np.testing.assert_array_equal(kept, unseen)
-        np.testing.assert_array_equal(counts, np.bincount(ids[unseen > 0], minlength=5))
+        row, col = int(rng.integers(rows)), int(rng.integers(cols))
+        box = (row, int(rng.integers(row, rows)) + 1, col, int(rng.integers(col, cols)) + 1)
+        part = cells[box[0] : box[1], box[2] : box[3]]
+        part[:] = np.maximum(part, rng.choice([-1, 0, 100], part.shape))
+        coverage.update(cells, box)
+        unseen = target & (cells == -1)
+        np.testing.assert_array_equal(coverage.unseen, unseen)
+        np.testing.assert_array_equal(coverage.unseen_in, np.bincount(rooms[unseen], minlength=int(rooms.max()) + 1))
+        assert coverage.unseen_count == unseen.sum()
 
 
 @pytest.mark.parametrize("name", ["LayoutExplore/Frontier-v0", "LayoutExplore/Motion-v0"])

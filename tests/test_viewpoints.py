@@ -15,7 +15,7 @@ from layoutexplore.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.planning import geodesic_distances
 from layoutexplore.reach import Ground
 from layoutexplore.simulation_config import SimulationConfig
-from layoutexplore.viewpoints import MAX_REACH, Outlook, choose_viewpoints, facing, looked_at, remaining_share
+from layoutexplore.viewpoints import MAX_REACH, NOTHING_VAIN, Outlook, choose_viewpoints, facing, looked_at, remaining_share
 
 TRINARY = hnp.arrays(np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 0, 100]))
 
@@ -50,7 +50,7 @@ def test_viewpoints_are_reachable_near_and_in_sight(cells: NDArray[np.int8], see
     start = Cell(*map(int, free[seed % len(free)]))
     distances = geodesic_distances(cells == 0, start, 0.1)
     clusters = find_frontiers(cells)
-    view, found = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1)
+    view, found, _ = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1, NOTHING_VAIN)
     for k in range(len(clusters)):
         members = clusters.cluster(k)
         if found[k]:
@@ -61,6 +61,24 @@ def test_viewpoints_are_reachable_near_and_in_sight(cells: NDArray[np.int8], see
             assert not np.isfinite(distances[tuple(members.T)]).all(), "a frontier on reachable cells has a viewpoint"
 
 
+@settings(max_examples=60, deadline=None)
+@given(cells=TRINARY, seed=st.integers(0, 1000))
+def test_what_was_searched_in_vain_is_searched_again_when_something_changes(cells: NDArray[np.int8], seed: int) -> None:
+    rng, vain = np.random.default_rng(seed), NOTHING_VAIN
+    distances = padded(np.where((cells == 0) & (rng.random(cells.shape) < 0.5), 1.0, np.inf).astype(np.float32))
+    for _ in range(4):
+        clusters = find_frontiers(cells)
+        view, found, vain = choose_viewpoints(cells, distances, 0, clusters, 0.1, vain)
+        expected = choose_viewpoints(cells, distances, 0, clusters, 0.1, NOTHING_VAIN)
+        np.testing.assert_array_equal(view, expected[0])
+        np.testing.assert_array_equal(found, expected[1])
+        assert len(vain) == np.count_nonzero(~found)
+        for changed in (cells, distances[1:-1, 1:-1]):
+            row, col = (int(rng.integers(n)) for n in cells.shape)
+            other = (int(rng.integers(n)) for n in cells.shape)
+            changed[row, col] = changed[tuple(other)]
+
+
 def test_wall_hides_the_nearest_cell() -> None:
     """The reachable cell behind the wall is nearer as the crow flies, but does not see the frontier."""
     cells = np.zeros((9, 9), np.int8)
@@ -69,7 +87,7 @@ def test_wall_hides_the_nearest_cell() -> None:
     distances = np.where(cells == 0, 1.0, np.inf).astype(np.float32)
     distances[:4, :4] = np.inf
     clusters = find_frontiers(cells)
-    view, found = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1)
+    view, found, _ = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1, NOTHING_VAIN)
     assert found.all() and (view[:, 0] < 4).all()
 
 
