@@ -7,7 +7,7 @@ more nor less. Where no predictor runs, everything that a layout would tell is z
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -16,7 +16,7 @@ from gymnasium import spaces
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.decision import Decision, Frontier, FrontierList
+from layoutexplore.decision import Decision
 from layoutexplore.envs import map_images
 from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS, MapFrame, Trail, draw_global_map, draw_local_map
 from layoutexplore.errors import ConfigError
@@ -259,7 +259,7 @@ def action_mask(decision: Decision, max_frontiers: int) -> NDArray[np.int8]:
 def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[np.float32]:
     """float32 (max_frontiers * features,): a row of `FRONTIER_FEATURES` per slot, zero in slots without a frontier."""
     table = np.zeros((config.max_frontiers, len(FRONTIER_FEATURES)), np.float32)
-    columns = frontier_columns(decision.frontiers)[:, : config.max_frontiers]
+    columns = decision.columns[:, : config.max_frontiers]
     count = columns.shape[1]
     if count:
         rank = detour = np.zeros(count)
@@ -281,7 +281,7 @@ def _encode(
     limits: tuple[NDArray[np.float32], NDArray[np.float32]],
     table: NDArray[np.float32],
 ) -> None:
-    """Write the rows of `FRONTIER_FEATURES` from those of `frontier_columns`, a row a frontier."""
+    """Write the rows of `FRONTIER_FEATURES` from `Decision.columns`, a row a frontier."""
     (x, y, theta), (low, high) = pose, limits
     for k in range(columns.shape[1]):
         dx, dy = columns[0, k] - x, columns[1, k] - y
@@ -306,34 +306,6 @@ def _encode(
             table[k, n] = min(max(row[n], low[n]), high[n])
 
 
-def frontier_columns(frontiers: Sequence[Frontier]) -> NDArray[np.float64]:
-    """What there is to tell of frontiers as float64 (9, n).
-
-    x and y of the centroid, path length, straight distance, size, visible area, class (1 closed, -1 open, 0 not predicted),
-    expected area and confidence.
-    """
-    columns = np.zeros((9, len(frontiers)))
-    if isinstance(frontiers, FrontierList):
-        columns[:6] = frontiers.columns
-    elif frontiers:
-        columns[:] = np.array(
-            [
-                (
-                    *f.centroid,
-                    f.path_length,
-                    f.straight_distance,
-                    f.size,
-                    f.visible_area,
-                    0.0 if f.is_closed is None else 1.0 if f.is_closed else -1.0,
-                    f.expected_area or 0.0,
-                    f.confidence or 0.0,
-                )
-                for f in frontiers
-            ]
-        ).T
-    return columns
-
-
 def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame) -> NDArray[np.float32]:
     """float32 (features,): the entries of `ROBOT_FEATURES`; map position and span are 0 without a global map."""
     grid, pose = decision.grid, decision.pose
@@ -343,7 +315,7 @@ def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame)
         map_x = ((pose.x - grid.origin.x) / grid.resolution - frame.col) / cells
         map_y = ((pose.y - grid.origin.y) / grid.resolution - frame.row) / cells
         span = cells * grid.resolution / config.length_scale
-    expected = sum(frontier_columns(decision.frontiers)[7].tolist())
+    expected = sum(decision.columns[7].tolist())
     values = (
         math.cos(pose.theta),
         math.sin(pose.theta),

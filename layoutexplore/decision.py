@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any, Protocol, overload, runtime_checkable
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.floorplan import FloorPlan, PlanRaster
@@ -66,15 +67,16 @@ class Frontier:
 
 
 class FrontierList(Sequence[Frontier]):
-    """Frontiers that are not judged, kept as columns; each becomes a `Frontier` when it is asked for.
+    """Frontiers kept as columns; each becomes a `Frontier` when it is asked for.
 
     Most decisions of a training run ask for one of forty.
 
     Args:
         clusters: The frontiers' cells, and maybe others.
         kept: int64 (k,), the numbers of the clusters that are the frontiers.
-        columns: float64 (6, k): x and y of the centroid, path length, straight distance, size and visible area.
+        columns: float64 (9, k), as `Decision.columns`.
         viewpoints: int32 (k, 2), as (row, col).
+        rooms: int (k,), the ids of the predicted rooms; None without a prediction.
     """
 
     def __init__(
@@ -83,10 +85,24 @@ class FrontierList(Sequence[Frontier]):
         kept: NDArray[np.int64],
         columns: NDArray[np.float64],
         viewpoints: NDArray[np.int32],
+        rooms: NDArray[np.integer] | None = None,
     ) -> None:
-        self.columns = columns
-        self._clusters, self._kept, self._viewpoints = clusters, kept, viewpoints
+        self.columns, self.viewpoints = columns, viewpoints
+        self._clusters, self._kept, self._rooms = clusters, kept, rooms
         self._made: dict[int, Frontier] = {}
+
+    @property
+    def clusters(self) -> FrontierClusters:
+        """The cells of these frontiers."""
+        return FrontierClusters(*_gather(self._clusters.cells, self._clusters.offsets, self._kept))
+
+    def judged(
+        self, is_closed: NDArray[np.bool_], area: NDArray[np.float64], confidence: NDArray[np.float64], rooms: NDArray[np.integer]
+    ) -> FrontierList:
+        """The same frontiers with what a predictor says of them, an entry each."""
+        columns = self.columns.copy()
+        columns[6], columns[7], columns[8] = np.where(is_closed, 1.0, -1.0), area, confidence
+        return FrontierList(self._clusters, self._kept, columns, self.viewpoints, rooms)
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -100,17 +116,38 @@ class FrontierList(Sequence[Frontier]):
             return tuple(self[k] for k in range(*index.indices(len(self))))
         k = range(len(self))[index]
         if k not in self._made:
-            x, y, path_length, straight_distance, size, visible_area = self.columns[:, k].tolist()
-            self._made[k] = Frontier(
-                cells=self._clusters.cluster(int(self._kept[k])),
-                size=size,
-                centroid=(x, y),
-                viewpoint=Cell(*self._viewpoints[k].tolist()),
-                path_length=path_length,
-                straight_distance=straight_distance,
-                visible_area=visible_area,
-            )
+            self._made[k] = self._make(k)
         return self._made[k]
+
+    def _make(self, k: int) -> Frontier:
+        x, y, path_length, straight_distance, size, visible_area, side, area, confidence = self.columns[:, k].tolist()
+        frontier = Frontier(
+            cells=self._clusters.cluster(int(self._kept[k])),
+            size=size,
+            centroid=(x, y),
+            viewpoint=Cell(*self.viewpoints[k].tolist()),
+            path_length=path_length,
+            straight_distance=straight_distance,
+            visible_area=visible_area,
+        )
+        if self._rooms is None:
+            return frontier
+        room = int(self._rooms[k])
+        return dataclasses.replace(frontier, is_closed=side > 0, expected_area=area, confidence=confidence, room=room)
+
+
+@njit(cache=True, nogil=True)
+def _gather(
+    cells: NDArray[np.int32], offsets: NDArray[np.int64], kept: NDArray[np.int64]
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """The cells and offsets of some clusters."""
+    starts = np.zeros(len(kept) + 1, np.int64)
+    for n in range(len(kept)):
+        starts[n + 1] = starts[n] + offsets[kept[n] + 1] - offsets[kept[n]]
+    members = np.empty((starts[-1], 2), np.int32)
+    for n in range(len(kept)):
+        members[starts[n] : starts[n + 1]] = cells[offsets[kept[n]] : offsets[kept[n] + 1]]
+    return members, starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +184,44 @@ class Decision:
     goal: tuple[float, float] | None = None
 
     @cached_property
+    def columns(self) -> NDArray[np.float64]:
+        """float64 (9, k): a row for each thing that there is to tell of the frontiers.
+
+        x and y of the centroid, path length, straight distance, size, visible area, class (1 closed, -1 open, 0 not predicted),
+        expected area and confidence (0 when there is no prediction).
+        """
+        if isinstance(self.frontiers, FrontierList):
+            return self.frontiers.columns
+        rows = [
+            (
+                *f.centroid,
+                f.path_length,
+                f.straight_distance,
+                f.size,
+                f.visible_area,
+                0.0 if f.is_closed is None else 1.0 if f.is_closed else -1.0,
+                f.expected_area or 0.0,
+                f.confidence or 0.0,
+            )
+            for f in self.frontiers
+        ]
+        return np.array(rows, np.float64).reshape(-1, 9).T
+
+    @cached_property
+    def viewpoints(self) -> NDArray[np.int32]:
+        """int32 (k, 2): the frontiers' viewpoints as (row, col)."""
+        if isinstance(self.frontiers, FrontierList):
+            return self.frontiers.viewpoints
+        return np.array([frontier.viewpoint for frontier in self.frontiers], np.int32).reshape(-1, 2)
+
+    @cached_property
+    def clusters(self) -> FrontierClusters:
+        """The cells of one or more frontiers."""
+        if isinstance(self.frontiers, FrontierList):
+            return self.frontiers.clusters
+        return FrontierClusters.of([frontier.cells for frontier in self.frontiers])
+
+    @cached_property
     def distances(self) -> NDArray[np.float32]:
         """float32 (rows, cols): geodesic distance from the robot in metres, inf where it cannot go.
 
@@ -169,18 +244,18 @@ class Decision:
         Returns:
             float32 (k + 1, k + 1) in metres, symmetric; index 0 is the robot.
         """
-        frontiers = [self.frontiers[int(k)] for k in chosen]
-        lengths = np.zeros((len(frontiers) + 1, len(frontiers) + 1), np.float32)
-        lengths[0, 1:] = lengths[1:, 0] = [frontier.path_length for frontier in frontiers]
-        cells = np.array([frontier.viewpoint for frontier in frontiers], np.int32).reshape(-1, 2)
+        numbers = np.asarray(chosen, np.int64)
+        lengths = np.zeros((len(numbers) + 1, len(numbers) + 1), np.float32)
+        lengths[0, 1:] = lengths[1:, 0] = self.columns[2, numbers]
         between = self.paths.lengths if self.paths else distance_matrix
-        lengths[1:, 1:] = between(self.traversable, cells, self.grid.resolution)
+        lengths[1:, 1:] = between(self.traversable, self.viewpoints[numbers], self.grid.resolution)
         return lengths
 
     def path_lengths_from(self, index: int, chosen: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float32]:
         """Path lengths float32 (k,) in metres from one frontier's viewpoint to those of others, by index."""
-        cells = np.array([self.frontiers[int(k)].viewpoint for k in chosen], np.int32).reshape(-1, 2)
-        return distances_between(self.traversable, self.frontiers[index].viewpoint, cells, self.grid.resolution)
+        cells = self.viewpoints[np.asarray(chosen, np.int64)]
+        source = Cell(*self.viewpoints[index].tolist())
+        return distances_between(self.traversable, source, cells, self.grid.resolution)
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,7 +101,7 @@ def area_left(frontier: Frontier) -> float:
 
 def sizeable_frontiers(decision: Decision, min_size: float = TOUR_SIZE) -> NDArray[np.int64]:
     """Indices int64 (k,) of the frontiers of at least that size in metres; of all when there is none."""
-    sizes = np.array([frontier.size for frontier in decision.frontiers])
+    sizes = decision.columns[4]
     large = np.flatnonzero(sizes >= min_size - 1e-6)
     return large if len(large) else np.arange(len(sizes))
 
@@ -115,15 +115,13 @@ def ready_frontiers(decision: Decision, min_size: float = TOUR_SIZE, area: float
         area: Square metres; closed frontiers with less left wait.
     """
     chosen = sizeable_frontiers(decision, min_size)
-    goes = np.array([area_left(decision.frontiers[i]) >= area for i in chosen], np.bool_)
+    goes = (decision.columns[6, chosen] <= 0.0) | (decision.columns[7, chosen] >= area)
     return chosen[goes] if goes.any() else chosen
 
 
 def tour_weights(decision: Decision, chosen: NDArray[np.int64], config: TourConfig = PLAIN_TOUR) -> NDArray[np.float64]:
     """What reaching each of some frontiers int64 (k,) is worth to a latency tour: float64 (k,)."""
-    frontiers = [decision.frontiers[k] for k in chosen]
-    visible = np.minimum([f.visible_area for f in frontiers], config.most_area)
-    expected = np.array([f.expected_area or 0.0 for f in frontiers])
+    visible, expected = np.minimum(decision.columns[5, chosen], config.most_area), decision.columns[7, chosen]
     weights: NDArray[np.float64] = visible**config.area_exponent * (1.0 + expected) ** config.expected_exponent
     return weights
 
@@ -138,7 +136,7 @@ def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFe
     count = len(decision.frontiers)
     if count == 0:
         return TourFeatures(np.zeros(0), np.zeros(0))
-    judged = decision.frontiers[0].is_closed is not None
+    judged = decision.columns[6, 0] != 0.0
     ready = ready_frontiers(decision, LAYOUT_TOUR_SIZE if judged else TOUR_SIZE, config.little_left)
     distances = np.minimum(decision.path_lengths(ready).astype(np.float64), _UNCONNECTED)
     order = latency_tour(_as_weighed(distances, decision, ready, config), tour_weights(decision, ready, config), config.patience)
@@ -155,8 +153,7 @@ def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFe
     others = np.setdiff1d(np.arange(count), ready)
     if len(others):
         there = decision.path_lengths_from(int(ready[first - 1]), others).astype(np.float64)
-        here_to = np.array([decision.frontiers[k].path_length for k in others])
-        detour[others] = np.maximum(here_to + np.minimum(there, _UNCONNECTED) - distances[0, first], 0.0)
+        detour[others] = np.maximum(decision.columns[2, others] + np.minimum(there, _UNCONNECTED) - distances[0, first], 0.0)
     return TourFeatures(rank, detour)
 
 
@@ -166,7 +163,7 @@ def _as_weighed(
     """The distances float64 (k + 1, k + 1) with the ways from the robot, index 0, as the configuration counts them."""
     ways = distances[0] * (1.0 + config.first_leg)
     if config.hold and decision.goal is not None:
-        middles = np.array([decision.frontiers[k].centroid for k in chosen])
+        middles = decision.columns[:2, chosen].T
         ways[1:] -= config.hold * (np.hypot(*(middles - decision.goal).T) < SAME_GOAL)
     weighed = distances.copy()
     weighed[0] = weighed[:, 0] = np.maximum(ways, 0.0)

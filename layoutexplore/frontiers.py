@@ -6,6 +6,7 @@ touch, corners included, are one cluster. Clusters come in raster order of their
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,12 @@ class FrontierClusters:
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
+
+    @classmethod
+    def of(cls, clusters: Sequence[NDArray[np.int32]]) -> FrontierClusters:
+        """One or more clusters int32 (n, 2), put one behind the other."""
+        offsets = np.cumsum([0, *(len(cluster) for cluster in clusters)], dtype=np.int64)
+        return cls(np.ascontiguousarray(np.concatenate(clusters), np.int32), offsets)
 
     def cluster(self, i: int) -> NDArray[np.int32]:
         """Cells int32 (n, 2) as (row, col) of one cluster."""

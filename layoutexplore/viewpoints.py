@@ -75,8 +75,9 @@ class Outlook:
         kept, lengths = kept[order], lengths[order]
         areas = self._view.areas(grid.cells, view[kept], changed)
         middles = grid.cells_to_world(_middles(clusters.cells, clusters.offsets)[kept])
-        straight = [math.hypot(x - here.x, y - here.y) for x, y in middles.tolist()]
-        columns = np.array([middles[:, 0], middles[:, 1], lengths, straight, sizes[kept], areas])
+        columns = np.zeros((9, len(kept)))
+        columns[:2], columns[2], columns[4], columns[5] = middles.T, lengths, sizes[kept], areas
+        columns[3] = np.hypot(middles[:, 0] - here.x, middles[:, 1] - here.y)
         return FrontierList(clusters, kept, columns, view[kept])
 
     def _without_exhausted(self, clusters: FrontierClusters) -> FrontierClusters:

@@ -11,12 +11,20 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from layoutexplore.frontiers import find_frontiers
+from layoutexplore.frontiers import FrontierClusters, find_frontiers
 from layoutexplore.layout.openings import free_runs, widens
 from layoutexplore.predictors.cell_features import FEATURES as CELL_FEATURES
 from layoutexplore.predictors.cell_features import add_judgement, find_candidates
 from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT, draw_chart
-from layoutexplore.predictors.frontier_features import BLOCK, FEATURES, ProbeMemory, _changed_blocks, _probe, frontier_features
+from layoutexplore.predictors.frontier_features import (
+    BLOCK,
+    FEATURES,
+    ProbeMemory,
+    _changed_blocks,
+    _probe,
+    frontier_features,
+    home_regions,
+)
 from layoutexplore.predictors.frontier_probes import (
     AHEAD,
     ASIDE,
@@ -65,19 +73,25 @@ def test_a_chart_against_a_slow_one(cells: NDArray[np.int8]) -> None:
     assert ((chart.code & UNKNOWN_BIT > 0) == (padded == -1)).all()
 
 
+def features_of(
+    cells: NDArray[np.int8], clusters: FrontierClusters, resolution: float, memory: ProbeMemory | None = None
+) -> NDArray[np.float32]:
+    """The features of frontiers with nothing in sight."""
+    regions = seen_regions(cells, resolution)
+    homes, visible = home_regions(regions, clusters), np.zeros(len(clusters))
+    return frontier_features(cells, clusters, visible, regions, homes, resolution, memory)
+
+
 @settings(max_examples=40, deadline=None)
 @given(cells=grids, where=st.tuples(st.integers(0, 3), st.integers(0, 3)))
 def test_a_larger_grid_tells_nothing_more(cells: NDArray[np.int8], where: tuple[int, int]) -> None:
     clusters = find_frontiers(cells)
-    frontiers = [clusters.cluster(k) for k in range(len(clusters))]
-    if not frontiers:
+    if not len(clusters):
         return
     larger = np.full((cells.shape[0] + 5, cells.shape[1] + 7), -1, np.int8)
     larger[where[0] : where[0] + cells.shape[0], where[1] : where[1] + cells.shape[1]] = cells
-    moved = [f + np.array(where, np.int32) for f in frontiers]
-    visible = np.zeros(len(frontiers))
-    expected = frontier_features(cells, frontiers, visible, seen_regions(cells, 0.2), 0.2)
-    np.testing.assert_array_equal(frontier_features(larger, moved, visible, seen_regions(larger, 0.2), 0.2), expected)
+    moved = FrontierClusters(clusters.cells + np.array(where, np.int32), clusters.offsets)
+    np.testing.assert_array_equal(features_of(larger, moved, 0.2), features_of(cells, clusters, 0.2))
 
 
 @settings(max_examples=12, deadline=None)
@@ -88,9 +102,7 @@ def test_a_memory_changes_nothing(data: st.DataObject) -> None:
     memory = ProbeMemory()
     for _ in range(4):
         clusters = find_frontiers(cells)
-        frontiers = [clusters.cluster(k) for k in range(len(clusters))]
-        args = (cells, frontiers, np.zeros(len(frontiers)), seen_regions(cells, 0.4), 0.4)
-        np.testing.assert_array_equal(frontier_features(*args, memory), frontier_features(*args))
+        np.testing.assert_array_equal(features_of(cells, clusters, 0.4, memory), features_of(cells, clusters, 0.4))
         r, c = rng.integers(0, 26), rng.integers(0, 146)
         cells[r : r + 4, c : c + 4] = rng.choice(np.array([-1, 0, 100], np.int8), (4, 4))
 

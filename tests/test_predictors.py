@@ -21,7 +21,7 @@ from layoutexplore.evaluation.explorations import stopped_explorations
 from layoutexplore.floorplan import floorplan_from_ascii
 from layoutexplore.forest import Forest
 from layoutexplore.forest_io import load_forests, save_forests
-from layoutexplore.frontiers import find_frontiers
+from layoutexplore.frontiers import FrontierClusters, find_frontiers
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
 from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions
@@ -114,9 +114,9 @@ def test_every_free_cell_has_a_region_and_features_are_finite(cells: NDArray[np.
     assert ((regions.labels > 0) == (cells == 0)).all()
     clusters = find_frontiers(cells)
     if len(clusters):
-        frontiers = [clusters.cluster(k) for k in range(len(clusters))]
-        features = frontier_features(cells, frontiers, np.zeros(len(frontiers)), regions, 0.2)
-        assert features.shape == (len(frontiers), len(FEATURES)) and np.isfinite(features).all()
+        homes = home_regions(regions, clusters)
+        features = frontier_features(cells, clusters, np.zeros(len(clusters)), regions, homes, 0.2)
+        assert features.shape == (len(clusters), len(FEATURES)) and np.isfinite(features).all()
 
 
 def test_mirrored_and_turned_frontiers_look_the_same() -> None:
@@ -129,8 +129,8 @@ def test_mirrored_and_turned_frontiers_look_the_same() -> None:
     for turns in range(4):
         for mirrored in (False, True):
             seen = np.ascontiguousarray(np.rot90(cells[:, ::-1] if mirrored else cells, turns))
-            clusters = find_frontiers(seen)
-            features = frontier_features(seen, [clusters.cluster(0)], np.zeros(1), seen_regions(seen, 0.1), 0.1)
+            first, regions = FrontierClusters.of([find_frontiers(seen).cluster(0)]), seen_regions(seen, 0.1)
+            features = frontier_features(seen, first, np.zeros(1), regions, home_regions(regions, first), 0.1)
             names = [k for k, name in enumerate(FEATURES) if name.startswith(("open_", "doors_", "size", "width", "region"))]
             expected = features[:, names] if expected is None else expected
             np.testing.assert_allclose(features[:, names], expected, rtol=1e-5)
@@ -139,7 +139,7 @@ def test_mirrored_and_turned_frontiers_look_the_same() -> None:
 def test_the_home_of_a_frontier() -> None:
     labels = np.array([[1, 1, 2, 2, 3]], np.int32)
     regions = Regions(labels, 3, np.zeros(labels.shape, np.float32))
-    clusters = [np.array([[0, k] for k in part], np.int32) for part in ((0, 2, 3), (1, 2), (4,))]
+    clusters = FrontierClusters.of([np.array([[0, k] for k in part], np.int32) for part in ((0, 2, 3), (1, 2), (4,))])
     assert home_regions(regions, clusters).tolist() == [2, 1, 3]
 
 

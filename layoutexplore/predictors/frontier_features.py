@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.frontiers import FrontierClusters
 from layoutexplore.grid import FREE
 from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, DOOR_BIT, WALL_BIT, Chart, draw_chart
 from layoutexplore.predictors.frontier_probes import (
@@ -79,7 +80,7 @@ class ProbeMemory:
         self._mark = 0
 
     def probe(
-        self, chart: Chart, frontiers: Sequence[NDArray[np.int32]], resolution: float
+        self, chart: Chart, frontiers: FrontierClusters, resolution: float
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.int32]]:
         """What is found around each frontier.
 
@@ -87,9 +88,8 @@ class ProbeMemory:
             The probes float32 (k, len(_PROBES)) in metres, the frames float64 (k, 8) and the free cells that floods
             touch int32 (k, barriers, TOUCHED), in cells of the chart.
         """
-        members = (np.concatenate(frontiers) + chart.margin).astype(np.int32)
-        offsets = np.cumsum([0, *(len(f) for f in frontiers)]).astype(np.int64)
-        keys = [frontier.tobytes() for frontier in frontiers]
+        members, offsets = frontiers.cells + np.int32(chart.margin), frontiers.offsets
+        keys = [frontiers.cluster(k).tobytes() for k in range(len(frontiers))]
         old = self._still_valid(chart, keys, members, offsets, resolution)
         fresh = np.flatnonzero(old < 0)
         probes, frames, touched = self._probes[old], self._frames[old], self._touched[old]
@@ -162,9 +162,10 @@ def _forget_changed(
 
 def frontier_features(
     cells: NDArray[np.int8],
-    frontiers: Sequence[NDArray[np.int32]],
+    frontiers: FrontierClusters,
     visible: NDArray[np.float64],
     regions: Regions,
+    homes: NDArray[np.int64],
     resolution: float,
     memory: ProbeMemory | None = None,
 ) -> NDArray[np.float32]:
@@ -172,25 +173,25 @@ def frontier_features(
 
     Args:
         cells: int8 (rows, cols), what is known.
-        frontiers: Per frontier its cells int32 (n, 2).
+        frontiers: Their cells.
         visible: float64 (k,), unknown area in sight of each, in square metres.
         regions: The seen rooms of these cells.
+        homes: int64 (k,), of `home_regions`.
         resolution: Metres per cell.
         memory: Of the last decision; makes this one cheaper.
     """
     chart = draw_chart(cells, regions, resolution, SIGHT + 2 * resolution)
     probes, frames, touched = (memory or ProbeMemory()).probe(chart, frontiers, resolution)
-    home = home_regions(regions, frontiers)
     out = np.zeros((len(frontiers), len(FEATURES)), np.float32)
     out[:, : len(_PROBES)] = probes
     shape = chart.code.shape[1], chart.margin
-    _contacts(touched, *shape, regions.labels, home, out[:, len(_PROBES) : -len(_REGION)])
+    _contacts(touched, *shape, regions.labels, homes, out[:, len(_PROBES) : -len(_REGION)])
     rest = out[:, -len(_REGION) :]
     rest[:, 0] = visible
     rest[:, 1] = math.log(1.0 + np.count_nonzero(cells == FREE) * resolution**2)
     rest[:, 2] = len(frontiers)
     frames = frames - np.array([chart.margin] * 2 + [0] * 6)
-    rest[:, 3:] = _region_features(frontiers, home, frames, regions, resolution)
+    rest[:, 3:] = _region_features(frontiers, homes, frames, regions, resolution)
     return out
 
 
@@ -304,15 +305,14 @@ def _contacts(
 
 
 def _region_features(
-    frontiers: Sequence[NDArray[np.int32]],
+    frontiers: FrontierClusters,
     home: NDArray[np.int64],
     frames: NDArray[np.float64],
     regions: Regions,
     resolution: float,
 ) -> NDArray[np.float32]:
     """The region that holds each frontier, and what finished rooms are like."""
-    members = np.concatenate(frontiers)
-    begins = np.cumsum([0, *(len(f) for f in frontiers[:-1])])
+    members, begins = frontiers.cells, frontiers.offsets[:-1]
     out = np.zeros((len(frontiers), len(_REGION) - 3), np.float32)
     out[:, 0] = np.maximum.reduceat(regions.door_width[members[:, 0], members[:, 1]], begins)
     boxes, count = regions.boxes, regions.count + 1
@@ -338,11 +338,10 @@ def _region_features(
     return out
 
 
-def home_regions(regions: Regions, frontiers: Sequence[NDArray[np.int32]]) -> NDArray[np.int64]:
+def home_regions(regions: Regions, frontiers: FrontierClusters) -> NDArray[np.int64]:
     """The region int64 (k,) that holds most cells of each frontier; the lowest of equals."""
-    members = np.concatenate(frontiers)
-    offsets = np.cumsum([0, *(len(f) for f in frontiers)]).astype(np.int64)
-    return _most_common(regions.labels[members[:, 0], members[:, 1]].astype(np.int64), offsets)
+    rows, cols = frontiers.cells.T
+    return _most_common(regions.labels[rows, cols].astype(np.int64), frontiers.offsets)
 
 
 @njit(cache=True, nogil=True)

@@ -121,13 +121,10 @@ class LayoutPredictor:
         """The decision with class, area and confidence judged by the trees, and a `PredictedLayout`."""
         if not decision.frontiers:
             return decision
-        decision = dataclasses.replace(decision, frontiers=tuple(decision.frontiers))  # Each is asked for several times.
         cells, resolution = decision.grid.cells, decision.grid.resolution
         regions = seen_regions(cells, resolution)
-        clusters = [f.cells for f in decision.frontiers]
-        visible = np.array([f.visible_area for f in decision.frontiers])
-        features = frontier_features(cells, clusters, visible, regions, resolution, self._memory)
-        homes = home_regions(regions, clusters)
+        homes = home_regions(regions, decision.clusters)
+        features = frontier_features(cells, decision.clusters, decision.columns[5], regions, homes, resolution, self._memory)
         classes, confidence = judge(features, self._frontiers, homes.astype(np.int32))
         layout = PredictedLayout(cells, regions, resolution, self._cells)
         return dataclasses.replace(with_classes(decision, classes, confidence), layout=layout)

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.decision import Decision
+from layoutexplore.decision import Decision, FrontierList
 from layoutexplore.frontier_classes import FrontierClasses, classify_frontiers
 
 
@@ -52,14 +52,8 @@ def with_classes(decision: Decision, classes: FrontierClasses, confidence: NDArr
         classes: One entry a frontier.
         confidence: float64 (k,), probability that each class is right; 1 when None.
     """
-    frontiers = tuple(
-        dataclasses.replace(
-            frontier,
-            is_closed=bool(classes.is_closed[k]),
-            expected_area=float(classes.remaining_area[k]),
-            confidence=1.0 if confidence is None else float(confidence[k]),
-            room=int(classes.room[k]),
-        )
-        for k, frontier in enumerate(decision.frontiers)
-    )
-    return dataclasses.replace(decision, frontiers=frontiers)
+    count = len(decision.frontiers)
+    frontiers = FrontierList(decision.clusters, np.arange(count), decision.columns, decision.viewpoints)
+    sure = np.ones(count) if confidence is None else confidence
+    judged = frontiers.judged(classes.is_closed, classes.remaining_area, sure, classes.room)
+    return dataclasses.replace(decision, frontiers=judged)

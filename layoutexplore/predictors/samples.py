@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from layoutexplore.floorplan import FloorPlan, PlanRaster
 from layoutexplore.frontier_classes import classify_frontiers
 from layoutexplore.predictors.cell_features import Candidates, find_candidates
-from layoutexplore.predictors.frontier_features import frontier_features
+from layoutexplore.predictors.frontier_features import frontier_features, home_regions
 from layoutexplore.predictors.regions import Regions, seen_regions
 from layoutexplore.snapshot import Snapshot
 
@@ -122,9 +122,9 @@ def gather(snapshots: Sequence[Sequence[Snapshot]], groups: Mapping[str, str]) -
 def _frontier_samples(snapshot: Snapshot, regions: Regions) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float64]]:
     """Features, classes and areas of a snapshot's frontiers."""
     grid, truth = snapshot.decision.grid, snapshot.truth.raster
-    clusters = [f.cells for f in snapshot.decision.frontiers]
-    visible = np.array([f.visible_area for f in snapshot.decision.frontiers])
-    features = frontier_features(grid.cells, clusters, visible, regions, grid.resolution)
+    decision, clusters = snapshot.decision, [f.cells for f in snapshot.decision.frontiers]
+    homes = home_regions(regions, decision.clusters)
+    features = frontier_features(grid.cells, decision.clusters, decision.columns[5], regions, homes, grid.resolution)
     true = classify_frontiers(grid.cells, clusters, truth.room_ids, truth.free, grid.resolution)
     return features, true.is_closed, true.remaining_area
 
