@@ -20,10 +20,9 @@ def _load(name: str, options: PolicyOptions) -> Agent:
     """The agent of a policy.
 
     Raises:
-        MissingExtraError: torch or safetensors is not installed.
+        MissingExtraError: torch is not installed.
     """
-    for module in ("torch", "safetensors"):
-        require(module, "rl")
+    require("torch", "rl")
     from layoutexplore.agents.rl.agent import load_agent
 
     return load_agent(name, options.path)

@@ -25,7 +25,7 @@ from layoutexplore.frontiers import FrontierClusters, find_frontiers
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
 from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions
-from layoutexplore.predictors.layout import FOLDER
+from layoutexplore.predictors.layout import FOLDER, NETWORK
 from layoutexplore.predictors.oracle import OraclePredictor
 from layoutexplore.predictors.regions import Regions, seen_regions
 from layoutexplore.predictors.samples import Samples, gather, group_buildings
@@ -212,13 +212,18 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
     paths = [str(tmp_path / f"{name}.geojson") for name in ("north", "south")]
     out = tmp_path / "models"
     arguments = ["evaluate", "train-predictor", *paths, "--folds", "2", "--stops", "2", "--trees", "4", "--out", str(out)]
-    result = CliRunner().invoke(cli.app, [*arguments, "--store", str(tmp_path / "store")])
+    network = ["office:7", "--first-steps", "2", "--steps", "2"]
+    result = CliRunner().invoke(cli.app, [*arguments, *network, "--store", str(tmp_path / "store")])
     assert result.exit_code == 0, result.output
     assert "held out" in result.output and "hidden_iou" in result.output
     assert (out / "fold1" / "held_out.json").read_text() != (out / "fold2" / "held_out.json").read_text()
     assert make_room_predictor(f"layout:model={out}").name.startswith("layout:")
-    result = CliRunner().invoke(cli.app, [*arguments[:4], "--folds", "3", "--out", str(out)])
-    assert result.exit_code != 0
+    assert all((out / folder / NETWORK.name).exists() for folder in ("fold1", "fold2", "."))
+    for wrong in (["--folds", "3"], ["--folds", "2", "--no-forests"]):
+        result = CliRunner().invoke(
+            cli.app, [*arguments[:4], *wrong, "--stops", "2", "--no-network", "--out", str(tmp_path / "no")]
+        )
+        assert result.exit_code != 0 and not (tmp_path / "no").exists()
 
 
 def test_a_forest_by_hand() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +12,7 @@ import typer
 
 if TYPE_CHECKING:
     from layoutexplore.floorplan import FloorPlan
+    from layoutexplore.predictors.samples import SceneSample
     from layoutexplore.snapshot import Snapshot
 
 
@@ -22,55 +25,134 @@ def train_predictor(
     starts: Annotated[int, typer.Option(min=1, help="Explorations per sensor of a plan from a file; others take one.")] = 1,
     stops: Annotated[int, typer.Option(min=1, help="Decisions kept of an exploration.")] = 8,
     trees: Annotated[int, typer.Option(min=2, help="Trees of a forest; few for a quick try.")] = 200,
+    forests: Annotated[bool, typer.Option(help="Train the trees.")] = True,
+    network: Annotated[bool, typer.Option(help="Train the network that completes rooms with them (needs torch).")] = True,
+    first_steps: Annotated[int, typer.Option(min=1, help="Steps of the network on generated plans alone.")] = 7000,
+    steps: Annotated[int, typer.Option(min=1, help="Steps of the network on all plans, in every fold.")] = 3500,
     store: Annotated[Path | None, typer.Option(help="Folder that keeps the explorations, to go on or train again later.")] = None,
 ) -> None:
     """Explore floor plans, train the predictor `layout` on what is seen, and say how it does on buildings it never saw.
 
-    Generated plans are trained on in every fold and tested in none.
+    Plans that do not come from files are trained on in every fold and tested in none.
     """
-    from rich.console import Console
-
-    from layoutexplore.agents import make_agent
     from layoutexplore.benchmark.plans import find_plans
-    from layoutexplore.cli.progress import ProgressLine
-    from layoutexplore.errors import ConfigError
-    from layoutexplore.evaluation.explorations import protocol_explorations, stopped_explorations
-    from layoutexplore.floorplan import FloorPlan
+    from layoutexplore.errors import ConfigError, require
     from layoutexplore.predictors.samples import gather, group_buildings
     from layoutexplore.predictors.training import TrainingConfig, deal_groups, train_models
 
-    config = TrainingConfig(trees=trees, cell_trees=trees // 2)
-    sources = find_plans(plans)
-    explored: list[list[Snapshot]] = []
-    asked: dict[str, list[Snapshot]] = {}
-    files: list[FloorPlan] = []
-    with ProgressLine(Console(), "plans") as progress:
-        for k, source in enumerate(sources):
-            plan = FloorPlan.load(source)
-            is_file = Path(source).exists()
-            explored.extend(stopped_explorations(plan, make_agent, starts if is_file else 1, stops, store))
-            if is_file:
-                files.append(plan)
-                protocol = protocol_explorations(plan, make_agent, store)
-                explored.extend(protocol)
-                asked[plan.name] = [snapshot for part in protocol for snapshot in part]
-            progress.advance(k + 1, len(sources), (k + 1) / len(sources), plan.name)
-    groups = group_buildings(files)
+    if folds and not forests:
+        raise ConfigError("folds are tested with trees and network: leave --no-forests out, or --folds")
+    if network:
+        require("torch", "rl")
+    seen = _explore(find_plans(plans), starts, stops, store, forests=forests, scenes=network)
+    groups = group_buildings(seen.files)
     if folds and not 2 <= folds <= len(set(groups.values())):
         raise ConfigError(f"{folds} folds need at least 2 and at most one a building, got {len(set(groups.values()))} buildings")
-    samples = gather(explored, groups)
-    typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells, {len(sources)} plans")
+    config = TrainingConfig(trees=trees, cell_trees=trees // 2)
+    samples = gather(seen.explored, groups) if forests else None
+    if samples:
+        typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells")
+    trainer = _NetworkTrainer(seen.scenes, groups, first_steps, steps) if network else None
+
+    def train(folder: Path, wanted: Callable[[str], bool], held_out: Mapping[str, str]) -> None:
+        """Both models, of the wanted groups of buildings, into a folder."""
+        if samples:
+            train_models(samples.of_buildings(wanted), folder, held_out, config)
+        if trainer:
+            trainer.write(folder, wanted)
+        without = f", trained without {', '.join(sorted(set(held_out.values())))}" if held_out else ""
+        typer.echo(f"written: {folder}{without}")
+
     if folds:
         fold = deal_groups(list(groups.values()), folds)
         models = [out / f"fold{k + 1}" for k in range(folds)]
         for k, folder in enumerate(models):
-            held_out = {plan.name: plan.building for plan in files if fold[groups[plan.name]] == k}
-            kept = samples.of_buildings(lambda group, k=k: fold.get(group) != k)  # type: ignore[misc]
-            train_models(kept, folder, held_out, config)
-            typer.echo(f"written: {folder}, trained without {', '.join(sorted(set(held_out.values())))}")
-        _test(asked, {name: models[fold[group]] for name, group in groups.items()})
-    train_models(samples, out, {}, config)
-    typer.echo(f"written: {out}")
+            held_out = {plan.name: plan.building for plan in seen.files if fold[groups[plan.name]] == k}
+            train(folder, lambda group, k=k: fold.get(group) != k, held_out)  # type: ignore[misc]
+        _test(seen.asked, {name: models[fold[group]] for name, group in groups.items()})
+    train(out, lambda group: True, {})
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What explorations have shown: decisions for trees by exploration, scenes for the network, questions for tests by plan."""
+
+    files: list[FloorPlan]
+    explored: list[list[Snapshot]]
+    scenes: list[SceneSample]
+    asked: dict[str, list[Snapshot]]
+
+
+def _explore(sources: Sequence[str], starts: int, stops: int, store: Path | None, *, forests: bool, scenes: bool) -> _Seen:
+    """Explore plans; those from files more often, and as the tests ask, too."""
+    from rich.console import Console
+
+    from layoutexplore.agents import make_agent
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.evaluation.explorations import protocol_explorations, stopped_explorations
+    from layoutexplore.floorplan import FloorPlan
+    from layoutexplore.predictors.samples import gather_scenes
+
+    seen = _Seen([], [], [], {})
+    with ProgressLine(Console(), "plans") as progress:
+        for k, source in enumerate(sources):
+            plan = FloorPlan.load(source)
+            is_file = Path(source).exists()
+            found = list(stopped_explorations(plan, make_agent, starts if is_file else 1, stops, store))
+            if is_file:
+                protocol = protocol_explorations(plan, make_agent, store)
+                found.extend(protocol)
+                seen.files.append(plan)
+                seen.asked[plan.name] = [snapshot for part in protocol for snapshot in part] if forests else []
+            if forests:
+                seen.explored.extend(found)
+            if scenes:
+                seen.scenes.extend(gather_scenes(snapshot for part in found for snapshot in part))
+            progress.advance(k + 1, len(sources), (k + 1) / len(sources), plan.name)
+    return seen
+
+
+class _NetworkTrainer:
+    """Trains networks that all begin as one that has learnt from generated plans.
+
+    Args:
+        scenes: All samples.
+        groups: The group of each plan that comes from a file; all others count as generated.
+        first_steps: Steps on generated plans.
+        steps: Steps on all plans.
+    """
+
+    def __init__(self, scenes: Sequence[SceneSample], groups: Mapping[str, str], first_steps: int, steps: int) -> None:
+        from layoutexplore.predictors.network_training import NetworkConfig, first_network
+
+        self._config, self._groups = NetworkConfig(first_steps=first_steps, steps=steps), groups
+        self._generated = [sample for sample in scenes if sample.plan not in groups]
+        self._real = [sample for sample in scenes if sample.plan in groups]
+        with _steps_line("generated plans") as progress:
+            self._first = first_network(self._generated, self._config, progress)
+
+    def write(self, folder: Path, wanted: Callable[[str], bool]) -> None:
+        """Train a network with the real buildings of the wanted groups and write it into a folder."""
+        from layoutexplore.predictors.layout import NETWORK
+        from layoutexplore.predictors.network_training import trained_network
+        from layoutexplore.predictors.room_network import save_network
+
+        real = [sample for sample in self._real if wanted(self._groups[sample.plan])]
+        with _steps_line("all plans") as progress:
+            weights = trained_network(self._first, self._generated, real, self._config, progress)
+        note = f"{len(self._generated)} decisions of generated plans, {len(real)} of {len({s.plan for s in real})} others"
+        save_network(folder / NETWORK.name, weights, note)
+
+
+@contextlib.contextmanager
+def _steps_line(what: str) -> Iterator[Callable[[int, int, float], None]]:
+    """A progress line over steps, with the loss."""
+    from rich.console import Console
+
+    from layoutexplore.cli.progress import ProgressLine
+
+    with ProgressLine(Console(), "steps") as line:
+        yield lambda done, total, loss: line.advance(done, total, done / total, f"{what}, loss {loss:.3f}")
 
 
 def _test(asked: Mapping[str, Sequence[Snapshot]], models: Mapping[str, Path]) -> None:

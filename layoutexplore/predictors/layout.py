@@ -34,7 +34,9 @@ from layoutexplore.predictors.completion import complete_regions
 from layoutexplore.predictors.frontier_features import FEATURES, ProbeMemory, frontier_features, home_regions
 from layoutexplore.predictors.protocol import RoomMap, with_classes
 from layoutexplore.predictors.regions import Regions, seen_regions
+from layoutexplore.predictors.room_network import RoomNetwork, load_network
 from layoutexplore.predictors.room_shapes import room_shapes
+from layoutexplore.predictors.scenes import make_scene
 
 LEFTOVER = 1.0
 """Square metres: closed frontiers with less left are what strategies put off."""
@@ -49,7 +51,10 @@ COARSE, COARSE_REACH = 0.9, 6.0
 FOLDER = Path(__file__).parent
 """Where the shipped models lie; `layoutexplore.predictors.training` makes them."""
 
-FRONTIER_MODEL, CELL_MODEL = FOLDER / "frontier_model.json", FOLDER / "cell_model.json"
+FRONTIER_MODEL, CELL_MODEL, NETWORK = (FOLDER / name for name in ("frontier_model.json", "cell_model.json", "rooms.safetensors"))
+
+NETWORK_SHARE = 0.6
+"""Weight of the network's log-odds against those of the trees."""
 
 
 class PredictedLayout:
@@ -60,16 +65,28 @@ class PredictedLayout:
         regions: The seen rooms.
         resolution: Metres per cell.
         forests: As for `judge_cells`.
+        network: Judges as well, if there is one.
     """
 
-    def __init__(self, cells: NDArray[np.int8], regions: Regions, resolution: float, forests: dict[str, Forest]) -> None:
-        self._cells, self._regions, self._resolution, self._forests = cells, regions, resolution, forests
+    def __init__(
+        self,
+        cells: NDArray[np.int8],
+        regions: Regions,
+        resolution: float,
+        forests: dict[str, Forest],
+        network: RoomNetwork | None = None,
+    ) -> None:
+        self._cells, self._regions, self._resolution = cells, regions, resolution
+        self._forests, self._network = forests, network
 
     @cached_property
     def rooms(self) -> RoomMap:
         """The completed rooms, and the unseen rest of the building as one more."""
         candidates = find_candidates(self._cells, self._regions, self._resolution)
         probability = judge_cells(candidates, self._resolution, self._forests)
+        if self._network:
+            scene = make_scene(self._cells, self._regions, candidates, self._resolution)
+            probability = agreed(probability, self._network.judge(scene))
         return complete_regions(self._cells, self._regions, room_shapes(self._cells, candidates, probability))
 
     @cached_property
@@ -110,12 +127,14 @@ class LayoutPredictor:
         paths = [(folder or FOLDER) / path.name for path in (FRONTIER_MODEL, CELL_MODEL)]
         self._frontiers = load_forests(paths[0], FEATURES, ("closed", "leftover", "area"))
         self._cells = load_forests(paths[1], cell_features.FEATURES, ("first", "inside"))
+        network = (folder or FOLDER) / NETWORK.name
+        self._network = load_network(network) if network.exists() else None
         self._memory = ProbeMemory()
 
     def rooms(self, decision: Decision) -> RoomMap:
         """The seen regions with what is thought to lie behind their frontiers."""
         cells, resolution = decision.grid.cells, decision.grid.resolution
-        return PredictedLayout(cells, seen_regions(cells, resolution), resolution, self._cells).rooms
+        return PredictedLayout(cells, seen_regions(cells, resolution), resolution, self._cells, self._network).rooms
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with class, area and confidence judged by the trees, and a `PredictedLayout`."""
@@ -126,7 +145,7 @@ class LayoutPredictor:
         homes = home_regions(regions, decision.clusters)
         features = frontier_features(cells, decision.clusters, decision.columns[5], regions, homes, resolution, self._memory)
         classes, confidence = judge(features, self._frontiers, homes.astype(np.int32))
-        layout = PredictedLayout(cells, regions, resolution, self._cells)
+        layout = PredictedLayout(cells, regions, resolution, self._cells, self._network)
         return dataclasses.replace(with_classes(decision, classes, confidence), layout=layout)
 
 
@@ -159,3 +178,19 @@ def judge_cells(candidates: Candidates, resolution: float, forests: dict[str, Fo
     """
     first = forests["first"].probability(candidates.features)
     return forests["inside"].probability(add_judgement(candidates, first, resolution))
+
+
+def agreed(probability: NDArray[np.float64], log_odds: NDArray[np.floating]) -> NDArray[np.float64]:
+    """What trees and network think together: probability float64 (n,) by the mean of their log-odds, each (n,).
+
+    Args:
+        probability: Of the trees.
+        log_odds: Of the network.
+
+    Example:
+        >>> agreed(np.array([0.5, 0.9]), np.array([0.0, -np.log(9.0)])).round(3).tolist()
+        [0.5, 0.392]
+    """
+    sure = np.clip(probability, 1e-5, 1.0 - 1e-5)
+    mean = (1.0 - NETWORK_SHARE) * np.log(sure / (1.0 - sure)) + NETWORK_SHARE * log_odds
+    return np.asarray(1.0 / (1.0 + np.exp(-mean)), np.float64)

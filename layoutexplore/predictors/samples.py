@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ from layoutexplore.frontier_classes import classify_frontiers
 from layoutexplore.predictors.cell_features import Candidates, find_candidates
 from layoutexplore.predictors.frontier_features import frontier_features, home_regions
 from layoutexplore.predictors.regions import Regions, seen_regions
+from layoutexplore.predictors.scenes import Scene, make_scene
 from layoutexplore.snapshot import Snapshot
 
 REGIONS = 8
@@ -43,6 +44,21 @@ class CellSamples:
     inside: NDArray[np.bool_]
     resolution: float
     building: str
+
+
+@dataclass(frozen=True, eq=False)
+class SceneSample:
+    """All squares of one decision.
+
+    Attributes:
+        scene: What is known.
+        inside: bool (n,), the square's cell is floor of the room that the region is the seen part of.
+        plan: Name of the floor plan.
+    """
+
+    scene: Scene
+    inside: NDArray[np.bool_]
+    plan: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +117,7 @@ def _same_building(plan: FloorPlan, other: FloorPlan) -> bool:
 
 
 def gather(snapshots: Sequence[Sequence[Snapshot]], groups: Mapping[str, str]) -> Samples:
-    """Everything there is to learn from explorations; the group of a plan by its name, itself where there is none."""
+    """What trees learn from explorations; the group of a plan by its name, itself where there is none."""
     features, closed, area, building = [], [], [], []
     cells: list[CellSamples] = []
     for number, exploration in enumerate(snapshots):
@@ -117,6 +133,20 @@ def gather(snapshots: Sequence[Sequence[Snapshot]], groups: Mapping[str, str]) -
             building.append(np.full(len(found[0]), group))
             cells.append(_cell_samples(snapshot, regions, group, rng))
     return Samples(np.concatenate(features), np.concatenate(closed), np.concatenate(area), np.concatenate(building), cells)
+
+
+def gather_scenes(snapshots: Iterable[Snapshot]) -> list[SceneSample]:
+    """What the network learns from decisions, one entry for each that has squares to judge."""
+    samples = []
+    for snapshot in snapshots:
+        grid = snapshot.decision.grid
+        regions = seen_regions(grid.cells, grid.resolution)
+        found = find_candidates(grid.cells, regions, grid.resolution)
+        if len(found.cells):
+            scene = make_scene(grid.cells, regions, found, grid.resolution)
+            inside = _are_inside(found, regions, snapshot.truth.raster)
+            samples.append(SceneSample(scene, inside, snapshot.plan))
+    return samples
 
 
 def _frontier_samples(snapshot: Snapshot, regions: Regions) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float64]]:
@@ -136,10 +166,14 @@ def _cell_samples(snapshot: Snapshot, regions: Regions, group: str, rng: np.rand
     chosen = np.zeros(regions.count + 1, np.bool_)
     chosen[order[:REGIONS]] = True
     kept = find_candidates(grid.cells, regions, grid.resolution, wanted=chosen)
-    room = seen_rooms(regions, truth)[kept.region]
-    rows, cols = kept.cells.T
-    inside = truth.free[rows, cols] & (truth.room_ids[rows, cols] == room) & (room > 0)
-    return CellSamples(kept, inside, grid.resolution, group)
+    return CellSamples(kept, _are_inside(kept, regions, truth), grid.resolution, group)
+
+
+def _are_inside(candidates: Candidates, regions: Regions, truth: PlanRaster) -> NDArray[np.bool_]:
+    """Whether each candidate is floor of the room that its region is the seen part of."""
+    room = seen_rooms(regions, truth)[candidates.region]
+    rows, cols = candidates.cells.T
+    return np.asarray(truth.free[rows, cols] & (truth.room_ids[rows, cols] == room) & (room > 0))
 
 
 def seen_rooms(regions: Regions, truth: PlanRaster) -> NDArray[np.int64]:

@@ -1,0 +1,115 @@
+"""The convolutional network that judges squares, run with numpy: a small U-Net over the planes of a `Scene`.
+
+It sees what the trees see of each square, and what they see of all squares around it. `layoutexplore.predictors.network_training`
+makes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import safetensors.numpy
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.grid_io import write_atomically
+from layoutexplore.predictors.scenes import PLANES, Planes, Scene, draw_planes
+
+WIDTHS = (32, 48, 64, 64)
+"""Channels at full, half, fourth and eighth resolution."""
+
+_A, _B, _C, _D = WIDTHS
+
+LAYERS: dict[str, tuple[int, int, int, int]] = {
+    "show": (PLANES, _A, 1, 1), "at_full": (_A, _A, 3, 1),
+    "to_half": (_A, _B, 3, 2), "at_half": (_B, _B, 3, 1),
+    "to_fourth": (_B, _C, 3, 2), "at_fourth": (_C, _C, 3, 1),
+    "to_eighth": (_C, _D, 3, 2), "at_eighth": (_D, _D, 3, 1), "wide": (_D, _D, 3, 1),
+    "up_to_fourth": (_D + _C, _C, 3, 1), "up_to_half": (_C + _B, _B, 3, 1), "up_to_full": (_B + _A, _A, 3, 1),
+    "end": (_A, _A, 3, 1), "judge": (_A, 2, 1, 1),
+}  # fmt: skip
+"""Channels in and out, side of the kernel and stride of each convolution; all but the last are followed by a ReLU."""
+
+
+class RoomNetwork:
+    """A trained network.
+
+    Args:
+        weights: By layer, "LAYER.weight" float (side * side * channels in, channels out) and "LAYER.bias" float (channels out,).
+    """
+
+    def __init__(self, weights: Mapping[str, NDArray[np.floating]]) -> None:
+        self._weights = {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}
+
+    def judge(self, scene: Scene) -> NDArray[np.float32]:
+        """Log-odds float32 (n,) that each square that a scene asks for belongs to the room of the region that asks."""
+        if len(scene.squares) == 0:
+            return np.zeros(0, np.float32)
+        planes = draw_planes(scene)
+        row, col = scene.squares[:, 0] - planes.row, scene.squares[:, 1] - planes.col
+        return self._forward(planes)[row, col, scene.rank]
+
+    def _forward(self, planes: Planes) -> NDArray[np.float32]:
+        """Log-odds float32 (rows, cols, 2) for the two ranks of every square."""
+        full = self._layer("at_full", self._layer("show", planes.values))
+        half = self._layer("at_half", self._layer("to_half", full))
+        fourth = self._layer("at_fourth", self._layer("to_fourth", half))
+        low = self._layer("wide", self._layer("at_eighth", self._layer("to_eighth", fourth)))
+        for name, skipped in (("up_to_fourth", fourth), ("up_to_half", half), ("up_to_full", full)):
+            rows, cols = skipped.shape[:2]
+            larger = low.repeat(2, axis=0)[:rows].repeat(2, axis=1)[:, :cols]
+            low = self._layer(name, np.concatenate([larger, skipped], axis=2))
+        return self._layer("judge", self._layer("end", low), last=True)
+
+    def _layer(self, name: str, values: NDArray[np.float32], last: bool = False) -> NDArray[np.float32]:
+        """One convolution of values (rows, cols, channels), padded with zeros."""
+        _, channels, side, stride = LAYERS[name]
+        if side > 1:
+            margin = side // 2
+            padded = np.pad(values, ((margin, margin), (margin, margin), (0, 0)))
+            windows = sliding_window_view(padded, (side, side), axis=(0, 1))[::stride, ::stride]
+            values = windows.transpose(0, 1, 3, 4, 2)
+        rows, cols = values.shape[:2]
+        found = values.reshape(rows * cols, -1) @ self._weights[f"{name}.weight"]
+        found += self._weights[f"{name}.bias"]
+        return (found if last else np.maximum(found, 0.0, out=found)).reshape(rows, cols, channels)
+
+
+def save_network(path: Path, weights: Mapping[str, NDArray[np.floating]], note: str) -> None:
+    """Write weights as `RoomNetwork` takes them, as float16.
+
+    Args:
+        path: The file (safetensors).
+        weights: By layer.
+        note: What the network was trained on.
+
+    Raises:
+        MapError: The file cannot be written.
+    """
+    halves = {name: np.ascontiguousarray(values, np.float16) for name, values in weights.items()}
+    write_atomically(path, safetensors.numpy.save(halves, metadata={"note": note}))
+
+
+@lru_cache(maxsize=8)
+def load_network(path: Path) -> RoomNetwork:
+    """Read a network.
+
+    Raises:
+        ConfigError: There is no such file, it is damaged, or it is none that this version can run.
+    """
+    try:
+        weights = safetensors.numpy.load(path.read_bytes())
+    except (OSError, SafetensorError) as error:
+        raise ConfigError(f"{path}: cannot be read as a network of the predictor layout: {error}") from error
+    for layer, (inputs, outputs, side, _) in LAYERS.items():
+        for name, shape in ((f"{layer}.weight", (side * side * inputs, outputs)), (f"{layer}.bias", (outputs,))):
+            values = weights.get(name)
+            if values is None or values.shape != shape or not np.isfinite(values).all():
+                found = "is missing" if values is None else f"has shape {values.shape} or is not finite"
+                raise ConfigError(f"{path}: {name} {found}, expected {shape}: train it again with this version")
+    return RoomNetwork(weights)
