@@ -150,6 +150,26 @@ def _gather(
     return members, starts
 
 
+def frontier_columns(frontiers: Sequence[Frontier]) -> NDArray[np.float64]:
+    """Frontiers as `Decision.columns` has them."""
+    if isinstance(frontiers, FrontierList):
+        return frontiers.columns
+    rows = [
+        (
+            *f.centroid,
+            f.path_length,
+            f.straight_distance,
+            f.size,
+            f.visible_area,
+            0.0 if f.is_closed is None else 1.0 if f.is_closed else -1.0,
+            f.expected_area or 0.0,
+            f.confidence or 0.0,
+        )
+        for f in frontiers
+    ]
+    return np.array(rows, np.float64).reshape(-1, 9).T
+
+
 @dataclass(frozen=True, eq=False)
 class Decision:
     """One decision of an exploration. Arrays are views that change with the next step: copy what you keep.
@@ -190,22 +210,7 @@ class Decision:
         x and y of the centroid, path length, straight distance, size, visible area, class (1 closed, -1 open, 0 not predicted),
         expected area and confidence (0 when there is no prediction).
         """
-        if isinstance(self.frontiers, FrontierList):
-            return self.frontiers.columns
-        rows = [
-            (
-                *f.centroid,
-                f.path_length,
-                f.straight_distance,
-                f.size,
-                f.visible_area,
-                0.0 if f.is_closed is None else 1.0 if f.is_closed else -1.0,
-                f.expected_area or 0.0,
-                f.confidence or 0.0,
-            )
-            for f in self.frontiers
-        ]
-        return np.array(rows, np.float64).reshape(-1, 9).T
+        return frontier_columns(self.frontiers)
 
     @cached_property
     def viewpoints(self) -> NDArray[np.int32]:

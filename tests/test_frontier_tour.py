@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from layoutexplore.decision import Frontier
+from layoutexplore.decision import Frontier, frontier_columns
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontier_tour import (
     LAYOUT_TOUR_SIZE,
@@ -53,7 +53,8 @@ def decision(frontiers: list[Frontier], points: NDArray[np.float64]) -> Any:
         return distances[index + 1, np.asarray(chosen) + 1]
 
     placed = tuple(replace(f, path_length=float(distances[0, k + 1])) for k, f in enumerate(frontiers))
-    return SimpleNamespace(path_lengths=path_lengths, path_lengths_from=path_lengths_from, frontiers=placed)
+    columns = frontier_columns(placed)
+    return SimpleNamespace(path_lengths=path_lengths, path_lengths_from=path_lengths_from, frontiers=placed, columns=columns)
 
 
 def on_a_line(*frontiers: Frontier) -> Any:

@@ -154,9 +154,9 @@ def test_the_global_map_shows_only_what_is_known() -> None:
 def test_the_trail_follows_what_the_robot_believes() -> None:
     grid = OccupancyGrid(np.zeros((30, 30), np.int8), 0.1)
     trail = Trail(grid)
-    trail.extend([Pose(0.55, 0.55), Pose(1.55, 0.55)])
+    trail.extend(np.array([[0.55, 0.55, 0.0], [1.55, 0.55, 0.0]]))
     assert np.argwhere(trail.marks).tolist() == [[5, col] for col in range(5, 16)]
-    trail.extend([Pose(1.55, 0.55), Pose(1.55, 0.75)])
+    trail.extend(np.array([[1.55, 0.55, 0.0], [1.55, 0.75, 0.0]]))
     assert np.argwhere(trail.marks).tolist()[-2:] == [[6, 15], [7, 15]]
 
 
