@@ -85,6 +85,8 @@ def test_a_window_shows_what_lies_in_it() -> None:
     row, col = 5 - whole.row, 8 - whole.col
     shown = whole.values[row : row + 9, col : col + 9, 6 : 6 + SHOWN]
     np.testing.assert_array_equal(part.values[..., 6 : 6 + SHOWN], shown)
+    nothing = draw_planes(scene, (5, 4), 3)
+    assert len(nothing.asked) == 0 and not nothing.values[..., 6 + SHOWN].any(), "where all is known nothing is asked"
 
 
 def test_torch_and_numpy_agree() -> None:

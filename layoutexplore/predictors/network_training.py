@@ -145,7 +145,8 @@ def _train(
         planes, truth, weight = _batch(chosen, config, rng)
         with torch.autocast("cpu", torch.bfloat16):
             odds = network(planes)
-        loss = (functional.binary_cross_entropy_with_logits(odds.float(), truth, reduction="none") * weight).sum() / weight.sum()
+        wrong = functional.binary_cross_entropy_with_logits(odds.float(), truth, reduction="none")
+        loss = (wrong * weight).sum() / weight.sum().clamp(min=1.0)  # A window may hold nothing that is asked.
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()

@@ -163,7 +163,7 @@ def _shown(features: NDArray[np.float16]) -> NDArray[np.float32]:
     """Features float32 (n, SHOWN) as they are shown."""
     numbers = np.clip(features[:, _NUMBERED].astype(np.float32) / _DIVISORS, 0.0, _MOST)
     kinds = features[:, _KINDED, None] == np.array(_KINDS, np.float16)
-    return np.hstack([numbers, kinds.reshape(len(features), -1).astype(np.float32)])
+    return np.hstack([numbers, kinds.reshape(len(features), len(_KINDED) * len(_KINDS)).astype(np.float32)])
 
 
 def _mark_same(owner: NDArray[np.int32], planes: NDArray[np.float32]) -> None:
