@@ -18,7 +18,7 @@ from layoutexplore.agents import make_agent
 from layoutexplore.decision import STOP, Decision
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.evaluation.explorations import stopped_explorations
-from layoutexplore.floorplan import floorplan_from_ascii
+from layoutexplore.floorplan import FloorPlan, floorplan_from_ascii
 from layoutexplore.forest import Forest
 from layoutexplore.forest_io import load_forests, save_forests
 from layoutexplore.frontiers import FrontierClusters, find_frontiers
@@ -60,9 +60,11 @@ def test_every_predictor_by_name() -> None:
         make_predictor("layuot")
     with pytest.raises(ConfigError, match="flip"):
         make_predictor("layout:flip=1")
+    with pytest.raises(ConfigError, match="network=off"):
+        make_predictor("layout:network=maybe")
 
 
-@pytest.mark.parametrize("name", predictor_names())
+@pytest.mark.parametrize("name", [*predictor_names(), "layout:network=off"])
 def test_rooms_hold_what_is_seen_and_nothing_in_walls(name: str, decision: Decision) -> None:
     predictor = make_room_predictor(name)
     if isinstance(predictor, OraclePredictor):
@@ -233,7 +235,17 @@ def test_a_forest_by_hand() -> None:
 
 
 def test_the_models_that_ship_are_small() -> None:
-    assert sum(path.stat().st_size for path in FOLDER.glob("*.json")) < 3_000_000
+    models = [path for pattern in ("*.json", "*.safetensors") for path in FOLDER.glob(pattern)]
+    assert NETWORK in models and sum(path.stat().st_size for path in models) < 3_000_000
+
+
+def test_the_network_has_a_say_in_rooms_and_none_in_classes() -> None:
+    plan = FloorPlan.load("office-04")
+    decision = Simulation(plan, SimulationConfig(sensor="indoor")).reset(seed=1)
+    with_it, without = (make_room_predictor(name) for name in ("layout", "layout:network=off"))
+    assert (with_it.rooms(decision).room_ids != without.rooms(decision).room_ids).any()
+    judged = [predictor.predict(decision).columns for predictor in (with_it, without)]
+    np.testing.assert_array_equal(*judged)
 
 
 @pytest.mark.parametrize("name", ["layout-nearest", "layout-tour", "layout-gain", "closed-first", "open-first"])

@@ -2,7 +2,8 @@
 
 `none` tells nothing, `oracle` tells the truth (the ceiling of prediction), and `oracle:flip=0.1` tells it with a share of
 the rooms judged wrongly, for the question how good a prediction has to be. `layout` is the one to use, `layout:model=FOLDER`
-the same with trees of one's own; `rectangle`, `hull`, `parallel-wall` and `face-subset` are what the literature offers.
+the same with models of one's own, `layout:network=off` with rooms by trees alone, in a third of the time; `rectangle`, `hull`,
+`parallel-wall` and `face-subset` are what the literature offers.
 """
 
 from __future__ import annotations
@@ -80,8 +81,11 @@ def make_room_predictor(spec: str) -> RoomPredictor:
     key, _, value = text.partition("=")
     if (name, key) == ("layout", "model") and value:
         return LayoutPredictor(Path(value))
+    if (name, key, value) == ("layout", "network", "off"):
+        return LayoutPredictor(network=False)
     if (name, key) != ("oracle", "flip"):
-        raise ConfigError(f"predictor {spec!r}: only oracle:flip=SHARE and layout:model=FOLDER take a parameter")
+        known = "oracle:flip=SHARE, layout:model=FOLDER and layout:network=off"
+        raise ConfigError(f"predictor {spec!r}: the parameters that there are: {known}")
     try:
         return OraclePredictor(flip=float(value))
     except ValueError as error:

@@ -117,18 +117,19 @@ class LayoutPredictor:
 
     Args:
         folder: Where `layoutexplore evaluate train-predictor` wrote the models; those that ship when None.
+        network: Whether the network has a say in what rooms look like, if there is one: better rooms in more time.
 
     Raises:
         ConfigError: The folder holds no models, or they do not fit this version.
     """
 
-    def __init__(self, folder: Path | None = None) -> None:
-        self.name = f"layout:model={folder}" if folder else "layout"
+    def __init__(self, folder: Path | None = None, *, network: bool = True) -> None:
+        self.name = f"layout:model={folder}" if folder else "layout" if network else "layout:network=off"
         paths = [(folder or FOLDER) / path.name for path in (FRONTIER_MODEL, CELL_MODEL)]
         self._frontiers = load_forests(paths[0], FEATURES, ("closed", "leftover", "area"))
         self._cells = load_forests(paths[1], cell_features.FEATURES, ("first", "inside"))
-        network = (folder or FOLDER) / NETWORK.name
-        self._network = load_network(network) if network.exists() else None
+        path = (folder or FOLDER) / NETWORK.name
+        self._network = load_network(path) if network and path.exists() else None
         self._memory = ProbeMemory()
 
     def rooms(self, decision: Decision) -> RoomMap:
