@@ -191,7 +191,8 @@ def frontier_features(
     rest[:, 1] = math.log(1.0 + np.count_nonzero(cells == FREE) * resolution**2)
     rest[:, 2] = len(frontiers)
     frames = frames - np.array([chart.margin] * 2 + [0] * 6)
-    rest[:, 3:] = _region_features(frontiers, homes, frames, regions, resolution)
+    grids, sums = (regions.labels, regions.door_width), (regions.boxes, regions.doors)
+    _region_features(frontiers.cells, frontiers.offsets, homes, frames, grids, sums, resolution, rest[:, 3:])
     return out
 
 
@@ -304,38 +305,50 @@ def _contacts(
             out[k, 2 * b], out[k, 2 * b + 1] = others / max(total, 1), count
 
 
+@njit(cache=True, nogil=True)
 def _region_features(
-    frontiers: FrontierClusters,
+    members: NDArray[np.int32],
+    offsets: NDArray[np.int64],
     home: NDArray[np.int64],
     frames: NDArray[np.float64],
-    regions: Regions,
+    grids: tuple[NDArray[np.int32], NDArray[np.float32]],
+    sums: tuple[NDArray[np.int64], NDArray[np.float64]],
     resolution: float,
-) -> NDArray[np.float32]:
-    """The region that holds each frontier, and what finished rooms are like."""
-    members, begins = frontiers.cells, frontiers.offsets[:-1]
-    out = np.zeros((len(frontiers), len(_REGION) - 3), np.float32)
-    out[:, 0] = np.maximum.reduceat(regions.door_width[members[:, 0], members[:, 1]], begins)
-    boxes, count = regions.boxes, regions.count + 1
-    box, sides = boxes[home], np.sort(boxes[:, 3:5] - boxes[:, 1:3], axis=1) * resolution
-    out[:, 1] = box[:, 0] * resolution**2
-    low, high = box[:, 1:3] - frames[:, :2], box[:, 3:5] - 1 - frames[:, :2]
-    for column, axis in ((2, frames[:, 2:4]), (4, frames[:, 4:6])):
-        ends = np.stack([(low * axis).sum(1), (high * axis).sum(1)])
-        out[:, column], out[:, column + 1] = ends.min(0) * resolution, ends.max(0) * resolution
-    out[:, 6] = box[:, 0] / np.maximum((box[:, 3] - box[:, 1]) * (box[:, 4] - box[:, 2]), 1)
-    out[:, 7], out[:, 8] = sides[home, 1], sides[home, 0]
-    owners = regions.labels[members[:, 0], members[:, 1]]
-    out[:, 9] = np.bincount(owners, minlength=count)[home] * resolution
-    waiting = np.bincount(home, minlength=count)
-    out[:, 10] = waiting[home]
-    out[:, 11] = regions.doors[home]
-    finished = np.flatnonzero((boxes[:, 0] * resolution**2 > 2.0) & (waiting == 0))
-    finished = finished[finished > 0]
-    if len(finished):
-        out[:, 12] = np.median(boxes[finished, 0]) * resolution**2
-        out[:, 13] = len(finished)
-        out[:, 14], out[:, 15] = np.median(sides[finished, 1]), np.median(sides[finished, 0])
-    return out
+    out: NDArray[np.float32],
+) -> None:
+    """The region that holds each frontier, and what finished rooms are like: written to `out` float32 (k, 16).
+
+    `grids` are the labels and door widths of `Regions`, `sums` their boxes and doors.
+    """
+    (labels, door_width), (boxes, doors) = grids, sums
+    frontier_cells, waiting = np.zeros(len(boxes), np.int64), np.zeros(len(boxes), np.int64)
+    for n in range(len(members)):
+        frontier_cells[labels[members[n, 0], members[n, 1]]] += 1
+    for k in range(len(home)):
+        waiting[home[k]] += 1
+    area = resolution**2
+    shorter = np.minimum(boxes[:, 3] - boxes[:, 1], boxes[:, 4] - boxes[:, 2]) * resolution
+    longer = np.maximum(boxes[:, 3] - boxes[:, 1], boxes[:, 4] - boxes[:, 2]) * resolution
+    finished = (boxes[:, 0] * area > 2.0) & (waiting == 0)
+    finished[0] = False
+    typical = np.zeros(4)
+    if finished.any():
+        typical[0], typical[1] = np.median(boxes[finished, 0]) * area, np.count_nonzero(finished)
+        typical[2], typical[3] = np.median(longer[finished]), np.median(shorter[finished])
+    for k in range(len(home)):
+        region, box = home[k], boxes[home[k]]
+        for n in range(offsets[k], offsets[k + 1]):
+            out[k, 0] = max(out[k, 0], door_width[members[n, 0], members[n, 1]])
+        out[k, 1] = box[0] * area
+        for axis in range(2):
+            step_row, step_col = frames[k, 2 + 2 * axis], frames[k, 3 + 2 * axis]
+            low = (box[1] - frames[k, 0]) * step_row + (box[2] - frames[k, 1]) * step_col
+            high = (box[3] - 1 - frames[k, 0]) * step_row + (box[4] - 1 - frames[k, 1]) * step_col
+            out[k, 2 + 2 * axis], out[k, 3 + 2 * axis] = min(low, high) * resolution, max(low, high) * resolution
+        out[k, 6] = box[0] / max((box[3] - box[1]) * (box[4] - box[2]), 1)
+        out[k, 7], out[k, 8], out[k, 9] = longer[region], shorter[region], frontier_cells[region] * resolution
+        out[k, 10], out[k, 11] = waiting[region], doors[region]
+        out[k, 12:] = typical
 
 
 def home_regions(regions: Regions, frontiers: FrontierClusters) -> NDArray[np.int64]:
