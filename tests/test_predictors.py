@@ -221,6 +221,9 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
     assert (out / "fold1" / "held_out.json").read_text() != (out / "fold2" / "held_out.json").read_text()
     assert make_room_predictor(f"layout:model={out}").name.startswith("layout:")
     assert all((out / folder / NETWORK.name).exists() for folder in ("fold1", "fold2", "."))
+    alone = [*arguments, "--no-network", "--store", str(tmp_path / "store")]
+    assert CliRunner().invoke(cli.app, alone).exit_code == 0
+    assert not list(out.rglob(NETWORK.name)), "a network of an earlier training has no say"
     for wrong in (["--folds", "3"], ["--folds", "2", "--no-forests"]):
         result = CliRunner().invoke(
             cli.app, [*arguments[:4], *wrong, "--stops", "2", "--no-network", "--out", str(tmp_path / "no")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +112,11 @@ def test_a_network_survives_its_file(tmp_path: Path) -> None:
     path = tmp_path / "rooms.safetensors"
     save_network(path, weights, "a test")
     np.testing.assert_allclose(load_network(path).judge(scene), RoomNetwork(weights).judge(scene), rtol=0.02, atol=0.02)
+    kept, others = load_network(path), random_weights(2)
+    assert load_network(path) is kept
+    save_network(path, others, "another test")
+    os.utime(path, ns=(0, path.stat().st_mtime_ns + 1))
+    np.testing.assert_allclose(load_network(path).judge(scene), RoomNetwork(others).judge(scene), rtol=0.02, atol=0.02)
 
 
 @pytest.mark.parametrize("harm", ["text", "cut", "missing", "shape", "nan"])

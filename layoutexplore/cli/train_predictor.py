@@ -37,6 +37,7 @@ def train_predictor(
     """
     from layoutexplore.benchmark.plans import find_plans
     from layoutexplore.errors import ConfigError, require
+    from layoutexplore.predictors.layout import NETWORK
     from layoutexplore.predictors.samples import gather, group_buildings
     from layoutexplore.predictors.training import TrainingConfig, deal_groups, train_models
 
@@ -60,6 +61,9 @@ def train_predictor(
             train_models(samples.of_buildings(wanted), folder, held_out, config)
         if trainer:
             trainer.write(folder, wanted)
+        else:
+            # One of an earlier training would go on judging, and may have learnt from what is held out here.
+            (folder / NETWORK.name).unlink(missing_ok=True)
         without = f", trained without {', '.join(sorted(set(held_out.values())))}" if held_out else ""
         typer.echo(f"written: {folder}{without}")
 

@@ -112,13 +112,21 @@ def save_network(path: Path, weights: Mapping[str, NDArray[np.floating]], note: 
     write_atomically(path, safetensors.numpy.save(halves, metadata={"note": note}))
 
 
-@lru_cache(maxsize=8)
 def load_network(path: Path) -> RoomNetwork:
-    """Read a network.
+    """Read a network; one that has been read is kept until its file changes.
 
     Raises:
         ConfigError: There is no such file, it is damaged, or it is none that this version can run.
     """
+    try:
+        changed = path.stat().st_mtime_ns
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read as a network of the predictor layout: {error}") from error
+    return _read(path, changed)
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, _changed: int) -> RoomNetwork:
     try:
         weights = safetensors.numpy.load(path.read_bytes())
     except (OSError, SafetensorError) as error:
