@@ -27,9 +27,9 @@ from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError
-from layoutexplore.geometry import Point, fill, polygons_of, resample_solid, seal_diagonals
+from layoutexplore.geometry import Point, fill, polygons_of, seal_diagonals
 from layoutexplore.grid import Pose, check_resolution
-from layoutexplore.plan_raster import PlanRaster
+from layoutexplore.plan_raster import PlanRaster, resample
 
 __all__ = ["Door", "FloorPlan", "PlanRaster", "Room", "floorplan_from_ascii"]
 
@@ -178,6 +178,41 @@ class FloorPlan:
         doors = (dataclasses.replace(door, is_open=door.is_open and k not in chosen) for k, door in enumerate(self.doors))
         return dataclasses.replace(self, doors=tuple(doors))
 
+    def stretched(self, x: float, y: float) -> FloorPlan:
+        """A copy in which all lengths along x and y are multiplied by these: another building of the same kind.
+
+        Args:
+            x: Factor along x, for walls and doors as well; a `source` keeps its resolution.
+            y: Factor along y.
+
+        Raises:
+            MapError: A factor is not a finite number above 0.
+
+        Example:
+            >>> plan = FloorPlan(name="one-room", rooms=(Room(id=1, polygon=shapely.box(0, 0, 4, 3)),))
+            >>> plan.stretched(1.5, 2.0).bounds
+            (0.0, 0.0, 6.0, 6.0)
+        """
+        if not (math.isfinite(x) and math.isfinite(y) and x > 0 and y > 0):
+            raise MapError(f"plan {self.name!r} can be stretched by finite factors above 0, got {x!r} and {y!r}")
+        factors = np.array([x, y])
+
+        def stretch(shape: BaseGeometry) -> Any:
+            return shapely.transform(shape, lambda points: points * factors)
+
+        def moved(point: Point) -> Point:
+            return point[0] * x, point[1] * y
+
+        return dataclasses.replace(
+            self,
+            rooms=tuple(dataclasses.replace(room, polygon=stretch(room.polygon)) for room in self.rooms),
+            doors=tuple(dataclasses.replace(door, start=moved(door.start), end=moved(door.end)) for door in self.doors),
+            walls=stretch(self.walls),
+            furniture=stretch(self.furniture),
+            passages=stretch(self.passages),
+            source=self.source and self.source.stretched(x, y),
+        )
+
     def opening(self, door: Door) -> Polygon:
         """The floor that a door cuts through its wall: its segment, widened on both sides until it meets the rooms."""
         line = LineString([door.start, door.end])
@@ -254,12 +289,7 @@ def _draw_source(
     source, corner = plan.source, (origin.x, origin.y)
     ratio = resolution / source.resolution
     offset = ((origin.x - source.origin.x) / source.resolution, (origin.y - source.origin.y) / source.resolution)
-    occupied = resample_solid(source.occupied, ratio, offset, shape)
-    room_ids = np.zeros(shape, np.int32)
-    rows = np.floor(offset[1] + (np.arange(shape[0]) + 0.5) * ratio + 1e-9).astype(np.int64)
-    cols = np.floor(offset[0] + (np.arange(shape[1]) + 0.5) * ratio + 1e-9).astype(np.int64)
-    inside_rows, inside_cols = (rows >= 0) & (rows < source.shape[0]), (cols >= 0) & (cols < source.shape[1])
-    room_ids[np.ix_(inside_rows, inside_cols)] = source.room_ids[np.ix_(rows[inside_rows], cols[inside_cols])]
+    occupied, room_ids = resample(source, (ratio, ratio), offset, shape)
     solid = np.zeros(shape, np.int32)
     _close_doors(plan, solid, resolution, corner)
     return occupied | (solid != 0), room_ids

@@ -155,7 +155,7 @@ def _seal_pass(solid: NDArray[np.bool_]) -> int:
     return filled
 
 
-def resample_solid(occupied: NDArray[np.bool_], ratio: float, offset: Point, shape: tuple[int, int]) -> NDArray[np.bool_]:
+def resample_solid(occupied: NDArray[np.bool_], ratios: Point, offset: Point, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Solid cells of a raster at another resolution, by the same rule as `fill` with `sealed`.
 
     A cell is solid where its centre lies in a solid cell of the source, or outside of it; a run of solid source
@@ -163,29 +163,28 @@ def resample_solid(occupied: NDArray[np.bool_], ratio: float, offset: Point, sha
 
     Args:
         occupied: bool (rows, cols), the source.
-        ratio: New resolution over the source's resolution.
+        ratios: New resolution over the source's resolution, along (x, y).
         offset: (x, y) of the new lower left corner in source cells from the source's.
         shape: New (rows, cols).
     """
     source = np.ascontiguousarray(np.pad(occupied, 1, constant_values=True))
     target = np.ones(shape, np.bool_)
-    x, y = offset[0] + 1.0, offset[1] + 1.0
-    _resample_lines(source, ratio, x, y, target, False)
-    _resample_lines(np.ascontiguousarray(source.T), ratio, y, x, target, True)
+    ratios, (x, y) = (float(ratios[0]), float(ratios[1])), (offset[0] + 1.0, offset[1] + 1.0)
+    _resample_lines(source, ratios, (x, y), target, False)
+    _resample_lines(np.ascontiguousarray(source.T), ratios[::-1], (y, x), target, True)
     return target
 
 
 @njit(cache=True, nogil=True)
-def _resample_lines(
-    source: NDArray[np.bool_], ratio: float, x: float, y: float, target: NDArray[np.bool_], transposed: bool
-) -> None:
+def _resample_lines(source: NDArray[np.bool_], ratios: Point, corner: Point, target: NDArray[np.bool_], transposed: bool) -> None:
     """Along every centre line: copy the centres (first pass only), then mark the runs that hold no centre."""
+    (ratio, line_ratio), (x, y) = ratios, corner
     lines, cells = target.shape
     if transposed:
         cells, lines = lines, cells
     rows, cols = source.shape
     for line in range(lines):
-        row = int(np.floor(y + (line + 0.5) * ratio + 1e-9))
+        row = int(np.floor(y + (line + 0.5) * line_ratio + 1e-9))
         if row < 0 or row >= rows:
             continue
         if not transposed:

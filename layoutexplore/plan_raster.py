@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.geometry import Point, resample_solid
 from layoutexplore.grid import FREE, OCCUPIED, Cell, OccupancyGrid, Pose, check_resolution
 from layoutexplore.lidar import Lidar, LidarConfig
 from layoutexplore.planning import inflate
@@ -80,6 +81,17 @@ class PlanRaster:
     def cell_to_world(self, row: float, col: float) -> tuple[float, float]:
         """World coordinates (x, y) of a cell's centre."""
         return self._frame.cell_to_world(row, col)
+
+    def stretched(self, x: float, y: float) -> PlanRaster:
+        """A copy in which lengths along x and y are multiplied by these; its resolution is the same.
+
+        Raises:
+            MapError: No free cell is left.
+        """
+        shape = max(round(self.shape[0] * y), 1), max(round(self.shape[1] * x), 1)
+        occupied, room_ids = resample(self, (1.0 / x, 1.0 / y), (0.0, 0.0), shape)
+        origin = Pose(self.origin.x * x, self.origin.y * y, self.origin.theta)
+        return PlanRaster(occupied, np.where(occupied, 0, room_ids), self.resolution, origin)
 
     def blocked(self, robot_radius: float) -> NDArray[np.bool_]:
         """Bool (rows, cols): cells where the centre of a robot of that radius (metres) may not be."""
@@ -146,6 +158,27 @@ class PlanRaster:
 
 
 _LIDARS: WeakKeyDictionary[PlanRaster, dict[LidarConfig, Lidar]] = WeakKeyDictionary()
+
+
+def resample(
+    source: PlanRaster, ratios: Point, offset: Point, shape: tuple[int, int]
+) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+    """Occupied cells and room ids of a raster at other resolutions.
+
+    Args:
+        source: The raster.
+        ratios: New resolution over the source's, along (x, y).
+        offset: (x, y) of the new lower left corner in source cells from the source's.
+        shape: New (rows, cols); what lies outside of the source is occupied.
+    """
+    places = [
+        np.floor(first + (np.arange(count) + 0.5) * ratio + 1e-9).astype(np.int64)
+        for first, count, ratio in zip(offset[::-1], shape, ratios[::-1], strict=True)
+    ]
+    rows, cols = ((place >= 0) & (place < size) for place, size in zip(places, source.shape, strict=True))
+    room_ids = np.zeros(shape, np.int32)
+    room_ids[np.ix_(rows, cols)] = source.room_ids[np.ix_(places[0][rows], places[1][cols])]
+    return resample_solid(source.occupied, ratios, offset, shape), room_ids
 
 
 def shared_lidar(raster: PlanRaster, config: LidarConfig) -> Lidar:

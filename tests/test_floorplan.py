@@ -211,6 +211,43 @@ def test_a_plan_of_an_image_closes_its_doors() -> None:
     assert cv2.connectedComponents(closed.free.astype(np.uint8), connectivity=8)[0] == 3
 
 
+@pytest.mark.parametrize(("x", "y"), [(1.25, 0.8), (0.87, 1.13), (2.0, 2.0)])
+def test_stretched_shapes_keep_their_rooms_and_doors(x: float, y: float) -> None:
+    plan = two_rooms(furniture=shapely.box(1, 1, 2, 2)).stretched(x, y)
+    assert [room.polygon.area for room in plan.rooms] == pytest.approx([12.0 * x * y] * 2)
+    assert plan.furniture.area == pytest.approx(x * y) and plan.doors[0].width == pytest.approx(0.9 * y)
+    raster = plan.rasterize(0.05)
+    assert cv2.connectedComponents(raster.free.astype(np.uint8), connectivity=4)[0] == 2
+    assert raster.free.sum() * 0.05**2 == pytest.approx(
+        two_rooms().rasterize(0.05).free.sum() * 0.05**2 * x * y - x * y, rel=0.02
+    )
+
+
+@pytest.mark.parametrize(("x", "y"), [(1.25, 0.8), (0.87, 1.13), (0.5, 1.0)])
+def test_a_stretched_image_keeps_its_thin_walls_and_its_rooms(x: float, y: float) -> None:
+    occupied, rooms = np.zeros((61, 81), np.bool_), np.ones((61, 81), np.int32)
+    occupied[[0, -1]] = occupied[:, [0, -1]] = True
+    occupied[:, 37] = occupied[23, 37:] = True  # walls of one cell
+    rooms[:, 38:] = 2
+    rooms[24:, 38:] = 3
+    rooms[occupied] = 0
+    plan = FloorPlan(name="image", source=PlanRaster(occupied, rooms, 0.05, Pose(2.0, -4.0, 0.0))).stretched(x, y)
+    assert plan.source is not None and plan.source.shape == (round(61 * y), round(81 * x))
+    assert plan.bounds[:2] == (2.0 * x, -4.0 * y)
+    count, parts = cv2.connectedComponents(plan.source.free.astype(np.uint8), connectivity=8)
+    assert count == 4
+    for part in range(1, count):
+        assert len(np.unique(plan.source.room_ids[parts == part])) == 1
+    areas = np.bincount(plan.source.room_ids.ravel())[1:] / (x * y)
+    np.testing.assert_allclose(areas, np.bincount(rooms.ravel())[1:], rtol=0.1)
+
+
+@pytest.mark.parametrize("factors", [(0.0, 1.0), (1.0, -1.0), (math.nan, 1.0), (1.0, math.inf)])
+def test_senseless_factors(factors: tuple[float, float]) -> None:
+    with pytest.raises(MapError, match="'two' can be stretched by finite factors above 0"):
+        two_rooms().stretched(*factors)
+
+
 def test_content_hash_sees_geometry_and_only_geometry() -> None:
     plan = two_rooms()
     assert plan.content_hash == two_rooms().content_hash

@@ -141,7 +141,7 @@ def test_trace_is_the_outline_of_the_cells(mask: NDArray[np.bool_], resolution: 
 
 @given(MASK)
 def test_resampling_at_the_same_resolution_changes_nothing(mask: NDArray[np.bool_]) -> None:
-    assert np.array_equal(resample_solid(mask, 1.0, (0.0, 0.0), mask.shape), mask)
+    assert np.array_equal(resample_solid(mask, (1.0, 1.0), (0.0, 0.0), mask.shape), mask)
 
 
 @settings(max_examples=60)
@@ -149,7 +149,7 @@ def test_resampling_at_the_same_resolution_changes_nothing(mask: NDArray[np.bool
 def test_resampling_is_filling_the_outline(mask: NDArray[np.bool_], ratio: float) -> None:
     """The coarse cells are those that the traced outline fills, run by run."""
     side = int(24 / ratio)
-    resampled = resample_solid(mask, ratio, (0.0, 0.0), (side, side))
+    resampled = resample_solid(mask, (ratio, ratio), (0.0, 0.0), (side, side))
     x, y = centres((side, side), ratio)
     rows, cols = np.minimum(np.floor(y), 23).astype(int), np.minimum(np.floor(x), 23).astype(int)
     assert (resampled | ~mask[rows, cols]).all()
@@ -164,7 +164,7 @@ def test_resampling_is_filling_the_outline(mask: NDArray[np.bool_], ratio: float
 
 def test_resampled_outside_is_solid() -> None:
     mask = np.zeros((4, 4), np.bool_)
-    resampled = resample_solid(mask, 1.0, (-2.0, -1.0), (6, 8))
+    resampled = resample_solid(mask, (1.0, 1.0), (-2.0, -1.0), (6, 8))
     assert (~resampled).sum() == 16
     assert not resampled[1:5, 2:6].any()
 

@@ -214,10 +214,11 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
     paths = [str(tmp_path / f"{name}.geojson") for name in ("north", "south")]
     out = tmp_path / "models"
     arguments = ["evaluate", "train-predictor", *paths, "--folds", "2", "--stops", "2", "--trees", "4", "--out", str(out)]
-    network = ["office:7", "--first-steps", "2", "--steps", "2"]
+    network = ["office:7", "--stretched", "1", "--first-steps", "2", "--steps", "2"]
     result = CliRunner().invoke(cli.app, [*arguments, *network, "--store", str(tmp_path / "store")])
     assert result.exit_code == 0, result.output
     assert "held out" in result.output and "hidden_iou" in result.output
+    assert list((tmp_path / "store").glob("north-stretched-1-*")), "copies are learnt from"
     assert (out / "fold1" / "held_out.json").read_text() != (out / "fold2" / "held_out.json").read_text()
     assert make_room_predictor(f"layout:model={out}").name.startswith("layout:")
     assert all((out / folder / NETWORK.name).exists() for folder in ("fold1", "fold2", "."))

@@ -23,6 +23,9 @@ def train_predictor(
         int, typer.Option(min=0, help="Also train on all but one fold of buildings at a time, test there, and keep these models.")
     ] = 0,
     starts: Annotated[int, typer.Option(min=1, help="Explorations per sensor of a plan from a file; others take one.")] = 1,
+    stretched: Annotated[
+        int, typer.Option(min=0, help="Copies of each plan from a file, stretched at random, to learn from as well.")
+    ] = 0,
     stops: Annotated[int, typer.Option(min=1, help="Decisions kept of an exploration.")] = 8,
     trees: Annotated[int, typer.Option(min=2, help="Trees of a forest; few for a quick try.")] = 200,
     forests: Annotated[bool, typer.Option(help="Train the trees.")] = True,
@@ -45,8 +48,9 @@ def train_predictor(
         raise ConfigError("folds are tested with trees and network: leave --no-forests out, or --folds")
     if network:
         require("torch", "rl")
-    seen = _explore(find_plans(plans), starts, stops, store, forests=forests, scenes=network)
+    seen = _explore(find_plans(plans), starts, stretched, stops, store, forests=forests, scenes=network)
     groups = group_buildings(seen.files)
+    groups |= {copy: groups[name] for copy, name in seen.copies.items()}
     if folds and not 2 <= folds <= len(set(groups.values())):
         raise ConfigError(f"{folds} folds need at least 2 and at most one a building, got {len(set(groups.values()))} buildings")
     config = TrainingConfig(trees=trees, cell_trees=trees // 2)
@@ -79,25 +83,36 @@ def train_predictor(
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """What explorations have shown: decisions for trees by exploration, scenes for the network, questions for tests by plan."""
+    """What explorations have shown.
+
+    Attributes:
+        files: Plans from files.
+        copies: Names of stretched copies, each with its plan's name.
+        explored: Decisions for trees, by exploration.
+        scenes: For the network.
+        asked: Decisions for tests, by plan.
+    """
 
     files: list[FloorPlan]
+    copies: dict[str, str]
     explored: list[list[Snapshot]]
     scenes: list[SceneSample]
     asked: dict[str, list[Snapshot]]
 
 
-def _explore(sources: Sequence[str], starts: int, stops: int, store: Path | None, *, forests: bool, scenes: bool) -> _Seen:
+def _explore(
+    sources: Sequence[str], starts: int, stretched: int, stops: int, store: Path | None, *, forests: bool, scenes: bool
+) -> _Seen:
     """Explore plans; those from files more often, and as the tests ask, too."""
     from rich.console import Console
 
     from layoutexplore.agents import make_agent
     from layoutexplore.cli.progress import ProgressLine
-    from layoutexplore.evaluation.explorations import protocol_explorations, stopped_explorations
+    from layoutexplore.evaluation.explorations import protocol_explorations, stopped_explorations, stretched_copies
     from layoutexplore.floorplan import FloorPlan
     from layoutexplore.predictors.samples import gather_scenes
 
-    seen = _Seen([], [], [], {})
+    seen = _Seen([], {}, [], [], {})
     with ProgressLine(Console(), "plans") as progress:
         for k, source in enumerate(sources):
             plan = FloorPlan.load(source)
@@ -106,6 +121,9 @@ def _explore(sources: Sequence[str], starts: int, stops: int, store: Path | None
             if is_file:
                 protocol = protocol_explorations(plan, make_agent, store)
                 found.extend(protocol)
+                for copy in stretched_copies(plan, stretched):
+                    found.extend(stopped_explorations(copy, make_agent, 1, stops, store))
+                    seen.copies[copy.name] = plan.name
                 seen.files.append(plan)
                 seen.asked[plan.name] = [snapshot for part in protocol for snapshot in part] if forests else []
             if forests:

@@ -5,6 +5,7 @@ What is left unseen depends on who explores, so several strategies do. They are 
 
 from __future__ import annotations
 
+import dataclasses
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -29,6 +30,9 @@ FIRST_SEED = 1000
 
 COVERAGES = (0.04, 0.985)
 """Between these shares of coverage explorations are stopped."""
+
+STRETCH = 0.12
+"""Copies of a plan are larger or smaller, and longer or wider, by up to this (as logarithms of factors)."""
 
 MakeAgent = Callable[[str], Agent]
 """Makes the agent of a name, as `layoutexplore.agents.make_agent` does."""
@@ -57,3 +61,12 @@ def stopped_explorations(
             agent = make_agent(AGENTS[int(rng.integers(len(AGENTS)))])
             shares = np.sort(rng.uniform(*COVERAGES, snapshots)).tolist()
             yield explore(plan, agent, sensor=sensor, seed=FIRST_SEED + start, coverages=shares, store=store)
+
+
+def stretched_copies(plan: FloorPlan, copies: int) -> Iterator[FloorPlan]:
+    """Copies of a plan of other sizes and proportions, always the same ones: more buildings to learn from."""
+    for copy in range(copies):
+        rng = np.random.default_rng([zlib.crc32(plan.content_hash.encode()), copy])
+        size, proportion = np.exp(rng.uniform(-STRETCH, STRETCH, 2)).tolist()
+        stretched = plan.stretched(size * proportion, size / proportion)
+        yield dataclasses.replace(stretched, name=f"{plan.name}-stretched-{copy + 1}")
