@@ -28,7 +28,7 @@ from layoutexplore.predictors.frontier_features import FEATURES, frontier_featur
 from layoutexplore.predictors.layout import FOLDER, NETWORK
 from layoutexplore.predictors.oracle import OraclePredictor
 from layoutexplore.predictors.regions import Regions, seen_regions
-from layoutexplore.predictors.samples import Samples, gather, group_buildings
+from layoutexplore.predictors.samples import Samples, gather, group_buildings, join
 from layoutexplore.predictors.shapes import main_angle
 from layoutexplore.predictors.training import TrainingConfig, deal_groups, fit_frontier_forests, train_models
 from layoutexplore.simulation import Simulation, SimulationConfig
@@ -195,9 +195,10 @@ def test_a_model_of_ones_own(tmp_path: Path) -> None:
         make_predictor(f"layout:model={tmp_path}")
     plans = [floorplan_from_ascii(PLAN, resolution=0.9, name=name) for name in ("one", "other")]
     explorations = [e for plan in plans for e in stopped_explorations(plan, make_agent, 1, 4, tmp_path / "store")]
-    samples = gather(explorations, {})
-    assert set(samples.building.tolist()) == {"one", "other"}
-    assert set(samples.of_buildings(lambda name: name != "one").building.tolist()) == {"other"}
+    samples = join([gather(explorations[:2]), gather(explorations[2:])], {"other": "house"})
+    assert set(samples.building.tolist()) == {cell.building for cell in samples.cells} == {"one", "house"}
+    others = samples.of_buildings(lambda name: name != "one")
+    assert set(others.building.tolist()) == {"house"} and len(others.features) == len(gather(explorations[2:]).features)
     assert deal_groups(["a", "b", "b"], 2) == deal_groups(["b", "a"], 2)
     train_models(samples, tmp_path, {"flat": "house"}, TrainingConfig(trees=3, cell_trees=3))
     predictor = make_room_predictor(f"layout:model={tmp_path}")

@@ -12,7 +12,7 @@ import typer
 
 if TYPE_CHECKING:
     from layoutexplore.floorplan import FloorPlan
-    from layoutexplore.predictors.samples import SceneSample
+    from layoutexplore.predictors.samples import Samples, SceneSample
     from layoutexplore.snapshot import Snapshot
 
 
@@ -41,7 +41,7 @@ def train_predictor(
     from layoutexplore.benchmark.plans import find_plans
     from layoutexplore.errors import ConfigError, require
     from layoutexplore.predictors.layout import NETWORK
-    from layoutexplore.predictors.samples import gather, group_buildings
+    from layoutexplore.predictors.samples import group_buildings, join
     from layoutexplore.predictors.training import TrainingConfig, deal_groups, train_models
 
     if folds and not forests:
@@ -54,7 +54,7 @@ def train_predictor(
     if folds and not 2 <= folds <= len(set(groups.values())):
         raise ConfigError(f"{folds} folds need at least 2 and at most one a building, got {len(set(groups.values()))} buildings")
     config = TrainingConfig(trees=trees, cell_trees=trees // 2)
-    samples = gather(seen.explored, groups) if forests else None
+    samples = join(seen.samples, groups) if forests else None
     if samples:
         typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells")
     trainer = _NetworkTrainer(seen.scenes, groups, first_steps, steps) if network else None
@@ -88,14 +88,14 @@ class _Seen:
     Attributes:
         files: Plans from files.
         copies: Names of stretched copies, each with its plan's name.
-        explored: Decisions for trees, by exploration.
+        samples: For trees, by plan.
         scenes: For the network.
         asked: Decisions for tests, by plan.
     """
 
     files: list[FloorPlan]
     copies: dict[str, str]
-    explored: list[list[Snapshot]]
+    samples: list[Samples]
     scenes: list[SceneSample]
     asked: dict[str, list[Snapshot]]
 
@@ -110,7 +110,7 @@ def _explore(
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.evaluation.explorations import protocol_explorations, stopped_explorations, stretched_copies
     from layoutexplore.floorplan import FloorPlan
-    from layoutexplore.predictors.samples import gather_scenes
+    from layoutexplore.predictors.samples import gather, gather_scenes
 
     seen = _Seen([], {}, [], [], {})
     with ProgressLine(Console(), "plans") as progress:
@@ -127,7 +127,7 @@ def _explore(
                 seen.files.append(plan)
                 seen.asked[plan.name] = [snapshot for part in protocol for snapshot in part] if forests else []
             if forests:
-                seen.explored.extend(found)
+                seen.samples.append(gather(found))
             if scenes:
                 seen.scenes.extend(gather_scenes(snapshot for part in found for snapshot in part))
             progress.advance(k + 1, len(sources), (k + 1) / len(sources), plan.name)

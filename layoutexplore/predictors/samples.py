@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,23 +116,36 @@ def _same_building(plan: FloorPlan, other: FloorPlan) -> bool:
     return bool((np.abs(sides[0] - sides[1]) < SAME_SIZE * sides.max(0)).all() and sides.min() > 10.0)
 
 
-def gather(snapshots: Sequence[Sequence[Snapshot]], groups: Mapping[str, str]) -> Samples:
-    """What trees learn from explorations; the group of a plan by its name, itself where there is none."""
+def gather(snapshots: Sequence[Sequence[Snapshot]]) -> Samples:
+    """What trees learn from explorations; every plan is a building of its own."""
     features, closed, area, building = [], [], [], []
     cells: list[CellSamples] = []
     for number, exploration in enumerate(snapshots):
         rng = np.random.default_rng(number)
         for snapshot in exploration:
-            group = groups.get(snapshot.plan, snapshot.plan)
             grid = snapshot.decision.grid
             regions = seen_regions(grid.cells, grid.resolution)
             found = _frontier_samples(snapshot, regions)
             features.append(found[0])
             closed.append(found[1])
             area.append(found[2])
-            building.append(np.full(len(found[0]), group))
-            cells.append(_cell_samples(snapshot, regions, group, rng))
+            building.append(np.full(len(found[0]), snapshot.plan))
+            cells.append(_cell_samples(snapshot, regions, rng))
     return Samples(np.concatenate(features), np.concatenate(closed), np.concatenate(area), np.concatenate(building), cells)
+
+
+def join(parts: Sequence[Samples], groups: Mapping[str, str]) -> Samples:
+    """All samples in one; the building of a plan by its name, itself where there is none."""
+    names, which = np.unique(np.concatenate([part.building for part in parts]), return_inverse=True)
+    building = np.array([groups.get(name, name) for name in names.tolist()])[which]
+    cells = [replace(cell, building=groups.get(cell.building, cell.building)) for part in parts for cell in part.cells]
+    return Samples(
+        features=np.concatenate([part.features for part in parts]),
+        closed=np.concatenate([part.closed for part in parts]),
+        area=np.concatenate([part.area for part in parts]),
+        building=building,
+        cells=cells,
+    )
 
 
 def gather_scenes(snapshots: Iterable[Snapshot]) -> list[SceneSample]:
@@ -159,14 +172,14 @@ def _frontier_samples(snapshot: Snapshot, regions: Regions) -> tuple[NDArray[np.
     return features, true.is_closed, true.remaining_area
 
 
-def _cell_samples(snapshot: Snapshot, regions: Regions, group: str, rng: np.random.Generator) -> CellSamples:
+def _cell_samples(snapshot: Snapshot, regions: Regions, rng: np.random.Generator) -> CellSamples:
     """The cells of some regions, drawn at random."""
     grid, truth = snapshot.decision.grid, snapshot.truth.raster
     order = 1 + rng.permutation(regions.count)
     chosen = np.zeros(regions.count + 1, np.bool_)
     chosen[order[:REGIONS]] = True
     kept = find_candidates(grid.cells, regions, grid.resolution, wanted=chosen)
-    return CellSamples(kept, _are_inside(kept, regions, truth), grid.resolution, group)
+    return CellSamples(kept, _are_inside(kept, regions, truth), grid.resolution, snapshot.plan)
 
 
 def _are_inside(candidates: Candidates, regions: Regions, truth: PlanRaster) -> NDArray[np.bool_]:
