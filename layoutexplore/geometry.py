@@ -169,7 +169,7 @@ def resample_solid(occupied: NDArray[np.bool_], ratios: Point, offset: Point, sh
     """
     source = np.ascontiguousarray(np.pad(occupied, 1, constant_values=True))
     target = np.ones(shape, np.bool_)
-    ratios, (x, y) = (float(ratios[0]), float(ratios[1])), (offset[0] + 1.0, offset[1] + 1.0)
+    x, y = offset[0] + 1.0, offset[1] + 1.0
     _resample_lines(source, ratios, (x, y), target, False)
     _resample_lines(np.ascontiguousarray(source.T), ratios[::-1], (y, x), target, True)
     return target

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +27,7 @@ from layoutexplore.frontiers import FrontierClusters, find_frontiers
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
 from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions
-from layoutexplore.predictors.layout import FOLDER, NETWORK
+from layoutexplore.predictors.layout import FOLDER, FRONTIER_MODEL, NETWORK
 from layoutexplore.predictors.oracle import OraclePredictor
 from layoutexplore.predictors.regions import Regions, seen_regions
 from layoutexplore.predictors.samples import Samples, gather, group_buildings, join
@@ -219,18 +221,34 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
     result = CliRunner().invoke(cli.app, [*arguments, *network, "--store", str(tmp_path / "store")])
     assert result.exit_code == 0, result.output
     assert "held out" in result.output and "hidden_iou" in result.output
-    assert list((tmp_path / "store").glob("north-stretched-1-*")), "copies are learnt from"
+    notes = [json.loads((out / folder / FRONTIER_MODEL.name).read_text())["note"] for folder in ("fold1", "fold2", ".")]
+    frontiers, buildings = zip(*(map(int, re.findall(r"\d+", note)) for note in notes), strict=True)
+    assert buildings == (2, 2, 3), "a copy is of its plan's building, so that it is held out with it"
     assert (out / "fold1" / "held_out.json").read_text() != (out / "fold2" / "held_out.json").read_text()
     assert make_room_predictor(f"layout:model={out}").name.startswith("layout:")
     assert all((out / folder / NETWORK.name).exists() for folder in ("fold1", "fold2", "."))
-    alone = [*arguments, "--no-network", "--store", str(tmp_path / "store")]
+    alone = [*arguments, "office:7", "--no-network", "--store", str(tmp_path / "store")]
     assert CliRunner().invoke(cli.app, alone).exit_code == 0
+    for folder, more in zip(("fold1", "fold2", "."), frontiers, strict=True):
+        fewer = json.loads((out / folder / FRONTIER_MODEL.name).read_text())["note"]
+        assert int(fewer.split()[0]) < more, "copies are learnt from"
     assert not list(out.rglob(NETWORK.name)), "a network of an earlier training has no say"
     for wrong in (["--folds", "3"], ["--folds", "2", "--no-forests"]):
         result = CliRunner().invoke(
             cli.app, [*arguments[:4], *wrong, "--stops", "2", "--no-network", "--out", str(tmp_path / "no")]
         )
         assert result.exit_code != 0 and not (tmp_path / "no").exists()
+
+
+def test_a_plan_that_is_seen_at_once_teaches_nothing(tmp_path: Path) -> None:
+    floorplan_from_ascii("####\n#aa#\n####", resolution=0.9, name="closet").save(tmp_path / "closet.geojson")
+    floorplan_from_ascii(PLAN, resolution=0.9, name="house").save(tmp_path / "house.geojson")
+    closet, house = (str(tmp_path / f"{name}.geojson") for name in ("closet", "house"))
+    options = ["--no-network", "--stops", "2", "--trees", "4", "--out", str(tmp_path / "models")]
+    result = CliRunner().invoke(cli.app, ["evaluate", "train-predictor", closet, *options])
+    assert result.exit_code != 0 and "nothing to learn from" in str(result.exception) and not (tmp_path / "models").exists()
+    result = CliRunner().invoke(cli.app, ["evaluate", "train-predictor", closet, house, *options])
+    assert result.exit_code == 0 and (tmp_path / "models" / FRONTIER_MODEL.name).exists(), result.output
 
 
 def test_a_forest_by_hand() -> None:

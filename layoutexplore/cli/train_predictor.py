@@ -108,6 +108,7 @@ def _explore(
 
     from layoutexplore.agents import make_agent
     from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.errors import ConfigError
     from layoutexplore.evaluation.explorations import protocol_explorations, stopped_explorations, stretched_copies
     from layoutexplore.floorplan import FloorPlan
     from layoutexplore.predictors.samples import gather, gather_scenes
@@ -131,6 +132,8 @@ def _explore(
             if scenes:
                 seen.scenes.extend(gather_scenes(snapshot for part in found for snapshot in part))
             progress.advance(k + 1, len(sources), (k + 1) / len(sources), plan.name)
+    if (forests and not any(len(part.closed) for part in seen.samples)) or (scenes and not seen.scenes):
+        raise ConfigError("nothing to learn from: no exploration stopped before all was seen; give plans of several rooms")
     return seen
 
 

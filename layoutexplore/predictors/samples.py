@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from layoutexplore.floorplan import FloorPlan, PlanRaster
 from layoutexplore.frontier_classes import classify_frontiers
 from layoutexplore.predictors.cell_features import Candidates, find_candidates
-from layoutexplore.predictors.frontier_features import frontier_features, home_regions
+from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions
 from layoutexplore.predictors.regions import Regions, seen_regions
 from layoutexplore.predictors.scenes import Scene, make_scene
 from layoutexplore.snapshot import Snapshot
@@ -117,8 +117,9 @@ def _same_building(plan: FloorPlan, other: FloorPlan) -> bool:
 
 
 def gather(snapshots: Sequence[Sequence[Snapshot]]) -> Samples:
-    """What trees learn from explorations; every plan is a building of its own."""
-    features, closed, area, building = [], [], [], []
+    """What trees learn from explorations, which may have shown nothing; every plan is a building of its own."""
+    features, closed = [np.zeros((0, len(FEATURES)), np.float32)], [np.zeros(0, np.bool_)]
+    area, building = [np.zeros(0)], [np.zeros(0, np.str_)]
     cells: list[CellSamples] = []
     for number, exploration in enumerate(snapshots):
         rng = np.random.default_rng(number)
