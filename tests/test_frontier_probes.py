@@ -23,7 +23,7 @@ from layoutexplore.predictors.frontier_features import (
     _changed_blocks,
     _probe,
     frontier_features,
-    home_regions,
+    look_around,
 )
 from layoutexplore.predictors.frontier_probes import (
     AHEAD,
@@ -77,9 +77,8 @@ def features_of(
     cells: NDArray[np.int8], clusters: FrontierClusters, resolution: float, memory: ProbeMemory | None = None
 ) -> NDArray[np.float32]:
     """The features of frontiers with nothing in sight."""
-    regions = seen_regions(cells, resolution)
-    homes, visible = home_regions(regions, clusters), np.zeros(len(clusters))
-    return frontier_features(cells, clusters, visible, regions, homes, resolution, memory)
+    around = look_around(cells, clusters, seen_regions(cells, resolution), resolution, memory)
+    return frontier_features(around, np.zeros(len(clusters)))
 
 
 @settings(max_examples=40, deadline=None)

@@ -1,4 +1,4 @@
-"""`layoutexplore evaluate train-predictor`: the trees of the predictor `layout`, trained and tested on other buildings."""
+"""`layoutexplore evaluate train-predictor`: the predictor `layout`, trained on some buildings and tested on others."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import typer
 
 if TYPE_CHECKING:
     from layoutexplore.floorplan import FloorPlan
-    from layoutexplore.predictors.samples import Samples, SceneSample
+    from layoutexplore.predictors.samples import Samples, SceneSample, WindowSamples
     from layoutexplore.snapshot import Snapshot
 
 
@@ -29,9 +29,10 @@ def train_predictor(
     stops: Annotated[int, typer.Option(min=1, help="Decisions kept of an exploration.")] = 8,
     trees: Annotated[int, typer.Option(min=2, help="Trees of a forest; few for a quick try.")] = 200,
     forests: Annotated[bool, typer.Option(help="Train the trees.")] = True,
-    network: Annotated[bool, typer.Option(help="Train the network that completes rooms with them (needs torch).")] = True,
-    first_steps: Annotated[int, typer.Option(min=1, help="Steps of the network on generated plans alone.")] = 7000,
-    steps: Annotated[int, typer.Option(min=1, help="Steps of the network on all plans, in every fold.")] = 3500,
+    network: Annotated[bool, typer.Option(help="Train the networks that judge with them (needs torch).")] = True,
+    first_steps: Annotated[int, typer.Option(min=1, help="Steps of the network for rooms on generated plans alone.")] = 7000,
+    steps: Annotated[int, typer.Option(min=1, help="Steps of the network for rooms on all plans, in every fold.")] = 3500,
+    frontier_steps: Annotated[int, typer.Option(min=1, help="Steps of each network for frontiers, in every fold.")] = 1500,
     store: Annotated[Path | None, typer.Option(help="Folder that keeps the explorations, to go on or train again later.")] = None,
 ) -> None:
     """Explore floor plans, train the predictor `layout` on what is seen, and say how it does on buildings it never saw.
@@ -40,15 +41,15 @@ def train_predictor(
     """
     from layoutexplore.benchmark.plans import find_plans
     from layoutexplore.errors import ConfigError, require
-    from layoutexplore.predictors.layout import NETWORK
+    from layoutexplore.predictors.layout import FRONTIER_NETWORK, ROOM_NETWORK
     from layoutexplore.predictors.samples import group_buildings, join
     from layoutexplore.predictors.training import TrainingConfig, deal_groups, train_models
 
     if folds and not forests:
-        raise ConfigError("folds are tested with trees and network: leave --no-forests out, or --folds")
+        raise ConfigError("folds are tested with trees and networks: leave --no-forests out, or --folds")
     if network:
         require("torch", "rl")
-    seen = _explore(find_plans(plans), starts, stretched, stops, store, forests=forests, scenes=network)
+    seen = _explore(find_plans(plans), starts, stretched, stops, store, forests=forests, network=network)
     groups = group_buildings(seen.files)
     groups |= {copy: groups[name] for copy, name in seen.copies.items()}
     if folds and not 2 <= folds <= len(set(groups.values())):
@@ -57,17 +58,18 @@ def train_predictor(
     samples = join(seen.samples, groups) if forests else None
     if samples:
         typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells")
-    trainer = _NetworkTrainer(seen.scenes, groups, first_steps, steps) if network else None
+    trainer = _NetworkTrainer(seen, groups, first_steps, steps, frontier_steps) if network else None
 
     def train(folder: Path, wanted: Callable[[str], bool], held_out: Mapping[str, str]) -> None:
-        """Both models, of the wanted groups of buildings, into a folder."""
+        """All models, of the wanted groups of buildings, into a folder."""
         if samples:
             train_models(samples.of_buildings(wanted), folder, held_out, config)
         if trainer:
             trainer.write(folder, wanted)
         else:
-            # One of an earlier training would go on judging, and may have learnt from what is held out here.
-            (folder / NETWORK.name).unlink(missing_ok=True)
+            # Those of an earlier training would go on judging, and may have learnt from what is held out here.
+            for path in (FRONTIER_NETWORK, ROOM_NETWORK):
+                (folder / path.name).unlink(missing_ok=True)
         without = f", trained without {', '.join(sorted(set(held_out.values())))}" if held_out else ""
         typer.echo(f"written: {folder}{without}")
 
@@ -89,7 +91,8 @@ class _Seen:
         files: Plans from files.
         copies: Names of stretched copies, each with its plan's name.
         samples: For trees, by plan.
-        scenes: For the network.
+        scenes: For the network that judges rooms.
+        windows: For those that judge frontiers.
         asked: Decisions for tests, by plan.
     """
 
@@ -97,11 +100,12 @@ class _Seen:
     copies: dict[str, str]
     samples: list[Samples]
     scenes: list[SceneSample]
+    windows: list[WindowSamples]
     asked: dict[str, list[Snapshot]]
 
 
 def _explore(
-    sources: Sequence[str], starts: int, stretched: int, stops: int, store: Path | None, *, forests: bool, scenes: bool
+    sources: Sequence[str], starts: int, stretched: int, stops: int, store: Path | None, *, forests: bool, network: bool
 ) -> _Seen:
     """Explore plans; those from files more often, and as the tests ask, too."""
     from rich.console import Console
@@ -111,9 +115,9 @@ def _explore(
     from layoutexplore.errors import ConfigError
     from layoutexplore.evaluation.explorations import protocol_explorations, stopped_explorations, stretched_copies
     from layoutexplore.floorplan import FloorPlan
-    from layoutexplore.predictors.samples import gather, gather_scenes
+    from layoutexplore.predictors.samples import gather, gather_scenes, gather_windows
 
-    seen = _Seen([], {}, [], [], {})
+    seen = _Seen([], {}, [], [], [], {})
     with ProgressLine(Console(), "plans") as progress:
         for k, source in enumerate(sources):
             plan = FloorPlan.load(source)
@@ -129,44 +133,57 @@ def _explore(
                 seen.asked[plan.name] = [snapshot for part in protocol for snapshot in part] if forests else []
             if forests:
                 seen.samples.append(gather(found))
-            if scenes:
-                seen.scenes.extend(gather_scenes(snapshot for part in found for snapshot in part))
+            if network:
+                for exploration in found:
+                    seen.scenes.extend(gather_scenes(exploration))
+                    seen.windows.append(gather_windows(exploration, plan.name))
             progress.advance(k + 1, len(sources), (k + 1) / len(sources), plan.name)
-    if (forests and not any(len(part.closed) for part in seen.samples)) or (scenes and not seen.scenes):
+    if (forests and not any(len(part.closed) for part in seen.samples)) or (network and not seen.scenes):
         raise ConfigError("nothing to learn from: no exploration stopped before all was seen; give plans of several rooms")
     return seen
 
 
 class _NetworkTrainer:
-    """Trains networks that all begin as one that has learnt from generated plans.
+    """Trains networks; those for rooms all begin as one that has learnt from generated plans.
 
     Args:
-        scenes: All samples.
+        seen: All samples.
         groups: The group of each plan that comes from a file; all others count as generated.
-        first_steps: Steps on generated plans.
-        steps: Steps on all plans.
+        first_steps: Steps of the network for rooms on generated plans.
+        steps: Its steps on all plans.
+        frontier_steps: Steps of the frontier network.
     """
 
-    def __init__(self, scenes: Sequence[SceneSample], groups: Mapping[str, str], first_steps: int, steps: int) -> None:
+    def __init__(self, seen: _Seen, groups: Mapping[str, str], first_steps: int, steps: int, frontier_steps: int) -> None:
         from layoutexplore.predictors.network_training import NetworkConfig, first_network
 
-        self._config, self._groups = NetworkConfig(first_steps=first_steps, steps=steps), groups
-        self._generated = [sample for sample in scenes if sample.plan not in groups]
-        self._real = [sample for sample in scenes if sample.plan in groups]
-        with _steps_line("generated plans") as progress:
+        self._config, self._frontier_steps = NetworkConfig(first_steps=first_steps, steps=steps), frontier_steps
+        self._seen, self._groups = seen, groups
+        self._generated = [sample for sample in seen.scenes if sample.plan not in groups]
+        with _steps_line("rooms of generated plans") as progress:
             self._first = first_network(self._generated, self._config, progress)
 
     def write(self, folder: Path, wanted: Callable[[str], bool]) -> None:
-        """Train a network with the real buildings of the wanted groups and write it into a folder."""
-        from layoutexplore.predictors.layout import NETWORK
+        """Train all networks with the real buildings of the wanted groups and write them into a folder."""
+        from layoutexplore.predictors.frontier_training import FrontierNetworkConfig, trained_frontier_networks
+        from layoutexplore.predictors.layout import FRONTIER_NETWORK, ROOM_NETWORK
+        from layoutexplore.predictors.network_io import save_weights
         from layoutexplore.predictors.network_training import trained_network
-        from layoutexplore.predictors.room_network import save_network
 
-        real = [sample for sample in self._real if wanted(self._groups[sample.plan])]
-        with _steps_line("all plans") as progress:
+        plans = {plan for plan, group in self._groups.items() if wanted(group)}
+        real = [sample for sample in self._seen.scenes if sample.plan in plans]
+        with _steps_line("rooms of all plans") as progress:
             weights = trained_network(self._first, self._generated, real, self._config, progress)
         note = f"{len(self._generated)} decisions of generated plans, {len(real)} of {len({s.plan for s in real})} others"
-        save_network(folder / NETWORK.name, weights, note)
+        save_weights(folder / ROOM_NETWORK.name, {name: values.astype("float16") for name, values in weights.items()}, note)
+        generated = [part for part in self._seen.windows if part.plan not in self._groups]
+        windows = [part for part in self._seen.windows if part.plan in plans]
+        with _steps_line("frontiers of all plans") as progress:
+            config = FrontierNetworkConfig(steps=self._frontier_steps)
+            rounded = trained_frontier_networks(generated, windows, self._groups, config, progress)
+        counts = [sum(len(part.closed) for part in parts) for parts in (generated, windows)]
+        note = f"{counts[0]} frontiers of generated plans, {counts[1]} of {len({part.plan for part in windows})} others"
+        save_weights(folder / FRONTIER_NETWORK.name, rounded, note)
 
 
 @contextlib.contextmanager

@@ -2,7 +2,7 @@
 
 `none` tells nothing, `oracle` tells the truth (the ceiling of prediction), and `oracle:flip=0.1` tells it with a share of
 the rooms judged wrongly, for the question how good a prediction has to be. `layout` is the one to use, `layout:model=FOLDER`
-the same with models of one's own, `layout:network=off` with rooms by trees alone, in a third of the time; `rectangle`, `hull`,
+the same with models of one's own, `layout:network=off` the same by trees alone, in less time; `rectangle`, `hull`,
 `parallel-wall` and `face-subset` are what the literature offers.
 """
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -160,39 +161,73 @@ def _forget_changed(
             old[k] = -1
 
 
-def frontier_features(
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What lies around k >= 1 frontiers.
+
+    Attributes:
+        cells: int8 (rows, cols), what is known.
+        frontiers: Their cells.
+        regions: The seen rooms of these cells.
+        homes: int64 (k,), of `home_regions`.
+        resolution: Metres per cell.
+        chart: What is known, drawn for probing.
+        probes: float32 (k, probes), the features that tell of the chart alone.
+        frames: float64 (k, 8), of `frontier_frame`, in cells of the chart.
+        touched: int32 (k, barriers, TOUCHED), free cells of the chart that floods touch.
+    """
+
+    cells: NDArray[np.int8]
+    frontiers: FrontierClusters
+    regions: Regions
+    homes: NDArray[np.int64]
+    resolution: float
+    chart: Chart
+    probes: NDArray[np.float32]
+    frames: NDArray[np.float64]
+    touched: NDArray[np.int32]
+
+
+def look_around(
     cells: NDArray[np.int8],
     frontiers: FrontierClusters,
-    visible: NDArray[np.float64],
     regions: Regions,
-    homes: NDArray[np.int64],
     resolution: float,
     memory: ProbeMemory | None = None,
-) -> NDArray[np.float32]:
-    """Features float32 (k, len(FEATURES)) of k >= 1 frontiers.
+) -> Surroundings:
+    """Look at what lies around k >= 1 frontiers.
 
     Args:
         cells: int8 (rows, cols), what is known.
         frontiers: Their cells.
-        visible: float64 (k,), unknown area in sight of each, in square metres.
         regions: The seen rooms of these cells.
-        homes: int64 (k,), of `home_regions`.
         resolution: Metres per cell.
         memory: Of the last decision; makes this one cheaper.
     """
     chart = draw_chart(cells, regions, resolution, SIGHT + 2 * resolution)
-    probes, frames, touched = (memory or ProbeMemory()).probe(chart, frontiers, resolution)
+    found = (memory or ProbeMemory()).probe(chart, frontiers, resolution)
+    return Surroundings(cells, frontiers, regions, home_regions(regions, frontiers), resolution, chart, *found)
+
+
+def frontier_features(around: Surroundings, visible: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Features float32 (k, len(FEATURES)) of k frontiers.
+
+    Args:
+        around: What lies around them.
+        visible: float64 (k,), unknown area in sight of each, in square metres.
+    """
+    chart, frontiers, regions, resolution = around.chart, around.frontiers, around.regions, around.resolution
     out = np.zeros((len(frontiers), len(FEATURES)), np.float32)
-    out[:, : len(_PROBES)] = probes
+    out[:, : len(_PROBES)] = around.probes
     shape = chart.code.shape[1], chart.margin
-    _contacts(touched, *shape, regions.labels, homes, out[:, len(_PROBES) : -len(_REGION)])
+    _contacts(around.touched, *shape, regions.labels, around.homes, out[:, len(_PROBES) : -len(_REGION)])
     rest = out[:, -len(_REGION) :]
     rest[:, 0] = visible
-    rest[:, 1] = math.log(1.0 + np.count_nonzero(cells == FREE) * resolution**2)
+    rest[:, 1] = math.log(1.0 + np.count_nonzero(around.cells == FREE) * resolution**2)
     rest[:, 2] = len(frontiers)
-    frames = frames - np.array([chart.margin] * 2 + [0] * 6)
+    frames = around.frames - np.array([chart.margin] * 2 + [0] * 6)
     grids, sums = (regions.labels, regions.door_width), (regions.boxes, regions.doors)
-    _region_features(frontiers.cells, frontiers.offsets, homes, frames, grids, sums, resolution, rest[:, 3:])
+    _region_features(frontiers.cells, frontiers.offsets, around.homes, frames, grids, sums, resolution, rest[:, 3:])
     return out
 
 

@@ -31,10 +31,13 @@ from layoutexplore.grid import UNKNOWN
 from layoutexplore.predictors import cell_features
 from layoutexplore.predictors.cell_features import Candidates, add_judgement, find_candidates
 from layoutexplore.predictors.completion import complete_regions
-from layoutexplore.predictors.frontier_features import FEATURES, ProbeMemory, frontier_features, home_regions
+from layoutexplore.predictors.frontier_features import FEATURES, ProbeMemory, frontier_features, look_around
+from layoutexplore.predictors.frontier_network import SHAPES, FrontierNetworks
+from layoutexplore.predictors.frontier_windows import draw_windows
+from layoutexplore.predictors.network_io import load_weights, shapes_of
 from layoutexplore.predictors.protocol import RoomMap, with_classes
 from layoutexplore.predictors.regions import Regions, seen_regions
-from layoutexplore.predictors.room_network import RoomNetwork, load_network
+from layoutexplore.predictors.room_network import LAYERS, RoomNetwork
 from layoutexplore.predictors.room_shapes import room_shapes
 from layoutexplore.predictors.scenes import make_scene
 
@@ -45,16 +48,25 @@ CLOSED = 0.6
 """Probability from which a frontier is called closed: on either half of the buildings, trained on the other, Matthews'
 correlation was best near this value (most frontiers are closed, so that a doubtful one is rather open)."""
 
+_CHANGES = np.array([math.log(CLOSED / (1.0 - CLOSED)), 0.0])
+"""Log-odds at which "closed" and "leftover" change."""
+
 COARSE, COARSE_REACH = 0.9, 6.0
 """Metres between the cells judged for probabilities in sight, and how far they are judged: a tenth of the cells."""
 
 FOLDER = Path(__file__).parent
 """Where the shipped models lie; `layoutexplore.predictors.training` makes them."""
 
-FRONTIER_MODEL, CELL_MODEL, NETWORK = (FOLDER / name for name in ("frontier_model.json", "cell_model.json", "rooms.safetensors"))
+FRONTIER_MODEL, CELL_MODEL = (FOLDER / name for name in ("frontier_model.json", "cell_model.json"))
 
-NETWORK_SHARE = 0.6
-"""Weight of the network's log-odds against those of the trees."""
+ROOM_NETWORK, FRONTIER_NETWORK = (FOLDER / name for name in ("rooms.safetensors", "frontiers.safetensors"))
+
+ROOM_SHARE, FRONTIER_SHARE = 0.6, 0.5
+"""Weight of the networks' log-odds, of squares and of frontiers, against those of the trees."""
+
+DOUBT = 0.5
+"""Networks are asked about frontiers for which the trees' log-odds are as near as this to where a class changes: about one in
+sixteen, those for which an answer matters most."""
 
 
 class PredictedLayout:
@@ -113,11 +125,11 @@ class PredictedLayout:
 
 
 class LayoutPredictor:
-    """Completed rooms, and frontiers judged by trees.
+    """Completed rooms and judged frontiers.
 
     Args:
         folder: Where `layoutexplore evaluate train-predictor` wrote the models; those that ship when None.
-        network: Whether the network has a say in what rooms look like, if there is one: better rooms in more time.
+        network: Whether the networks have a say, if there are any: better rooms and classes in more time.
 
     Raises:
         ConfigError: The folder holds no models, or they do not fit this version.
@@ -128,41 +140,52 @@ class LayoutPredictor:
         paths = [(folder or FOLDER) / path.name for path in (FRONTIER_MODEL, CELL_MODEL)]
         self._frontiers = load_forests(paths[0], FEATURES, ("closed", "leftover", "area"))
         self._cells = load_forests(paths[1], cell_features.FEATURES, ("first", "inside"))
-        path = (folder or FOLDER) / NETWORK.name
-        self._network = load_network(path) if network and path.exists() else None
+        rooms, frontiers = ((folder or FOLDER) / path.name for path in (ROOM_NETWORK, FRONTIER_NETWORK))
+        self._room_network = RoomNetwork(load_weights(rooms, shapes_of(LAYERS))) if network and rooms.exists() else None
+        self._frontier_networks = FrontierNetworks(load_weights(frontiers, SHAPES)) if network and frontiers.exists() else None
         self._memory = ProbeMemory()
 
     def rooms(self, decision: Decision) -> RoomMap:
         """The seen regions with what is thought to lie behind their frontiers."""
         cells, resolution = decision.grid.cells, decision.grid.resolution
-        return PredictedLayout(cells, seen_regions(cells, resolution), resolution, self._cells, self._network).rooms
+        return PredictedLayout(cells, seen_regions(cells, resolution), resolution, self._cells, self._room_network).rooms
 
     def predict(self, decision: Decision) -> Decision:
-        """The decision with class, area and confidence judged by the trees, and a `PredictedLayout`."""
+        """The decision with class, area and confidence, and a `PredictedLayout`."""
         if not decision.frontiers:
             return decision
         cells, resolution = decision.grid.cells, decision.grid.resolution
         regions = seen_regions(cells, resolution)
-        homes = home_regions(regions, decision.clusters)
-        features = frontier_features(cells, decision.clusters, decision.columns[5], regions, homes, resolution, self._memory)
-        classes, confidence = judge(features, self._frontiers, homes.astype(np.int32))
-        layout = PredictedLayout(cells, regions, resolution, self._cells, self._network)
+        around = look_around(cells, decision.clusters, regions, resolution, self._memory)
+        scores = judge_frontiers(frontier_features(around, decision.columns[5]), self._frontiers)
+        if self._frontier_networks:
+            doubtful = np.flatnonzero((np.abs(scores[:2] - _CHANGES[:, None]) < DOUBT).any(axis=0))
+            found = self._frontier_networks.judge(draw_windows(around, doubtful)).T
+            scores[:, doubtful] += FRONTIER_SHARE * (found - scores[:, doubtful])
+        classes, confidence = classify(scores, around.homes.astype(np.int32))
+        layout = PredictedLayout(cells, regions, resolution, self._cells, self._room_network)
         return dataclasses.replace(with_classes(decision, classes, confidence), layout=layout)
 
 
-def judge(
-    features: NDArray[np.float32], forests: dict[str, Forest], rooms: NDArray[np.int32]
-) -> tuple[FrontierClasses, NDArray[np.float64]]:
-    """Classes and areas by the trees, and the probability that each class is right.
+def judge_frontiers(features: NDArray[np.float32], forests: dict[str, Forest]) -> NDArray[np.float64]:
+    """What the trees find float64 (3, k): log-odds of "closed" and "leftover", log of 1 + square metres left.
 
     Args:
         features: float32 (k, features).
-        forests: "closed" and "leftover" (log-odds) and "area" (log of 1 + square metres).
+        forests: "closed", "leftover" and "area".
+    """
+    return np.stack([forests[name].score(features) for name in ("closed", "leftover", "area")])
+
+
+def classify(scores: NDArray[np.float64], rooms: NDArray[np.int32]) -> tuple[FrontierClasses, NDArray[np.float64]]:
+    """Classes and areas, and the probability that each class is right.
+
+    Args:
+        scores: float64 (3, k), as of `judge_frontiers`.
         rooms: int32 (k,), the room that each frontier lies in.
     """
-    leftover = forests["leftover"].probability(features)
-    closed = np.maximum(forests["closed"].probability(features), leftover)
-    area = np.maximum(np.expm1(forests["area"].score(features)), 0.0)
+    closed, leftover = 1.0 / (1.0 + np.exp(-scores[:2]))
+    closed, area = np.maximum(closed, leftover), np.maximum(np.expm1(scores[2]), 0.0)
     area = np.where(leftover > 0.5, np.minimum(area, math.nextafter(LEFTOVER, 0.0)), np.maximum(area, LEFTOVER))
     is_closed = (closed > CLOSED) | (leftover > 0.5)
     classes = FrontierClasses(is_closed, rooms, area, np.ones(len(rooms)), area)
@@ -193,5 +216,5 @@ def agreed(probability: NDArray[np.float64], log_odds: NDArray[np.floating]) -> 
         [0.5, 0.392]
     """
     sure = np.clip(probability, 1e-5, 1.0 - 1e-5)
-    mean = (1.0 - NETWORK_SHARE) * np.log(sure / (1.0 - sure)) + NETWORK_SHARE * log_odds
+    mean = (1.0 - ROOM_SHARE) * np.log(sure / (1.0 - sure)) + ROOM_SHARE * log_odds
     return np.asarray(1.0 / (1.0 + np.exp(-mean)), np.float64)

@@ -21,6 +21,7 @@ from torch.nn import functional
 from layoutexplore.predictors.room_network import LAYERS
 from layoutexplore.predictors.samples import SceneSample
 from layoutexplore.predictors.scenes import PLANES, draw_planes, turned
+from layoutexplore.predictors.trainable import Convolution, plain_weights
 
 Progress = Callable[[int, int, float], None]
 """Told of steps made, steps in all, and the mean loss of late."""
@@ -52,25 +53,13 @@ class NetworkConfig:
     seed: int = 0
 
 
-class _Convolution(nn.Module):
-    """A convolution, normalised over the batch, and a ReLU."""
-
-    def __init__(self, inputs: int, outputs: int, side: int, stride: int) -> None:
-        super().__init__()
-        self.linear = nn.Conv2d(inputs, outputs, side, stride, side // 2, bias=False)
-        self.norm = nn.BatchNorm2d(outputs)
-
-    def forward(self, values: torch.Tensor) -> torch.Tensor:
-        return functional.relu(self.norm(self.linear(values)))
-
-
 class TrainableNetwork(nn.Module):
     """The network of `RoomNetwork` with what training needs besides."""
 
     def __init__(self) -> None:
         super().__init__()
         *hidden, last = LAYERS
-        self.layers = nn.ModuleDict({name: _Convolution(*LAYERS[name]) for name in hidden})
+        self.layers = nn.ModuleDict({name: Convolution(*LAYERS[name]) for name in hidden})
         self.judge = nn.Conv2d(LAYERS[last][0], LAYERS[last][1], 1)
 
     def forward(self, planes: torch.Tensor) -> torch.Tensor:
@@ -87,20 +76,8 @@ class TrainableNetwork(nn.Module):
         return found
 
     def weights(self) -> dict[str, NDArray[np.float32]]:
-        """The weights as `RoomNetwork` takes them: the norms become part of the convolutions."""
-        found = {"judge": (self.judge.weight.detach(), self.judge.bias.detach())}  # type: ignore[union-attr]
-        for name, layer in self.layers.items():
-            assert isinstance(layer, _Convolution)
-            norm = layer.norm
-            assert norm.running_mean is not None and norm.running_var is not None
-            scale = norm.weight.detach() / torch.sqrt(norm.running_var + norm.eps)
-            weight = layer.linear.weight.detach() * scale[:, None, None, None]
-            found[name] = (weight, norm.bias.detach() - scale * norm.running_mean)
-        out: dict[str, NDArray[np.float32]] = {}
-        for name, (weight, bias) in found.items():
-            out[f"{name}.weight"] = weight.permute(2, 3, 1, 0).reshape(-1, weight.shape[0]).numpy()
-            out[f"{name}.bias"] = bias.numpy()
-        return out
+        """The weights as `RoomNetwork` takes them."""
+        return plain_weights({**self.layers, "judge": self.judge})
 
 
 def first_network(generated: Sequence[SceneSample], config: NetworkConfig, progress: Progress) -> TrainableNetwork:

@@ -6,18 +6,11 @@ makes it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import lru_cache
-from pathlib import Path
-
 import numpy as np
-import safetensors.numpy
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from safetensors import SafetensorError
 
-from layoutexplore.errors import ConfigError
-from layoutexplore.grid_io import write_atomically
+from layoutexplore.predictors.network_io import Layers, Weights
 from layoutexplore.predictors.scenes import PLANES, Planes, Scene, draw_planes
 
 WIDTHS = (32, 48, 64, 64)
@@ -25,7 +18,7 @@ WIDTHS = (32, 48, 64, 64)
 
 _A, _B, _C, _D = WIDTHS
 
-LAYERS: dict[str, tuple[int, int, int, int]] = {
+LAYERS: Layers = {
     "show": (PLANES, _A, 1, 1), "at_full": (_A, _A, 3, 1),
     "to_half": (_A, _B, 3, 2), "at_half": (_B, _B, 3, 1),
     "to_fourth": (_B, _C, 3, 2), "at_fourth": (_C, _C, 3, 1),
@@ -33,17 +26,17 @@ LAYERS: dict[str, tuple[int, int, int, int]] = {
     "up_to_fourth": (_D + _C, _C, 3, 1), "up_to_half": (_C + _B, _B, 3, 1), "up_to_full": (_B + _A, _A, 3, 1),
     "end": (_A, _A, 3, 1), "judge": (_A, 2, 1, 1),
 }  # fmt: skip
-"""Channels in and out, side of the kernel and stride of each convolution; all but the last are followed by a ReLU."""
+"""All but the last are followed by a ReLU."""
 
 
 class RoomNetwork:
     """A trained network.
 
     Args:
-        weights: By layer, "LAYER.weight" float (side * side * channels in, channels out) and "LAYER.bias" float (channels out,).
+        weights: Of `LAYERS`.
     """
 
-    def __init__(self, weights: Mapping[str, NDArray[np.floating]]) -> None:
+    def __init__(self, weights: Weights) -> None:
         self._weights = {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}
 
     def judge(self, scene: Scene) -> NDArray[np.float32]:
@@ -95,46 +88,3 @@ def _strided(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArra
     rows, cols = windows.shape[:2]
     found: NDArray[np.float32] = windows.transpose(0, 1, 3, 4, 2).reshape(rows * cols, -1) @ weight
     return found.reshape(rows, cols, -1)
-
-
-def save_network(path: Path, weights: Mapping[str, NDArray[np.floating]], note: str) -> None:
-    """Write weights as `RoomNetwork` takes them, as float16.
-
-    Args:
-        path: The file (safetensors).
-        weights: By layer.
-        note: What the network was trained on.
-
-    Raises:
-        MapError: The file cannot be written.
-    """
-    halves = {name: np.ascontiguousarray(values, np.float16) for name, values in weights.items()}
-    write_atomically(path, safetensors.numpy.save(halves, metadata={"note": note}))
-
-
-def load_network(path: Path) -> RoomNetwork:
-    """Read a network; one that has been read is kept until its file changes.
-
-    Raises:
-        ConfigError: There is no such file, it is damaged, or it is none that this version can run.
-    """
-    try:
-        changed = path.stat().st_mtime_ns
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read as a network of the predictor layout: {error}") from error
-    return _read(path, changed)
-
-
-@lru_cache(maxsize=8)
-def _read(path: Path, _changed: int) -> RoomNetwork:
-    try:
-        weights = safetensors.numpy.load(path.read_bytes())
-    except (OSError, SafetensorError) as error:
-        raise ConfigError(f"{path}: cannot be read as a network of the predictor layout: {error}") from error
-    for layer, (inputs, outputs, side, _) in LAYERS.items():
-        for name, shape in ((f"{layer}.weight", (side * side * inputs, outputs)), (f"{layer}.bias", (outputs,))):
-            values = weights.get(name)
-            if values is None or values.shape != shape or not np.isfinite(values).all():
-                found = "is missing" if values is None else f"has shape {values.shape} or is not finite"
-                raise ConfigError(f"{path}: {name} {found}, expected {shape}: train it again with this version")
-    return RoomNetwork(weights)

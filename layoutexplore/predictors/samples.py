@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.floorplan import FloorPlan, PlanRaster
-from layoutexplore.frontier_classes import classify_frontiers
+from layoutexplore.frontier_classes import FrontierClasses, classify_frontiers
 from layoutexplore.predictors.cell_features import Candidates, find_candidates
-from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions
+from layoutexplore.predictors.frontier_features import FEATURES, Surroundings, frontier_features, look_around
+from layoutexplore.predictors.frontier_windows import PLANES as WINDOW_PLANES
+from layoutexplore.predictors.frontier_windows import SIDE, draw_windows
 from layoutexplore.predictors.regions import Regions, seen_regions
 from layoutexplore.predictors.scenes import Scene, make_scene
 from layoutexplore.snapshot import Snapshot
@@ -62,6 +64,23 @@ class SceneSample:
 
 
 @dataclass(frozen=True, eq=False)
+class WindowSamples:
+    """The windows of a plan's frontiers with what is true of the frontiers.
+
+    Attributes:
+        windows: uint8 (n, SIDE, SIDE, PLANES), of `draw_windows`.
+        closed: bool (n,).
+        area: float64 (n,), square metres left in the room behind.
+        plan: Name of the floor plan.
+    """
+
+    windows: NDArray[np.uint8]
+    closed: NDArray[np.bool_]
+    area: NDArray[np.float64]
+    plan: str
+
+
+@dataclass(frozen=True, eq=False)
 class Samples:
     """Frontiers and cells with what is true of them.
 
@@ -70,6 +89,7 @@ class Samples:
         closed: bool (n,).
         area: float64 (n,), square metres left in the room behind.
         building: str (n,), group of the floor plan.
+        real: bool (n,), whether the plan has such a group; others are generated.
         cells: One entry a decision.
     """
 
@@ -77,13 +97,15 @@ class Samples:
     closed: NDArray[np.bool_]
     area: NDArray[np.float64]
     building: NDArray[np.str_]
+    real: NDArray[np.bool_]
     cells: list[CellSamples]
 
     def of_buildings(self, wanted: Callable[[str], bool]) -> Samples:
         """The samples of the wanted buildings."""
         kept = np.isin(self.building, [name for name in np.unique(self.building).tolist() if wanted(name)])
         cells = [part for part in self.cells if wanted(part.building)]
-        return Samples(self.features[kept], self.closed[kept], self.area[kept], self.building[kept], cells)
+        frontiers = self.features[kept], self.closed[kept], self.area[kept], self.building[kept], self.real[kept]
+        return Samples(*frontiers, cells)
 
 
 def group_buildings(plans: Sequence[FloorPlan]) -> dict[str, str]:
@@ -126,31 +148,35 @@ def gather(snapshots: Sequence[Sequence[Snapshot]]) -> Samples:
         for snapshot in exploration:
             grid = snapshot.decision.grid
             regions = seen_regions(grid.cells, grid.resolution)
-            found = _frontier_samples(snapshot, regions)
-            features.append(found[0])
-            closed.append(found[1])
-            area.append(found[2])
-            building.append(np.full(len(found[0]), snapshot.plan))
+            around, true = _look(snapshot, regions)
+            features.append(frontier_features(around, snapshot.decision.columns[5]))
+            closed.append(true.is_closed)
+            area.append(true.remaining_area)
+            building.append(np.full(len(true.is_closed), snapshot.plan))
             cells.append(_cell_samples(snapshot, regions, rng))
-    return Samples(np.concatenate(features), np.concatenate(closed), np.concatenate(area), np.concatenate(building), cells)
+    names = np.concatenate(building)
+    real = np.zeros(len(names), np.bool_)
+    return Samples(np.concatenate(features), np.concatenate(closed), np.concatenate(area), names, real, cells)
 
 
 def join(parts: Sequence[Samples], groups: Mapping[str, str]) -> Samples:
     """All samples in one; the building of a plan by its name, itself where there is none."""
     names, which = np.unique(np.concatenate([part.building for part in parts]), return_inverse=True)
     building = np.array([groups.get(name, name) for name in names.tolist()])[which]
+    real = np.array([name in groups for name in names.tolist()], np.bool_)[which]
     cells = [replace(cell, building=groups.get(cell.building, cell.building)) for part in parts for cell in part.cells]
     return Samples(
         features=np.concatenate([part.features for part in parts]),
         closed=np.concatenate([part.closed for part in parts]),
         area=np.concatenate([part.area for part in parts]),
         building=building,
+        real=real,
         cells=cells,
     )
 
 
 def gather_scenes(snapshots: Iterable[Snapshot]) -> list[SceneSample]:
-    """What the network learns from decisions, one entry for each that has squares to judge."""
+    """What the network that judges squares learns from decisions, one entry for each that has squares to judge."""
     samples = []
     for snapshot in snapshots:
         grid = snapshot.decision.grid
@@ -163,14 +189,24 @@ def gather_scenes(snapshots: Iterable[Snapshot]) -> list[SceneSample]:
     return samples
 
 
-def _frontier_samples(snapshot: Snapshot, regions: Regions) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float64]]:
-    """Features, classes and areas of a snapshot's frontiers."""
+def gather_windows(snapshots: Iterable[Snapshot], plan: str) -> WindowSamples:
+    """What the network that judges frontiers learns from decisions in a plan, of which there may be none."""
+    windows, closed, area = [np.zeros((0, SIDE, SIDE, WINDOW_PLANES), np.uint8)], [np.zeros(0, np.bool_)], [np.zeros(0)]
+    for snapshot in snapshots:
+        grid = snapshot.decision.grid
+        around, true = _look(snapshot, seen_regions(grid.cells, grid.resolution))
+        windows.append(draw_windows(around))
+        closed.append(true.is_closed)
+        area.append(true.remaining_area)
+    return WindowSamples(np.concatenate(windows), np.concatenate(closed), np.concatenate(area), plan)
+
+
+def _look(snapshot: Snapshot, regions: Regions) -> tuple[Surroundings, FrontierClasses]:
+    """What lies around a snapshot's frontiers, and their true classes."""
     grid, truth = snapshot.decision.grid, snapshot.truth.raster
-    decision, clusters = snapshot.decision, [f.cells for f in snapshot.decision.frontiers]
-    homes = home_regions(regions, decision.clusters)
-    features = frontier_features(grid.cells, decision.clusters, decision.columns[5], regions, homes, grid.resolution)
+    clusters = [f.cells for f in snapshot.decision.frontiers]
     true = classify_frontiers(grid.cells, clusters, truth.room_ids, truth.free, grid.resolution)
-    return features, true.is_closed, true.remaining_area
+    return look_around(grid.cells, snapshot.decision.clusters, regions, grid.resolution), true
 
 
 def _cell_samples(snapshot: Snapshot, regions: Regions, rng: np.random.Generator) -> CellSamples:

@@ -33,6 +33,7 @@ class TrainingConfig:
         leaves: Leaves of a tree.
         rate: Learning rate.
         feature_share: Share of the features that a split may choose from.
+        generated_share: Share of the weight that frontiers of generated plans have, if there are others.
         cell_trees: Trees of either forest that judges cells.
         cell_leaves: Leaves of one of these.
         cell_rate: Their learning rate.
@@ -44,6 +45,7 @@ class TrainingConfig:
     leaves: int = 24
     rate: float = 0.07
     feature_share: float = 0.3
+    generated_share: float = 0.05
     cell_trees: int = 100
     cell_leaves: int = 31
     cell_rate: float = 0.12
@@ -73,7 +75,7 @@ def fit_frontier_forests(samples: Samples, config: TrainingConfig = DEFAULT_TRAI
         "early_stopping": False,
         "random_state": 0,
     }
-    weights = _weights(samples.building)
+    weights = _frontier_weights(samples, config.generated_share)
     leftover = samples.closed & (samples.area < LEFTOVER)
     forests = {}
     for name, target in (("closed", samples.closed), ("leftover", leftover)):
@@ -124,8 +126,17 @@ def _fit_cells(features: Sequence[NDArray[np.float32]], inside: Sequence[NDArray
     return as_forest(model.fit(np.concatenate(features), np.concatenate(inside)))
 
 
-def _weights(building: NDArray[np.str_]) -> NDArray[np.float64]:
-    """A building with many samples counts more than one with few, but not as many times more."""
+def _frontier_weights(samples: Samples, generated_share: float) -> NDArray[np.float64]:
+    """Weights float64 (n,) of frontiers."""
+    weights, generated = building_weights(samples.building), ~samples.real
+    if generated.any() and samples.real.any():
+        for some, share in ((generated, generated_share), (samples.real, 1.0 - generated_share)):
+            weights[some] *= share * len(weights) / weights[some].sum()
+    return weights
+
+
+def building_weights(building: NDArray[np.str_]) -> NDArray[np.float64]:
+    """Weights float64 (n,): a building with many samples counts more than one with few, but not as many times more."""
     _, which, counts = np.unique(building, return_inverse=True, return_counts=True)
     weights = 1.0 / np.sqrt(counts[which])
     return np.asarray(weights / weights.mean())

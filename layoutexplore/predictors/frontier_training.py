@@ -1,0 +1,192 @@
+"""Training the networks that judge frontiers (`layoutexplore evaluate train-predictor`); needs torch.
+
+They learn from generated plans and from real ones at once: from real ones alone they learn them by heart. Windows are mirrored
+at random. What is learnt is then rounded to whole numbers, as `FrontierNetworks` wants it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+from torch.nn import functional
+
+from layoutexplore.predictors.frontier_network import LAYERS, MEMBERS, MOST
+from layoutexplore.predictors.layout import LEFTOVER
+from layoutexplore.predictors.network_training import Progress
+from layoutexplore.predictors.samples import WindowSamples
+from layoutexplore.predictors.trainable import Convolution, plain_weights
+from layoutexplore.predictors.training import building_weights
+
+CALIBRATED, RARE = 2000, 99.99
+"""Windows that tell how large numbers between layers get, and the percentile of these that is just kept."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrontierNetworkConfig:
+    """How the networks are trained.
+
+    Attributes:
+        steps: Steps of each.
+        generated_share: Share of the windows of generated plans, if there are others.
+        rate: Highest learning rate; it rises for a tenth of the steps and then falls.
+        decay: Of the weights.
+        dropout: Share of the numbers that are hidden before windows are summed up.
+        batch: Windows a step.
+        leftover_weight, area_weight: Of the other losses against that of "closed".
+        seed: Of the weights and the draws.
+    """
+
+    steps: int = 1500
+    generated_share: float = 0.5
+    rate: float = 3e-3
+    decay: float = 2e-2
+    dropout: float = 0.2
+    batch: int = 256
+    leftover_weight: float = 0.5
+    area_weight: float = 0.3
+    seed: int = 0
+
+
+class TrainableFrontierNetwork(nn.Module):
+    """One of `FrontierNetworks` before it is rounded."""
+
+    def __init__(self, dropout: float) -> None:
+        super().__init__()
+        self.dropout = nn.Dropout(dropout)
+        self.layers = nn.ModuleDict(
+            {name: Convolution(*layer) if layer[2] > 1 else nn.Linear(*layer[:2]) for name, layer in LAYERS.items()}
+        )
+
+    def forward(self, values: torch.Tensor) -> torch.Tensor:
+        """What `FrontierNetworks.judge` finds (batch, 3) for windows (batch, PLANES, SIDE, SIDE) of shares 0..1."""
+        *_, last = self.hidden(values).values()
+        found: torch.Tensor = self.layers["judge"](last)
+        return found
+
+    def hidden(self, values: torch.Tensor) -> dict[str, torch.Tensor]:
+        """What all layers but the last find, by name."""
+        found: dict[str, torch.Tensor] = {}
+        for name, layer in self.layers.items():
+            if name == "sum_up":
+                values = self.dropout(values.permute(0, 2, 3, 1).flatten(1))
+            if name != "judge":
+                values = found[name] = functional.relu(layer(values))
+        return found
+
+
+def trained_frontier_networks(
+    generated: Sequence[WindowSamples],
+    real: Sequence[WindowSamples],
+    groups: Mapping[str, str],
+    config: FrontierNetworkConfig,
+    progress: Progress,
+) -> dict[str, NDArray[np.generic]]:
+    """Train the networks.
+
+    Args:
+        generated: Windows of generated plans; there may be none.
+        real: Windows of other plans; there may be none, but not of both.
+        groups: The building of a plan by its name.
+        config: How.
+        progress: Told of the steps.
+
+    Returns:
+        Weights as `FrontierNetworks` takes them.
+    """
+    weights: dict[str, NDArray[np.generic]] = {}
+    for member in range(MEMBERS):
+        torch.manual_seed(config.seed + member)
+        draws = _Draws(_Pool(generated, {}), _Pool(real, groups), config, config.seed + member)
+        network = TrainableFrontierNetwork(config.dropout)
+        begun = member * config.steps
+        _train(network, draws, config, lambda step, loss, begun=begun: progress(begun + step, MEMBERS * config.steps, loss))  # type: ignore[misc]
+        one = rounded(network, draws.draw(CALIBRATED)[0])
+        weights |= {f"{member}.{name}": values for name, values in one.items()}
+    return weights
+
+
+class _Pool:
+    """Windows of several plans, drawn more often of a building with many than of one with few, but not as many times more."""
+
+    def __init__(self, parts: Sequence[WindowSamples], groups: Mapping[str, str]) -> None:
+        sizes = [len(part.closed) for part in parts]
+        self.size, self._parts, self._first = sum(sizes), parts, np.cumsum([0, *sizes])
+        names = np.repeat(np.array([groups.get(part.plan, part.plan) for part in parts], np.str_), sizes)
+        self._rising = np.cumsum(building_weights(names)) if self.size else np.zeros(0)
+
+    def draw(self, count: int, rng: np.random.Generator) -> Iterator[tuple[NDArray[np.uint8], np.bool_, np.float64]]:
+        """A window, whether it is closed, and the area left, so many times."""
+        drawn = np.searchsorted(self._rising, rng.random(count) * self._rising[-1], side="right") if count else np.zeros(0, int)
+        chosen = np.minimum(drawn, self.size - 1)
+        which = np.searchsorted(self._first, chosen, side="right") - 1
+        for k, row in zip(which.tolist(), (chosen - self._first[which]).tolist(), strict=True):
+            part = self._parts[k]
+            yield part.windows[row], part.closed[row], part.area[row]
+
+
+class _Draws:
+    """Batches of generated and of real windows, half of them mirrored."""
+
+    def __init__(self, generated: _Pool, real: _Pool, config: FrontierNetworkConfig, seed: int) -> None:
+        self._generated, self._real = generated, real
+        self._share = config.generated_share if generated.size and real.size else float(generated.size > 0)
+        self._rng = np.random.default_rng(seed)
+
+    def draw(self, count: int) -> tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64]]:
+        """Windows uint8 (count, SIDE, SIDE, PLANES), classes bool (count,) and areas float64 (count,)."""
+        generated = int(self._rng.binomial(count, self._share))
+        drawn = [*self._generated.draw(generated, self._rng), *self._real.draw(count - generated, self._rng)]
+        windows, closed, area = (np.array(values) for values in zip(*drawn, strict=True))
+        return windows[:, :, ::-1] if self._rng.random() < 0.5 else windows, closed, area
+
+
+def _train(
+    network: TrainableFrontierNetwork, draws: _Draws, config: FrontierNetworkConfig, told: Callable[[int, float], None]
+) -> None:
+    optimizer = torch.optim.AdamW(network.parameters(), lr=config.rate, weight_decay=config.decay)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, config.rate, total_steps=config.steps, pct_start=0.1)
+    network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    late = 0.0
+    for step in range(config.steps):
+        drawn, closed, area = draws.draw(config.batch)
+        shares = torch.from_numpy(np.ascontiguousarray(drawn)).permute(0, 3, 1, 2).float() / 255.0
+        with torch.autocast("cpu", torch.bfloat16):
+            found = network(shares)
+        found = found.float()
+        truth = torch.from_numpy(np.stack([closed, closed & (area < LEFTOVER), np.log1p(area)], 1).astype(np.float32))
+        wrong = functional.binary_cross_entropy_with_logits(found[:, :2], truth[:, :2], reduction="none").mean(0)
+        off = functional.smooth_l1_loss(found[:, 2], truth[:, 2])
+        loss = wrong[0] + config.leftover_weight * wrong[1] + config.area_weight * off
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+        schedule.step()
+        late += (float(wrong[0].detach()) - late) / min(step + 1, 100)
+        told(step + 1, late)
+    network.eval()
+
+
+def rounded(network: TrainableFrontierNetwork, windows: NDArray[np.uint8]) -> dict[str, NDArray[np.generic]]:
+    """Weights of one of `FrontierNetworks`: every channel's as whole numbers up to 127, with scales.
+
+    Args:
+        network: What has been learnt.
+        windows: uint8 (n, SIDE, SIDE, PLANES), of which some tell how large the numbers between layers get.
+    """
+    weights, out, unit = plain_weights(dict(network.layers.items())), dict[str, NDArray[np.generic]](), 1.0 / 255.0
+    with torch.no_grad():
+        between = network.hidden(torch.from_numpy(np.ascontiguousarray(windows)).permute(0, 3, 1, 2).float() / 255.0)
+    for name in LAYERS:
+        weight, bias = weights[f"{name}.weight"], weights[f"{name}.bias"]
+        largest = np.maximum(np.abs(weight).max(axis=0), 1e-12)
+        after = max(float(np.percentile(between[name].numpy(), RARE)), 1e-6) / MOST if name in between else 1.0
+        out[f"{name}.weight"] = np.rint(weight / largest * MOST).astype(np.int8)
+        out[f"{name}.scale"] = (largest / MOST * unit / after).astype(np.float32)
+        out[f"{name}.bias"] = (bias / after).astype(np.float32)
+        unit = after
+    return out

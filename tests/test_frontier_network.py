@@ -1,0 +1,208 @@
+"""The network that judges frontiers: its windows against slow ones, its whole numbers against torch, its memory, its training."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.frontiers import FrontierClusters, find_frontiers
+from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
+from layoutexplore.predictors.frontier_features import Surroundings, look_around
+from layoutexplore.predictors.frontier_network import LAYERS, MEMBERS, MOST, SHAPES, FrontierNetworks
+from layoutexplore.predictors.frontier_windows import BEHIND, PLANES, SIDE, SQUARE, draw_windows
+from layoutexplore.predictors.network_io import load_weights, save_weights
+from layoutexplore.predictors.regions import seen_regions
+
+GRIDS = hnp.arrays(np.int8, st.tuples(st.integers(6, 40), st.integers(6, 40)), elements=st.sampled_from([-1, -1, 0, 0, 0, 100]))
+
+
+def around_of(cells: NDArray[np.int8], clusters: FrontierClusters, resolution: float = 0.1) -> Surroundings:
+    return look_around(cells, clusters, seen_regions(cells, resolution), resolution)
+
+
+def slow_window(around: Surroundings, k: int) -> NDArray[np.float64]:
+    """Shares 0..1 of the window of a frontier, cell by cell."""
+    chart, labels, resolution = around.chart, np.pad(around.regions.labels, around.chart.margin), around.resolution
+    row, col, *axes = around.frames[k, :6].tolist()
+    forward, sideways = np.array(axes[:2]), np.array(axes[2:])
+    across, along = (ALONG_COLS, ALONG_ROWS) if forward[0] == 0 else (ALONG_ROWS, ALONG_COLS)
+    bits = (FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT, across, along)
+    members = {tuple(cell) for cell in (around.frontiers.cells + chart.margin).tolist()}
+    mine = {tuple(cell) for cell in (around.frontiers.cluster(k) + chart.margin).tolist()}
+    sums, cells = np.zeros((SIDE, SIDE, PLANES)), np.zeros((SIDE, SIDE, 1))
+    reach = int(SIDE * SQUARE / resolution)
+    for i in range(-reach, reach):
+        for j in range(-reach, reach):
+            a = int(np.floor(i * resolution / SQUARE + 0.5 + 1e-9)) + BEHIND
+            s = int(np.floor(j * resolution / SQUARE + 0.5 + 1e-9)) + SIDE // 2
+            if not (0 <= a < SIDE and 0 <= s < SIDE):
+                continue
+            r, c = (np.array([row, col]) + i * forward + j * sideways).astype(int).tolist()
+            inside = 0 <= r < chart.code.shape[0] and 0 <= c < chart.code.shape[1]
+            code, label = (int(chart.code[r, c]), int(labels[r, c])) if inside else (UNKNOWN_BIT, 0)
+            regions = [label > 0 and label == around.homes[k], label > 0 and label != around.homes[k]]
+            sums[a, s, :8] += [*(code & bit > 0 for bit in bits), *regions]
+            sums[a, s, 8] = max(sums[a, s, 8], (r, c) in mine)
+            sums[a, s, 9] = max(sums[a, s, 9], (r, c) in members)
+            cells[a, s] += 1
+    sums[..., :8] /= cells
+    return sums
+
+
+@settings(max_examples=12, deadline=None)
+@given(cells=GRIDS, resolution=st.sampled_from([0.05, 0.1, 0.15, 0.3]))
+def test_windows_against_slow_ones(cells: NDArray[np.int8], resolution: float) -> None:
+    clusters = find_frontiers(cells)
+    if len(clusters) == 0:
+        return
+    around = around_of(cells, clusters, resolution)
+    windows, last = draw_windows(around), len(clusters) - 1
+    np.testing.assert_allclose(windows[last] / 255, slow_window(around, last), atol=0.51 / 255)
+    np.testing.assert_array_equal(draw_windows(around, np.array([last, 0])), windows[[last, 0]])
+
+
+@settings(max_examples=20, deadline=None)
+@given(cells=GRIDS)
+def test_squares_finer_and_coarser_than_cells(cells: NDArray[np.int8]) -> None:
+    """A square of half a cell shows the cell; one of 60 x 60 cells is judged by some of them, none twice as often as another."""
+    clusters = find_frontiers(cells)
+    if len(clusters) == 0:
+        return
+    coarse = draw_windows(around_of(cells, clusters, 0.6))
+    assert set(np.unique(coarse[..., :3]).tolist()) <= {0, 255}
+    assert (coarse[..., :3].astype(int).sum(axis=3) == 255).all(), "free, occupied or unknown"
+    fine = draw_windows(around_of(cells, clusters, 0.005))
+    assert (np.abs(fine[..., :3].astype(int).sum(axis=3) - 255) <= 1).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(cells=GRIDS, where=st.tuples(st.integers(0, 3), st.integers(0, 3)))
+def test_windows_do_not_tell_where_the_grid_ends(cells: NDArray[np.int8], where: tuple[int, int]) -> None:
+    clusters = find_frontiers(cells)
+    if len(clusters) == 0:
+        return
+    larger = np.full((cells.shape[0] + 5, cells.shape[1] + 7), -1, np.int8)
+    larger[where[0] : where[0] + cells.shape[0], where[1] : where[1] + cells.shape[1]] = cells
+    moved = FrontierClusters(clusters.cells + np.array(where, np.int32), clusters.offsets)
+    np.testing.assert_array_equal(draw_windows(around_of(larger, moved)), draw_windows(around_of(cells, clusters)))
+
+
+def test_mirrored_and_turned_frontiers_have_one_window() -> None:
+    cells = np.full((61, 61), -1, np.int8)
+    cells[10:40, 10:40] = 100
+    cells[12:38, 12:38] = 0
+    cells[20:29, 38:40] = 0
+    cells[15:20, 40] = -1
+    windows = []
+    for turns in range(4):
+        for mirrored in (False, True):
+            seen = np.ascontiguousarray(np.rot90(cells[:, ::-1] if mirrored else cells, turns))
+            windows.append(draw_windows(around_of(seen, FrontierClusters.of([find_frontiers(seen).cluster(0)])))[0])
+    for window in windows:
+        # The middle of the frontier has one more square to one side than to the other.
+        assert any(np.array_equal(window[:, 1:], way) for way in (windows[0][:, 1:], windows[0][:, :0:-1]))
+    assert windows[0][: BEHIND - 2, ..., 0].sum() > windows[0][BEHIND + 2 :, ..., 0].sum() == 0, "ahead nothing is known"
+
+
+def random_weights(seed: int) -> dict[str, NDArray[np.generic]]:
+    """Whole weights that neither fade nor saturate."""
+    rng, weights = np.random.default_rng(seed), dict[str, NDArray[np.generic]]()
+    for name in (f"{member}.{layer}" for member in range(MEMBERS) for layer in LAYERS):
+        inputs, outputs, side, _ = LAYERS[name[2:]]
+        size = side * side * inputs
+        weights[f"{name}.weight"] = rng.integers(-MOST, MOST + 1, (size, outputs)).astype(np.int8)
+        weights[f"{name}.scale"] = np.full(outputs, 2.0 / (MOST * np.sqrt(size)), np.float32)
+        weights[f"{name}.bias"] = rng.normal(0, 5, outputs).astype(np.float32)
+    return weights
+
+
+def random_windows(count: int, seed: int = 0) -> NDArray[np.uint8]:
+    return np.random.default_rng(seed).integers(0, 256, (count, SIDE, SIDE, PLANES)).astype(np.uint8)
+
+
+def network_of(weights: Mapping[str, NDArray[np.generic]]) -> FrontierNetworks:
+    return FrontierNetworks({name: values.astype(np.float32) for name, values in weights.items()})
+
+
+def test_sums_are_exact() -> None:
+    """Largest inputs times largest weights stay below 2^24 in every layer, so that no order of summing matters."""
+    for name, (inputs, _, side, _) in LAYERS.items():
+        largest = 255 if name == next(iter(LAYERS)) else MOST
+        assert side * side * inputs * largest * MOST < 2**24, name
+
+
+def test_company_and_memory_change_nothing() -> None:
+    network, windows = network_of(random_weights(0)), random_windows(9)
+    alone = np.concatenate([network_of(random_weights(0)).judge(windows[k : k + 1]) for k in range(9)])
+    assert len(np.unique(alone[:, 0])) == 9, "windows differ"
+    np.testing.assert_array_equal(network.judge(windows[:5]), alone[:5])
+    np.testing.assert_array_equal(network.judge(windows[[7, 3, 3, 1, 8]]), alone[[7, 3, 3, 1, 8]])
+    np.testing.assert_array_equal(network.judge(windows[::-1]), alone[::-1])
+    assert network.judge(windows[:0]).shape == (0, 3)
+
+
+def test_a_network_survives_its_file(tmp_path: Path) -> None:
+    weights, windows, path = random_weights(1), random_windows(3), tmp_path / "frontiers.safetensors"
+    save_weights(path, weights, "a test")
+    read = FrontierNetworks(load_weights(path, SHAPES))
+    np.testing.assert_array_equal(read.judge(windows), network_of(weights).judge(windows))
+    save_weights(path, {name: values for name, values in weights.items() if name != "1.weigh.scale"}, "a test")
+    with pytest.raises(ConfigError, match=r"frontiers\.safetensors: 1\.weigh\.scale is missing"):
+        load_weights(path, SHAPES)
+
+
+def test_rounding_keeps_what_torch_has_learnt() -> None:
+    torch = pytest.importorskip("torch")
+    from layoutexplore.predictors.frontier_training import TrainableFrontierNetwork, rounded
+
+    torch.manual_seed(0)
+    network, windows = TrainableFrontierNetwork(0.0), wide_and_narrow()[0]
+    shares = torch.from_numpy(windows).permute(0, 3, 1, 2).float() / 255.0
+    with torch.no_grad():
+        for _ in range(40):
+            network.train()(shares)  # The norms get to know the windows.
+        expected = network.eval()(shares).numpy()
+    weights = rounded(network, windows)
+    found = network_of({f"{k}.{name}": values for k in range(MEMBERS) for name, values in weights.items()}).judge(windows)
+    for output in range(3):
+        assert np.corrcoef(found[:, output], expected[:, output])[0, 1] > 0.97
+    np.testing.assert_allclose(found.mean(axis=0), expected.mean(axis=0), atol=0.02)
+
+
+def wide_and_narrow() -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Windows with much or little that is unknown ahead, and which these are."""
+    rng = np.random.default_rng(0)
+    windows, narrow = np.zeros((300, SIDE, SIDE, PLANES), np.uint8), rng.random(300) < 0.5
+    for window, is_narrow in zip(windows, narrow, strict=True):
+        depth, width = rng.integers(4, 20), 4 if is_narrow else 14
+        window[BEHIND : BEHIND + depth, SIDE // 2 - width : SIDE // 2 + width, 2] = 255
+    return windows, narrow
+
+
+def test_training_tells_wide_from_narrow() -> None:
+    pytest.importorskip("torch")
+    from layoutexplore.predictors.frontier_training import FrontierNetworkConfig, trained_frontier_networks
+    from layoutexplore.predictors.samples import WindowSamples
+
+    windows, closed = wide_and_narrow()
+    area = np.where(closed, 0.5, 20.0)
+    parts = [WindowSamples(windows[k::2], closed[k::2], area[k::2], name) for k, name in enumerate("ab")]
+    told: list[tuple[int, int, float]] = []
+    config = FrontierNetworkConfig(steps=60, batch=32)
+    weights = trained_frontier_networks(parts[:1], parts[1:], {"b": "house"}, config, lambda *args: told.append(args))
+    found = network_of(weights).judge(windows)
+    assert (((found[:, 0] > 0) == closed).mean(), ((found[:, 1] > 0) == closed).mean()) > (0.95, 0.95)
+    assert found[closed, 2].max() < found[~closed, 2].min()
+    assert told[-1][:2] == (120, 120) and told[59][2] < told[0][2] and told[-1][2] < told[60][2]
+    assert (weights["0.judge.weight"] != weights["1.judge.weight"]).any(), "two networks, not one twice"
+    again = trained_frontier_networks(parts[:1], parts[1:], {"b": "house"}, config, lambda *_: None)
+    assert all(np.array_equal(weights[name], again[name]) for name in SHAPES), "the same seed, the same network"
+    assert all(weights[name].shape == shape for name, shape in SHAPES.items())
