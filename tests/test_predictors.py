@@ -27,6 +27,7 @@ from layoutexplore.frontiers import FrontierClusters, find_frontiers
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
 from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions, look_around
+from layoutexplore.predictors.frontier_network import FrontierNetworks
 from layoutexplore.predictors.layout import FOLDER, FRONTIER_MODEL, FRONTIER_NETWORK, ROOM_NETWORK
 from layoutexplore.predictors.oracle import OraclePredictor
 from layoutexplore.predictors.regions import Regions, seen_regions
@@ -280,9 +281,25 @@ def test_the_networks_have_a_say() -> None:
     decision = Simulation(plan, SimulationConfig(sensor="indoor")).reset(seed=1)
     with_it, without = (make_room_predictor(name) for name in ("layout", "layout:network=off"))
     assert (with_it.rooms(decision).room_ids != without.rooms(decision).room_ids).any()
-    judged = [[f.confidence for f in predictor.predict(decision).frontiers] for predictor in (with_it, without)]
-    pairs = [(theirs, trees) for theirs, trees in zip(*judged, strict=True) if theirs != trees]
-    assert pairs, "they have a say in classes as well"
+
+
+def test_networks_are_asked_where_trees_are_in_doubt(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Networks that are sure that all is closed change those frontiers and no others."""
+    asked: list[int] = []
+
+    def sure(_networks: FrontierNetworks, windows: NDArray[np.uint8]) -> NDArray[np.float32]:
+        asked.append(len(windows))
+        return np.full((len(windows), 3), 30.0, np.float32)
+
+    monkeypatch.setattr(FrontierNetworks, "judge", sure)
+    total = 0
+    for seed in range(6):
+        decision = Simulation(FloorPlan.load("office-04"), SimulationConfig(sensor="indoor")).reset(seed=seed)
+        judged, trees = (make_predictor(name).predict(decision).columns for name in ("layout", "layout:network=off"))
+        differ = (judged != trees).any(axis=0)
+        total += len(differ)
+        assert np.count_nonzero(differ) == asked[-1] and (judged[6][differ] == 1).all()
+    assert len(asked) == 6 and 0 < sum(asked) < total / 2
 
 
 @pytest.mark.parametrize("name", ["layout-nearest", "layout-tour", "layout-gain", "closed-first", "open-first"])
