@@ -26,11 +26,11 @@ from layoutexplore.forest_io import load_forests, save_forests
 from layoutexplore.frontiers import FrontierClusters, find_frontiers
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
 from layoutexplore.predictors.completion import Shape, complete_regions
-from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, home_regions, look_around
+from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, look_around
 from layoutexplore.predictors.frontier_network import FrontierNetworks
 from layoutexplore.predictors.layout import FOLDER, FRONTIER_MODEL, FRONTIER_NETWORK, ROOM_NETWORK
 from layoutexplore.predictors.oracle import OraclePredictor
-from layoutexplore.predictors.regions import Regions, seen_regions
+from layoutexplore.predictors.regions import Regions, home_regions, seen_regions
 from layoutexplore.predictors.samples import Samples, gather, group_buildings, join
 from layoutexplore.predictors.shapes import main_angle
 from layoutexplore.predictors.training import TrainingConfig, deal_groups, fit_frontier_forests, train_models

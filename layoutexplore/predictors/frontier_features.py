@@ -29,7 +29,7 @@ from layoutexplore.predictors.frontier_probes import (
     frontier_frame,
     walls_in_line,
 )
-from layoutexplore.predictors.regions import Regions
+from layoutexplore.predictors.regions import Regions, home_regions
 
 SIGHT = 8.0
 """Metres that rays look; nothing else looks further."""
@@ -384,23 +384,3 @@ def _region_features(
         out[k, 7], out[k, 8], out[k, 9] = longer[region], shorter[region], frontier_cells[region] * resolution
         out[k, 10], out[k, 11] = waiting[region], doors[region]
         out[k, 12:] = typical
-
-
-def home_regions(regions: Regions, frontiers: FrontierClusters) -> NDArray[np.int64]:
-    """The region int64 (k,) that holds most cells of each frontier; the lowest of equals."""
-    rows, cols = frontiers.cells.T
-    return _most_common(regions.labels[rows, cols].astype(np.int64), frontiers.offsets)
-
-
-@njit(cache=True, nogil=True)
-def _most_common(owners: NDArray[np.int64], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Per group the most common value, the lowest of equals."""
-    out = np.zeros(len(offsets) - 1, np.int64)
-    for k in range(len(out)):
-        group = np.sort(owners[offsets[k] : offsets[k + 1]])
-        run, best = 0, 0
-        for n in range(len(group)):
-            run = run + 1 if n and group[n] == group[n - 1] else 1
-            if run > best:
-                best, out[k] = run, group[n]
-    return out

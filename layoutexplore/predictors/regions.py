@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.boxes import known_box
+from layoutexplore.frontiers import FrontierClusters
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.layout.openings import next_blocked
 
@@ -312,3 +313,23 @@ def _sum_up(
             box[2] = min(box[2], begin)
             box[3], box[4] = r + 1, max(box[4], c)
     return boxes, doors
+
+
+def home_regions(regions: Regions, frontiers: FrontierClusters) -> NDArray[np.int64]:
+    """The region int64 (k,) that holds most cells of each frontier; the lowest of equals."""
+    rows, cols = frontiers.cells.T
+    return _most_common(regions.labels[rows, cols].astype(np.int64), frontiers.offsets)
+
+
+@njit(cache=True, nogil=True)
+def _most_common(owners: NDArray[np.int64], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Per group the most common value, the lowest of equals."""
+    out = np.zeros(len(offsets) - 1, np.int64)
+    for k in range(len(out)):
+        group = np.sort(owners[offsets[k] : offsets[k + 1]])
+        run, best = 0, 0
+        for n in range(len(group)):
+            run = run + 1 if n and group[n] == group[n - 1] else 1
+            if run > best:
+                best, out[k] = run, group[n]
+    return out
