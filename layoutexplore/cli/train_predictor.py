@@ -41,7 +41,6 @@ def train_predictor(
     """
     from layoutexplore.benchmark.plans import find_plans
     from layoutexplore.errors import ConfigError, require
-    from layoutexplore.predictors.layout import FRONTIER_NETWORK, ROOM_NETWORK
     from layoutexplore.predictors.samples import group_buildings, join
     from layoutexplore.predictors.training import TrainingConfig, deal_groups, train_models
 
@@ -67,9 +66,7 @@ def train_predictor(
         if trainer:
             trainer.write(folder, wanted)
         else:
-            # Those of an earlier training would go on judging, and may have learnt from what is held out here.
-            for path in (FRONTIER_NETWORK, ROOM_NETWORK):
-                (folder / path.name).unlink(missing_ok=True)
+            _forget_networks(folder)
         without = f", trained without {', '.join(sorted(set(held_out.values())))}" if held_out else ""
         typer.echo(f"written: {folder}{without}")
 
@@ -184,6 +181,14 @@ class _NetworkTrainer:
         counts = [sum(len(part.closed) for part in parts) for parts in (generated, windows)]
         note = f"{counts[0]} frontiers of generated plans, {counts[1]} of {len({part.plan for part in windows})} others"
         save_weights(folder / FRONTIER_NETWORK.name, rounded, note)
+
+
+def _forget_networks(folder: Path) -> None:
+    """Those of an earlier training would go on judging, and may have learnt from what is held out now."""
+    from layoutexplore.predictors.layout import FRONTIER_NETWORK, ROOM_NETWORK
+
+    for path in (FRONTIER_NETWORK, ROOM_NETWORK):
+        (folder / path.name).unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

@@ -93,9 +93,9 @@ class FrontierNetworks:
 
 @njit(cache=True, nogil=True)
 def _neighbourhoods(values: NDArray[np.float32], side: int, stride: int) -> NDArray[np.float32]:
-    """What a kernel sees (n, rows / stride, cols / stride, side * side * channels), padded with zeros if it has a middle."""
+    """What a kernel sees (n, rows / stride, cols / stride, side * side * channels), padded with zeros."""
     images, rows, cols, channels = values.shape
-    pad = side // 2 * (side % 2)
+    pad = side // 2
     out = np.zeros((images, (rows - 1) // stride + 1, (cols - 1) // stride + 1, side * side * channels), np.float32)
     for n in range(images):
         for r in range(out.shape[1]):

@@ -99,9 +99,10 @@ def trained_frontier_networks(
         Weights as `FrontierNetworks` takes them.
     """
     weights: dict[str, NDArray[np.generic]] = {}
+    pools = _Pool(generated, {}), _Pool(real, groups)
     for member in range(MEMBERS):
         torch.manual_seed(config.seed + member)
-        draws = _Draws(_Pool(generated, {}), _Pool(real, groups), config, config.seed + member)
+        draws = _Draws(*pools, config, config.seed + member)
         network = TrainableFrontierNetwork(config.dropout)
         begun = member * config.steps
         _train(network, draws, config, lambda step, loss, begun=begun: progress(begun + step, MEMBERS * config.steps, loss))  # type: ignore[misc]

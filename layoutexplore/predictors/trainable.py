@@ -12,11 +12,11 @@ from torch.nn import functional
 
 
 class Convolution(nn.Module):
-    """A convolution, padded if its kernel has a middle, normalised over the batch, and a ReLU."""
+    """A convolution, normalised over the batch, and a ReLU."""
 
     def __init__(self, inputs: int, outputs: int, side: int, stride: int) -> None:
         super().__init__()
-        self.linear = nn.Conv2d(inputs, outputs, side, stride, side // 2 * (side % 2), bias=False)
+        self.linear = nn.Conv2d(inputs, outputs, side, stride, side // 2, bias=False)
         self.norm = nn.BatchNorm2d(outputs)
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
