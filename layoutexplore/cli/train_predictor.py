@@ -41,7 +41,7 @@ def train_predictor(
     """
     from layoutexplore.benchmark.plans import find_plans
     from layoutexplore.errors import ConfigError, require
-    from layoutexplore.predictors.samples import group_buildings, join
+    from layoutexplore.predictors.samples import join
     from layoutexplore.predictors.training import TrainingConfig, deal_groups, train_models
 
     if folds and not forests:
@@ -49,10 +49,7 @@ def train_predictor(
     if network:
         require("torch", "rl")
     seen = _explore(find_plans(plans), starts, stretched, stops, store, forests=forests, network=network)
-    groups = group_buildings(seen.files)
-    groups |= {copy: groups[name] for copy, name in seen.copies.items()}
-    if folds and not 2 <= folds <= len(set(groups.values())):
-        raise ConfigError(f"{folds} folds need at least 2 and at most one a building, got {len(set(groups.values()))} buildings")
+    groups = _buildings(seen, folds)
     config = TrainingConfig(trees=trees, cell_trees=trees // 2)
     samples = join(seen.samples, groups) if forests else None
     if samples:
@@ -138,6 +135,18 @@ def _explore(
     if (forests and not any(len(part.closed) for part in seen.samples)) or (network and not seen.scenes):
         raise ConfigError("nothing to learn from: no exploration stopped before all was seen; give plans of several rooms")
     return seen
+
+
+def _buildings(seen: _Seen, folds: int) -> dict[str, str]:
+    """The group of each plan from a file and of its copies; there are enough of them for the folds."""
+    from layoutexplore.errors import ConfigError
+    from layoutexplore.predictors.samples import group_buildings
+
+    groups = group_buildings(seen.files)
+    groups |= {copy: groups[name] for copy, name in seen.copies.items()}
+    if folds and not 2 <= folds <= len(set(groups.values())):
+        raise ConfigError(f"{folds} folds need at least 2 and at most one a building, got {len(set(groups.values()))} buildings")
+    return groups
 
 
 class _NetworkTrainer:
