@@ -13,6 +13,7 @@ from layoutexplore.agents.rl.network import Actor
 from layoutexplore.agents.rl.policy_file import load_actor
 from layoutexplore.decision import STOP, Choice, Decision
 from layoutexplore.envs.observation import ObservationConfig, Observer
+from layoutexplore.fingerprint import fingerprint
 
 
 class PolicyAgent:
@@ -22,12 +23,14 @@ class PolicyAgent:
         name: What it is called in results.
         actor: The network.
         spec: What it reads.
+        fingerprint: Of its file, if there is one.
     """
 
-    def __init__(self, name: str, actor: Actor, spec: PolicySpec) -> None:
+    def __init__(self, name: str, actor: Actor, spec: PolicySpec, fingerprint: str = "") -> None:
         self.name = name
         self.actor = actor
         self.spec = spec
+        self.fingerprint = fingerprint
         self.reset(0)
 
     @property
@@ -72,7 +75,8 @@ def load_agent(name: str, policy: str) -> PolicyAgent:
         ConfigError: There is no such policy.
         ResultsError: Its file is damaged, or cannot be run by this version.
     """
-    return PolicyAgent(name, *load_actor(find_policy(policy)))
+    path = find_policy(policy)
+    return PolicyAgent(name, *load_actor(path), fingerprint([path]))
 
 
 def as_batch(observation: Mapping[str, NDArray[np.generic]]) -> dict[str, torch.Tensor]:

@@ -6,7 +6,7 @@ import dataclasses
 import math
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -150,6 +150,21 @@ def prepare(plan: FloorPlan | str, config: SimulationConfig, agent: str) -> tupl
     chosen = make_agent(agent)
     predictor = make_predictor(getattr(chosen, "predictor", "none"))
     return Simulation(plan, config, _Timed(predictor) if predictor else None), chosen
+
+
+def fingerprints(agents: Iterable[str]) -> dict[str, str]:
+    """What tells apart the weights that agents and their predictors have learnt, by agent; agents without weights are left out.
+
+    Raises:
+        UnknownNameError: No agent of that name, or no predictor of the one that it asks for.
+    """
+    found = {}
+    for name in agents:
+        agent = make_agent(name)
+        parts = agent, make_predictor(getattr(agent, "predictor", "none"))
+        if text := " ".join(filter(None, (getattr(part, "fingerprint", "") for part in parts))):
+            found[name] = text
+    return found
 
 
 def knows_the_plan(agent: str) -> bool:

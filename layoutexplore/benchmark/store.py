@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from layoutexplore.archives import is_whole, read_arrays
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual, from_arrays, to_arrays
-from layoutexplore.benchmark.episode import Episode, Row
+from layoutexplore.benchmark.episode import Episode, Row, fingerprints
 from layoutexplore.benchmark.plans import PlanEntry
 from layoutexplore.errors import ResultsError
 from layoutexplore.plan_raster import PlanRaster
@@ -262,7 +262,7 @@ def _manifest(config: BenchmarkConfig, plans: list[PlanEntry], command: str) -> 
         "baseline": config.baseline,
         "agents": sorted(config.agents),
         "sensors": sorted(config.sensors),
-        "settings": settings(config),
+        "settings": settings(config) | {"models": fingerprints(config.agents)},
         "plans": {plan.name: dataclasses.asdict(plan) for plan in plans},
     }
 
@@ -270,7 +270,7 @@ def _manifest(config: BenchmarkConfig, plans: list[PlanEntry], command: str) -> 
 def _merged(old: dict[str, Any], new: dict[str, Any], path: Path, *, extend: bool) -> dict[str, Any]:
     """What run.toml is to say now, or why it cannot be."""
     was, now = dict(_flat(tomllib.loads(to_toml(_comparable(old))))), dict(_flat(tomllib.loads(to_toml(_comparable(new)))))
-    grows = ("agents", "sensors", "starts", "settings.lidars.", "plans.")
+    grows = ("agents", "sensors", "starts", "settings.lidars.", "settings.models.", "plans.")
     changed = [k for k in sorted(was.keys() | now.keys()) if was.get(k) != now.get(k)]
     fatal = [
         k
@@ -291,7 +291,8 @@ def _merged(old: dict[str, Any], new: dict[str, Any], path: Path, *, extend: boo
         merged[name] = sorted({*old[name], *new[name]})
     merged["starts"] = max(old["starts"], new["starts"])
     merged["plans"] = {**old["plans"], **new["plans"]}
-    merged["settings"]["lidars"] = {**old["settings"]["lidars"], **new["settings"]["lidars"]}
+    for name in ("lidars", "models"):
+        merged["settings"][name] = {**old["settings"].get(name, {}), **new["settings"][name]}
     return merged
 
 

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.decision import Decision
+from layoutexplore.fingerprint import fingerprint
 from layoutexplore.forest import Forest
 from layoutexplore.forest_io import load_forests
 from layoutexplore.frontier_classes import FrontierClasses
@@ -142,9 +143,11 @@ class LayoutPredictor:
         self._frontiers = load_forests(paths[0], FEATURES, ("closed", "leftover", "area"))
         self._cells = load_forests(paths[1], cell_features.FEATURES, ("first", "inside"))
         rooms, frontiers = ((folder or FOLDER) / path.name for path in (ROOM_NETWORK, FRONTIER_NETWORK))
-        self._room_network = RoomNetwork(load_weights(rooms, shapes_of(LAYERS))) if network and rooms.exists() else None
-        self._frontier_networks = FrontierNetworks(load_weights(frontiers, SHAPES)) if network and frontiers.exists() else None
+        networks = [path for path in (rooms, frontiers) if network and path.exists()]
+        self._room_network = RoomNetwork(load_weights(rooms, shapes_of(LAYERS))) if rooms in networks else None
+        self._frontier_networks = FrontierNetworks(load_weights(frontiers, SHAPES)) if frontiers in networks else None
         self._memory = ProbeMemory()
+        self.fingerprint = fingerprint([*paths, *networks])
 
     def rooms(self, decision: Decision) -> RoomMap:
         """The seen regions with what is thought to lie behind their frontiers."""
