@@ -17,7 +17,19 @@ from layoutexplore.frontiers import FrontierClusters, find_frontiers
 from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
 from layoutexplore.predictors.frontier_features import Surroundings, look_around
 from layoutexplore.predictors.frontier_network import LAYERS, MEMBERS, MOST, SHAPES, FrontierNetworks
-from layoutexplore.predictors.frontier_windows import BEHIND, PLANES, SIDE, SQUARE, draw_windows
+from layoutexplore.predictors.frontier_windows import (
+    BEHIND,
+    DOORWAY,
+    KNOWN,
+    OTHER_ROOM,
+    PLANES,
+    ROOM_BEHIND,
+    SIDE,
+    SOLID,
+    SQUARE,
+    draw_truth,
+    draw_windows,
+)
 from layoutexplore.predictors.network_io import load_weights, save_weights
 from layoutexplore.predictors.regions import seen_regions
 
@@ -112,6 +124,37 @@ def test_mirrored_and_turned_frontiers_have_one_window() -> None:
     assert windows[0][: BEHIND - 2, ..., 0].sum() > windows[0][BEHIND + 2 :, ..., 0].sum() == 0, "ahead nothing is known"
 
 
+@settings(max_examples=25, deadline=None)
+@given(cells=GRIDS, rooms=st.integers(1, 3), seed=st.integers(0, 99))
+def test_truth_of_squares(cells: NDArray[np.int8], rooms: int, seed: int) -> None:
+    """With squares of three cells, each is what the cell in its middle is."""
+    clusters = find_frontiers(cells)
+    if len(clusters) == 0:
+        return
+    rng = np.random.default_rng(seed)
+    around, free = around_of(cells, clusters), rng.random(cells.shape) < 0.7
+    room_ids = rng.integers(0, rooms + 1, cells.shape, np.int32)
+    behind = rng.integers(0, rooms + 1, len(clusters), np.int32)
+    drawn = draw_truth(around, behind, room_ids, free)
+    for k in range(len(clusters)):
+        row, col, *axes = (around.frames[k, :6] - ([around.chart.margin] * 2 + [0] * 4)).astype(int).tolist()
+        for a in range(SIDE):
+            for s in range(SIDE):
+                i, j = 3 * (a - BEHIND), 3 * (s - SIDE // 2)
+                r, c = row + i * axes[0] + j * axes[2], col + i * axes[1] + j * axes[3]
+                if not (0 <= r < cells.shape[0] and 0 <= c < cells.shape[1]):
+                    expected = SOLID
+                elif cells[r, c] >= 0:
+                    expected = KNOWN
+                elif not free[r, c]:
+                    expected = SOLID
+                elif room_ids[r, c] == 0:
+                    expected = DOORWAY
+                else:
+                    expected = ROOM_BEHIND if room_ids[r, c] == behind[k] else OTHER_ROOM
+                assert drawn[k, a, s] == expected, (k, a, s)
+
+
 def random_weights(seed: int) -> dict[str, NDArray[np.generic]]:
     """Whole weights that neither fade nor saturate."""
     rng, weights = np.random.default_rng(seed), dict[str, NDArray[np.generic]]()
@@ -149,6 +192,13 @@ def test_company_and_memory_change_nothing() -> None:
     assert network.judge(windows[:0]).shape == (0, 3)
 
 
+def test_mirrored_windows_are_judged_alike() -> None:
+    windows = random_windows(4)
+    np.testing.assert_array_equal(
+        network_of(random_weights(2)).judge(windows), network_of(random_weights(2)).judge(windows[:, :, ::-1])
+    )
+
+
 def test_a_network_survives_its_file(tmp_path: Path) -> None:
     weights, windows, path = random_weights(1), random_windows(3), tmp_path / "frontiers.safetensors"
     save_weights(path, weights, "a test")
@@ -169,7 +219,7 @@ def test_rounding_keeps_what_torch_has_learnt() -> None:
     with torch.no_grad():
         for _ in range(40):
             network.train()(shares)  # The norms get to know the windows.
-        expected = network.eval()(shares).numpy()
+        expected = ((network.eval()(shares) + network(shares.flip(3))) / 2).numpy()
     weights = rounded(network, windows)
     found = network_of({f"{k}.{name}": values for k in range(MEMBERS) for name, values in weights.items()}).judge(windows)
     for output in range(3):
@@ -194,7 +244,8 @@ def test_training_tells_wide_from_narrow() -> None:
 
     windows, closed = wide_and_narrow()
     area = np.where(closed, 0.5, 20.0)
-    parts = [WindowSamples(windows[k::2], closed[k::2], area[k::2], name) for k, name in enumerate("ab")]
+    truth = np.where(windows[..., 2] > 0, np.where(closed[:, None, None], ROOM_BEHIND, OTHER_ROOM), KNOWN).astype(np.uint8)
+    parts = [WindowSamples(windows[k::2], closed[k::2], area[k::2], truth[k::2], name) for k, name in enumerate("ab")]
     told: list[tuple[int, int, float]] = []
     config = FrontierNetworkConfig(steps=60, batch=32)
     weights = trained_frontier_networks(parts[:1], parts[1:], {"b": "house"}, config, lambda *args: told.append(args))

@@ -1,8 +1,9 @@
 """Convolutional networks that judge frontiers by their windows, run in whole numbers.
 
-Two that began differently judge better together than either. Inputs, weights and what passes between layers are whole numbers
-so small that all sums stay below 2^24, which float32 holds exactly. So a window is judged the same on every machine and in
-whatever company, and one that has been judged at the last decision need not be judged again.
+Two that began differently judge better together than either, and so does either when it is shown the mirrored window as well.
+Inputs, weights and what passes between layers are whole numbers so small that all sums stay below 2^24, which float32 holds
+exactly. So a window is judged the same on every machine and in whatever company, and one that has been judged at the last
+decision need not be judged again.
 `layoutexplore.predictors.frontier_training` makes them.
 """
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from layoutexplore.predictors.frontier_windows import PLANES, SIDE
 from layoutexplore.predictors.network_io import Layers, Weights, shapes_of
 
-WIDTHS = (24, 48, 48)
+WIDTHS = (16, 40, 48)
 """Channels at half, fourth and eighth resolution."""
 
 HIDDEN = 64
@@ -52,10 +53,12 @@ class FrontierNetworks:
     """
 
     def __init__(self, weights: Weights) -> None:
-        kept = {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}
-        self._parts = {
-            name: (kept[f"{name}.weight"], kept[f"{name}.scale"], kept[f"{name}.bias"])
-            for name in (f"{member}.{layer}" for member in range(MEMBERS) for layer in LAYERS)
+        self._layers = {
+            layer: tuple(
+                np.stack([weights[f"{member}.{layer}.{part}"] for member in range(MEMBERS)]).astype(np.float32)
+                for part in ("weight", "scale", "bias")
+            )
+            for layer in LAYERS
         }
         self._known: dict[bytes, NDArray[np.float32]] = {}
 
@@ -76,32 +79,55 @@ class FrontierNetworks:
         return np.array([known[key] for key in keys], np.float32).reshape(len(keys), 3)
 
     def _judge(self, windows: NDArray[np.float32]) -> NDArray[np.float32]:
-        total = np.zeros((len(windows), 3), np.float32)
-        for member in range(MEMBERS):
-            values = windows
-            for name, (_, _, side, stride) in LAYERS.items():
-                weight, scale, bias = self._parts[f"{member}.{name}"]
-                shown = _neighbourhoods(values, side, stride) if side > 1 else values.reshape(len(values), -1)
-                values = shown @ weight
-                values *= scale
-                values += bias
-                if name != "judge":
-                    np.clip(np.rint(values, out=values), 0, MOST, out=values)
-            total += values
-        return total / np.float32(MEMBERS)
+        """What all networks find on average for windows and mirrored windows."""
+        values = np.concatenate([windows, windows[:, :, ::-1]])[None]  # The same for all members.
+        for name, (_, _, side, stride) in LAYERS.items():
+            weight, scale, bias = self._layers[name]
+            shown = _neighbourhoods(values, stride) if side > 1 else values.reshape(*values.shape[:2], -1)
+            squares = shown.reshape(len(shown), -1, weight.shape[1]) @ weight
+            if name == "judge":
+                found = squares * scale[:, None] + bias[:, None]
+                both: NDArray[np.float32] = (found[:, : len(windows)] + found[:, len(windows) :]).sum(axis=0)
+            else:
+                _settle(squares, scale, bias)
+                values = squares.reshape(MEMBERS, *shown.shape[1:-1], -1)
+        return both / np.float32(2 * MEMBERS)
 
 
 @njit(cache=True, nogil=True)
-def _neighbourhoods(values: NDArray[np.float32], side: int, stride: int) -> NDArray[np.float32]:
-    """What a kernel sees (n, rows / stride, cols / stride, side * side * channels), padded with zeros."""
-    images, rows, cols, channels = values.shape
-    pad = side // 2
-    out = np.zeros((images, (rows - 1) // stride + 1, (cols - 1) // stride + 1, side * side * channels), np.float32)
-    for n in range(images):
-        for r in range(out.shape[1]):
-            for c in range(out.shape[2]):
-                for k in range(side * side):
-                    row, col = r * stride + k // side - pad, c * stride + k % side - pad
-                    if 0 <= row < rows and 0 <= col < cols:
-                        out[n, r, c, k * channels : (k + 1) * channels] = values[n, row, col]
+def _neighbourhoods(values: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
+    """The 3 x 3 squares around every so manieth one, padded with zeros.
+
+    Takes (members, n, rows, cols, channels) and returns (members, n, rows / stride, cols / stride, 9 channels).
+    """
+    members, images, rows, cols, channels = values.shape
+    out = np.empty((members, images, (rows - 1) // stride + 1, (cols - 1) // stride + 1, 9 * channels), np.float32)
+    of, to = values.ravel(), out.ravel()
+    at = np.uint64(0)
+    for image in range(members * images):
+        for r in range(-1, rows - 1, stride):
+            for c in range(-1, cols - 1, stride):
+                for row in range(r, r + 3):
+                    first, last = (max(c, 0), min(c + 3, cols)) if 0 <= row < rows else (c, c)
+                    start = np.uint64(((image * rows + row) * cols + first) * channels)
+                    before, shown = np.uint64((first - c) * channels), np.uint64((last - first) * channels)
+                    for k in range(before):
+                        to[at + k] = 0.0
+                    at += before
+                    for k in range(shown):
+                        to[at + k] = of[start + k]
+                    at += shown
+                    for k in range(np.uint64(3 * channels) - before - shown):
+                        to[at + k] = 0.0
+                    at += np.uint64(3 * channels) - before - shown
     return out
+
+
+@njit(cache=True, nogil=True)
+def _settle(values: NDArray[np.float32], scale: NDArray[np.float32], bias: NDArray[np.float32]) -> None:
+    """Make whole numbers 0..MOST of the sums (members, squares, channels) of a layer."""
+    for member in range(values.shape[0]):
+        for square in range(values.shape[1]):
+            for k in range(values.shape[2]):
+                found = np.rint(values[member, square, k] * scale[member, k] + bias[member, k])
+                values[member, square, k] = min(max(found, np.float32(0)), np.float32(MOST))

@@ -1,7 +1,9 @@
 """Training the networks that judge frontiers (`layoutexplore evaluate train-predictor`); needs torch.
 
 They learn from generated plans and from real ones at once: from real ones alone they learn them by heart. Windows are mirrored
-at random. What is learnt is then rounded to whole numbers, as `FrontierNetworks` wants it.
+at random. Beside what they are for they learn to draw what the unknown in a window is in truth, which tells far more than the
+class of a frontier does and makes them judge better; the layers for that are not kept. What is learnt is then rounded to whole
+numbers, as `FrontierNetworks` wants it.
 """
 
 from __future__ import annotations
@@ -15,12 +17,16 @@ from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
 
-from layoutexplore.predictors.frontier_network import LAYERS, MEMBERS, MOST
+from layoutexplore.predictors.frontier_network import LAYERS, MEMBERS, MOST, WIDTHS
+from layoutexplore.predictors.frontier_windows import KNOWN
 from layoutexplore.predictors.layout import LEFTOVER
 from layoutexplore.predictors.network_training import Progress
 from layoutexplore.predictors.samples import WindowSamples
 from layoutexplore.predictors.trainable import Convolution, plain_weights
 from layoutexplore.predictors.training import building_weights
+
+DRAWN = 32
+"""Channels from which squares are drawn."""
 
 CALIBRATED, RARE = 2000, 99.99
 """Windows that tell how large numbers between layers get, and the percentile of these that is just kept."""
@@ -37,7 +43,7 @@ class FrontierNetworkConfig:
         decay: Of the weights.
         dropout: Share of the numbers that are hidden before windows are summed up.
         batch: Windows a step.
-        leftover_weight, area_weight: Of the other losses against that of "closed".
+        leftover_weight, area_weight, drawing_weight: Of the other losses against that of "closed".
         seed: Of the weights and the draws.
     """
 
@@ -49,6 +55,7 @@ class FrontierNetworkConfig:
     batch: int = 256
     leftover_weight: float = 0.5
     area_weight: float = 0.3
+    drawing_weight: float = 0.5
     seed: int = 0
 
 
@@ -61,12 +68,20 @@ class TrainableFrontierNetwork(nn.Module):
         self.layers = nn.ModuleDict(
             {name: Convolution(*layer) if layer[2] > 1 else nn.Linear(*layer[:2]) for name, layer in LAYERS.items()}
         )
+        half, fourth, eighth = WIDTHS
+        self.draw_fourth, self.draw_half = Convolution(eighth + fourth, fourth, 3, 1), Convolution(fourth + half, DRAWN, 3, 1)
+        self.draw = nn.ConvTranspose2d(DRAWN, KNOWN, 2, 2)
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
         """What `FrontierNetworks.judge` finds (batch, 3) for windows (batch, PLANES, SIDE, SIDE) of shares 0..1."""
-        *_, last = self.hidden(values).values()
-        found: torch.Tensor = self.layers["judge"](last)
+        found: torch.Tensor = self.layers["judge"](self.hidden(values)["weigh"])
         return found
+
+    def drawing(self, hidden: Mapping[str, torch.Tensor]) -> torch.Tensor:
+        """What each square is, as log-odds (batch, KNOWN, SIDE, SIDE) of `draw_truth`, after what the layers found."""
+        coarse = self.draw_fourth(torch.cat([_twice(hidden["to_eighth"]), hidden["at_fourth"]], dim=1))
+        drawn: torch.Tensor = self.draw(self.draw_half(torch.cat([_twice(coarse), hidden["at_half"]], dim=1)))
+        return drawn
 
     def hidden(self, values: torch.Tensor) -> dict[str, torch.Tensor]:
         """What all layers but the last find, by name."""
@@ -77,6 +92,10 @@ class TrainableFrontierNetwork(nn.Module):
             if name != "judge":
                 values = found[name] = functional.relu(layer(values))
         return found
+
+
+def _twice(values: torch.Tensor) -> torch.Tensor:
+    return functional.interpolate(values, scale_factor=2.0)
 
 
 def trained_frontier_networks(
@@ -111,6 +130,10 @@ def trained_frontier_networks(
     return weights
 
 
+_Drawn = tuple[NDArray[np.uint8], np.bool_, np.float64, NDArray[np.uint8]]
+"""A window, whether its frontier is closed, the area left, and the truth of its squares."""
+
+
 class _Pool:
     """Windows of several plans, drawn more often of a building with many than of one with few, but not as many times more."""
 
@@ -120,14 +143,14 @@ class _Pool:
         names = np.repeat(np.array([groups.get(part.plan, part.plan) for part in parts], np.str_), sizes)
         self._rising = np.cumsum(building_weights(names)) if self.size else np.zeros(0)
 
-    def draw(self, count: int, rng: np.random.Generator) -> Iterator[tuple[NDArray[np.uint8], np.bool_, np.float64]]:
-        """A window, whether it is closed, and the area left, so many times."""
+    def draw(self, count: int, rng: np.random.Generator) -> Iterator[_Drawn]:
+        """One sample, so many times."""
         drawn = np.searchsorted(self._rising, rng.random(count) * self._rising[-1], side="right") if count else np.zeros(0, int)
         chosen = np.minimum(drawn, self.size - 1)
         which = np.searchsorted(self._first, chosen, side="right") - 1
         for k, row in zip(which.tolist(), (chosen - self._first[which]).tolist(), strict=True):
             part = self._parts[k]
-            yield part.windows[row], part.closed[row], part.area[row]
+            yield part.windows[row], part.closed[row], part.area[row], part.truth[row]
 
 
 class _Draws:
@@ -138,12 +161,13 @@ class _Draws:
         self._share = config.generated_share if generated.size and real.size else float(generated.size > 0)
         self._rng = np.random.default_rng(seed)
 
-    def draw(self, count: int) -> tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64]]:
-        """Windows uint8 (count, SIDE, SIDE, PLANES), classes bool (count,) and areas float64 (count,)."""
+    def draw(self, count: int) -> tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64], NDArray[np.uint8]]:
+        """Windows (count, SIDE, SIDE, PLANES), classes and areas (count,) and the truth of squares (count, SIDE, SIDE)."""
         generated = int(self._rng.binomial(count, self._share))
         drawn = [*self._generated.draw(generated, self._rng), *self._real.draw(count - generated, self._rng)]
-        windows, closed, area = (np.array(values) for values in zip(*drawn, strict=True))
-        return windows[:, :, ::-1] if self._rng.random() < 0.5 else windows, closed, area
+        windows, closed, area, truth = (np.array(values) for values in zip(*drawn, strict=True))
+        way = -1 if self._rng.random() < 0.5 else 1
+        return windows[:, :, ::way], closed, area, truth[:, :, ::way]
 
 
 def _train(
@@ -154,22 +178,42 @@ def _train(
     network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     late = 0.0
     for step in range(config.steps):
-        drawn, closed, area = draws.draw(config.batch)
-        shares = torch.from_numpy(np.ascontiguousarray(drawn)).permute(0, 3, 1, 2).float() / 255.0
-        with torch.autocast("cpu", torch.bfloat16):
-            found = network(shares)
-        found = found.float()
-        truth = torch.from_numpy(np.stack([closed, closed & (area < LEFTOVER), np.log1p(area)], 1).astype(np.float32))
-        wrong = functional.binary_cross_entropy_with_logits(found[:, :2], truth[:, :2], reduction="none").mean(0)
-        off = functional.smooth_l1_loss(found[:, 2], truth[:, 2])
-        loss = wrong[0] + config.leftover_weight * wrong[1] + config.area_weight * off
+        loss, wrong = _losses(network, *draws.draw(config.batch), config)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
         schedule.step()
-        late += (float(wrong[0].detach()) - late) / min(step + 1, 100)
+        late += (wrong - late) / min(step + 1, 100)
         told(step + 1, late)
     network.eval()
+
+
+def _losses(
+    network: TrainableFrontierNetwork,
+    windows: NDArray[np.uint8],
+    closed: NDArray[np.bool_],
+    area: NDArray[np.float64],
+    truth: NDArray[np.uint8],
+    config: FrontierNetworkConfig,
+) -> tuple[torch.Tensor, float]:
+    """All losses, weighted, and that of "closed"."""
+    shares, squares = _shares(windows), torch.from_numpy(np.ascontiguousarray(truth)).long()
+    with torch.autocast("cpu", torch.bfloat16):
+        hidden = network.hidden(shares)
+        found, drawn = network.layers["judge"](hidden["weigh"]), network.drawing(hidden)
+    found, drawn = found.float(), drawn.float()
+    wanted = torch.from_numpy(np.stack([closed, closed & (area < LEFTOVER), np.log1p(area)], 1).astype(np.float32))
+    wrong = functional.binary_cross_entropy_with_logits(found[:, :2], wanted[:, :2], reduction="none").mean(0)
+    off = functional.smooth_l1_loss(found[:, 2], wanted[:, 2])
+    riddles = torch.clamp((squares != KNOWN).sum(), min=1)
+    misdrawn = functional.cross_entropy(drawn, squares, ignore_index=KNOWN, reduction="sum") / riddles
+    loss = wrong[0] + config.leftover_weight * wrong[1] + config.area_weight * off + config.drawing_weight * misdrawn
+    return loss, float(wrong[0].detach())
+
+
+def _shares(windows: NDArray[np.uint8]) -> torch.Tensor:
+    """Windows as layers take them (n, PLANES, SIDE, SIDE), 0..1."""
+    return torch.from_numpy(np.ascontiguousarray(windows)).permute(0, 3, 1, 2).float() / 255.0
 
 
 def rounded(network: TrainableFrontierNetwork, windows: NDArray[np.uint8]) -> dict[str, NDArray[np.generic]]:
@@ -181,7 +225,7 @@ def rounded(network: TrainableFrontierNetwork, windows: NDArray[np.uint8]) -> di
     """
     weights, out, unit = plain_weights(dict(network.layers.items())), dict[str, NDArray[np.generic]](), 1.0 / 255.0
     with torch.no_grad():
-        between = network.hidden(torch.from_numpy(np.ascontiguousarray(windows)).permute(0, 3, 1, 2).float() / 255.0)
+        between = network.hidden(_shares(windows))
     for name in LAYERS:
         weight, bias = weights[f"{name}.weight"], weights[f"{name}.bias"]
         largest = np.maximum(np.abs(weight).max(axis=0), 1e-12)

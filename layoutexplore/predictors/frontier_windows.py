@@ -38,6 +38,9 @@ for _code in range(len(_COUNTERS)):
 _MOST_CELLS = 31
 """Cells of a square that are counted along either of its sides, lest the counters overflow."""
 
+ROOM_BEHIND, OTHER_ROOM, DOORWAY, SOLID, KNOWN = range(5)
+"""What `draw_truth` says of a square: floor of the room behind the frontier, of another room, of none, no floor, or no riddle."""
+
 
 def draw_windows(around: Surroundings, wanted: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
     """The windows uint8 (k, SIDE, SIDE, PLANES) of k frontiers: rows from behind to ahead, columns from one side to the other.
@@ -53,6 +56,30 @@ def draw_windows(around: Surroundings, wanted: NDArray[np.int64] | None = None) 
     grids = chart.code, chart.margin, around.regions.labels
     ahead, aside = _bounds(BEHIND, around.resolution), _bounds(SIDE // 2, around.resolution)
     _draw(grids, members, frontiers.offsets, which, around.frames, around.homes, ahead, aside, out)
+    return out
+
+
+def draw_truth(
+    around: Surroundings, behind: NDArray[np.int32], room_ids: NDArray[np.int32], free: NDArray[np.bool_]
+) -> NDArray[np.uint8]:
+    """What the unknown in the windows of k frontiers is in truth: uint8 (k, SIDE, SIDE), by the cells in the squares' middles.
+
+    Args:
+        around: What lies around frontiers.
+        behind: int32 (k,), the true room behind each frontier, 0 for none.
+        room_ids: int32 (rows, cols), the true room of each cell, 0 for none.
+        free: bool (rows, cols), true floor.
+    """
+    margin, code = around.chart.margin, around.chart.code
+    rooms = np.pad(np.where(free, room_ids, np.int32(-1)), margin, constant_values=-1)
+    ahead, aside = _bounds(BEHIND, around.resolution), _bounds(SIDE // 2, around.resolution)
+    i, j = (((bounds[:-1] + bounds[1:] - 1) // 2) for bounds in (ahead, aside))
+    out = np.empty((len(behind), SIDE, SIDE), np.uint8)
+    for k, frame in enumerate(around.frames[:, :6].astype(np.int64)):
+        at = tuple(frame[n] + i[:, None] * frame[2 + n] + j * frame[4 + n] for n in (0, 1))
+        room, unknown = rooms[at], code[at] & UNKNOWN_BIT > 0
+        is_behind = (room == behind[k]) & (room > 0)
+        out[k] = np.select([~unknown, room < 0, room == 0, is_behind], [KNOWN, SOLID, DOORWAY, ROOM_BEHIND], OTHER_ROOM)
     return out
 
 

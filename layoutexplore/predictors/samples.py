@@ -19,7 +19,7 @@ from layoutexplore.frontier_classes import FrontierClasses, classify_frontiers
 from layoutexplore.predictors.cell_features import Candidates, find_candidates
 from layoutexplore.predictors.frontier_features import FEATURES, Surroundings, frontier_features, look_around
 from layoutexplore.predictors.frontier_windows import PLANES as WINDOW_PLANES
-from layoutexplore.predictors.frontier_windows import SIDE, draw_windows
+from layoutexplore.predictors.frontier_windows import SIDE, draw_truth, draw_windows
 from layoutexplore.predictors.regions import Regions, seen_regions
 from layoutexplore.predictors.scenes import Scene, make_scene
 from layoutexplore.snapshot import Snapshot
@@ -71,12 +71,14 @@ class WindowSamples:
         windows: uint8 (n, SIDE, SIDE, PLANES), of `draw_windows`.
         closed: bool (n,).
         area: float64 (n,), square metres left in the room behind.
+        truth: uint8 (n, SIDE, SIDE), of `draw_truth`.
         plan: Name of the floor plan.
     """
 
     windows: NDArray[np.uint8]
     closed: NDArray[np.bool_]
     area: NDArray[np.float64]
+    truth: NDArray[np.uint8]
     plan: str
 
 
@@ -192,13 +194,15 @@ def gather_scenes(snapshots: Iterable[Snapshot]) -> list[SceneSample]:
 def gather_windows(snapshots: Iterable[Snapshot], plan: str) -> WindowSamples:
     """What the network that judges frontiers learns from decisions in a plan, of which there may be none."""
     windows, closed, area = [np.zeros((0, SIDE, SIDE, WINDOW_PLANES), np.uint8)], [np.zeros(0, np.bool_)], [np.zeros(0)]
+    truth = [np.zeros((0, SIDE, SIDE), np.uint8)]
     for snapshot in snapshots:
-        grid = snapshot.decision.grid
+        grid, raster = snapshot.decision.grid, snapshot.truth.raster
         around, true = _look(snapshot, seen_regions(grid.cells, grid.resolution))
         windows.append(draw_windows(around))
         closed.append(true.is_closed)
         area.append(true.remaining_area)
-    return WindowSamples(np.concatenate(windows), np.concatenate(closed), np.concatenate(area), plan)
+        truth.append(draw_truth(around, true.room, raster.room_ids, raster.free))
+    return WindowSamples(np.concatenate(windows), np.concatenate(closed), np.concatenate(area), np.concatenate(truth), plan)
 
 
 def _look(snapshot: Snapshot, regions: Regions) -> tuple[Surroundings, FrontierClasses]:
