@@ -257,3 +257,33 @@ def test_training_tells_wide_from_narrow() -> None:
     again = trained_frontier_networks(parts[:1], parts[1:], {"b": "house"}, config, lambda *_: None)
     assert all(np.array_equal(weights[name], again[name]) for name in SHAPES), "the same seed, the same network"
     assert all(weights[name].shape == shape for name, shape in SHAPES.items())
+
+
+def test_squares_are_drawn_the_way_their_windows_lie() -> None:
+    """What is ahead to the left is the room behind, to the right another: only a window that lies as its truth does tells."""
+    torch = pytest.importorskip("torch")
+    from layoutexplore.predictors.frontier_training import FrontierNetworkConfig, TrainableFrontierNetwork, _Draws, _Pool, _train
+    from layoutexplore.predictors.samples import WindowSamples
+
+    rng = np.random.default_rng(0)
+    windows = np.zeros((64, SIDE, SIDE, PLANES), np.uint8)
+    windows[:, :, : SIDE // 2, 6] = 255
+    windows[:, : BEHIND // 2, :, 1] = 255
+    windows[..., 0] = rng.integers(0, 2, windows.shape[:3]) * 255
+    truth = np.where(windows[..., 1] > 0, KNOWN, np.where(windows[..., 6] > 0, ROOM_BEHIND, OTHER_ROOM)).astype(np.uint8)
+    pool = _Pool([WindowSamples(windows, np.ones(64, np.bool_), np.ones(64), truth, "a")], {})
+    config = FrontierNetworkConfig(steps=40, batch=16, rate=1e-2)
+    draws, ways = _Draws(pool, _Pool([], {}), config, 0), set()
+    for _ in range(20):
+        drawn, _, _, of = draws.draw(3)
+        expected = np.where(drawn[..., 1] > 0, KNOWN, np.where(drawn[..., 6] > 0, ROOM_BEHIND, OTHER_ROOM))
+        np.testing.assert_array_equal(of, expected)
+        ways.add(bool(drawn[0, 0, 0, 6]))
+    assert ways == {False, True}, "some are mirrored"
+    torch.manual_seed(0)
+    network = TrainableFrontierNetwork(0.0)
+    _train(network, draws, config, lambda *_: None)
+    with torch.no_grad():
+        squares = network.drawing(network.hidden(torch.from_numpy(windows).permute(0, 3, 1, 2).float() / 255.0)).argmax(1)
+    riddles = truth != KNOWN
+    assert (squares.numpy()[riddles] == truth[riddles]).mean() > 0.95
