@@ -16,7 +16,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers import FrontierClusters, find_frontiers
 from layoutexplore.predictors.chart import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
 from layoutexplore.predictors.frontier_features import Surroundings, look_around
-from layoutexplore.predictors.frontier_network import LAYERS, MEMBERS, MOST, SHAPES, FrontierNetworks
+from layoutexplore.predictors.frontier_network import LAYERS, MOST, SHAPES, FrontierNetwork
 from layoutexplore.predictors.frontier_windows import (
     BEHIND,
     DOORWAY,
@@ -158,8 +158,7 @@ def test_truth_of_squares(cells: NDArray[np.int8], rooms: int, seed: int) -> Non
 def random_weights(seed: int) -> dict[str, NDArray[np.generic]]:
     """Whole weights that neither fade nor saturate."""
     rng, weights = np.random.default_rng(seed), dict[str, NDArray[np.generic]]()
-    for name in (f"{member}.{layer}" for member in range(MEMBERS) for layer in LAYERS):
-        inputs, outputs, side, _ = LAYERS[name[2:]]
+    for name, (inputs, outputs, side, _) in LAYERS.items():
         size = side * side * inputs
         weights[f"{name}.weight"] = rng.integers(-MOST, MOST + 1, (size, outputs)).astype(np.int8)
         weights[f"{name}.scale"] = np.full(outputs, 2.0 / (MOST * np.sqrt(size)), np.float32)
@@ -171,8 +170,8 @@ def random_windows(count: int, seed: int = 0) -> NDArray[np.uint8]:
     return np.random.default_rng(seed).integers(0, 256, (count, SIDE, SIDE, PLANES)).astype(np.uint8)
 
 
-def network_of(weights: Mapping[str, NDArray[np.generic]]) -> FrontierNetworks:
-    return FrontierNetworks({name: values.astype(np.float32) for name, values in weights.items()})
+def network_of(weights: Mapping[str, NDArray[np.generic]]) -> FrontierNetwork:
+    return FrontierNetwork({name: values.astype(np.float32) for name, values in weights.items()})
 
 
 def test_sums_are_exact() -> None:
@@ -202,10 +201,10 @@ def test_mirrored_windows_are_judged_alike() -> None:
 def test_a_network_survives_its_file(tmp_path: Path) -> None:
     weights, windows, path = random_weights(1), random_windows(3), tmp_path / "frontiers.safetensors"
     save_weights(path, weights, "a test")
-    read = FrontierNetworks(load_weights(path, SHAPES))
+    read = FrontierNetwork(load_weights(path, SHAPES))
     np.testing.assert_array_equal(read.judge(windows), network_of(weights).judge(windows))
-    save_weights(path, {name: values for name, values in weights.items() if name != "1.weigh.scale"}, "a test")
-    with pytest.raises(ConfigError, match=r"frontiers\.safetensors: 1\.weigh\.scale is missing"):
+    save_weights(path, {name: values for name, values in weights.items() if name != "weigh.scale"}, "a test")
+    with pytest.raises(ConfigError, match=r"frontiers\.safetensors: weigh\.scale is missing"):
         load_weights(path, SHAPES)
 
 
@@ -221,7 +220,7 @@ def test_rounding_keeps_what_torch_has_learnt() -> None:
             network.train()(shares)  # The norms get to know the windows.
         expected = ((network.eval()(shares) + network(shares.flip(3))) / 2).numpy()
     weights = rounded(network, windows)
-    found = network_of({f"{k}.{name}": values for k in range(MEMBERS) for name, values in weights.items()}).judge(windows)
+    found = network_of(weights).judge(windows)
     for output in range(3):
         assert np.corrcoef(found[:, output], expected[:, output])[0, 1] > 0.97
     np.testing.assert_allclose(found.mean(axis=0), expected.mean(axis=0), atol=0.02)
@@ -239,7 +238,7 @@ def wide_and_narrow() -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
 
 def test_training_tells_wide_from_narrow() -> None:
     pytest.importorskip("torch")
-    from layoutexplore.predictors.frontier_training import FrontierNetworkConfig, trained_frontier_networks
+    from layoutexplore.predictors.frontier_training import FrontierNetworkConfig, trained_frontier_network
     from layoutexplore.predictors.samples import WindowSamples
 
     windows, closed = wide_and_narrow()
@@ -248,13 +247,12 @@ def test_training_tells_wide_from_narrow() -> None:
     parts = [WindowSamples(windows[k::2], closed[k::2], area[k::2], truth[k::2], name) for k, name in enumerate("ab")]
     told: list[tuple[int, int, float]] = []
     config = FrontierNetworkConfig(steps=60, batch=32)
-    weights = trained_frontier_networks(parts[:1], parts[1:], {"b": "house"}, config, lambda *args: told.append(args))
+    weights = trained_frontier_network(parts[:1], parts[1:], {"b": "house"}, config, lambda *args: told.append(args))
     found = network_of(weights).judge(windows)
     assert (((found[:, 0] > 0) == closed).mean(), ((found[:, 1] > 0) == closed).mean()) > (0.95, 0.95)
     assert found[closed, 2].max() < found[~closed, 2].min()
-    assert told[-1][:2] == (120, 120) and told[59][2] < told[0][2] and told[-1][2] < told[60][2]
-    assert (weights["0.judge.weight"] != weights["1.judge.weight"]).any(), "two networks, not one twice"
-    again = trained_frontier_networks(parts[:1], parts[1:], {"b": "house"}, config, lambda *_: None)
+    assert told[-1][:2] == (60, 60) and told[-1][2] < told[0][2]
+    again = trained_frontier_network(parts[:1], parts[1:], {"b": "house"}, config, lambda *_: None)
     assert all(np.array_equal(weights[name], again[name]) for name in SHAPES), "the same seed, the same network"
     assert all(weights[name].shape == shape for name, shape in SHAPES.items())
 
@@ -273,7 +271,7 @@ def test_squares_are_drawn_the_way_their_windows_lie() -> None:
     truth = np.where(windows[..., 1] > 0, KNOWN, np.where(windows[..., 6] > 0, ROOM_BEHIND, OTHER_ROOM)).astype(np.uint8)
     pool = _Pool([WindowSamples(windows, np.ones(64, np.bool_), np.ones(64), truth, "a")], {})
     config = FrontierNetworkConfig(steps=40, batch=16, rate=1e-2)
-    draws, ways = _Draws(pool, _Pool([], {}), config, 0), set()
+    draws, ways = _Draws(pool, _Pool([], {}), config), set()
     for _ in range(20):
         drawn, _, _, of = draws.draw(3)
         expected = np.where(drawn[..., 1] > 0, KNOWN, np.where(drawn[..., 6] > 0, ROOM_BEHIND, OTHER_ROOM))

@@ -27,7 +27,7 @@ from layoutexplore.frontiers import FrontierClusters, find_frontiers
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
 from layoutexplore.predictors.completion import Shape, complete_regions
 from layoutexplore.predictors.frontier_features import FEATURES, frontier_features, look_around
-from layoutexplore.predictors.frontier_network import FrontierNetworks
+from layoutexplore.predictors.frontier_network import FrontierNetwork
 from layoutexplore.predictors.layout import FOLDER, FRONTIER_MODEL, FRONTIER_NETWORK, ROOM_NETWORK
 from layoutexplore.predictors.oracle import OraclePredictor
 from layoutexplore.predictors.regions import Regions, home_regions, seen_regions
@@ -287,11 +287,11 @@ def test_networks_are_asked_where_trees_are_in_doubt(monkeypatch: pytest.MonkeyP
     """Networks that are sure that all is closed change those frontiers and no others."""
     asked: list[int] = []
 
-    def sure(_networks: FrontierNetworks, windows: NDArray[np.uint8]) -> NDArray[np.float32]:
+    def sure(_network: FrontierNetwork, windows: NDArray[np.uint8]) -> NDArray[np.float32]:
         asked.append(len(windows))
         return np.full((len(windows), 3), 30.0, np.float32)
 
-    monkeypatch.setattr(FrontierNetworks, "judge", sure)
+    monkeypatch.setattr(FrontierNetwork, "judge", sure)
     total = 0
     for seed in range(6):
         decision = Simulation(FloorPlan.load("office-04"), SimulationConfig(sensor="indoor")).reset(seed=seed)

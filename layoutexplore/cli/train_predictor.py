@@ -32,7 +32,7 @@ def train_predictor(
     network: Annotated[bool, typer.Option(help="Train the networks that judge with them (needs torch).")] = True,
     first_steps: Annotated[int, typer.Option(min=1, help="Steps of the network for rooms on generated plans alone.")] = 7000,
     steps: Annotated[int, typer.Option(min=1, help="Steps of the network for rooms on all plans, in every fold.")] = 3500,
-    frontier_steps: Annotated[int, typer.Option(min=1, help="Steps of each network for frontiers, in every fold.")] = 1500,
+    frontier_steps: Annotated[int, typer.Option(min=1, help="Steps of the network for frontiers, in every fold.")] = 1500,
     store: Annotated[Path | None, typer.Option(help="Folder that keeps the explorations, to go on or train again later.")] = None,
 ) -> None:
     """Explore floor plans, train the predictor `layout` on what is seen, and say how it does on buildings it never saw.
@@ -171,7 +171,7 @@ class _NetworkTrainer:
 
     def write(self, folder: Path, wanted: Callable[[str], bool]) -> None:
         """Train all networks with the real buildings of the wanted groups and write them into a folder."""
-        from layoutexplore.predictors.frontier_training import FrontierNetworkConfig, trained_frontier_networks
+        from layoutexplore.predictors.frontier_training import FrontierNetworkConfig, trained_frontier_network
         from layoutexplore.predictors.layout import FRONTIER_NETWORK, ROOM_NETWORK
         from layoutexplore.predictors.network_io import save_weights
         from layoutexplore.predictors.network_training import trained_network
@@ -186,7 +186,7 @@ class _NetworkTrainer:
         windows = [part for part in self._seen.windows if part.plan in plans]
         with _steps_line("frontiers of all plans") as progress:
             config = FrontierNetworkConfig(steps=self._frontier_steps)
-            rounded = trained_frontier_networks(generated, windows, self._groups, config, progress)
+            rounded = trained_frontier_network(generated, windows, self._groups, config, progress)
         counts = [sum(len(part.closed) for part in parts) for parts in (generated, windows)]
         note = f"{counts[0]} frontiers of generated plans, {counts[1]} of {len({part.plan for part in windows})} others"
         save_weights(folder / FRONTIER_NETWORK.name, rounded, note)

@@ -1,10 +1,9 @@
-"""Convolutional networks that judge frontiers by their windows, run in whole numbers.
+"""The convolutional network that judges frontiers by their windows, run in whole numbers.
 
-Two that began differently judge better together than either, and so does either when it is shown the mirrored window as well.
-Inputs, weights and what passes between layers are whole numbers so small that all sums stay below 2^24, which float32 holds
-exactly. So a window is judged the same on every machine and in whatever company, and one that has been judged at the last
-decision need not be judged again.
-`layoutexplore.predictors.frontier_training` makes them.
+It looks at every window and at the mirrored one, which makes it judge as well as two networks do. Inputs, weights and what passes
+between layers are whole numbers so small that all sums stay below 2^24, which float32 holds exactly. So a window is judged the
+same on every machine and in whatever company, and one that has been judged at the last decision need not be judged again.
+`layoutexplore.predictors.frontier_training` makes it.
 """
 
 from __future__ import annotations
@@ -32,21 +31,15 @@ LAYERS: Layers = {
 }  # fmt: skip
 """All but the last are followed by a ReLU; "sum_up" takes all channels of all squares at once, by row, column and channel."""
 
-MEMBERS = 2
-"""Networks, which differ in their weights alone; what they find is averaged."""
-
-_SHAPES = shapes_of(LAYERS) | {f"{name}.scale": (layer[1],) for name, layer in LAYERS.items()}
-
-SHAPES = {f"{member}.{name}": shape for member in range(MEMBERS) for name, shape in _SHAPES.items()}
-"""Weights "MEMBER.LAYER.weight" -127..127; sums of products times "MEMBER.LAYER.scale" plus "MEMBER.LAYER.bias" are what a
-layer finds."""
+SHAPES = shapes_of(LAYERS) | {f"{name}.scale": (layer[1],) for name, layer in LAYERS.items()}
+"""Weights "LAYER.weight" -127..127; sums of products times "LAYER.scale" plus "LAYER.bias" are what a layer finds."""
 
 MOST = 127
 """What passes between layers is rounded and kept between 0 and this."""
 
 
-class FrontierNetworks:
-    """Trained networks, which remember the windows that they judged the last time.
+class FrontierNetwork:
+    """A trained network, which remembers the windows that it judged the last time.
 
     Args:
         weights: Of `SHAPES`.
@@ -54,11 +47,8 @@ class FrontierNetworks:
 
     def __init__(self, weights: Weights) -> None:
         self._layers = {
-            layer: tuple(
-                np.stack([weights[f"{member}.{layer}.{part}"] for member in range(MEMBERS)]).astype(np.float32)
-                for part in ("weight", "scale", "bias")
-            )
-            for layer in LAYERS
+            name: tuple(np.ascontiguousarray(weights[f"{name}.{part}"], np.float32) for part in ("weight", "scale", "bias"))
+            for name in LAYERS
         }
         self._known: dict[bytes, NDArray[np.float32]] = {}
 
@@ -79,55 +69,53 @@ class FrontierNetworks:
         return np.array([known[key] for key in keys], np.float32).reshape(len(keys), 3)
 
     def _judge(self, windows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """What all networks find on average for windows and mirrored windows."""
-        values = np.concatenate([windows, windows[:, :, ::-1]])[None]  # The same for all members.
+        """What is found on average for windows and mirrored windows."""
+        values = np.concatenate([windows, windows[:, :, ::-1]])
         for name, (_, _, side, stride) in LAYERS.items():
             weight, scale, bias = self._layers[name]
-            shown = _neighbourhoods(values, stride) if side > 1 else values.reshape(*values.shape[:2], -1)
-            squares = shown.reshape(len(shown), -1, weight.shape[1]) @ weight
+            shown = _neighbourhoods(values, stride) if side > 1 else values.reshape(len(values), -1)
+            values = shown.reshape(-1, len(weight)) @ weight
             if name == "judge":
-                found = squares * scale[:, None] + bias[:, None]
-                both: NDArray[np.float32] = (found[:, : len(windows)] + found[:, len(windows) :]).sum(axis=0)
+                values = values * scale + bias
             else:
-                _settle(squares, scale, bias)
-                values = squares.reshape(MEMBERS, *shown.shape[1:-1], -1)
-        return both / np.float32(2 * MEMBERS)
+                _settle(values, scale, bias)
+                values = values.reshape(*shown.shape[:-1], -1)
+        both: NDArray[np.float32] = (values[: len(windows)] + values[len(windows) :]) / np.float32(2)
+        return both
 
 
 @njit(cache=True, nogil=True)
 def _neighbourhoods(values: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
     """The 3 x 3 squares around every so manieth one, padded with zeros.
 
-    Takes (members, n, rows, cols, channels) and returns (members, n, rows / stride, cols / stride, 9 channels).
+    Takes (n, rows, cols, channels) and returns (n, rows / stride, cols / stride, 9 channels).
     """
-    members, images, rows, cols, channels = values.shape
-    out = np.empty((members, images, (rows - 1) // stride + 1, (cols - 1) // stride + 1, 9 * channels), np.float32)
+    images, rows, cols, channels = values.shape
+    out = np.empty((images, (rows - 1) // stride + 1, (cols - 1) // stride + 1, 9 * channels), np.float32)
     of, to = values.ravel(), out.ravel()
     at = np.uint64(0)
-    for image in range(members * images):
+    for image in range(images):
         for r in range(-1, rows - 1, stride):
             for c in range(-1, cols - 1, stride):
                 for row in range(r, r + 3):
                     first, last = (max(c, 0), min(c + 3, cols)) if 0 <= row < rows else (c, c)
                     start = np.uint64(((image * rows + row) * cols + first) * channels)
                     before, shown = np.uint64((first - c) * channels), np.uint64((last - first) * channels)
+                    after = np.uint64(3 * channels) - before - shown
                     for k in range(before):
                         to[at + k] = 0.0
-                    at += before
                     for k in range(shown):
-                        to[at + k] = of[start + k]
-                    at += shown
-                    for k in range(np.uint64(3 * channels) - before - shown):
-                        to[at + k] = 0.0
-                    at += np.uint64(3 * channels) - before - shown
+                        to[at + before + k] = of[start + k]
+                    for k in range(after):
+                        to[at + before + shown + k] = 0.0
+                    at += np.uint64(3 * channels)
     return out
 
 
 @njit(cache=True, nogil=True)
 def _settle(values: NDArray[np.float32], scale: NDArray[np.float32], bias: NDArray[np.float32]) -> None:
-    """Make whole numbers 0..MOST of the sums (members, squares, channels) of a layer."""
-    for member in range(values.shape[0]):
-        for square in range(values.shape[1]):
-            for k in range(values.shape[2]):
-                found = np.rint(values[member, square, k] * scale[member, k] + bias[member, k])
-                values[member, square, k] = min(max(found, np.float32(0)), np.float32(MOST))
+    """Make whole numbers 0..MOST of the sums (squares, channels) of a layer."""
+    for square in range(values.shape[0]):
+        for k in range(values.shape[1]):
+            found = np.rint(values[square, k] * scale[k] + bias[k])
+            values[square, k] = min(max(found, np.float32(0)), np.float32(MOST))

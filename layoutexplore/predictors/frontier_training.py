@@ -1,14 +1,14 @@
-"""Training the networks that judge frontiers (`layoutexplore evaluate train-predictor`); needs torch.
+"""Training the network that judges frontiers (`layoutexplore evaluate train-predictor`); needs torch.
 
-They learn from generated plans and from real ones at once: from real ones alone they learn them by heart. Windows are mirrored
-at random. Beside what they are for they learn to draw what the unknown in a window is in truth, which tells far more than the
-class of a frontier does and makes them judge better; the layers for that are not kept. What is learnt is then rounded to whole
-numbers, as `FrontierNetworks` wants it.
+It learns from generated plans and from real ones at once: from real ones alone it learns them by heart. Windows are mirrored at
+random. Beside what it is for it learns to draw what the unknown in a window is in truth, which tells far more than the class of
+a frontier does and makes it judge better; the layers for that are not kept. What is learnt is then rounded to whole numbers, as
+`FrontierNetwork` wants it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
 
-from layoutexplore.predictors.frontier_network import LAYERS, MEMBERS, MOST, WIDTHS
+from layoutexplore.predictors.frontier_network import LAYERS, MOST, WIDTHS
 from layoutexplore.predictors.frontier_windows import KNOWN
 from layoutexplore.predictors.layout import LEFTOVER
 from layoutexplore.predictors.network_training import Progress
@@ -34,10 +34,10 @@ CALIBRATED, RARE = 2000, 99.99
 
 @dataclass(frozen=True, kw_only=True)
 class FrontierNetworkConfig:
-    """How the networks are trained.
+    """How the network is trained.
 
     Attributes:
-        steps: Steps of each.
+        steps: Steps.
         generated_share: Share of the windows of generated plans, if there are others.
         rate: Highest learning rate; it rises for a tenth of the steps and then falls.
         decay: Of the weights.
@@ -60,7 +60,7 @@ class FrontierNetworkConfig:
 
 
 class TrainableFrontierNetwork(nn.Module):
-    """One of `FrontierNetworks` before it is rounded."""
+    """A `FrontierNetwork` before it is rounded."""
 
     def __init__(self, dropout: float) -> None:
         super().__init__()
@@ -73,7 +73,7 @@ class TrainableFrontierNetwork(nn.Module):
         self.draw = nn.ConvTranspose2d(DRAWN, KNOWN, 2, 2)
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
-        """What `FrontierNetworks.judge` finds (batch, 3) for windows (batch, PLANES, SIDE, SIDE) of shares 0..1."""
+        """What `FrontierNetwork.judge` finds (batch, 3) for windows (batch, PLANES, SIDE, SIDE) of shares 0..1."""
         found: torch.Tensor = self.layers["judge"](self.hidden(values)["weigh"])
         return found
 
@@ -98,14 +98,14 @@ def _twice(values: torch.Tensor) -> torch.Tensor:
     return functional.interpolate(values, scale_factor=2.0)
 
 
-def trained_frontier_networks(
+def trained_frontier_network(
     generated: Sequence[WindowSamples],
     real: Sequence[WindowSamples],
     groups: Mapping[str, str],
     config: FrontierNetworkConfig,
     progress: Progress,
 ) -> dict[str, NDArray[np.generic]]:
-    """Train the networks.
+    """Train the network.
 
     Args:
         generated: Windows of generated plans; there may be none.
@@ -115,19 +115,13 @@ def trained_frontier_networks(
         progress: Told of the steps.
 
     Returns:
-        Weights as `FrontierNetworks` takes them.
+        Weights as `FrontierNetwork` takes them.
     """
-    weights: dict[str, NDArray[np.generic]] = {}
-    pools = _Pool(generated, {}), _Pool(real, groups)
-    for member in range(MEMBERS):
-        torch.manual_seed(config.seed + member)
-        draws = _Draws(*pools, config, config.seed + member)
-        network = TrainableFrontierNetwork(config.dropout)
-        begun = member * config.steps
-        _train(network, draws, config, lambda step, loss, begun=begun: progress(begun + step, MEMBERS * config.steps, loss))  # type: ignore[misc]
-        one = rounded(network, draws.draw(CALIBRATED)[0])
-        weights |= {f"{member}.{name}": values for name, values in one.items()}
-    return weights
+    torch.manual_seed(config.seed)
+    draws = _Draws(_Pool(generated, {}), _Pool(real, groups), config)
+    network = TrainableFrontierNetwork(config.dropout)
+    _train(network, draws, config, progress)
+    return rounded(network, draws.draw(CALIBRATED)[0])
 
 
 _Drawn = tuple[NDArray[np.uint8], np.bool_, np.float64, NDArray[np.uint8]]
@@ -156,10 +150,10 @@ class _Pool:
 class _Draws:
     """Batches of generated and of real windows, half of them mirrored."""
 
-    def __init__(self, generated: _Pool, real: _Pool, config: FrontierNetworkConfig, seed: int) -> None:
+    def __init__(self, generated: _Pool, real: _Pool, config: FrontierNetworkConfig) -> None:
         self._generated, self._real = generated, real
         self._share = config.generated_share if generated.size and real.size else float(generated.size > 0)
-        self._rng = np.random.default_rng(seed)
+        self._rng = np.random.default_rng(config.seed)
 
     def draw(self, count: int) -> tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64], NDArray[np.uint8]]:
         """Windows (count, SIDE, SIDE, PLANES), classes and areas (count,) and the truth of squares (count, SIDE, SIDE)."""
@@ -170,9 +164,7 @@ class _Draws:
         return windows[:, :, ::way], closed, area, truth[:, :, ::way]
 
 
-def _train(
-    network: TrainableFrontierNetwork, draws: _Draws, config: FrontierNetworkConfig, told: Callable[[int, float], None]
-) -> None:
+def _train(network: TrainableFrontierNetwork, draws: _Draws, config: FrontierNetworkConfig, progress: Progress) -> None:
     optimizer = torch.optim.AdamW(network.parameters(), lr=config.rate, weight_decay=config.decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, config.rate, total_steps=config.steps, pct_start=0.1)
     network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -184,7 +176,7 @@ def _train(
         optimizer.step()
         schedule.step()
         late += (wrong - late) / min(step + 1, 100)
-        told(step + 1, late)
+        progress(step + 1, config.steps, late)
     network.eval()
 
 
@@ -217,7 +209,7 @@ def _shares(windows: NDArray[np.uint8]) -> torch.Tensor:
 
 
 def rounded(network: TrainableFrontierNetwork, windows: NDArray[np.uint8]) -> dict[str, NDArray[np.generic]]:
-    """Weights of one of `FrontierNetworks`: every channel's as whole numbers up to 127, with scales.
+    """Weights of a `FrontierNetwork`: every channel's as whole numbers up to 127, with scales.
 
     Args:
         network: What has been learnt.

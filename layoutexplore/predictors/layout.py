@@ -2,15 +2,15 @@
 
 Rooms are the seen regions; unknown cells near them belong to their rooms where trees (`cell_features`) and a small U-Net
 (`room_network`) say so together. Whether a frontier is closed and how much is left behind it is judged by trees on features of
-its surroundings (`frontier_features`) and, where these are in doubt, by networks that look at its surroundings themselves
+its surroundings (`frontier_features`) and, where these are in doubt, by a network that looks at its surroundings itself
 (`frontier_network`). All learn from simulated explorations of floor plans (`layoutexplore evaluate train-predictor`, which also
 says how they do on buildings that they never saw). The trees that ship learnt frontiers of 23 schools and university buildings,
 three starts each, and, at a twentieth of the weight, of the 12 plans of the training split, and cells of 22 of the buildings and
-some 50 generated plans; the networks learnt from the same plans and 252 generated ones. Held out by building (two halves), by the
-protocol of `layoutexplore evaluate partial-rooms`: hidden IoU 0.575 (interquartile mean of 1744 rooms), 0.547 by the trees alone;
-of 11238 frontiers, Matthews' correlation of closed and open 0.783 (0.754 at 80 % coverage, where it is worst), by the trees alone
-0.770 (0.730), "closed with less than 1 m2 left" right for 97 %. What is wrong is mostly a doorway that nobody has seen: the true
-rooms without their unseen doorways would give 0.65.
+some 50 generated plans; the network for frontiers learnt from the same plans and 252 generated ones. Held out by building (two
+halves), by the protocol of `layoutexplore evaluate partial-rooms`: hidden IoU 0.575 (interquartile mean of 1744 rooms), 0.547 by
+the trees alone; of 11238 frontiers, Matthews' correlation of closed and open 0.783 (0.752 at 80 % coverage, where it is worst),
+by the trees alone 0.770 (0.730), "closed with less than 1 m2 left" right for 97 %. What is wrong is mostly a doorway that nobody
+has seen: the true rooms without their unseen doorways would give 0.65.
 Rooms are completed only when somebody looks at them: a strategy that asks for classes does not pay for shapes.
 """
 
@@ -34,7 +34,7 @@ from layoutexplore.predictors import cell_features
 from layoutexplore.predictors.cell_features import Candidates, add_judgement, find_candidates
 from layoutexplore.predictors.completion import complete_regions
 from layoutexplore.predictors.frontier_features import FEATURES, ProbeMemory, frontier_features, look_around
-from layoutexplore.predictors.frontier_network import SHAPES, FrontierNetworks
+from layoutexplore.predictors.frontier_network import SHAPES, FrontierNetwork
 from layoutexplore.predictors.frontier_windows import draw_windows
 from layoutexplore.predictors.network_io import load_weights, shapes_of
 from layoutexplore.predictors.protocol import RoomMap, with_classes
@@ -67,7 +67,7 @@ ROOM_SHARE, FRONTIER_SHARE = 0.6, 0.5
 """Weight of the networks' log-odds, of squares and of frontiers, against those of the trees."""
 
 DOUBT = 1.0
-"""Networks are asked about frontiers for which the trees' log-odds are as near as this to where a class changes: about one in
+"""The network is asked about frontiers for which the trees' log-odds are as near as this to where a class changes: about one in
 eight, those for which an answer matters most."""
 
 
@@ -145,7 +145,7 @@ class LayoutPredictor:
         rooms, frontiers = ((folder or FOLDER) / path.name for path in (ROOM_NETWORK, FRONTIER_NETWORK))
         networks = [path for path in (rooms, frontiers) if network and path.exists()]
         self._room_network = RoomNetwork(load_weights(rooms, shapes_of(LAYERS))) if rooms in networks else None
-        self._frontier_networks = FrontierNetworks(load_weights(frontiers, SHAPES)) if frontiers in networks else None
+        self._frontier_network = FrontierNetwork(load_weights(frontiers, SHAPES)) if frontiers in networks else None
         self._memory = ProbeMemory()
         self.fingerprint = fingerprint([*paths, *networks])
 
@@ -162,9 +162,9 @@ class LayoutPredictor:
         regions = seen_regions(cells, resolution)
         around = look_around(cells, decision.clusters, regions, resolution, self._memory)
         scores = judge_frontiers(frontier_features(around, decision.columns[5]), self._frontiers)
-        if self._frontier_networks:
+        if self._frontier_network:
             doubtful = np.flatnonzero((np.abs(scores[:2] - _CHANGES[:, None]) < DOUBT).any(axis=0))
-            found = self._frontier_networks.judge(draw_windows(around, doubtful)).T
+            found = self._frontier_network.judge(draw_windows(around, doubtful)).T
             scores[:, doubtful] += FRONTIER_SHARE * (found - scores[:, doubtful])
         classes, confidence = classify(scores, around.homes.astype(np.int32))
         layout = PredictedLayout(cells, regions, resolution, self._cells, self._room_network)
