@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("sb3_contrib")
 pytest.importorskip("tensorboard")
 
-from layoutexplore.benchmark.store import to_toml
+from layoutexplore.toml_text import to_toml
 from tests.rl_cases import SMALL_SEARCH, write_config
 from tests.test_cli import run as run_cli
 

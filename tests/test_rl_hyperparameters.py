@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from layoutexplore.agents.rl.hyperparameters import DEFAULTS, algorithms, read_config
-from layoutexplore.benchmark.store import to_toml
 from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.toml_text import to_toml
 
 
 def written(tmp_path: Path, text: str) -> Path:

@@ -34,13 +34,13 @@ from layoutexplore.agents.rl.search import (  # noqa: E402
 )
 from layoutexplore.agents.rl.surface import RELUCTANCE, Surface, fit_surface, lowest  # noqa: E402
 from layoutexplore.benchmark.episode import play  # noqa: E402
-from layoutexplore.benchmark.store import to_toml  # noqa: E402
 from layoutexplore.errors import ConfigError, LayoutExploreError, ResultsError  # noqa: E402
 from layoutexplore.exploration_metrics import score_curve  # noqa: E402
 from layoutexplore.floorplan import floorplan_from_ascii  # noqa: E402
 from layoutexplore.frontier_tour import TourConfig  # noqa: E402
 from layoutexplore.simulation import Simulation  # noqa: E402
 from layoutexplore.simulation_config import SimulationConfig  # noqa: E402
+from layoutexplore.toml_text import to_toml  # noqa: E402
 from tests.rl_cases import SMALL_SEARCH, Silent  # noqa: E402
 
 

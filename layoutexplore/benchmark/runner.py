@@ -16,13 +16,12 @@ import layoutexplore
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.cluster import check_cluster, run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.episode import Row, play, prepare, run_seed, score
+from layoutexplore.benchmark.episode import Row, fingerprints, play, prepare, run_seed, score
 from layoutexplore.benchmark.plans import PlanEntry, check_names, entry, find_plans, load, start_pose
 from layoutexplore.benchmark.pool import run_all
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.errors import ConfigError, LayoutExploreError
 from layoutexplore.floorplan import floorplan_from_ascii
-from layoutexplore.predictors import make_predictor
 
 _WARM_UP_PLAN = """
 ####################
@@ -125,11 +124,10 @@ def run_benchmark(
     if cluster:
         check_cluster(cluster)
     make_agent(config.baseline)
-    for name in config.agents:  # an unknown name or parameter is better told now than in every run
-        make_predictor(getattr(make_agent(name), "predictor", "none"))
+    models = fingerprints(config.agents)  # An unknown name or parameter is better told now than in every run.
     plans = _loaded(config, report)
     with locked(out):
-        folder = open_results(out, config, plans, force=force, extend=extend, command=command)
+        folder = open_results(out, config, plans, models, force=force, extend=extend, command=command)
         for plan in plans:
             folder.save_raster(plan.name, load(plan.source).rasterize(config.simulation.resolution))
         return _fill(folder, config, plans, jobs, cluster, report, on_progress)

@@ -15,7 +15,6 @@ import csv
 import dataclasses
 import fcntl
 import io
-import json
 import os
 import re
 import shutil
@@ -33,10 +32,11 @@ from numpy.typing import NDArray
 from layoutexplore.archives import is_whole, read_arrays
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual, from_arrays, to_arrays
-from layoutexplore.benchmark.episode import Episode, Row, fingerprints
+from layoutexplore.benchmark.episode import Episode, Row
 from layoutexplore.benchmark.plans import PlanEntry
 from layoutexplore.errors import ResultsError
 from layoutexplore.plan_raster import PlanRaster
+from layoutexplore.toml_text import to_toml
 
 COLUMNS = tuple(f.name for f in dataclasses.fields(Row))
 
@@ -216,7 +216,14 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def open_results(
-    path: Path, config: BenchmarkConfig, plans: list[PlanEntry], *, force: bool, extend: bool, command: str
+    path: Path,
+    config: BenchmarkConfig,
+    plans: list[PlanEntry],
+    models: dict[str, str],
+    *,
+    force: bool,
+    extend: bool,
+    command: str,
 ) -> ResultsFolder:
     """Begin in a results folder that is `locked`, or continue one that holds the same configuration.
 
@@ -224,6 +231,7 @@ def open_results(
         path: The folder.
         config: What will run.
         plans: Its floor plans.
+        models: Fingerprints of what agents have learnt.
         force: Delete the results of another benchmark that lie there.
         extend: Allow other plans, agents, sensors and more starts beside those that are there.
         command: Noted in run.toml.
@@ -232,7 +240,7 @@ def open_results(
         ResultsError: The folder holds another configuration, or is damaged.
     """
     folder = ResultsFolder(path)
-    wanted = _manifest(config, plans, command)
+    wanted = _manifest(config, plans, models, command)
     if force and (path / "run.toml").exists():
         for name in ("runs", "plans"):
             shutil.rmtree(path / name, ignore_errors=True)
@@ -254,7 +262,7 @@ def _at(table: Any, path: str) -> Any:
     return table
 
 
-def _manifest(config: BenchmarkConfig, plans: list[PlanEntry], command: str) -> dict[str, Any]:
+def _manifest(config: BenchmarkConfig, plans: list[PlanEntry], models: dict[str, str], command: str) -> dict[str, Any]:
     return {
         "command": command,
         "config_hash": config.config_hash,
@@ -262,26 +270,27 @@ def _manifest(config: BenchmarkConfig, plans: list[PlanEntry], command: str) -> 
         "baseline": config.baseline,
         "agents": sorted(config.agents),
         "sensors": sorted(config.sensors),
-        "settings": settings(config) | {"models": fingerprints(config.agents)},
+        "settings": settings(config) | {"models": models},
         "plans": {plan.name: dataclasses.asdict(plan) for plan in plans},
     }
 
 
 def _merged(old: dict[str, Any], new: dict[str, Any], path: Path, *, extend: bool) -> dict[str, Any]:
     """What run.toml is to say now, or why it cannot be."""
+    models, noted = new["settings"]["models"], old["settings"].get("models", {})  # Earlier versions did not note models.
+    old["settings"]["models"] = {name: "not noted" for name in models if name in old["agents"]} | noted
     was, now = dict(_flat(tomllib.loads(to_toml(_comparable(old))))), dict(_flat(tomllib.loads(to_toml(_comparable(new)))))
-    grows = ("agents", "sensors", "starts", "settings.lidars.", "settings.models.", "plans.")
+
+    def grows(key: str) -> bool:
+        added = key.startswith(("settings.lidars.", "settings.models.", "plans.")) and (key not in was or key not in now)
+        return added or key in ("agents", "sensors", "starts")
+
     changed = [k for k in sorted(was.keys() | now.keys()) if was.get(k) != now.get(k)]
-    fatal = [
-        k
-        for k in changed
-        if not (extend and k.startswith(grows) and (k in ("agents", "sensors", "starts") or k not in was or k not in now))
-    ]
+    fatal = [k for k in changed if not (extend and grows(k))]
     if fatal:
         lines = [f"  {k}: {_shown(was.get(k))} there, {_shown(now.get(k))} now" for k in fatal[:8]]
         more = [f"  and {len(fatal) - 8} more"] if len(fatal) > 8 else []
-        growing = all(k.startswith(grows) for k in fatal) and not extend
-        advice = "--extend to add to it, " if growing else ""
+        advice = "--extend to add to it, " if all(map(grows, fatal)) else ""
         raise ResultsError(
             "\n".join([f"{path} holds the results of another configuration:", *lines, *more])
             + f"\nChoose another folder with --out, {advice}or --force to delete what is there and start again."
@@ -292,7 +301,7 @@ def _merged(old: dict[str, Any], new: dict[str, Any], path: Path, *, extend: boo
     merged["starts"] = max(old["starts"], new["starts"])
     merged["plans"] = {**old["plans"], **new["plans"]}
     for name in ("lidars", "models"):
-        merged["settings"][name] = {**old["settings"].get(name, {}), **new["settings"][name]}
+        merged["settings"][name] = {**old["settings"][name], **new["settings"][name]}
     return merged
 
 
@@ -313,36 +322,6 @@ def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 def _shown(value: Any) -> str:
     text = "nothing" if value is None else ", ".join(map(str, value)) if isinstance(value, list) else str(value)
     return text if len(text) <= 60 else text[:57] + "..."
-
-
-def to_toml(table: dict[str, Any]) -> str:
-    """Nested tables of strings, numbers, booleans and lists as TOML; keys with the value None are left out.
-
-    Example:
-        >>> print(to_toml({"a": [1, "x"], "t": {"b": None, "c": True}}))
-        a = [1, "x"]
-        <BLANKLINE>
-        [t]
-        c = true
-        <BLANKLINE>
-    """
-    lines: list[str] = []
-    _write_table(table, [], lines)
-    return "\n".join(lines).lstrip("\n") + "\n"
-
-
-def _write_table(table: dict[str, Any], path: list[str], lines: list[str]) -> None:
-    plain = {k: v for k, v in table.items() if not isinstance(v, dict) and v is not None}
-    if path and plain:
-        lines.append(f"\n[{'.'.join(map(_key, path))}]")
-    lines.extend(f"{_key(k)} = {json.dumps(v, ensure_ascii=False)}" for k, v in plain.items())
-    for key, value in table.items():
-        if isinstance(value, dict):
-            _write_table(value, [*path, key], lines)
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
 
 
 def slug(name: str) -> str:
