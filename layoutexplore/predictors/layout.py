@@ -147,7 +147,12 @@ class LayoutPredictor:
         self._room_network = RoomNetwork(load_weights(rooms, shapes_of(LAYERS))) if rooms in networks else None
         self._frontier_network = FrontierNetwork(load_weights(frontiers, SHAPES)) if frontiers in networks else None
         self._memory = ProbeMemory()
-        self.fingerprint = fingerprint([*paths, *networks])
+        self._files = [*paths, *networks]
+
+    @property
+    def fingerprint(self) -> str:
+        """Of the models."""
+        return fingerprint(self._files)
 
     def rooms(self, decision: Decision) -> RoomMap:
         """The seen regions with what is thought to lie behind their frontiers."""
