@@ -191,6 +191,35 @@ def test_company_and_memory_change_nothing() -> None:
     assert network.judge(windows[:0]).shape == (0, 3)
 
 
+def slowly_judged(weights: Mapping[str, NDArray[np.generic]], window: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """What the network finds for one window as it is, square by square; sums are exact in whole numbers."""
+    values = window.astype(np.int64)
+    for name, (inputs, outputs, side, stride) in LAYERS.items():
+        kernel = weights[f"{name}.weight"].astype(np.int64)
+        if side == 1:
+            sums = values.reshape(-1) @ kernel
+        else:
+            rows, cols = (-(-size // stride) for size in values.shape[:2])
+            padded, sums = np.pad(values, ((1, 1), (1, 1), (0, 0))), np.zeros((rows, cols, outputs), np.int64)
+            kernel = kernel.reshape(side, side, inputs, outputs)
+            for r in range(rows):
+                for c in range(cols):
+                    shown = padded[r * stride : r * stride + side, c * stride : c * stride + side]
+                    sums[r, c] = np.tensordot(shown, kernel, axes=3)
+        found = sums.astype(np.float32) * weights[f"{name}.scale"] + weights[f"{name}.bias"]
+        values = np.clip(np.rint(found), 0, MOST).astype(np.int64)
+    return np.asarray(found, np.float64)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_judgement_against_a_slow_one(seed: int) -> None:
+    """The mean over the window and the mirrored one, to the last bit."""
+    weights, windows = random_weights(seed), random_windows(2, seed)
+    windows[1] *= np.random.default_rng(seed).random((SIDE, SIDE, 1)) < 0.3
+    expected = [(slowly_judged(weights, window) + slowly_judged(weights, window[:, ::-1])) / 2 for window in windows]
+    np.testing.assert_array_equal(network_of(weights).judge(windows), np.array(expected, np.float32))
+
+
 def test_mirrored_windows_are_judged_alike() -> None:
     windows = random_windows(4)
     np.testing.assert_array_equal(

@@ -128,6 +128,10 @@ _Drawn = tuple[NDArray[np.uint8], np.bool_, np.float64, NDArray[np.uint8]]
 """A window, whether its frontier is closed, the area left, and the truth of its squares."""
 
 
+_Batch = tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64], NDArray[np.uint8]]
+"""The same of many: windows (n, SIDE, SIDE, PLANES), classes and areas (n,), and the truth of squares (n, SIDE, SIDE)."""
+
+
 class _Pool:
     """Windows of several plans, drawn more often of a building with many than of one with few, but not as many times more."""
 
@@ -155,8 +159,8 @@ class _Draws:
         self._share = config.generated_share if generated.size and real.size else float(generated.size > 0)
         self._rng = np.random.default_rng(config.seed)
 
-    def draw(self, count: int) -> tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64], NDArray[np.uint8]]:
-        """Windows (count, SIDE, SIDE, PLANES), classes and areas (count,) and the truth of squares (count, SIDE, SIDE)."""
+    def draw(self, count: int) -> _Batch:
+        """So many samples."""
         generated = int(self._rng.binomial(count, self._share))
         drawn = [*self._generated.draw(generated, self._rng), *self._real.draw(count - generated, self._rng)]
         windows, closed, area, truth = (np.array(values) for values in zip(*drawn, strict=True))
@@ -170,7 +174,7 @@ def _train(network: TrainableFrontierNetwork, draws: _Draws, config: FrontierNet
     network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     late = 0.0
     for step in range(config.steps):
-        loss, wrong = _losses(network, *draws.draw(config.batch), config)
+        loss, wrong = _losses(network, draws.draw(config.batch), config)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
@@ -180,15 +184,9 @@ def _train(network: TrainableFrontierNetwork, draws: _Draws, config: FrontierNet
     network.eval()
 
 
-def _losses(
-    network: TrainableFrontierNetwork,
-    windows: NDArray[np.uint8],
-    closed: NDArray[np.bool_],
-    area: NDArray[np.float64],
-    truth: NDArray[np.uint8],
-    config: FrontierNetworkConfig,
-) -> tuple[torch.Tensor, float]:
+def _losses(network: TrainableFrontierNetwork, batch: _Batch, config: FrontierNetworkConfig) -> tuple[torch.Tensor, float]:
     """All losses, weighted, and that of "closed"."""
+    windows, closed, area, truth = batch
     shares, squares = _shares(windows), torch.from_numpy(np.ascontiguousarray(truth)).long()
     with torch.autocast("cpu", torch.bfloat16):
         hidden = network.hidden(shares)
