@@ -58,8 +58,8 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownNameError
     """
     names = sorted(known)
     close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-    hint = f" did you mean {' or '.join(repr(c) for c in close)}?" if close else ""
-    return UnknownNameError(f"unknown {kind} {name!r}:{hint} Known: {', '.join(names)}")
+    hint = f": did you mean {' or '.join(repr(c) for c in close)}? Known" if close else "; known"
+    return UnknownNameError(f"unknown {kind} {name!r}{hint}: {', '.join(names)}")
 
 
 def require(module: str, extra: str) -> ModuleType:

@@ -197,7 +197,7 @@ def test_angled_and_curved_are_not_right_angled() -> None:
         ({"rooms": 12.5}, "whole number"),
         ({"area": 200.0, "rooms": 190}, "ask for 6 to 150 m2"),
         ({"topology": "rng"}, "did you mean 'ring'"),
-        ({"clutterr": 0.1}, "did you mean clutter"),
+        ({"clutterr": 0.1}, "did you mean 'clutter'"),
         ({"area": 110.0, "topology": "eight"}, "no office of topology eight of 110 m2"),
     ],
 )

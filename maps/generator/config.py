@@ -8,7 +8,6 @@ walls 0.30-0.40 m, door leaves 0.8-1.0 m.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -96,14 +95,12 @@ class PlanConfig:
         """A copy with some knobs replaced.
 
         Raises:
-            ConfigError: There is no knob of that name; the message names the closest ones.
+            UnknownNameError: There is no knob of that name; the message names the closest ones.
         """
         known = [f.name for f in dataclasses.fields(self)]
         for name in knobs:
             if name not in known:
-                close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-                hint = f"did you mean {' or '.join(close)}? " if close else ""
-                raise ConfigError(f"unknown knob {name!r} of a floor plan: {hint}Known: {', '.join(known)}")
+                raise unknown_name("knob of a floor plan", name, known)
         return dataclasses.replace(self, **knobs)
 
     def drawn(self, family: str, rng: np.random.Generator) -> DrawnConfig:
