@@ -40,6 +40,13 @@ from layoutexplore.predictors.regions import Regions, _gaps, find_doors, seen_re
 
 grids = hnp.arrays(np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 100]))
 
+wide = st.builds(
+    lambda coarse, size: coarse.repeat(size, axis=0).repeat(size, axis=1),
+    hnp.arrays(np.int8, st.tuples(st.integers(2, 5), st.integers(2, 8)), elements=st.sampled_from([-1, -1, -1, 0, 0, 100])),
+    st.integers(3, 6),
+)
+"""Grids with long stretches without walls."""
+
 
 def nothing_seen(shape: tuple[int, int]) -> Regions:
     return Regions(np.zeros(shape, np.int32), 0, np.zeros(shape, np.float32))
@@ -56,7 +63,7 @@ def test_walls_go_on_through_the_unknown() -> None:
 
 
 @settings(max_examples=40, deadline=None)
-@given(cells=grids)
+@given(cells=grids | wide)
 def test_a_chart_against_a_slow_one(cells: NDArray[np.int8]) -> None:
     chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 0.4)
     padded = np.pad(cells, chart.margin, constant_values=-1)

@@ -23,6 +23,9 @@ ALONG_ROWS, ALONG_COLS = 16, 32
 WALL_MIN, EXTENSION_REACH = 0.4, 10.0
 """Metres: walls from this length on are thought to go on, and how far."""
 
+_BLOCK = 16
+"""Cells of a row that are passed over at once where no wall is."""
+
 
 @dataclass(frozen=True, eq=False)
 class Chart:
@@ -85,23 +88,33 @@ def _draw(
 @njit(cache=True, nogil=True)
 def _extend_walls(code: NDArray[np.uint8], box: NDArray[np.int64], shortest: int, reach: int) -> None:
     """Mark the unknown cells that continue a wall straight on, up to the next known cell."""
+    first, last = box[1], min(box[3] + 1, code.shape[1])
     runs = np.zeros(code.shape[1], np.int64)
+    above = np.zeros((last - first) // _BLOCK + 1, np.bool_)  # Blocks of the row before that hold some wall.
     for r in range(box[0], min(box[2] + 1, code.shape[0])):
-        run = 0
-        for c in range(box[1], min(box[3] + 1, code.shape[1])):
-            if code[r, c] & WALL_BIT:
-                run += 1
-                runs[c] += 1
-                if run == shortest:
-                    _extend(code, r, c - run, 0, -1, reach, ALONG_ROWS)
-                if runs[c] == shortest:
-                    _extend(code, r - runs[c], c, -1, 0, reach, ALONG_COLS)
+        run, line = 0, code[r]
+        for k in range(len(above)):
+            begin, end = first + k * _BLOCK, min(first + (k + 1) * _BLOCK, last)
+            bits = np.uint8(0)
+            for c in range(begin, end):
+                bits |= line[np.uint64(c)]
+            if not (run or bits & WALL_BIT or above[k]):
                 continue
-            if run >= shortest:
-                _extend(code, r, c, 0, 1, reach, ALONG_ROWS)
-            if runs[c] >= shortest:
-                _extend(code, r, c, 1, 0, reach, ALONG_COLS)
-            run = runs[c] = 0
+            above[k] = bits & WALL_BIT > 0
+            for c in range(begin, end):
+                if code[r, c] & WALL_BIT:
+                    run += 1
+                    runs[c] += 1
+                    if run == shortest:
+                        _extend(code, r, c - run, 0, -1, reach, ALONG_ROWS)
+                    if runs[c] == shortest:
+                        _extend(code, r - runs[c], c, -1, 0, reach, ALONG_COLS)
+                    continue
+                if run >= shortest:
+                    _extend(code, r, c, 0, 1, reach, ALONG_ROWS)
+                if runs[c] >= shortest:
+                    _extend(code, r, c, 1, 0, reach, ALONG_COLS)
+                run = runs[c] = 0
 
 
 @njit(cache=True, nogil=True)

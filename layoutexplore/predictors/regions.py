@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.boxes import known_box
+from layoutexplore.components import label_components
 from layoutexplore.frontiers import FrontierClusters
 from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.layout.openings import next_blocked
@@ -80,15 +81,15 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
     row0, row1, col0, col1 = known_box(cells)
     box = slice(row0, row1), slice(col0, col1)
     margin = round((DOOR_WIDTHS[1] + WIDENING) / resolution) + 1
-    part = np.pad(cells[box], margin, constant_values=UNKNOWN)
-    doors = find_doors(part == OCCUPIED, resolution)
-    clear, free = ((part != OCCUPIED) & (doors == 0)).view(np.uint8), part == FREE
-    core = cv2.erode(clear, _disc(CORE / resolution)) & free.view(np.uint8)
-    count, cores = cv2.connectedComponents(core, connectivity=4, ltype=cv2.CV_32S)
-    grown, count = _grow(np.asarray(cores, np.int32), free, int(count))
-    inner = slice(margin, -margin)
-    labels[box], door_width[box] = grown[inner, inner], doors[inner, inner]
-    return Regions(labels, count - 1, door_width)
+    inner = slice(margin, -margin), slice(margin, -margin)
+    part = np.full((row1 - row0 + 2 * margin, col1 - col0 + 2 * margin), UNKNOWN, np.int8)
+    part[inner] = cells[box]
+    occupied, free = part == OCCUPIED, part == FREE
+    doors = find_doors(occupied, resolution)
+    shut = cv2.dilate((occupied | (doors > 0)).view(np.uint8), _disc(CORE / resolution))
+    grown, count = _grow(*label_components(free & (shut == 0)), free)
+    labels[box], door_width[box] = grown[inner], doors[inner]
+    return Regions(labels, count, door_width)
 
 
 @lru_cache(maxsize=8)
@@ -179,8 +180,8 @@ def _wall_run(occupied: NDArray[np.bool_], r: int, c: int, step: int, wanted: in
 
 
 @njit(cache=True, nogil=True)
-def _grow(labels: NDArray[np.int32], free: NDArray[np.bool_], count: int) -> tuple[NDArray[np.int32], int]:
-    """Spread labels over free 4-neighbours in rings; free space without any core becomes regions of its own.
+def _grow(labels: NDArray[np.int32], count: int, free: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
+    """Spread `count` labels over free 4-neighbours in rings; free space without any core becomes regions of its own.
 
     The border of both arrays is not free.
     """
@@ -205,9 +206,9 @@ def _grow(labels: NDArray[np.int32], free: NDArray[np.bool_], count: int) -> tup
             k = 8 * w
             while left[k] == 0:
                 k += 1
+            count += 1
             flat[k // width * cols + k % width] = count
             left[k] = 0
-            count += 1
             queue[first] = k
             first = _spread(flat, left, cols, width, queue, first, first + 1)
     return flat.reshape(rows, cols), count
@@ -301,7 +302,7 @@ def _sum_up(
                 continue
             some = False
             for k in range(begin, c):
-                some |= widths[k] > 0
+                some |= widths[np.uint64(k)] > 0
             if some:
                 for k in range(begin, c):
                     if widths[k] > 0:

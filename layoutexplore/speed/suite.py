@@ -23,6 +23,7 @@ def measurements(only: Sequence[str] = ()) -> list[Measurement]:
             Measurement("rays", kernels.ray_casting),
             Measurement("mapping", kernels.mapping),
             Measurement("frontiers", kernels.frontiers),
+            Measurement("parts", kernels.parts),
             Measurement("geodesics", kernels.geodesics),
             Measurement("layout", layout.layouts),
             Measurement("steps", environment.frontier_steps),
