@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -19,11 +19,13 @@ def check(mask: NDArray[np.bool_]) -> None:
     np.testing.assert_array_equal(labels, wanted)
 
 
+@settings(deadline=None)
 @given(st.integers(1, 40), st.integers(1, 70), st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
 def test_random_masks(rows: int, cols: int, density: float, seed: int) -> None:
     check(np.random.default_rng(seed).random((rows, cols)) < density)
 
 
+@settings(deadline=None)
 @given(st.integers(1, 12), st.integers(1, 12), st.integers(1, 20), st.integers(0, 2**32 - 1))
 def test_masks_of_long_runs(rows: int, cols: int, size: int, seed: int) -> None:
     """Whole words of set and bare cells, at any place in a row, also of an array that is turned or cut out."""
