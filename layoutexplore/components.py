@@ -27,7 +27,7 @@ def label_components(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
         >>> labels.tolist(), count
         ([[1, 0, 2], [1, 0, 2], [0, 2, 2]], 2)
     """
-    labels, count = _label(np.ascontiguousarray(mask).view(np.uint8))
+    labels, count = _label(np.ascontiguousarray(mask, np.bool_).view(np.uint8))
     return labels, int(count)
 
 
