@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from layoutexplore.cli.json_file import write_json
 from layoutexplore.cli.output_places import check_places
 
+if TYPE_CHECKING:
+    from layoutexplore.closed_doors.training import Samples, Source
+
 COLUMNS = ("before", "free_iou", "iou", "iqm", "iqm_low", "iqm_high", "precision", "recall")
 
 NOTE = (
     "the trees that ship were trained on eight buildings with a published answer and on floor plans; "
-    "scores on these are not held out: --folds 8"
+    "scores on these are not held out: --folds 8 --plans FOLDER"
 )
 
 
@@ -25,7 +28,7 @@ def closed_doors(
     out: Annotated[Path, typer.Option(help="Folder for NAME_k_doors_pred.png and the pictures of the best and worst.")] = Path(
         "closed-doors"
     ),
-    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes; with --folds one.")] = 1,
     resolution: Annotated[float, typer.Option(help="Metres a pixel.")] = 0.05,
     folds: Annotated[int, typer.Option(min=0, help="Train anew without each of so many groups of buildings; 0: shipped.")] = 0,
     plans: Annotated[
@@ -39,7 +42,6 @@ def closed_doors(
     from layoutexplore.errors import require
     from layoutexplore.evaluation.closed_doors import cross_validate, evaluate, find_triples, summarise, write_pictures
     from layoutexplore.evaluation.closed_doors_report import write_report
-    from layoutexplore.maps import expand_plans
     from layoutexplore.processes import command_line
 
     if report:
@@ -48,8 +50,7 @@ def closed_doors(
     triples = find_triples(folder)
     scores = []
     if folds:
-        sources = [source for spec in plans or () for source in expand_plans(spec)]
-        results = cross_validate(folder, triples, folds, plans=sources, cache=cache, resolution=resolution, out=out)
+        results = cross_validate(triples, folds, _learn_from(folder, plans or (), cache), resolution=resolution, out=out)
     else:
         results = evaluate(triples, resolution=resolution, out=out, jobs=jobs)
     for triple, score in zip(triples, results, strict=True):
@@ -66,6 +67,23 @@ def closed_doors(
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
     if json_file is not None:
         write_json(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
+
+
+def _learn_from(folder: Path, plans: Sequence[str], cache: Path | None) -> list[tuple[Source, Samples]]:
+    """The samples of all maps and plans."""
+    from rich.console import Console
+
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.closed_doors.training import collect_all, find_sources
+    from layoutexplore.maps import expand_plans
+
+    sources = find_sources(folder, [source for spec in plans for source in expand_plans(spec)])
+    learnt: list[tuple[Source, Samples]] = []
+    with ProgressLine(Console(), "maps to learn from") as line:
+        for k, source in enumerate(sources):
+            learnt.extend(collect_all([source], cache))
+            line.advance(k + 1, len(sources), (k + 1) / len(sources), source.name)
+    return learnt
 
 
 def _print(summary: Sequence[dict[str, Any]]) -> None:

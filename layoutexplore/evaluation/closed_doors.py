@@ -28,6 +28,7 @@ from layoutexplore.statistics import cluster_bootstrap, weighted_interquartile_m
 
 if TYPE_CHECKING:
     from layoutexplore.closed_doors.models import Models
+    from layoutexplore.closed_doors.training import Samples, Source
 
 OCCUPIED_GREY, UNKNOWN_GREY, FREE_GREY = 0, 205, 254
 _NAME = re.compile(r"(?P<building>.+)_(?P<k>\d+)_doors_IN\.png")
@@ -177,36 +178,26 @@ def evaluate(triples: Sequence[Triple], *, resolution: float, out: Path | None =
 
 
 def cross_validate(
-    folder: Path,
-    triples: Sequence[Triple],
-    folds: int,
-    *,
-    plans: Sequence[str] = (),
-    cache: Path | None = None,
-    resolution: float,
-    out: Path | None = None,
+    triples: Sequence[Triple], folds: int, learnt: Sequence[tuple[Source, Samples]], *, resolution: float, out: Path | None = None
 ) -> Iterator[PairScore]:
     """Evaluate maps in order, each by models that were trained without its building (all floors of it, and all plans).
 
     Args:
-        folder: Where the maps are.
         triples: The maps, as from `find_triples`.
         folds: Groups of buildings; at most one a building.
-        plans: Floor plans to train on besides; see `layoutexplore.closed_doors.training`.
-        cache: Folder that keeps what is learnt from, so that a run that was stopped goes on.
+        learnt: What the models learn from, as of `layoutexplore.closed_doors.training.collect_all`.
         resolution: Metres a cell.
         out: Folder for the predictions.
     """
-    from layoutexplore.closed_doors.training import building_of, collect_all, find_sources, fit
+    from layoutexplore.closed_doors.training import building_of, fit
 
     buildings = list(dict.fromkeys(building_of(t.building) for t in triples))
     fold = {name: k % folds for k, name in enumerate(buildings)}
-    collected = list(collect_all(find_sources(folder, plans), cache))
     models: dict[int, Models] = {}
     for triple in triples:
         k = fold[building_of(triple.building)]
         if k not in models:
-            models[k] = fit(samples for source, samples in collected if fold.get(source.building) != k)
+            models[k] = fit(samples for source, samples in learnt if fold.get(source.building) != k)
         yield evaluate_triple(triple, resolution, out, models[k])
 
 
