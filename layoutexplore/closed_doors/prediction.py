@@ -5,9 +5,10 @@ One forest tells closed doors from walls, the other estimates how well a rectang
 way is another.
 
 The shipped trees were trained on the 8 buildings with a published answer, on the same with other doors shut, and on floor plans:
-scores on these are not scores on new buildings. With each building withheld (`evaluate closed-doors FOLDER --folds 8 --plans schools
---plans kth`), the interquartile mean of the never-seen IoU over their 74 maps was 0.75 (published answers: 0.64) and the free-space
-IoU 0.93 (0.92); by building it was better than the published answers on four of eight. Without the floor plans it would be 0.68.
+scores on these are not scores on new buildings. With each building withheld
+(`evaluate closed-doors FOLDER --folds 8 --plans schools --plans kth`), the interquartile mean of the never-seen IoU over their 74
+maps was 0.75 (published answers: 0.64) and the free-space IoU 0.93 (0.92); by building it was better than the published ones on
+four of eight. Without the floor plans it would be 0.68.
 The rule for rectangles outside of all that is known was chosen on these maps, and the least probabilities after looking at their
 held-out scores.
 """
