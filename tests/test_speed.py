@@ -78,11 +78,11 @@ def test_kernel_rows_have_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     # Once each instead of many times: what is tested is that they run and are told apart.
     monkeypatch.setattr(kernels, "milliseconds", lambda *f, **_: milliseconds(*f, repeats=1))
     begun: list[str] = []
-    rows = list(measure(["rays", "mapping", "frontiers", "geodesics"], begin=begun.append))
-    assert begun == ["rays", "mapping", "frontiers", "geodesics"]
-    assert len({r.name for r in rows}) == len(rows) == 8
+    rows = list(measure(["rays", "mapping", "frontiers", "parts", "geodesics"], begin=begun.append))
+    assert begun == ["rays", "mapping", "frontiers", "parts", "geodesics"]
+    assert len({r.name for r in rows}) == len(rows) == 9
     assert all(r.ours > 0 for r in rows) and all((r.reference is None) == (r.ratio is None) for r in rows)
-    assert all(r.reached is None or r.reached > 0 for r in rows)  # 0 would mean distances other than those of scipy.
+    assert all(r.reached is None or r.reached > 0 for r in rows)  # 0 would mean other values than the reference's.
 
 
 def test_the_reference_graph_is_that_of_the_planner() -> None:

@@ -93,6 +93,20 @@ def mapping() -> Iterator[Row]:
     )
 
 
+def _beside(name: str, ours: float, reference: float, reference_name: str, times: float, same: bool | None = None) -> Row:
+    """Milliseconds beside a reference's, which is to take so many times as long and to find the same, if that is compared."""
+    return Row(
+        name=name,
+        ours=ours,
+        unit="ms",
+        reference=reference,
+        reference_name=reference_name,
+        ratio=reference / ours,
+        goal=f">= {times:g}x" + (", same values" if same is not None else ""),
+        reached=reference / ours / times if same is not False else 0.0,
+    )
+
+
 def frontiers() -> Iterator[Row]:
     """All frontiers of a half explored map beside cv2.connectedComponentsWithStats, and after changes in a box."""
     cells = half_explored(700, 700)
@@ -107,48 +121,20 @@ def frontiers() -> Iterator[Row]:
     full, updated, other = milliseconds(
         lambda: find_frontiers(cells), lambda: detector.update(cells, (250, 450, 250, 450)), reference, repeats=15, inner=3
     )
-    yield Row(
-        name="frontiers, 700 x 700",
-        ours=full,
-        unit="ms",
-        reference=other,
-        reference_name="cv2 components",
-        ratio=other / full,
-        goal=">= 5x",
-        reached=other / full / 5.0,
-    )
-    yield Row(
-        name="frontiers, 200 x 200 new",
-        ours=updated,
-        unit="ms",
-        reference=full,
-        reference_name="all anew",
-        ratio=full / updated,
-        goal=">= 2x",
-        reached=full / updated / 2.0,
-    )
+    yield _beside("frontiers, 700 x 700", full, other, "cv2 components", 5.0)
+    yield _beside("frontiers, 200 x 200 new", updated, full, "all anew", 2.0)
 
 
 def parts() -> Iterator[Row]:
     """The connected parts of what is half a metre from walls, as rooms begin with, beside cv2.connectedComponents."""
     mask = ~inflate(floor(700, 700), 0.5, RESOLUTION)
 
-    def reference() -> tuple[int, NDArray[np.int32]]:
-        count, labels = cv2.connectedComponents(mask.view(np.uint8), connectivity=4, ltype=cv2.CV_32S)
-        return count, np.asarray(labels, np.int32)
+    def reference() -> NDArray[np.int32]:
+        return np.asarray(cv2.connectedComponents(mask.view(np.uint8), connectivity=4, ltype=cv2.CV_32S)[1], np.int32)
 
     ours, other = milliseconds(lambda: label_components(mask), reference, repeats=15, inner=3)
-    same = np.array_equal(label_components(mask)[0], reference()[1])
-    yield Row(
-        name="connected parts, 700 x 700",
-        ours=ours,
-        unit="ms",
-        reference=other,
-        reference_name="cv2 components",
-        ratio=other / ours,
-        goal=">= 2x, same labels",
-        reached=other / ours / 2.0 if same else 0.0,
-    )
+    same = np.array_equal(label_components(mask)[0], reference())
+    yield _beside("connected parts, 700 x 700", ours, other, "cv2 components", 2.0, same)
 
 
 def geodesics() -> Iterator[Row]:
@@ -162,16 +148,7 @@ def geodesics() -> Iterator[Row]:
         lambda: geodesic_distances(traversable, source, RESOLUTION), lambda: dijkstra(graph, indices=node), repeats=5
     )
     same = np.allclose(geodesic_distances(traversable, source, 1.0)[traversable], dijkstra(graph, indices=node), rtol=1e-6)
-    yield Row(
-        name="geodesics, 700 x 700",
-        ours=ours,
-        unit="ms",
-        reference=reference,
-        reference_name="csgraph.dijkstra",
-        ratio=reference / ours,
-        goal=">= 8x, same values",
-        reached=reference / ours / 8.0 if same else 0.0,
-    )
+    yield _beside("geodesics, 700 x 700", ours, reference, "csgraph.dijkstra", 8.0, same)
     reached = np.argwhere(np.isfinite(geodesic_distances(traversable, source, RESOLUTION)))
     places = reached[np.random.default_rng(0).integers(len(reached), size=40)].astype(np.int32)
     (matrix,) = milliseconds(lambda: distance_matrix(traversable, places, RESOLUTION), repeats=5)
