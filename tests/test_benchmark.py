@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -19,22 +18,13 @@ from hypothesis import strategies as st
 from layoutexplore.benchmark import runner
 from layoutexplore.benchmark.analysis import compare
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.episode import (
-    TIMING_COLUMNS,
-    Row,
-    _Timed,
-    corners,
-    fingerprints,
-    play,
-    prepare,
-)
+from layoutexplore.benchmark.episode import TIMING_COLUMNS, Row, _Timed, corners, play, prepare
 from layoutexplore.benchmark.pool import run_all
 from layoutexplore.benchmark.runner import Progress, run_benchmark
 from layoutexplore.benchmark.store import COLUMNS, ResultsFolder, _line, _parse, locked, slug
 from layoutexplore.decision import Decision
 from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, ResultsError, UnknownNameError
 from layoutexplore.floorplan import floorplan_from_ascii
-from layoutexplore.predictors.layout import CELL_MODEL, FRONTIER_MODEL, FRONTIER_NETWORK
 from layoutexplore.simulation_config import SimulationConfig
 from layoutexplore.toml_text import to_toml
 
@@ -236,44 +226,6 @@ def test_extend_adds_and_force_starts_again(config: BenchmarkConfig, tmp_path: P
         run_benchmark(dataclasses.replace(grown, seed=2), out, extend=True)
     third = run_benchmark(dataclasses.replace(grown, seed=2), out, force=True)
     assert third.ran == len(third.rows) == 4
-
-
-def test_other_weights_are_noticed(tmp_path: Path) -> None:
-    """Results of a predictor are not taken for those of one that has learnt something else since."""
-    models, out = tmp_path / "models", tmp_path / "out"
-    models.mkdir()
-    for path in (FRONTIER_MODEL, CELL_MODEL, FRONTIER_NETWORK):
-        shutil.copy(path, models)
-    path = tmp_path / "plan.geojson"
-    floorplan_from_ascii(HOUSE, resolution=0.6, name="plan").save(path)
-    agent = f"layout-tour:predictor=layout:model={models}"
-    config = BenchmarkConfig(plans=(str(path),), starts=1, sensors=("indoor",), agents=("nearest", agent))
-    assert run_benchmark(config, out).ran == 2
-    assert run_benchmark(config, out).ran == 0
-    assert list(fingerprints(config.agents)) == [agent]
-    (models / FRONTIER_NETWORK.name).unlink()
-    with pytest.raises(ResultsError, match=r"settings\.models\.layout-tour:.* there, .* now") as caught:
-        run_benchmark(config, out)
-    assert "--force" in str(caught.value) and "--extend" not in str(caught.value), "nothing can be added to it"
-    with pytest.raises(ResultsError, match=r"settings\.models"):
-        run_benchmark(config, out, extend=True)
-    other = dataclasses.replace(config, agents=("nearest", "layout-tour"))
-    assert run_benchmark(other, out, extend=True).ran == 1
-    assert set(ResultsFolder(out).manifest()["settings"]["models"]) == {agent, "layout-tour"}
-
-
-def test_models_that_were_not_noted_may_be_others(tmp_path: Path) -> None:
-    path, out = tmp_path / "plan.geojson", tmp_path / "out"
-    floorplan_from_ascii(HOUSE, resolution=0.6, name="plan").save(path)
-    config = BenchmarkConfig(plans=(str(path),), starts=1, sensors=("indoor",), agents=("nearest", "layout-tour"))
-    run_benchmark(config, out)
-    manifest = ResultsFolder(out).manifest()
-    del manifest["settings"]["models"]
-    (out / "run.toml").write_text(to_toml(manifest))
-    for extend in (False, True):
-        with pytest.raises(ResultsError, match=r"settings\.models\.layout-tour: not noted there"):
-            run_benchmark(config, out, extend=extend)
-    assert run_benchmark(dataclasses.replace(config, agents=("nearest",)), out, extend=True).ran == 0
 
 
 def test_a_changed_plan_is_noticed(tmp_path: Path) -> None:
