@@ -150,7 +150,7 @@ def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFe
     rank, detour = np.zeros(count), np.zeros(count)
     rank[ready[order - 1]] = 1.0 / np.arange(1, len(order) + 1)
     detour[ready] = np.maximum(extra[1:], 0.0)
-    others = np.flatnonzero(np.bincount(ready, minlength=count) == 0)
+    others = np.delete(np.arange(count), ready)
     if len(others):
         there = decision.path_lengths_from(int(ready[first - 1]), others).astype(np.float64)
         detour[others] = np.maximum(decision.columns[2, others] + np.minimum(there, _UNCONNECTED) - distances[0, first], 0.0)

@@ -78,12 +78,8 @@ def _learn_from(folder: Path, plans: Sequence[str], cache: Path | None) -> list[
     from layoutexplore.maps import expand_plans
 
     sources = find_sources(folder, [source for spec in plans for source in expand_plans(spec)])
-    learnt: list[tuple[Source, Samples]] = []
     with ProgressLine(Console(), "maps to learn from") as line:
-        for k, source in enumerate(sources):
-            learnt.extend(collect_all([source], cache))
-            line.advance(k + 1, len(sources), (k + 1) / len(sources), source.name)
-    return learnt
+        return list(collect_all(sources, cache, lambda done, total, name: line.advance(done, total, done / total, name)))
 
 
 def _print(summary: Sequence[dict[str, Any]]) -> None:

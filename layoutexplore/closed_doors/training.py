@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import io
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -210,14 +210,19 @@ def _maps(source: Source, rng: np.random.Generator) -> tuple[NDArray[np.int8], N
     return None if cells is None else add_outer_doors(cells, truth, RESOLUTION, rng, int(rng.integers(3)))
 
 
-def collect_all(sources: Sequence[Source], cache: Path | None = None) -> Iterator[tuple[Source, Samples]]:
+def collect_all(
+    sources: Sequence[Source],
+    cache: Path | None = None,
+    progress: Callable[[int, int, str], None] = lambda done, total, name: None,
+) -> Iterator[tuple[Source, Samples]]:
     """The samples of all maps, those left out where no room can be shut or a plan cannot be used."""
-    for source in sources:
+    for k, source in enumerate(sources):
+        samples = None
         try:
             samples = samples_of(source, cache)
         except LayoutExploreError as error:
             print(f"left out: {error}", flush=True)
-            continue
+        progress(k + 1, len(sources), source.name)
         if samples is not None:
             yield source, samples
 
