@@ -5,18 +5,19 @@ Importing a module registers its agents; `make_agent` builds one from its name a
 
 from __future__ import annotations
 
-from layoutexplore.agents import clairvoyant, greedy, layout, policy, probabilistic, tour, waiting
+from layoutexplore.agents import greedy, mapex, policy, room_aware, tour, waiting
 from layoutexplore.agents.base import agent_names, describe_agents, make_agent
+from layoutexplore.agents.omniscient import agent as clairvoyant
 
 __all__ = [
     "agent_names",
     "clairvoyant",
     "describe_agents",
     "greedy",
-    "layout",
     "make_agent",
+    "mapex",
     "policy",
-    "probabilistic",
+    "room_aware",
     "tour",
     "waiting",
 ]

@@ -1,7 +1,7 @@
 """The registry of agents: by name, by `NAME:key=value,...`, and with their parameters described.
 
-An agent is registered with a frozen dataclass of its parameters (a child of `Options`), whose fields say what they mean
-and which values make sense. A preset is a further name for the same agent with other defaults.
+An agent is registered with a frozen dataclass of its parameters (a child of `Options`), whose fields say what
+they mean and which values make sense. A preset is a further name for the same agent with other defaults.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from layoutexplore.decision import STOP, Agent, Choice, Decision
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision
 
 Value = bool | int | float | str
 
@@ -35,7 +35,8 @@ def option(
         low: Least number that makes sense.
         high: Greatest number that makes sense.
         choices: The words that are allowed; for a text.
-        positional: Whether the value may stand right behind the colon without the key, `NAME:VALUE`; for one text.
+        positional: Whether the value may stand right behind the colon without the key, `NAME:VALUE`; for one
+            text.
     """
     metadata = {"text": text, "low": low, "high": high, "choices": choices, "positional": positional}
     return dataclasses.field(default=default, metadata=metadata)
@@ -112,11 +113,14 @@ def register(name: str, summary: str, build: Callable[[str, OptionsT], Agent], d
         defaults: The options it has unless told otherwise.
 
     Raises:
-        ConfigError: The name is taken by something else. (The same thing again changes nothing: a module may be imported
-            under two names, as test collectors do.)
+        ConfigError: The name is taken by something else. (The same thing again changes nothing: a module may
+            be imported under two names, as test collectors do.)
     """
     if name in _entries:
-        if (_entries[name].build.__qualname__, str(_entries[name].defaults)) != (build.__qualname__, str(defaults)):
+        if (_entries[name].build.__qualname__, str(_entries[name].defaults)) != (
+            build.__qualname__,
+            str(defaults),
+        ):
             raise ConfigError(f"there is an agent {name!r} already")
         return
     _entries[name] = _Entry(summary, build, defaults)
@@ -125,7 +129,8 @@ def register(name: str, summary: str, build: Callable[[str, OptionsT], Agent], d
 def make_agent(spec: str) -> Agent:
     """An agent from `NAME` or `NAME:key=value,key=value`.
 
-    Its `name` is the spec in a canonical form: parameters in a fixed order, those that have their default left out.
+    Its `name` is the spec in a canonical form: parameters in a fixed order, those that have their default
+    left out.
 
     Raises:
         UnknownNameError: No agent has that name, or it has no such parameter; the closest ones are suggested.
@@ -143,7 +148,9 @@ def make_agent(spec: str) -> Agent:
         raise unknown_name("agent", name, _entries)
     entry = _entries[name]
     if colon and not text.strip():
-        raise ConfigError(f"agent {spec!r}: nothing follows the colon; write {name!r} or NAME:key=value,key=value")
+        raise ConfigError(
+            f"agent {spec!r}: nothing follows the colon; write {name!r} or NAME:key=value,key=value"
+        )
     options = _parsed(spec, entry.defaults, text) if colon else entry.defaults
     return entry.build(_canonical(name, options, entry.defaults), options)
 
@@ -155,7 +162,9 @@ def agent_names() -> list[str]:
 
 def describe_agents() -> list[AgentDescription]:
     """All agents in the order of their registration, with their parameters and defaults, for help pages and tables."""
-    return [AgentDescription(name, entry.summary, _parameters(entry.defaults)) for name, entry in _entries.items()]
+    return [
+        AgentDescription(name, entry.summary, _parameters(entry.defaults)) for name, entry in _entries.items()
+    ]
 
 
 def _parameters(defaults: Options) -> tuple[tuple[str, str, str], ...]:

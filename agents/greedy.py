@@ -1,7 +1,8 @@
 """Agents that score every frontier by itself and go to the best.
 
-The gain of a frontier is A, the unknown area that rays from its viewpoint would cross; its cost is the path length d.
-To *finish* an exploration the total gain is fixed, so agents that chase gain can lose to the nearest frontier.
+The gain of a frontier is A, the unknown area that rays from its viewpoint would cross; its cost is the path
+length d. To *finish* an exploration the total gain is fixed, so agents that chase gain can lose to the
+nearest frontier.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.agents.base import Heuristic, Options, OptionsT, option, register
-from layoutexplore.decision import Choice, Decision
-from layoutexplore.frontier_tour import sizeable_frontiers
+from layoutexplore.frontiers.decision import Choice, Decision
+from layoutexplore.frontiers.tour_features import sizeable_frontiers
 
 _TIE = 1e-9
 """Scores that differ by less than this share of the largest one are equal."""
@@ -60,7 +61,8 @@ def best_index(scores: NDArray[np.float64], path_lengths: NDArray[np.float64]) -
     """The index of the greatest score; of equal ones the nearest, of equally near ones the first.
 
     Args:
-        scores: float64 (k,); those within a share of 1e-9 of the largest magnitude of the best are equal to it.
+        scores: float64 (k,); those within a share of 1e-9 of the largest magnitude of the best are equal to
+            it.
         path_lengths: float64 (k,), in metres.
 
     Example:
@@ -80,7 +82,9 @@ class Greedy(Heuristic[OptionsT]):
         lengths = np.array([decision.frontiers[i].path_length for i in chosen], np.float64)
         return int(chosen[best_index(self.scores(decision, chosen, lengths), lengths)])
 
-    def scores(self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scores(
+        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Scores float64 (k,) of the chosen frontiers int64 (k,) whose paths have these lengths in metres."""
         raise NotImplementedError
 
@@ -104,7 +108,9 @@ class Random(Heuristic[Options]):
 class Nearest(Greedy[NearestOptions]):
     """The nearest frontier (Yamauchi 1997)."""
 
-    def scores(self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scores(
+        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Minus the distance in metres."""
         if self.options.distance == "path":
             return -lengths
@@ -114,7 +120,9 @@ class Nearest(Greedy[NearestOptions]):
 class CostUtility(Greedy[CostUtilityOptions]):
     """alpha (dmax - d)/dmax + (1 - alpha) A/Amax, with the maxima over the candidates (Luperto et al. 2021)."""
 
-    def scores(self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scores(
+        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Between 0 and 1."""
         areas = visible_areas(decision, chosen)
         nearness = 1.0 - lengths / max(float(lengths.max()), 1e-9)
@@ -126,7 +134,9 @@ class CostUtility(Greedy[CostUtilityOptions]):
 class GainOverDistance(Greedy[GreedyOptions]):
     """A/d."""
 
-    def scores(self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scores(
+        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """In square metres per metre; a frontier underfoot is one cell away."""
         return visible_areas(decision, chosen) / np.maximum(lengths, decision.grid.resolution)
 
@@ -134,7 +144,9 @@ class GainOverDistance(Greedy[GreedyOptions]):
 class GainExp(Greedy[GainExpOptions]):
     """A exp(-lambda d) (Gonzalez-Banos and Latombe 2002)."""
 
-    def scores(self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scores(
+        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """In square metres, up to a factor that all share: the nearest one is not discounted, so that none underflows."""
         discounts: NDArray[np.float64] = np.exp(-self.options.rate * (lengths - lengths.min()))
         return visible_areas(decision, chosen) * discounts
@@ -146,7 +158,9 @@ class DistanceAdvantage(Greedy[DistanceAdvantageOptions]):
     A frontier that is far from all others costs a detour later, so it is visited while it is near.
     """
 
-    def scores(self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scores(
+        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """The weighted mean path length from the other frontiers less the path length from the robot, in metres."""
         if len(chosen) == 1:
             return -lengths
@@ -162,7 +176,12 @@ def visible_areas(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.f
 
 register("random", "any frontier, all equally likely", Random, Options())
 register("nearest", "the nearest frontier by path; those of 1.0 m and more first", Nearest, NearestOptions())
-register("nearest-0.4", "the nearest frontier by path; those of 0.4 m and more first", Nearest, NearestOptions(min_size=0.4))
+register(
+    "nearest-0.4",
+    "the nearest frontier by path; those of 0.4 m and more first",
+    Nearest,
+    NearestOptions(min_size=0.4),
+)
 register(
     "nearest-straight",
     "the nearest frontier by straight line (MapEx's baseline)",
@@ -170,8 +189,20 @@ register(
     NearestOptions(min_size=0.4, distance="straight"),
 )
 register("cost-utility", "alpha x nearness + (1 - alpha) x visible area", CostUtility, CostUtilityOptions())
-register("cost-utility-0.5", "half nearness, half visible area (as published)", CostUtility, CostUtilityOptions(alpha=0.5))
-register("cost-utility-0.9", "mostly nearness, a tenth visible area", CostUtility, CostUtilityOptions(alpha=0.9))
+register(
+    "cost-utility-0.5",
+    "half nearness, half visible area (as published)",
+    CostUtility,
+    CostUtilityOptions(alpha=0.5),
+)
+register(
+    "cost-utility-0.9", "mostly nearness, a tenth visible area", CostUtility, CostUtilityOptions(alpha=0.9)
+)
 register("gain-over-distance", "visible area / path length", GainOverDistance, GreedyOptions())
 register("gain-exp", "visible area x exp(-0.2 x path length)", GainExp, GainExpOptions())
-register("distance-advantage", "near the robot and far from the other frontiers", DistanceAdvantage, DistanceAdvantageOptions())
+register(
+    "distance-advantage",
+    "near the robot and far from the other frontiers",
+    DistanceAdvantage,
+    DistanceAdvantageOptions(),
+)

@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from layoutexplore.agents.base import Options, option, register
-from layoutexplore.decision import Agent
 from layoutexplore.errors import require
+from layoutexplore.frontiers.decision import Agent
 
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyOptions(Options):
     """Parameters of a trained policy."""
 
-    path: str = option("layout", "a policy's file, a folder of `layoutexplore train`, or a shipped policy", positional=True)
+    path: str = option(
+        "layout", "a policy's file, a folder of `layoutexplore train`, or a shipped policy", positional=True
+    )
 
 
 def _load(name: str, options: PolicyOptions) -> Agent:

@@ -1,7 +1,7 @@
 """A tour over all frontiers, planned anew at every decision; the robot goes to the first one of it.
 
-A short tour finishes well and starts badly. A latency tour also wants to come early to where much is to be seen: it is ahead of
-the short one at 90, 95 and at 99 % of coverage.
+A short tour finishes well and starts badly. A latency tour also wants to come early to where much is to be
+seen: it is ahead of the short one at 90, 95 and at 99 % of coverage.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from layoutexplore.agents.base import Heuristic, option, register
 from layoutexplore.agents.greedy import GreedyOptions
-from layoutexplore.decision import Choice, Decision
-from layoutexplore.frontier_tour import sizeable_frontiers, tour_weights
-from layoutexplore.latency_tours import latency_tour
-from layoutexplore.tours import open_tour
+from layoutexplore.frontiers.decision import Choice, Decision
+from layoutexplore.frontiers.tour_features import sizeable_frontiers, tour_weights
+from layoutexplore.planning.latency_tours import latency_tour
+from layoutexplore.planning.tours import open_tour
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,9 @@ class Tour(Heuristic[TourOptions]):
 class LatencyTourOptions(TourOptions):
     """Parameters of `LatencyTour`."""
 
-    patience: float = option(1.0, "weight of the tour's length against the mean way to a square metre", low=0.0)
+    patience: float = option(
+        1.0, "weight of the tour's length against the mean way to a square metre", low=0.0
+    )
 
 
 class LatencyTour(Heuristic[LatencyTourOptions]):
@@ -72,7 +74,7 @@ def plan_latency_tour(decision: Decision, chosen: NDArray[np.int64], patience: f
     Args:
         decision: The decision.
         chosen: int64 (k,), indices of the frontiers to visit.
-        patience: Weight of the tour's length; see `layoutexplore.latency_tours`.
+        patience: Weight of the tour's length; see `layoutexplore.planning.latency_tours`.
 
     Returns:
         int64 (k,): the same indices in the order of the visit.
@@ -83,7 +85,15 @@ def plan_latency_tour(decision: Decision, chosen: NDArray[np.int64], patience: f
 
 
 register("tour", "the first frontier of a short tour over all of 1.0 m and more", Tour, TourOptions())
-register("tour-0.4", "the first frontier of a short tour over all of 0.4 m and more", Tour, TourOptions(min_size=0.4))
 register(
-    "latency-tour", "the first frontier of a tour that is short and comes early to large ones", LatencyTour, LatencyTourOptions()
+    "tour-0.4",
+    "the first frontier of a short tour over all of 0.4 m and more",
+    Tour,
+    TourOptions(min_size=0.4),
+)
+register(
+    "latency-tour",
+    "the first frontier of a tour that is short and comes early to large ones",
+    LatencyTour,
+    LatencyTourOptions(),
 )

@@ -1,7 +1,7 @@
 """Nearest frontier, but frontiers behind which little can be hidden wait until only such are left.
 
-The nearest frontier is mostly a shadow behind a door jamb or a pillar: looking into each before moving on costs
-metres. Without a layout the unknown area visible from the frontier says which ones can wait.
+The nearest frontier is mostly a shadow behind a door jamb or a pillar: looking into each before moving on
+costs metres. Without a layout the unknown area visible from the frontier says which ones can wait.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 
 from layoutexplore.agents.base import Heuristic, option, register
 from layoutexplore.agents.greedy import GreedyOptions, best_index, visible_areas
-from layoutexplore.decision import Choice, Decision
-from layoutexplore.frontier_tour import sizeable_frontiers
+from layoutexplore.frontiers.decision import Choice, Decision
+from layoutexplore.frontiers.tour_features import sizeable_frontiers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +35,18 @@ class Waiting(Heuristic[WaitingOptions]):
         return int(chosen[best_index(-lengths, lengths)])
 
 
-register("wait", "the nearest frontier; those with little unknown area in sight wait", Waiting, WaitingOptions())
-register("wait-3", "the nearest frontier; those with less than 3 m2 in sight wait", Waiting, WaitingOptions(area=3.0))
-register("wait-8", "the nearest frontier; those with less than 8 m2 in sight wait", Waiting, WaitingOptions(area=8.0))
+register(
+    "wait", "the nearest frontier; those with little unknown area in sight wait", Waiting, WaitingOptions()
+)
+register(
+    "wait-3",
+    "the nearest frontier; those with less than 3 m2 in sight wait",
+    Waiting,
+    WaitingOptions(area=3.0),
+)
+register(
+    "wait-8",
+    "the nearest frontier; those with less than 8 m2 in sight wait",
+    Waiting,
+    WaitingOptions(area=8.0),
+)

@@ -1,5 +1,5 @@
-"""Gymnasium environments over `layoutexplore.simulation`.
+"""Gymnasium environments over `layoutexplore.simulation.simulation`.
 
-`import layoutexplore` registers `LayoutExplore/Frontier-v0` (`layoutexplore.envs.frontier`) and `LayoutExplore/Motion-v0`
-(`layoutexplore.envs.motion`); their class docstrings are their documentation.
+`import layoutexplore` registers `LayoutExplore/Frontier-v0` (`layoutexplore.envs.frontier`) and
+`LayoutExplore/Motion-v0` (`layoutexplore.envs.motion`); their class docstrings are their documentation.
 """

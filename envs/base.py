@@ -1,6 +1,7 @@
 """What both environments share: floor plans, seeds, rewards, bookkeeping and rendering.
 
-All physics is in `layoutexplore.simulation`; an environment only translates between it and Gymnasium.
+All physics is in `layoutexplore.simulation.simulation`; an environment only translates between it and
+Gymnasium.
 """
 
 from __future__ import annotations
@@ -14,19 +15,19 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from layoutexplore.decision import Predictor
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.plans import PlanSource, PlanSpec, load
 from layoutexplore.envs.rewards import Reward, Transition, reads_rooms, reward
-from layoutexplore.envs.rooms import RoomLedger
+from layoutexplore.envs.room_progress import RoomLedger
 from layoutexplore.envs.viewer import RENDER_MODES, Viewer
 from layoutexplore.errors import ConfigError, StartError
-from layoutexplore.exploration_metrics import distance_to_coverage
-from layoutexplore.grid import Pose
-from layoutexplore.lidar import LidarConfig
-from layoutexplore.simulation import Simulation
-from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.frontiers.decision import Predictor
+from layoutexplore.grids.grid import Pose
+from layoutexplore.metrics.exploration import distance_to_coverage
+from layoutexplore.sensing.lidar import LidarConfig
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.simulation import Simulation
 
 Action = TypeVar("Action")
 
@@ -88,7 +89,9 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         self._counts_visits = reads_rooms(self._reward)
         self._watches_rooms = watches_rooms or self._counts_visits
         self._ledger: RoomLedger | None = None
-        self._viewer = Viewer(render_mode, render_size, self.metadata["render_fps"], frontiers=shows_frontiers)
+        self._viewer = Viewer(
+            render_mode, render_size, self.metadata["render_fps"], frontiers=shows_frontiers
+        )
         self._simulation: Simulation | None = None
         self._over = True
 
@@ -102,7 +105,9 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
     def render(self) -> NDArray[np.uint8] | str | None:
         """A frame uint8 (height, width, 3), a text, or None, by the render mode."""
         if self.render_mode is None:
-            gymnasium.logger.warn("render() does nothing without a render_mode: gymnasium.make(id, render_mode='rgb_array')")
+            gymnasium.logger.warn(
+                "render() does nothing without a render_mode: gymnasium.make(id, render_mode='rgb_array')"
+            )
             return None
         return self._viewer.draw(self.simulation)
 
@@ -165,7 +170,9 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         if self._ledger is None:
             return 0
         simulation = self.simulation
-        finished = self._ledger.update(simulation.unseen_in, simulation.robot.track if self._counts_visits else None)
+        finished = self._ledger.update(
+            simulation.unseen_in, simulation.robot.track if self._counts_visits else None
+        )
         return finished if self._counts_visits else 0
 
     def _metres_before(self, mark: float) -> float:
@@ -187,7 +194,9 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
     def _check_running(self) -> None:
         if self._over:
             raise ResetNeeded(
-                "the episode is over: call reset() before the next step()" if self._simulation else "call reset() first"
+                "the episode is over: call reset() before the next step()"
+                if self._simulation
+                else "call reset() first"
             )
 
     def _info(self) -> dict[str, Any]:

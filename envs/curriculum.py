@@ -1,7 +1,7 @@
 """Floor plans without end, from small to large, and sensors that change from episode to episode: training data as data.
 
-Both are frozen dataclasses that read a table of a TOML file and draw from the environment's generator, so that an episode
-depends on the seed alone.
+Both are frozen dataclasses that read a table of a TOML file and draw from the environment's generator, so
+that an episode depends on the seed alone.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import numpy as np
 
 from layoutexplore.envs.plans import load
 from layoutexplore.errors import ConfigError, unknown_name
-from layoutexplore.floorplan import FloorPlan
-from layoutexplore.lidar import sensor
-from layoutexplore.robot import OdometryNoise
-from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.sensing.lidar import sensor
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.robot import OdometryNoise
 
 T = TypeVar("T", bound="_Table")
 
@@ -62,8 +62,8 @@ class _Table:
 class PlanSampler(_Table):
     """Draws floor plans: generated ones of all families, and shipped ones in between. Usable as `plan=` of an environment.
 
-    An environment hands its `progress` (0 ... 1, how far the training is; 1 unless set) to the sampler: the largest plan
-    grows with it from `first_area` to the end of `area`.
+    An environment hands its `progress` (0 ... 1, how far the training is; 1 unless set) to the sampler: the
+    largest plan grows with it from `first_area` to the end of `area`.
 
     Attributes:
         families: Weight of each family of the generator; all alike when empty.
@@ -71,8 +71,8 @@ class PlanSampler(_Table):
         clutter: Least and greatest share of a room's floor under furniture.
         door_width: Least and greatest clear width of the doors in metres.
         closed_doors: Least and greatest share of the doors that are shut.
-        seeds: Number of different generated plans per family; 0 for no limit. Plans drawn lately are kept, so that few
-            seeds save time and many give variety.
+        seeds: Number of different generated plans per family; 0 for no limit. Plans drawn lately are kept, so
+            that few seeds save time and many give variety.
         shipped: Splits, names or files of plans that are drawn as they are.
         shipped_share: Probability of drawing one of these.
         first_area: The greatest area at progress 0; the whole range from the start when it is 0.
@@ -170,7 +170,12 @@ class Randomisation(_Table):
         for name in ("range_noise", "dropout", "drift"):
             if not getattr(self, name):
                 raise ConfigError(f"{name}: list at least one value")
-        limits = {"range_noise": (0.0, 10.0), "dropout": (0.0, 0.99), "drift": (0.0, 1.0), "robot_radius": (0.01, 2.0)}
+        limits = {
+            "range_noise": (0.0, 10.0),
+            "dropout": (0.0, 0.99),
+            "drift": (0.0, 1.0),
+            "robot_radius": (0.01, 2.0),
+        }
         for name, (low, high) in limits.items():
             for value in getattr(self, name):
                 _check(name, value, low, high)
@@ -194,7 +199,9 @@ def _one(values: tuple[Any, ...], rng: np.random.Generator) -> Any:
 
 
 @lru_cache(maxsize=48)
-def _generated(family: str, seed: int, area: Range, clutter: Range, door_width: Range, closed_doors: Range) -> FloorPlan:
+def _generated(
+    family: str, seed: int, area: Range, clutter: Range, door_width: Range, closed_doors: Range
+) -> FloorPlan:
     """A generated plan, its knobs drawn from its seed; the last ones are kept. A seed that fails is followed by others."""
     from layoutexplore.maps.generator import PlanConfig, generate
 

@@ -10,7 +10,6 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from layoutexplore.decision import STOP, Predictor
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.observation import Observation, ObservationConfig, Observer, check_counts
@@ -18,20 +17,22 @@ from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.privileged import PrivilegedView
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.errors import ConfigError
-from layoutexplore.lidar import LidarConfig
-from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.frontiers.decision import STOP, Predictor
+from layoutexplore.sensing.lidar import LidarConfig
+from layoutexplore.simulation.config import SimulationConfig
 
 
 class FrontierEnv(ExplorationEnv[np.int64]):
     r"""Explore an unknown building by choosing, again and again, the frontier to look at next.
 
     ## Description
-    A robot with a lidar stands in a building it does not know. It maps what it sees; the borders between known floor
-    and the unknown are *frontiers*. Each step sends it to one of them along the shortest known path. It scans on the way, and
-    the step ends on arrival, or earlier when the frontier has dissolved or the way is blocked. The task is to see all
-    of the building that can be reached in as few metres as possible.
+    A robot with a lidar stands in a building it does not know. It maps what it sees; the borders between
+    known floor and the unknown are *frontiers*. Each step sends it to one of them along the shortest known
+    path. It scans on the way, and the step ends on arrival, or earlier when the frontier has dissolved or the
+    way is blocked. The task is to see all of the building that can be reached in as few metres as possible.
 
-    The environment is a thin layer over `layoutexplore.Simulation`: the same choices give the same trajectory.
+    The environment is a thin layer over `layoutexplore.Simulation`: the same choices give the same
+    trajectory.
 
     ## Action Space
     `Discrete(max_frontiers + 1)`; with the default of 64 slots:
@@ -42,13 +43,13 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | 64 | stop: end the episode |
 
     The valid actions stand in `observation["action_mask"]`, in `info["action_mask"]` (both int8) and in
-    `env.unwrapped.action_masks()` (bool, as sb3-contrib's `MaskablePPO` wants it). An invalid action moves nothing,
-    costs `invalid_penalty` and is counted; after `max_invalid_actions` of them the episode is truncated. When there are more
-    frontiers than slots, the farthest are left out.
+    `env.unwrapped.action_masks()` (bool, as sb3-contrib's `MaskablePPO` wants it). An invalid action moves
+    nothing, costs `invalid_penalty` and is counted; after `max_invalid_actions` of them the episode is
+    truncated. When there are more frontiers than slots, the farthest are left out.
 
     ## Observation Space
-    `Dict`; images are uint8 and channel first, vectors float32. Lengths are in units of 10 m, areas of 10 m² (see
-    `ObservationConfig`), clipped to the bounds of the space.
+    `Dict`; images are uint8 and channel first, vectors float32. Lengths are in units of 10 m, areas of 10 m²
+    (see `ObservationConfig`), clipped to the bounds of the space.
 
     | Key | Shape | Content |
     |---|---|---|
@@ -59,8 +60,8 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `action_mask` | (65,) | 1 for valid actions |
     | `privileged` | (8,) | what only the floor plan tells, for the critic in training; only with `privileged=True` |
 
-    Channels: `free` (share of the pixel), `occupied`, `frontier`, `trail` (where the robot has been), `predicted_room`,
-    `predicted_wall`, `closed_room`.
+    Channels: `free` (share of the pixel), `occupied`, `frontier`, `trail` (where the robot has been),
+    `predicted_room`, `predicted_wall`, `closed_room`.
 
     | Column of `frontiers` | Content |
     |---|---|
@@ -77,20 +78,21 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `expected_area` | predicted unknown area behind it |
     | `confidence` | of the class |
 
-    `robot`: `heading_cos`, `heading_sin`, `distance` travelled, `known_area`, `frontier_count` (over the slots), `map_x`,
-    `map_y` (where it is in the global map, 0 ... 1 from the lower left), `map_span` (side of the global map),
-    `expected_area` (of all frontiers). Without a predictor, all that a layout would tell is zero. `detour` and `tour_rank` are
-    zero unless switched on; the tour is the one that the tour agents follow (`layoutexplore.frontier_tour`), over the frontiers
-    of 1 m and more (0.4 m with a predictor) that are not closed with less than 1 m² left.
+    `robot`: `heading_cos`, `heading_sin`, `distance` travelled, `known_area`, `frontier_count` (over the
+    slots), `map_x`, `map_y` (where it is in the global map, 0 ... 1 from the lower left), `map_span` (side of
+    the global map), `expected_area` (of all frontiers). Without a predictor, all that a layout would tell is
+    zero. `detour` and `tour_rank` are zero unless switched on; the tour is the one that the tour agents
+    follow (`layoutexplore.frontiers.tour_features`), over the frontiers of 1 m and more (0.4 m with a
+    predictor) that are not closed with less than 1 m² left.
 
-    `privileged`: `coverage`, `remaining_area` and `building_area`, `rooms_left` (share of the rooms with 1 m² or more to
-    see), `remaining_tour` (length of a tour over their middles), `length_to_95` and `length_to_99` (its parts up to these
-    coverages, estimates), `budget_used`. An agent that acts from decisions alone (`Observer`) sees the same observation, with
-    zeros there.
+    `privileged`: `coverage`, `remaining_area` and `building_area`, `rooms_left` (share of the rooms with 1 m²
+    or more to see), `remaining_tour` (length of a tour over their middles), `length_to_95` and `length_to_99`
+    (its parts up to these coverages, estimates), `budget_used`. An agent that acts from decisions alone
+    (`Observer`) sees the same observation, with zeros there.
 
     ## Starting State
-    A floor plan drawn from `plan`, and a random free pose in its largest connected area, after one scan all around.
-    `reset(options={"plan": ..., "start": (x, y, theta)})` sets either.
+    A floor plan drawn from `plan`, and a random free pose in its largest connected area, after one scan all
+    around. `reset(options={"plan": ..., "start": (x, y, theta)})` sets either.
 
     ## Reward
     By name or as a callable that takes a `Transition`:
@@ -105,16 +107,16 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `coverage` | gain of coverage in per cent |
 
     ## Episode End
-    Terminated: the coverage goal is reached (99 % of the floor that can be seen from where the robot can get), no
-    frontier is left, or the agent stops. Truncated: the budget of metres is spent (100 m plus 1 m per m² of floor, unless
-    `simulation` says otherwise), or too many invalid actions. If the first scan already shows everything, the first step
-    ends the episode.
+    Terminated: the coverage goal is reached (99 % of the floor that can be seen from where the robot can
+    get), no frontier is left, or the agent stops. Truncated: the budget of metres is spent (100 m plus 1 m
+    per m² of floor, unless `simulation` says otherwise), or too many invalid actions. If the first scan
+    already shows everything, the first step ends the episode.
 
     ## Information
-    After `reset` and every `step`: `coverage` (0 ... 1), `distance` (m), `known_area` (m²), `decisions`, `scans`,
-    `stop_reason` (index into `STOP_REASONS`; 0 while the episode goes on), `plan_index` (which of the plans; -1 when it
-    came through the options), `simulation_seed` (replays the episode in a `Simulation`), `frontier_count`,
-    `invalid_actions`, `action_mask`.
+    After `reset` and every `step`: `coverage` (0 ... 1), `distance` (m), `known_area` (m²), `decisions`,
+    `scans`, `stop_reason` (index into `STOP_REASONS`; 0 while the episode goes on), `plan_index` (which of
+    the plans; -1 when it came through the options), `simulation_seed` (replays the episode in a
+    `Simulation`), `frontier_count`, `invalid_actions`, `action_mask`.
 
     ## Arguments
     ```python
@@ -142,8 +144,8 @@ class FrontierEnv(ExplorationEnv[np.int64]):
 
     ## References
     - B. Yamauchi, "A frontier-based approach for autonomous exploration", CIRA 1997.
-    - M. Luperto, L. Fochetta, F. Amigoni, "Exploration of indoor environments through predicting the layout of
-      partially observed rooms", AAMAS 2021.
+    - M. Luperto, L. Fochetta, F. Amigoni, "Exploration of indoor environments through predicting the layout
+      of partially observed rooms", AAMAS 2021.
 
     ## Version History
     - v0: first version.
@@ -186,11 +188,15 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         self.action_space = spaces.Discrete(self.observation_config.max_frontiers + 1)
         self._privileged: PrivilegedView | None = None
         if not (math.isfinite(invalid_penalty) and invalid_penalty >= 0):
-            raise ConfigError(f"invalid_penalty must be a finite number of 0 or more, got {invalid_penalty!r}")
+            raise ConfigError(
+                f"invalid_penalty must be a finite number of 0 or more, got {invalid_penalty!r}"
+            )
         check_counts(max_invalid_actions=(max_invalid_actions, 1))
         self._invalid_penalty, self._max_invalid_actions = float(invalid_penalty), max_invalid_actions
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observation, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode; `options` may set the `plan` and the `start` (x, y[, theta])."""
         self._begin(seed, options)
         self._invalid_actions = 0
@@ -224,7 +230,11 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     def info_types(self) -> dict[str, NDArray[np.generic]]:
         """Every entry of `info` as a zero of its shape and dtype."""
         counts = {"frontier_count": np.zeros((), np.int64), "invalid_actions": np.zeros((), np.int64)}
-        return super().info_types | counts | {"action_mask": np.zeros(self.observation_config.max_frontiers + 1, np.int8)}
+        return (
+            super().info_types
+            | counts
+            | {"action_mask": np.zeros(self.observation_config.max_frontiers + 1, np.int8)}
+        )
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are valid, bool (max_frontiers + 1,)."""

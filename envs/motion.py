@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.curriculum import Randomisation
-from layoutexplore.envs.map_images import CHANNELS, Trail, draw_local_map
+from layoutexplore.envs.egocentric_maps import CHANNELS, Trail, draw_local_map
 from layoutexplore.envs.observation import Observation, check_counts, check_positive
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.errors import ConfigError
-from layoutexplore.lidar import Lidar, LidarConfig
-from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.sensing.lidar import Lidar, LidarConfig
+from layoutexplore.simulation.config import SimulationConfig
 
 ACTIONS = ("discrete", "continuous")
 
@@ -90,9 +90,9 @@ class MotionEnv(ExplorationEnv[Any]):
     r"""Explore an unknown building by driving: forward, left, right.
 
     ## Description
-    The same robot, buildings and sensors as in `LayoutExplore/Frontier-v0`, but each step is a short move with one scan
-    at its end. Walls stop the robot where they stand; touching one puts it on the map. The task is to see all of the
-    building that can be reached in as few metres as possible.
+    The same robot, buildings and sensors as in `LayoutExplore/Frontier-v0`, but each step is a short move
+    with one scan at its end. Walls stop the robot where they stand; touching one puts it on the map. The task
+    is to see all of the building that can be reached in as few metres as possible.
 
     The environment is a thin layer over `layoutexplore.Simulation.drive`.
 
@@ -105,8 +105,8 @@ class MotionEnv(ExplorationEnv[Any]):
     | 1 | turn left by 30 degrees |
     | 2 | turn right by 30 degrees |
 
-    With `actions="continuous"` `Box(-1, 1, (2,))`: first turn by the second number times 30 degrees (left positive), then go
-    forward by (1 + the first number) / 2 times 0.25 m. `MotionConfig` sets both lengths.
+    With `actions="continuous"` `Box(-1, 1, (2,))`: first turn by the second number times 30 degrees (left
+    positive), then go forward by (1 + the first number) / 2 times 0.25 m. `MotionConfig` sets both lengths.
 
     ## Observation Space
     `Dict`; lengths are in units of 10 m, areas of 10 m², clipped to the bounds of the space.
@@ -117,28 +117,30 @@ class MotionEnv(ExplorationEnv[Any]):
     | `scan` | (90,) float32 | ranges over the sensor's field of view, from right to left, as shares of its range |
     | `robot` | (7,) float32 | see below |
 
-    A beam without return is 1. With sensor noise the scan is a reading of its own, besides the one that is mapped.
+    A beam without return is 1. With sensor noise the scan is a reading of its own, besides the one that is
+    mapped.
 
-    `robot`: `heading_cos`, `heading_sin`, `moved` (share of a full move forward that the last step made), `collided` (1 when a
-    wall stopped it), `new_area` (of the last step), `distance` travelled, `known_area`.
+    `robot`: `heading_cos`, `heading_sin`, `moved` (share of a full move forward that the last step made),
+    `collided` (1 when a wall stopped it), `new_area` (of the last step), `distance` travelled, `known_area`.
 
     ## Starting State
-    A floor plan drawn from `plan`, and a random free pose in its largest connected area, after one scan all around.
-    `reset(options={"plan": ..., "start": (x, y, theta)})` sets either.
+    A floor plan drawn from `plan`, and a random free pose in its largest connected area, after one scan all
+    around. `reset(options={"plan": ..., "start": (x, y, theta)})` sets either.
 
     ## Reward
-    By name or as a callable that takes a `Transition`; the same as for `LayoutExplore/Frontier-v0`. The default is `area`,
-    the floor in m² that became known in the step.
+    By name or as a callable that takes a `Transition`; the same as for `LayoutExplore/Frontier-v0`. The
+    default is `area`, the floor in m² that became known in the step.
 
     ## Episode End
-    Terminated: the coverage goal is reached (99 % of the floor that can be seen from where the robot can get).
-    Truncated: the budget of metres is spent (100 m plus 1 m per m² of floor, unless `simulation` says otherwise), or
-    `max_steps` are made (by default as many as would drive the budget four times over).
+    Terminated: the coverage goal is reached (99 % of the floor that can be seen from where the robot can
+    get). Truncated: the budget of metres is spent (100 m plus 1 m per m² of floor, unless `simulation` says
+    otherwise), or `max_steps` are made (by default as many as would drive the budget four times over).
 
     ## Information
-    After `reset` and every `step`: `coverage` (0 ... 1), `distance` (m), `known_area` (m²), `decisions` (moves), `scans`,
-    `stop_reason` (index into `STOP_REASONS`; 0 while the episode goes on), `plan_index` (which of the plans; -1 when it
-    came through the options), `simulation_seed` (replays the episode in a `Simulation`), `collisions`.
+    After `reset` and every `step`: `coverage` (0 ... 1), `distance` (m), `known_area` (m²), `decisions`
+    (moves), `scans`, `stop_reason` (index into `STOP_REASONS`; 0 while the episode goes on), `plan_index`
+    (which of the plans; -1 when it came through the options), `simulation_seed` (replays the episode in a
+    `Simulation`), `collisions`.
 
     ## Arguments
     ```python
@@ -163,8 +165,8 @@ class MotionEnv(ExplorationEnv[Any]):
     | `render_mode`, `render_size` | `human`, `rgb_array`, `ansi` or None; (width, height) in pixels |
 
     ## References
-    - T. Li et al., "HouseExpo: a large-scale 2D indoor layout dataset for learning-based algorithms on mobile robots",
-      IROS 2020: motion primitives with an egocentric map.
+    - T. Li et al., "HouseExpo: a large-scale 2D indoor layout dataset for learning-based algorithms on mobile
+      robots", IROS 2020: motion primitives with an egocentric map.
 
     ## Version History
     - v0: first version.
@@ -208,12 +210,18 @@ class MotionEnv(ExplorationEnv[Any]):
         self.motion = motion or MotionConfig()
         self._max_steps = max_steps
         self.observation_space = self.motion.space
-        self.action_space = spaces.Discrete(3) if actions == "discrete" else spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.action_space = (
+            spaces.Discrete(3) if actions == "discrete" else spaces.Box(-1.0, 1.0, (2,), np.float32)
+        )
         turn = self.motion.turn
-        self._primitives = ((self.motion.forward, 0.0), (0.0, turn), (0.0, -turn)) if actions == "discrete" else None
+        self._primitives = (
+            ((self.motion.forward, 0.0), (0.0, turn), (0.0, -turn)) if actions == "discrete" else None
+        )
         self._sensor: Lidar | None = None
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observation, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode; `options` may set the `plan` and the `start` (x, y[, theta])."""
         previous = self._simulation
         self._begin(seed, options)
@@ -290,10 +298,14 @@ class MotionEnv(ExplorationEnv[Any]):
         """Ranges float32 (scan_beams,) as shares of the greatest range."""
         assert self._sensor is not None
         ranges = self._sensor.scan(self.simulation.pose, self._rng)
-        shares: NDArray[np.float32] = np.fmin(ranges / np.float32(self._sensor.config.range_max), np.float32(1.0))
+        shares: NDArray[np.float32] = np.fmin(
+            ranges / np.float32(self._sensor.config.range_max), np.float32(1.0)
+        )
         return shares
 
-    def _robot(self, moved: float, collided: bool, new_cells: int, info: dict[str, Any]) -> NDArray[np.float32]:
+    def _robot(
+        self, moved: float, collided: bool, new_cells: int, info: dict[str, Any]
+    ) -> NDArray[np.float32]:
         """The entries of `ROBOT_FEATURES`, float32."""
         believed, motion = self.simulation.robot.believed, self.motion
         cell_area = self.simulation.raster.resolution**2

@@ -1,7 +1,8 @@
 """A decision as arrays: the observation of `LayoutExplore/Frontier-v0`.
 
-An `Observer` follows one episode. It reads the same `Decision` that a heuristic agent reads, so a policy knows neither
-more nor less. Where no predictor runs, everything that a layout would tell is zero and the space stays the same.
+An `Observer` follows one episode. It reads the same `Decision` that a heuristic agent reads, so a policy
+knows neither more nor less. Where no predictor runs, everything that a layout would tell is zero and the
+space stays the same.
 """
 
 from __future__ import annotations
@@ -16,12 +17,19 @@ from gymnasium import spaces
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.decision import Decision
-from layoutexplore.envs import map_images
-from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS, MapFrame, Trail, draw_global_map, draw_local_map
+from layoutexplore.envs import egocentric_maps as map_images
+from layoutexplore.envs.egocentric_maps import (
+    CHANNELS,
+    LAYOUT_CHANNELS,
+    MapFrame,
+    Trail,
+    draw_global_map,
+    draw_local_map,
+)
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontier_tour import TourConfig, tour_features
-from layoutexplore.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.frontiers.tour_features import TourConfig, tour_features
+from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 
 Observation = dict[str, NDArray[np.generic]]
 """Arrays by name."""
@@ -70,8 +78,8 @@ PRIVILEGED_FEATURES: dict[str, tuple[float, float]] = {
     "budget_used": (0.0, 1.0),
 }
 """The entries of the privileged vector and their bounds: the share of the target seen, the area of it not seen yet and
-in all, the share of rooms with something left, the length of a tour over these and of its parts up to 95 and 99 %
-coverage (estimates), and the share of the metres that may be walked."""
+in all, the share of rooms with something left, the length of a tour over these and of its parts up to 95 and
+99 % coverage (estimates), and the share of the metres that may be walked."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,21 +87,22 @@ class ObservationConfig:
     """What `LayoutExplore/Frontier-v0` shows of a decision.
 
     Attributes:
-        max_frontiers: Slots for frontiers; when there are more, the nearest are shown. 64 hold nearly every decision on
-            real floors (12 to 45 is usual, 80 the most seen).
+        max_frontiers: Slots for frontiers; when there are more, the nearest are shown. 64 hold nearly every
+            decision on real floors (12 to 45 is usual, 80 the most seen).
         local_map: Whether to show the close view.
         local_size: Its side in pixels.
         local_span: Its side in metres.
         global_map: Whether to show the whole map.
         global_size: Its side in pixels.
         global_min_span: Its least side in metres; it grows with what is known.
-        layout_channels: Whether the maps have the channels of the predicted layout (zero without a predictor).
-        detour: Whether to compute the columns `detour` and `tour_rank`: the distances between all frontiers and a tour,
-            a millisecond or two a decision. Without it the columns are zero.
+        layout_channels: Whether the maps have the channels of the predicted layout (zero without a
+            predictor).
+        detour: Whether to compute the columns `detour` and `tour_rank`: the distances between all frontiers
+            and a tour, a millisecond or two a decision. Without it the columns are zero.
         tour: How the tour behind these columns weighs ways and areas.
         privileged: Whether the environment adds the entry `privileged`, what only the floor plan tells (see
-            `layoutexplore.envs.privileged`): for the critic of an actor-critic in training, never for the policy. An agent
-            that acts from decisions alone sees zeros there.
+            `layoutexplore.envs.privileged`): for the critic of an actor-critic in training, never for the
+            policy. An agent that acts from decisions alone sees zeros there.
         length_scale: Metres that count as 1 in the vectors.
         area_scale: Square metres that count as 1 in the vectors.
 
@@ -116,7 +125,11 @@ class ObservationConfig:
     area_scale: float = 10.0
 
     def __post_init__(self) -> None:
-        check_counts(max_frontiers=(self.max_frontiers, 1), local_size=(self.local_size, 8), global_size=(self.global_size, 8))
+        check_counts(
+            max_frontiers=(self.max_frontiers, 1),
+            local_size=(self.local_size, 8),
+            global_size=(self.global_size, 8),
+        )
         check_positive(
             local_span=self.local_span,
             global_min_span=self.global_min_span,
@@ -173,8 +186,9 @@ def check_positive(**values: float) -> None:
 class Observer:
     """Turns decisions into observations, one episode after the other.
 
-    Everything comes from the decisions, so that an agent with an observer of its own sees what the environment shows. It
-    has to be shown every decision of an episode, in order: a new episode is recognised by its new grid.
+    Everything comes from the decisions, so that an agent with an observer of its own sees what the
+    environment shows. It has to be shown every decision of an episode, in order: a new episode is recognised
+    by its new grid.
 
     Args:
         config: What to show.
@@ -189,7 +203,8 @@ class Observer:
 
         Args:
             decision: The decision that is due.
-            privileged: float32 (features,), what the floor plan tells, where the config asks for it; zeros when None.
+            privileged: float32 (features,), what the floor plan tells, where the config asks for it; zeros
+                when None.
         """
         config, pose = self.config, decision.pose
         observation: Observation = {
@@ -204,7 +219,12 @@ class Observer:
             marks = self._marked(decision)
         if config.local_map:
             observation["local_map"] = draw_local_map(
-                decision.grid, marks, pose, size=config.local_size, span=config.local_span, channels=len(config.channels)
+                decision.grid,
+                marks,
+                pose,
+                size=config.local_size,
+                span=config.local_span,
+                channels=len(config.channels),
             )
         if config.global_map:
             observation["global_map"], frame = draw_global_map(
@@ -239,7 +259,9 @@ class Observer:
 def layout_marks(decision: Decision) -> NDArray[np.uint8]:
     """What the layout predicts of the cells that are not known, as bits uint8 (rows, cols)."""
     labels = decision.layout.labels
-    closed = {frontier.room for frontier in decision.frontiers if frontier.is_closed and frontier.room is not None}
+    closed = {
+        frontier.room for frontier in decision.frontiers if frontier.is_closed and frontier.room is not None
+    }
     outline = np.zeros(labels.shape, np.bool_)
     outline[:-1] |= labels[:-1] != labels[1:]
     outline[:, :-1] |= labels[:, :-1] != labels[:, 1:]

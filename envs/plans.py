@@ -10,7 +10,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.floorplan import FloorPlan
+from layoutexplore.maps.floorplan import FloorPlan
 
 OnePlan = FloorPlan | str | Path
 """A floor plan, or the name or path of one."""
@@ -33,9 +33,9 @@ class PlanSource:
     Plans are loaded when they are first drawn and are shared by all environments of the process.
 
     Args:
-        spec: A `FloorPlan`; the name of a shipped plan, of a split ("train", "validation", "test") or of a generated plan
-            ("office:7"); a path to a plan or to a folder of them; a sequence of these; or a callable that is given a
-            random generator and returns a plan.
+        spec: A `FloorPlan`; the name of a shipped plan, of a split ("train", "validation", "test") or of a
+            generated plan ("office:7"); a path to a plan or to a folder of them; a sequence of these; or a
+            callable that is given a random generator and returns a plan.
 
     Raises:
         ConfigError: There is no plan to draw from.
@@ -80,5 +80,7 @@ def _expand(spec: OnePlan | Sequence[OnePlan]) -> list[FloorPlan | str]:
 
         return list(expand_plans(str(spec)))
     if not isinstance(spec, Iterable):
-        raise ConfigError(f"a plan is a FloorPlan, a name, a path, a sequence of these or a function, got {spec!r}")
+        raise ConfigError(
+            f"a plan is a FloorPlan, a name, a path, a sequence of these or a function, got {spec!r}"
+        )
     return [plan for one in spec for plan in _expand(one)]

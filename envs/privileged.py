@@ -1,7 +1,7 @@
 """What only the floor plan tells, as a vector for the critic of an actor-critic; see `PRIVILEGED_FEATURES`.
 
-A critic that knows how far the rest of the exploration is judges the actor with less noise (asymmetric actor-critic, Pinto et
-al., RSS 2018). The policy itself never reads it.
+A critic that knows how far the rest of the exploration is judges the actor with less noise (asymmetric
+actor-critic, Pinto et al., RSS 2018). The policy itself never reads it.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.envs.observation import PRIVILEGED_FEATURES, ObservationConfig, bounds
-from layoutexplore.envs.rooms import RoomLedger, room_distances
-from layoutexplore.simulation import Simulation
-from layoutexplore.tours import construct, improve
+from layoutexplore.envs.room_progress import RoomLedger, room_distances
+from layoutexplore.planning.tours import construct, improve
+from layoutexplore.simulation.simulation import Simulation
 
 _LOW, _HIGH = bounds(PRIVILEGED_FEATURES)
 
@@ -21,8 +21,9 @@ _LOW, _HIGH = bounds(PRIVILEGED_FEATURES)
 class PrivilegedView:
     """Describes one episode to a critic.
 
-    The rest of the exploration is estimated by a tour over the middles of the rooms that have something left to see. It is
-    planned once and then kept: rooms that are finished leave it, and local search adapts it to where the robot is.
+    The rest of the exploration is estimated by a tour over the middles of the rooms that have something left
+    to see. It is planned once and then kept: rooms that are finished leave it, and local search adapts it to
+    where the robot is.
 
     Args:
         config: For the scales of lengths and areas.
@@ -68,8 +69,9 @@ def _plan(
 ) -> tuple[NDArray[np.int64], float, float, float]:
     """The order over open rooms, its length in metres, and the lengths after which only the first and second mark are unseen.
 
-    An empty order is a tour that has not been planned; one that has is kept, as far as its rooms are open, and improved. What
-    is left outside of the rooms of the tour, in doors and corners, is taken to be seen evenly on the way.
+    An empty order is a tour that has not been planned; one that has is kept, as far as its rooms are open,
+    and improved. What is left outside of the rooms of the tour, in doors and corners, is taken to be seen
+    evenly on the way.
     """
     rooms = (order[is_open[order]] if len(order) else np.flatnonzero(is_open)).astype(np.int64)
     count = len(rooms)

@@ -1,7 +1,8 @@
 """Reward functions: small callables that turn one step of an environment into a number.
 
-A reward is any callable that takes a `Transition`. The ones below are known by name; they measure what the benchmark
-measures (metres until 99 % is seen) or the greedier quantities of other exploration environments, for comparison.
+A reward is any callable that takes a `Transition`. The ones below are known by name; they measure what the
+benchmark measures (metres until 99 % is seen) or the greedier quantities of other exploration environments,
+for comparison.
 """
 
 from __future__ import annotations
@@ -24,11 +25,13 @@ class Transition(NamedTuple):
         distance: Metres travelled since the start of the episode.
         budget: Metres after which the episode is truncated.
         stop_reason: Why the episode ended with this step (see `STOP_REASONS`); "" while it goes on.
-        metres_before_95: Of `metres`, those that were walked before 95 % coverage, linear between scans as in the benchmark.
+        metres_before_95: Of `metres`, those that were walked before 95 % coverage, linear between scans as in
+            the benchmark.
         metres_before_99: The same for 99 %.
-        reference: Metres that a fair exploration of this plan may take, about what going to the nearest frontier needs.
-        rooms_finished: Rooms of which less than 1 m² is left to see after this step, for the first time, and to which the
-            robot has not come twice.
+        reference: Metres that a fair exploration of this plan may take, about what going to the nearest
+            frontier needs.
+        rooms_finished: Rooms of which less than 1 m² is left to see after this step, for the first time, and
+            to which the robot has not come twice.
     """
 
     metres: float
@@ -51,9 +54,9 @@ Reward = Callable[[Transition], float]
 def path_length(transition: Transition) -> float:
     """Minus the metres travelled as a share of the budget, times 10; at the end 10 when all is explored.
 
-    Every metre costs the same whenever it is walked, so the return is highest for the shortest complete exploration. An
-    end before everything is explored earns half the bonus times the coverage: always less than finishing, unless that
-    would take more than half of the budget.
+    Every metre costs the same whenever it is walked, so the return is highest for the shortest complete
+    exploration. An end before everything is explored earns half the bonus times the coverage: always less
+    than finishing, unless that would take more than half of the budget.
 
     Example:
         >>> path_length(Transition(20.0, 5.0, 0.5, 0.1, distance=60.0, budget=400.0))
@@ -86,9 +89,10 @@ def coverage(transition: Transition) -> float:
 class PathToMarks:
     """Minus the metres walked before 95 and 99 % coverage, as shares of the reference.
 
-    The return of an episode is -(weight_95 d95 + weight_99 d99) / reference: the two lengths that the benchmark reports. The
-    step that crosses a mark is charged only for the way to it. Who gives up (stops, or acts invalidly until the episode is
-    cut off) pays for a mark that was not reached as if the rest of the budget had been walked.
+    The return of an episode is -(weight_95 d95 + weight_99 d99) / reference: the two lengths that the
+    benchmark reports. The step that crosses a mark is charged only for the way to it. Who gives up (stops, or
+    acts invalidly until the episode is cut off) pays for a mark that was not reached as if the rest of the
+    budget had been walked.
 
     Attributes:
         weight_95: What a metre before 95 % costs.
@@ -145,7 +149,9 @@ REWARDS: dict[str, Reward] = {
 
 def reads_rooms(function: Reward) -> bool:
     """Whether a reward may read `Transition.rooms_finished`; the functions of this module that do not are spared the count."""
-    return isinstance(function, RoomArea) or not (isinstance(function, PathToMarks) or function in REWARDS.values())
+    return isinstance(function, RoomArea) or not (
+        isinstance(function, PathToMarks) or function in REWARDS.values()
+    )
 
 
 def reward(name_or_callable: str | Reward) -> Reward:
@@ -160,5 +166,7 @@ def reward(name_or_callable: str | Reward) -> Reward:
             raise unknown_name("reward", name_or_callable, REWARDS)
         return REWARDS[name_or_callable]
     if not callable(name_or_callable):
-        raise ConfigError(f"a reward is a name or a callable that takes a Transition, got {name_or_callable!r}")
+        raise ConfigError(
+            f"a reward is a name or a callable that takes a Transition, got {name_or_callable!r}"
+        )
     return name_or_callable

@@ -15,11 +15,11 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from layoutexplore.envs.base import ExplorationEnv
-from layoutexplore.envs.crews import Crew, LocalCrew, ProcessCrew
 from layoutexplore.envs.frontier import FrontierEnv
-from layoutexplore.envs.lanes import Arrays
 from layoutexplore.envs.motion import MotionEnv
 from layoutexplore.envs.observation import Observation, check_counts
+from layoutexplore.envs.vector_buffers import Arrays
+from layoutexplore.envs.vector_workers import Crew, LocalCrew, ProcessCrew
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.processes import usable_cores
 
@@ -32,21 +32,23 @@ Step = tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.boo
 class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
     """N independent environments, stepped together; the same trajectories as N single ones with the same seeds.
 
-    Observations, rewards and infos are written into arrays that are made once; with worker processes these lie in shared
-    memory, so that only a few bytes travel per step. Floor plans, their rasters and the sensor's tables are shared by all
-    environments of a process.
+    Observations, rewards and infos are written into arrays that are made once; with worker processes these
+    lie in shared memory, so that only a few bytes travel per step. Floor plans, their rasters and the
+    sensor's tables are shared by all environments of a process.
 
     Args:
         num_envs: How many.
-        backend: One of `BACKENDS`; None takes processes when there is more than one core and more than one environment.
+        backend: One of `BACKENDS`; None takes processes when there is more than one core and more than one
+            environment.
         workers: Threads or processes; None for as many as there are cores, at most one per environment.
-        autoreset_mode: When the next episode begins: `AutoresetMode` or its value. With "SameStep" (the default, what
-            adapters for stable-baselines3 need) in the step that ends one, whose last observation and info are then
-            `info["final_obs"]` and `info["final_info"]`; with "NextStep" in the step after, whose action counts for
-            nothing; with "Disabled" when `reset(options={"reset_mask": mask})` is called.
+        autoreset_mode: When the next episode begins: `AutoresetMode` or its value. With "SameStep" (the
+            default, what adapters for stable-baselines3 need) in the step that ends one, whose last
+            observation and info are then `info["final_obs"]` and `info["final_info"]`; with "NextStep" in the
+            step after, whose action counts for nothing; with "Disabled" when `reset(options={"reset_mask":
+            mask})` is called.
         max_episode_steps: Steps after which an episode is truncated.
-        copy: Whether observations are copies. Without, `reset` and `step` return the arrays themselves, which the next
-            step overwrites.
+        copy: Whether observations are copies. Without, `reset` and `step` return the arrays themselves, which
+            the next step overwrites.
         **options: Of each environment; see its class.
 
     Raises:
@@ -74,7 +76,10 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         self.closed = False
         self.metadata = template.metadata | {"autoreset_mode": self._mode}
         self.render_mode = template.render_mode
-        self.single_observation_space, self.single_action_space = template.observation_space, template.action_space
+        self.single_observation_space, self.single_action_space = (
+            template.observation_space,
+            template.action_space,
+        )
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
@@ -105,8 +110,9 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         """One action for each environment.
 
         Returns:
-            Observations by key (num_envs, ...), rewards float64 (num_envs,), terminated and truncated bool (num_envs,), infos
-            by key (num_envs, ...), each with a mask of the environments that have it under "_" + key.
+            Observations by key (num_envs, ...), rewards float64 (num_envs,), terminated and truncated bool
+            (num_envs,), infos by key (num_envs, ...), each with a mask of the environments that have it under
+            "_" + key.
         """
         self.step_async(actions)
         return self.step_wait()
@@ -114,8 +120,13 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
     def step_async(self, actions: Any) -> None:
         """Send the actions; with threads or processes the environments step meanwhile."""
         buffers = self._crew.buffers
-        if self._mode == AutoresetMode.DISABLED and (buffers.flags["terminated"] | buffers.flags["truncated"]).any():
-            raise ResetNeeded("an episode is over and nothing resets it by itself: reset(options={'reset_mask': ...})")
+        if (
+            self._mode == AutoresetMode.DISABLED
+            and (buffers.flags["terminated"] | buffers.flags["truncated"]).any()
+        ):
+            raise ResetNeeded(
+                "an episode is over and nothing resets it by itself: reset(options={'reset_mask': ...})"
+            )
         given = np.asarray(actions)
         if given.shape != buffers.actions.shape:
             raise ConfigError(
@@ -163,7 +174,13 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             infos |= {"final_obs": final, "_final_obs": over.copy()}
             infos |= {"final_info": _batched(buffers.final_info, over), "_final_info": over.copy()}
         infos |= _batched(buffers.info, np.ones(end - begin, np.bool_))
-        return self._shown(buffers.observation), flags["reward"], flags["terminated"], flags["truncated"], infos
+        return (
+            self._shown(buffers.observation),
+            flags["reward"],
+            flags["terminated"],
+            flags["truncated"],
+            infos,
+        )
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are valid, bool (num_envs, actions), for `Frontier-v0`."""
@@ -268,7 +285,9 @@ def _checked_mask(mask: Any, count: int) -> NDArray[np.bool_]:
     if mask is None:
         return np.ones(count, np.bool_)
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (count,) or not mask.any():
-        raise ConfigError(f"reset_mask is a bool array ({count},) that chooses at least one environment, got {mask!r}")
+        raise ConfigError(
+            f"reset_mask is a bool array ({count},) that chooses at least one environment, got {mask!r}"
+        )
     return mask
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
+from layoutexplore.drawing.pictures import draw_state
 from layoutexplore.errors import ConfigError, MissingExtraError, require
-from layoutexplore.grid import FREE, OCCUPIED
-from layoutexplore.picture import draw_state
-from layoutexplore.simulation import Simulation
+from layoutexplore.grids.grid import FREE, OCCUPIED
+from layoutexplore.simulation.simulation import Simulation
 
 RENDER_MODES = ("human", "rgb_array", "ansi")
 _GLYPHS = " .#?"
@@ -42,7 +42,9 @@ class Viewer:
         if mode is not None and mode not in RENDER_MODES:
             raise ConfigError(f"render_mode must be one of {', '.join(RENDER_MODES)} or None, got {mode!r}")
         if len(size) != 2 or not all(isinstance(side, (int, np.integer)) and side >= 1 for side in size):
-            raise ConfigError(f"render_size must be a width and a height in pixels, 1 or more each, got {size!r}")
+            raise ConfigError(
+                f"render_size must be a width and a height in pixels, 1 or more each, got {size!r}"
+            )
         self.mode, self.size, self._fps, self._frontiers = mode, size, fps, frontiers
         self._window: Any = None
         if mode == "human":
@@ -107,7 +109,9 @@ def draw_text(simulation: Simulation, *, columns: int = 100, frontiers: bool = T
     letters = np.array(list(_GLYPHS))[blocks]
     pose = simulation.robot.believed
     row, col = simulation.mapper.grid.world_to_cell(pose.x, pose.y)
-    letters[(row - rows[0]) // high, (col - cols[0]) // wide] = _HEADINGS[round(pose.theta / (math.pi / 2)) % 4]
+    letters[(row - rows[0]) // high, (col - cols[0]) // wide] = _HEADINGS[
+        round(pose.theta / (math.pi / 2)) % 4
+    ]
     state = simulation.stop_reason or "exploring"
     head = f"{simulation.plan.name}: {100 * simulation.coverage:.1f} % seen, {simulation.distance:.1f} m, {state}"
     return "\n".join([head, *("".join(line).rstrip() for line in letters[::-1])])

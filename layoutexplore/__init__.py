@@ -1,7 +1,7 @@
 """layoutexplore: explore unknown buildings with a simulated lidar and a predicted layout.
 
-`import layoutexplore` registers the Gymnasium environments `LayoutExplore/Frontier-v0` and `LayoutExplore/Motion-v0`.
-The names below are loaded when they are first used, so that the import stays fast.
+`import layoutexplore` registers the Gymnasium environments `LayoutExplore/Frontier-v0` and
+`LayoutExplore/Motion-v0`. The names below are loaded when they are first used, so that the import stays fast.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ if (_checkout / "pyproject.toml").is_file() and str(_checkout) not in __path__:
     __path__.append(str(_checkout))
 
 if TYPE_CHECKING:
-    from layoutexplore.decision import STOP as STOP
-    from layoutexplore.decision import Decision as Decision
-    from layoutexplore.decision import Frontier as Frontier
     from layoutexplore.errors import LayoutExploreError as LayoutExploreError
-    from layoutexplore.floorplan import FloorPlan as FloorPlan
-    from layoutexplore.grid import OccupancyGrid as OccupancyGrid
-    from layoutexplore.grid import Pose as Pose
+    from layoutexplore.frontiers.decision import STOP as STOP
+    from layoutexplore.frontiers.decision import Decision as Decision
+    from layoutexplore.frontiers.decision import Frontier as Frontier
+    from layoutexplore.grids.grid import OccupancyGrid as OccupancyGrid
+    from layoutexplore.grids.grid import Pose as Pose
     from layoutexplore.layout.pipeline import reconstruct as reconstruct
     from layoutexplore.layout.types import Layout as Layout
-    from layoutexplore.simulation import Simulation as Simulation
-    from layoutexplore.simulation import SimulationConfig as SimulationConfig
+    from layoutexplore.maps.floorplan import FloorPlan as FloorPlan
+    from layoutexplore.simulation.simulation import Simulation as Simulation
+    from layoutexplore.simulation.simulation import SimulationConfig as SimulationConfig
 
 _HOMES = {
-    "STOP": "decision",
-    "Decision": "decision",
-    "Frontier": "decision",
+    "STOP": "frontiers.decision",
+    "Decision": "frontiers.decision",
+    "Frontier": "frontiers.decision",
     "LayoutExploreError": "errors",
-    "FloorPlan": "floorplan",
+    "FloorPlan": "maps.floorplan",
     "Layout": "layout.types",
-    "OccupancyGrid": "grid",
-    "Pose": "grid",
+    "OccupancyGrid": "grids.grid",
+    "Pose": "grids.grid",
     "reconstruct": "layout.pipeline",
-    "Simulation": "simulation",
-    "SimulationConfig": "simulation",
+    "Simulation": "simulation.simulation",
+    "SimulationConfig": "simulation.config",
 }
 __all__ = ["__version__", *sorted(_HOMES)]
 

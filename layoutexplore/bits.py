@@ -6,7 +6,11 @@ import numpy as np
 from numba import njit
 
 _ONE = np.uint64(1)
-_PAIRS, _FOURS, _EIGHTS = np.uint64(0x5555555555555555), np.uint64(0x3333333333333333), np.uint64(0x0F0F0F0F0F0F0F0F)
+_PAIRS, _FOURS, _EIGHTS = (
+    np.uint64(0x5555555555555555),
+    np.uint64(0x3333333333333333),
+    np.uint64(0x0F0F0F0F0F0F0F0F),
+)
 _BYTES = np.uint64(0x0101010101010101)
 
 

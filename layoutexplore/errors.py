@@ -1,7 +1,8 @@
 """Errors that say what is wrong, where, and what to do about it.
 
-Everything the package raises on purpose derives from `LayoutExploreError`, so that a caller can catch one class;
-the children also derive from the built-in exception that fits, so that ordinary `except ValueError` keeps working.
+Everything the package raises on purpose derives from `LayoutExploreError`, so that a caller can catch one
+class; the children also derive from the built-in exception that fits, so that ordinary `except ValueError`
+keeps working.
 """
 
 from __future__ import annotations
@@ -75,4 +76,6 @@ def require(module: str, extra: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        raise MissingExtraError(f"{error.name} is not installed: pip install 'layoutexplore[{extra}]'") from error
+        raise MissingExtraError(
+            f"{error.name} is not installed: pip install 'layoutexplore[{extra}]'"
+        ) from error

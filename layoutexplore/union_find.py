@@ -60,4 +60,6 @@ def components(first: NDArray[np.int64], second: NDArray[np.int64], count: int) 
         >>> components(np.array([3, 1]), np.array([0, 2]), 5).tolist()
         [0, 1, 1, 0, 2]
     """
-    return np.asarray(_components(np.ascontiguousarray(first, np.int64), np.ascontiguousarray(second, np.int64), count))
+    return np.asarray(
+        _components(np.ascontiguousarray(first, np.int64), np.ascontiguousarray(second, np.int64), count)
+    )

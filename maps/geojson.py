@@ -1,9 +1,10 @@
 """Our own format: a floor plan as a GeoJSON FeatureCollection that people can read and edit.
 
-The members `format`, `version`, `name`, `building`, `units` and `metadata` describe the plan. Each feature's property `kind` says
-what it is: "room" (Polygon; id, label), "door" (LineString of two points; rooms, open), "walls", "furniture" and "passages"
-(Polygon or MultiPolygon, at most one of each). Coordinates are metres, x right and y up. The geometry of a plan survives
-a round trip bit by bit; a plan that was born as an image is written with the exact outlines of its cells.
+The members `format`, `version`, `name`, `building`, `units` and `metadata` describe the plan. Each feature's
+property `kind` says what it is: "room" (Polygon; id, label), "door" (LineString of two points; rooms, open),
+"walls", "furniture" and "passages" (Polygon or MultiPolygon, at most one of each). Coordinates are metres, x
+right and y up. The geometry of a plan survives a round trip bit by bit; a plan that was born as an image is
+written with the exact outlines of its cells.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError
-from layoutexplore.floorplan import Door, FloorPlan, Room
-from layoutexplore.geometry import polygons_of
-from layoutexplore.grid_io import write_atomically
+from layoutexplore.grids.polygons import polygons_of
+from layoutexplore.grids.ros_map import write_atomically
+from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.json_plan import read_json
 
 FORMAT, VERSION = "layoutexplore floor plan", 1
@@ -42,7 +43,9 @@ def save_geojson(plan: FloorPlan, path: str | Path) -> None:
     for kind in SOLIDS:
         polygons = polygons_of(getattr(plan, kind))
         if polygons:
-            features.append(_feature(polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons), kind=kind))
+            features.append(
+                _feature(polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons), kind=kind)
+            )
     head = {
         "type": "FeatureCollection",
         "format": FORMAT,
@@ -94,7 +97,9 @@ def load_geojson(path: Path) -> FloorPlan:
         raise MapError(f"{path}: {error}") from error
 
 
-def _read_feature(feature: Any, where: str, rooms: list[Room], doors: list[Door], solids: dict[str, BaseGeometry]) -> None:
+def _read_feature(
+    feature: Any, where: str, rooms: list[Room], doors: list[Door], solids: dict[str, BaseGeometry]
+) -> None:
     """Add a feature to the part of the plan that its kind names."""
     properties = feature.get("properties") if isinstance(feature, dict) else None
     if not isinstance(properties, dict):
@@ -103,7 +108,11 @@ def _read_feature(feature: Any, where: str, rooms: list[Room], doors: list[Door]
     if kind == "room":
         geometry = _geometry(feature, f"{where} (room)", ("Polygon",))
         rooms.append(
-            Room(id=_whole(properties.get("id"), f"{where} (room): id"), polygon=geometry, label=_label(properties, where))
+            Room(
+                id=_whole(properties.get("id"), f"{where} (room): id"),
+                polygon=geometry,
+                label=_label(properties, where),
+            )
         )
     elif kind == "door":
         doors.append(_door(feature, properties, f"{where} (door)"))
@@ -152,7 +161,14 @@ def _geometry(feature: dict[str, Any], where: str, kinds: tuple[str, ...]) -> An
     try:
         with np.errstate(invalid="ignore"):  # shapely warns about NaN; it is reported below
             geometry = shape(data)
-    except (TypeError, ValueError, KeyError, IndexError, AttributeError, shapely.errors.ShapelyError) as error:
+    except (
+        TypeError,
+        ValueError,
+        KeyError,
+        IndexError,
+        AttributeError,
+        shapely.errors.ShapelyError,
+    ) as error:
         raise MapError(f"{where}: broken coordinates: {error}") from error
     if geometry.is_empty:
         raise MapError(f"{where}: the geometry is empty")

@@ -1,9 +1,9 @@
 """HouseExpo plans as JSON: one closed contour of free space in metres, and for some plans rooms and doors beside it.
 
-`verts` is the contour; the walls inside the house are slits of it. The boxes of `room_category` overlap: they name
-the rooms but do not bound them. Where a file ID.label_data.json, ID.output_record_points.json or
-ID.output_segmentation_data.json lies beside ID.json, its `areas` are the rooms and its `door` entries the doors.
-Without one, the whole contour is a single room.
+`verts` is the contour; the walls inside the house are slits of it. The boxes of `room_category` overlap: they
+name the rooms but do not bound them. Where a file ID.label_data.json, ID.output_record_points.json or
+ID.output_segmentation_data.json lies beside ID.json, its `areas` are the rooms and its `door` entries the
+doors. Without one, the whole contour is a single room.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import shapely
 from shapely import LineString, Point, Polygon
 
 from layoutexplore.errors import MapError
-from layoutexplore.floorplan import Door, FloorPlan, Room
-from layoutexplore.geometry import polygons_of
+from layoutexplore.grids.polygons import polygons_of
+from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.json_plan import read_json
 
 OUTER_WALL = 0.2
@@ -41,7 +41,9 @@ def load_houseexpo(path: Path) -> FloorPlan:
     data = _read(main if main.is_file() else path)
     contour = _polygon(data.get("verts"), f"{main if main.is_file() else path}: verts")
     boxes = _label_boxes(data.get("room_category"))
-    extra = next((_read(side) for part in SIDECARS if (side := main.with_name(f"{stem}.{part}.json")).is_file()), {})
+    extra = next(
+        (_read(side) for part in SIDECARS if (side := main.with_name(f"{stem}.{part}.json")).is_file()), {}
+    )
     rooms = _rooms(extra.get("areas") or [], contour, boxes, main)
     doors = _doors(extra.get("door") or [], rooms, main)
     return FloorPlan(
@@ -87,7 +89,9 @@ def _label_boxes(categories: Any) -> dict[str, list[Polygon]]:
     return found
 
 
-def _rooms(areas: list[Any], contour: Polygon, boxes: dict[str, list[Polygon]], path: Path) -> tuple[Room, ...]:
+def _rooms(
+    areas: list[Any], contour: Polygon, boxes: dict[str, list[Polygon]], path: Path
+) -> tuple[Room, ...]:
     """The areas cut to the contour, or the contour itself; each with the label whose box fits it best."""
     shapes = [_polygon(area, f"{path}: area {k}").simplify(_SMOOTHING) for k, area in enumerate(areas)]
     cut: list[Polygon] = []
@@ -96,11 +100,15 @@ def _rooms(areas: list[Any], contour: Polygon, boxes: dict[str, list[Polygon]], 
         cut.extend(sorted(polygons_of(rest), key=lambda part: -part.area)[:1])
     if not cut:
         return (Room(id=1, polygon=contour, label=_label(contour, boxes)),)
-    return tuple(Room(id=k, polygon=shape, label=_label(shape, boxes)) for k, shape in enumerate(cut, start=1))
+    return tuple(
+        Room(id=k, polygon=shape, label=_label(shape, boxes)) for k, shape in enumerate(cut, start=1)
+    )
 
 
 def _label(shape: Polygon, boxes: dict[str, list[Polygon]]) -> str:
-    fits = {name: max(shape.intersection(b).area / shape.union(b).area for b in of) for name, of in boxes.items()}
+    fits = {
+        name: max(shape.intersection(b).area / shape.union(b).area for b in of) for name, of in boxes.items()
+    }
     best = max(fits, key=lambda name: fits[name], default="")
     return best if best and fits[best] >= 0.5 else ""
 

@@ -1,9 +1,10 @@
 """Floors of the KTH campus: an occupancy image and a room instance image of 0.05 m a pixel.
 
-`ID_occ.png` is free inside and outside of the building, `ID_rooms.png` holds a number a room and 0 elsewhere, also in the
-door gaps. Indoor is what the rooms hold, plus the free gaps between them: the parts of the rooms' closing by 0.6 m that
-touch two rooms, or one room and no outdoor space. Walls are drawn as two lines with a hollow between them that is open
-at the doors; what a disc of 0.2 m does not fit into is such a hollow and becomes solid.
+`ID_occ.png` is free inside and outside of the building, `ID_rooms.png` holds a number a room and 0 elsewhere,
+also in the door gaps. Indoor is what the rooms hold, plus the free gaps between them: the parts of the rooms'
+closing by 0.6 m that touch two rooms, or one room and no outdoor space. Walls are drawn as two lines with a
+hollow between them that is open at the doors; what a disc of 0.2 m does not fit into is such a hollow and
+becomes solid.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
-from layoutexplore.floorplan import FloorPlan, PlanRaster
-from layoutexplore.grid_io import read_image, read_pixels
-from layoutexplore.plan_tracing import plan_from_raster
+from layoutexplore.grids.ros_map import read_image, read_pixels
+from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
+from layoutexplore.maps.tracing import plan_from_raster
 
 RESOLUTION = 0.05
 CLOSING_RADIUS = 0.6
@@ -44,7 +45,9 @@ def load_kth(path: Path) -> FloorPlan:
         raise MapError(f"{rooms_path}: no room lies in free space")
     source = PlanRaster(~_indoor(free, rooms), rooms, RESOLUTION)
     building = re.sub(r"_PLAN\d+$", "", stem)
-    return plan_from_raster(source, name=stem, building=building, metadata={"format": "KTH", "scale": "0.05 m a pixel"})
+    return plan_from_raster(
+        source, name=stem, building=building, metadata={"format": "KTH", "scale": "0.05 m a pixel"}
+    )
 
 
 def read_room_ids(path: Path) -> NDArray[np.int32]:
@@ -77,7 +80,10 @@ def _morphology(mask: NDArray[np.bool_], operation: int, radius: float) -> NDArr
     cells = round(radius / RESOLUTION)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * cells + 1, 2 * cells + 1))
     inner = slice(2 * cells, -2 * cells)
-    return np.asarray(cv2.morphologyEx(np.pad(mask, 2 * cells).astype(np.uint8), operation, disc)[inner, inner] > 0, np.bool_)
+    return np.asarray(
+        cv2.morphologyEx(np.pad(mask, 2 * cells).astype(np.uint8), operation, disc)[inner, inner] > 0,
+        np.bool_,
+    )
 
 
 def _neighbours(parts: NDArray[np.int32], others: NDArray[np.int32]) -> dict[int, set[int]]:

@@ -13,9 +13,9 @@ from functools import cache
 from pathlib import Path
 
 from layoutexplore.errors import MapError, unknown_name
-from layoutexplore.floorplan import FloorPlan
-from layoutexplore.grid import check_resolution
-from layoutexplore.grid_io import IMAGE_SUFFIXES, YAML_SUFFIXES
+from layoutexplore.grids.grid import check_resolution
+from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, YAML_SUFFIXES
+from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.geojson import load_geojson
 from layoutexplore.maps.houseexpo import SIDECARS, load_houseexpo
 from layoutexplore.maps.image import load_image
@@ -32,8 +32,8 @@ def load_plan(path_or_name: str | Path, *, resolution: float | None = None) -> F
     """A floor plan by the name of a shipped one, as "FAMILY:SEED" of the generator, or from a file.
 
     Args:
-        path_or_name: Name, FAMILY:SEED, or the path of our GeoJSON, a school XML, a KTH ID_occ.png, a HouseExpo JSON, a
-            ROS map's YAML or a plain image.
+        path_or_name: Name, FAMILY:SEED, or the path of our GeoJSON, a school XML, a KTH ID_occ.png, a
+            HouseExpo JSON, a ROS map's YAML or a plain image.
         resolution: Metres a pixel of a plain image; 0.05 is assumed when None. Other formats have a scale.
 
     Raises:
@@ -86,7 +86,9 @@ def _json_kind(path: Path) -> str:
 
 def _is_kth(path: Path) -> bool:
     stem, _, part = path.stem.rpartition("_")
-    return part in ("occ", "rooms") and all(path.with_name(f"{stem}_{each}{path.suffix}").is_file() for each in ("occ", "rooms"))
+    return part in ("occ", "rooms") and all(
+        path.with_name(f"{stem}_{each}{path.suffix}").is_file() for each in ("occ", "rooms")
+    )
 
 
 def _missing(text: str) -> Exception:
@@ -129,7 +131,8 @@ def expand_plans(spec: str | Path) -> list[str]:
     """What `load_plan` can read, for one word of a command line.
 
     Args:
-        spec: The name of a plan or a split, FAMILY:SEED, FAMILY:FIRST-LAST, a file, or a folder (with all inside it).
+        spec: The name of a plan or a split, FAMILY:SEED, FAMILY:FIRST-LAST, a file, or a folder (with all
+            inside it).
 
     Raises:
         UnknownNameError: No plan, split or family of that name.

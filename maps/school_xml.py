@@ -1,10 +1,11 @@
 """School buildings as XML: room polygons in image pixels with y down, doors as points on the walls.
 
 The format is that of the floor plan set of "Predicting the layout of partially observed rooms from grid maps"
-(Luperto, Arcerito, Amigoni): a scale, `space` elements with labels and a `bounding_polygon`, and `portals` that name
-a line segment and the two spaces it joins. The segments of portals have no length and the walls no thickness, so
-walls are drawn 0.2 m thick along the outlines of the rooms and opened by 0.9 m at every portal. The outlines of
-neighbouring rooms do not always coincide: an opening cuts through whatever lies between its two rooms.
+(Luperto, Arcerito, Amigoni): a scale, `space` elements with labels and a `bounding_polygon`, and `portals`
+that name a line segment and the two spaces it joins. The segments of portals have no length and the walls no
+thickness, so walls are drawn 0.2 m thick along the outlines of the rooms and opened by 0.9 m at every portal.
+The outlines of neighbouring rooms do not always coincide: an opening cuts through whatever lies between its
+two rooms.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError
-from layoutexplore.floorplan import Door, FloorPlan, Room
-from layoutexplore.geometry import Point, polygons_of
+from layoutexplore.grids.polygons import Point, polygons_of
+from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 
 WALL_THICKNESS = 0.2
 DOOR_WIDTH = 0.9
@@ -49,7 +50,10 @@ def load_school_xml(path: Path) -> FloorPlan:
     polygons = {ids[key]: polygon for key, polygon in outlines.items()}
     walls = _walls(list(polygons.values()))
     rooms, scraps = _floors(polygons, walls, {ids[key]: label for key, label in labels.items()})
-    doors = tuple(_place_door(polygons[a], polygons[b], point, (a, b)) for (a, b), point in _portals(root, scale, polygons, ids))
+    doors = tuple(
+        _place_door(polygons[a], polygons[b], point, (a, b))
+        for (a, b), point in _portals(root, scale, polygons, ids)
+    )
     plan = FloorPlan(name=path.stem, rooms=rooms, doors=doors)
     return FloorPlan(
         name=path.stem,
@@ -58,7 +62,10 @@ def load_school_xml(path: Path) -> FloorPlan:
         doors=doors,
         walls=walls.difference(shapely.union_all([plan.opening(door) for door in doors])),
         passages=scraps,
-        metadata={"format": "school XML", "building_type": (root.findtext("building_type/main_type") or "").lower()},
+        metadata={
+            "format": "school XML",
+            "building_type": (root.findtext("building_type/main_type") or "").lower(),
+        },
     )
 
 
@@ -69,13 +76,17 @@ def _scale(root: ElementTree.Element, path: Path) -> float:
     try:
         pixels, real = (float(text or "") for text in texts)
     except ValueError:
-        raise MapError(f"{path}: no usable <scale>: represented_distance and real_distance need a number each") from None
+        raise MapError(
+            f"{path}: no usable <scale>: represented_distance and real_distance need a number each"
+        ) from None
     if not (math.isfinite(pixels) and math.isfinite(real) and pixels > 0 and real > 0 and unit in _METRES):
         raise MapError(f"{path}: the scale {real:g} {unit} = {pixels:g} pixels makes no sense")
     return real * _METRES[unit] / pixels
 
 
-def _outlines(root: ElementTree.Element, scale: float, path: Path) -> tuple[dict[str, Polygon], dict[str, str]]:
+def _outlines(
+    root: ElementTree.Element, scale: float, path: Path
+) -> tuple[dict[str, Polygon], dict[str, str]]:
     """Outline in metres (y up) and label of every space, by its id in the file."""
     outlines, labels = {}, {}
     for number, space in enumerate(root.iter("space"), start=1):
@@ -109,10 +120,14 @@ def _walls(outlines: list[Polygon]) -> BaseGeometry:
     rooms = shapely.union_all(outlines)
     half = CLOSED_GAP / 2
     slits = rooms.buffer(half, join_style="mitre").buffer(-half, join_style="mitre").difference(rooms)
-    return shapely.union_all([lines.buffer(WALL_THICKNESS / 2, cap_style="square", join_style="mitre", mitre_limit=2.0), slits])
+    return shapely.union_all(
+        [lines.buffer(WALL_THICKNESS / 2, cap_style="square", join_style="mitre", mitre_limit=2.0), slits]
+    )
 
 
-def _floors(outlines: dict[int, Polygon], walls: BaseGeometry, labels: dict[int, str]) -> tuple[tuple[Room, ...], BaseGeometry]:
+def _floors(
+    outlines: dict[int, Polygon], walls: BaseGeometry, labels: dict[int, str]
+) -> tuple[tuple[Room, ...], BaseGeometry]:
     """Rooms up to the faces of their walls, and the scraps of floor that a wall cuts off."""
     rooms, scraps = [], []
     for number, outline in outlines.items():
@@ -142,7 +157,9 @@ def _portals(
         places = found.setdefault((a, b), [])
         if all(math.dist(place, (x, y)) > DOOR_WIDTH / 2 for place in places):
             places.append((x, y))
-    for pair in lost:  # the segment that the portal names is not in the file: open where the rooms are nearest
+    for (
+        pair
+    ) in lost:  # the segment that the portal names is not in the file: open where the rooms are nearest
         if pair not in found:
             nearest = shapely.shortest_line(outlines[pair[0]].exterior, outlines[pair[1]].exterior)
             centre = nearest.centroid
@@ -198,7 +215,9 @@ def _misses(
     """For each middle (n, 2) of an opening: of three places across its width, how many do not lead from room to room."""
     steps = np.array([-0.45, 0.0, 0.45])[:, None] * DOOR_WIDTH * along
     through_wall = (half_gap + WALL_THICKNESS / 2 + 0.25) * np.array([-along[1], along[0]])
-    sides = middles[:, None, None] + steps + np.stack([-through_wall, through_wall])[:, None]  # (n, 2 sides, 3 places, xy)
+    sides = (
+        middles[:, None, None] + steps + np.stack([-through_wall, through_wall])[:, None]
+    )  # (n, 2 sides, 3 places, xy)
     in_a, in_b = (shapely.contains_xy(room, sides[..., 0], sides[..., 1]) for room in (a, b))
     through = (in_a[:, 0] & in_b[:, 1]) | (in_b[:, 0] & in_a[:, 1])
     return np.asarray(np.count_nonzero(~through, axis=1), np.float64)

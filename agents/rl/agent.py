@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from layoutexplore.agents.rl.card import PolicySpec, find_policy
 from layoutexplore.agents.rl.network import Actor
 from layoutexplore.agents.rl.policy_file import load_actor
-from layoutexplore.decision import STOP, Choice, Decision
 from layoutexplore.envs.observation import ObservationConfig, Observer
 from layoutexplore.fingerprint import fingerprint
+from layoutexplore.frontiers.decision import STOP, Choice, Decision
 
 
 class PolicyAgent:
@@ -61,7 +61,11 @@ class PolicyAgent:
         """What has to be observed; the policy does not care how many slots there are, so none is left out."""
         maps = bool(self.spec.map_channels)
         return ObservationConfig(
-            max_frontiers=slots, local_map=False, global_map=maps, detour=self.spec.reads_tour, tour=self.spec.tour
+            max_frontiers=slots,
+            local_map=False,
+            global_map=maps,
+            detour=self.spec.reads_tour,
+            tour=self.spec.tour,
         )
 
     def __repr__(self) -> str:

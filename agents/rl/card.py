@@ -1,7 +1,8 @@
 """What a policy is: the part of it that a program needs (`PolicySpec`), and the card that a person reads.
 
-A policy is a `.safetensors` file with the weights of the actor. Its header holds the card, a TOML text whose table `[policy]`
-is the spec: weights and card cannot come apart. The same text lies beside it as `.toml` to be read. Nothing is unpickled.
+A policy is a `.safetensors` file with the weights of the actor. Its header holds the card, a TOML text whose
+table `[policy]` is the spec: weights and card cannot come apart. The same text lies beside it as `.toml` to
+be read. Nothing is unpickled.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from typing import Any
 
 import layoutexplore
 from layoutexplore.agents.rl.hyperparameters import NetworkConfig, TrainingConfig
-from layoutexplore.envs.map_images import CHANNELS, LAYOUT_CHANNELS
+from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
 from layoutexplore.errors import ConfigError, ResultsError, unknown_name
-from layoutexplore.frontier_tour import TourConfig
+from layoutexplore.frontiers.tour_features import TourConfig
 
 FORMAT = 1
 """Version of the file format and of what the features mean."""
@@ -100,12 +101,16 @@ def find_policy(name: str) -> Path:
         for candidate in ("best.safetensors", "policy.safetensors"):
             if (path / candidate).is_file():
                 return path / candidate
-        raise ConfigError(f"no policy in the folder {path}: it has neither best.safetensors nor policy.safetensors")
+        raise ConfigError(
+            f"no policy in the folder {path}: it has neither best.safetensors nor policy.safetensors"
+        )
     if path.is_file():
         return path
     if len(path.parts) == 1 and not path.suffix:
         raise unknown_name("policy", name, shipped)
-    raise ConfigError(f"there is no policy {path}: give a .safetensors file, a folder of `layoutexplore train` or a shipped name")
+    raise ConfigError(
+        f"there is no policy {path}: give a .safetensors file, a folder of `layoutexplore train` or a shipped name"
+    )
 
 
 def read_card(path: Path) -> dict[str, Any]:
@@ -120,9 +125,15 @@ def read_card(path: Path) -> dict[str, Any]:
             if not 0 < size <= _LARGEST_HEADER:
                 raise ResultsError(f"{path} is not a policy: it does not begin like a safetensors file")
             header = json.loads(file.read(size))
-        end = 8 + size + max((t["data_offsets"][1] for k, t in header.items() if k != "__metadata__"), default=0)
+        end = (
+            8
+            + size
+            + max((t["data_offsets"][1] for k, t in header.items() if k != "__metadata__"), default=0)
+        )
         if (found := path.stat().st_size) != end:
-            raise ResultsError(f"{path} is damaged: {found} bytes where its header promises {end}; copy or train it again")
+            raise ResultsError(
+                f"{path} is damaged: {found} bytes where its header promises {end}; copy or train it again"
+            )
         return tomllib.loads(header["__metadata__"]["card"])
     except OSError as error:
         raise ResultsError(f"cannot read the policy {path}: {error.strerror}") from error
@@ -136,11 +147,14 @@ def read_spec(path: Path) -> PolicySpec:
     """The spec of a policy's file, checked against what this version can feed it.
 
     Raises:
-        ResultsError: It is no such file, was written in another format, or needs features that do not exist here.
+        ResultsError: It is no such file, was written in another format, or needs features that do not exist
+            here.
     """
     table = read_card(path).get("policy")
     if not isinstance(table, Mapping):
-        raise ResultsError(f"{path}: the card has no table [policy]: it does not choose frontiers, so it cannot be an agent here")
+        raise ResultsError(
+            f"{path}: the card has no table [policy]: it does not choose frontiers, so it cannot be an agent here"
+        )
     if table.get("format") != FORMAT:
         raise ResultsError(
             f"{path} has format {table.get('format')!r} (layoutexplore {table.get('version')}); "
@@ -158,5 +172,7 @@ def read_spec(path: Path) -> PolicySpec:
         ("map channels", spec.map_channels, CHANNELS + LAYOUT_CHANNELS),
     ):
         if missing := [name for name in names if name not in known]:
-            raise ResultsError(f"{path} was trained with {kind} that this version does not have: {', '.join(missing)}")
+            raise ResultsError(
+                f"{path} was trained with {kind} that this version does not have: {', '.join(missing)}"
+            )
     return spec

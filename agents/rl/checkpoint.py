@@ -1,7 +1,8 @@
 """Checkpoints of a training run: one safetensors file with weights, optimizer and counters; nothing is pickled.
 
 The file is written beside its place and then renamed, so that a kill at any moment leaves the last whole one.
-Random states need not be kept: what follows a checkpoint is seeded anew, by the run's seed and the steps done.
+Random states need not be kept: what follows a checkpoint is seeded anew, by the run's seed and the steps
+done.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ def load_checkpoint(folder: Path, model: BaseAlgorithm) -> Progress:
     """Put the state of a run into a model that was built from the same configuration.
 
     Raises:
-        ResultsError: There is no checkpoint, it is damaged, or it belongs to another configuration or version.
+        ResultsError: There is no checkpoint, it is damaged, or it belongs to another configuration or
+            version.
     """
     path = folder / FILE
     progress = _read_header(path)
@@ -68,7 +70,9 @@ def load_checkpoint(folder: Path, model: BaseAlgorithm) -> Progress:
         )
     try:
         tensors = safetensors.torch.load_file(path)
-        model.policy.load_state_dict({k.removeprefix("policy."): t for k, t in tensors.items() if k.startswith("policy.")})
+        model.policy.load_state_dict(
+            {k.removeprefix("policy."): t for k, t in tensors.items() if k.startswith("policy.")}
+        )
     except (SafetensorError, RuntimeError) as error:
         raise ResultsError(f"{path} does not fit this run's network, or is damaged: {error}") from error
     _load_optimizer(model, tensors)
@@ -87,7 +91,9 @@ def _read_header(path: Path) -> Progress:
             metadata = file.metadata() or {}
         return Progress(**json.loads(metadata["progress"]))
     except (SafetensorError, KeyError, ValueError, TypeError, OSError) as error:
-        raise ResultsError(f"{path} is not a checkpoint of layoutexplore train, or is damaged: {error}") from error
+        raise ResultsError(
+            f"{path} is not a checkpoint of layoutexplore train, or is damaged: {error}"
+        ) from error
 
 
 def _load_optimizer(model: BaseAlgorithm, tensors: dict[str, torch.Tensor]) -> None:

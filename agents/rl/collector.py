@@ -20,7 +20,8 @@ Ends = dict[tuple[int, int], dict[str, Any]]
 class Collector:
     """Fills one rollout.
 
-    The random numbers of all steps are drawn before the first one, so that it does not matter which group is quicker.
+    The random numbers of all steps are drawn before the first one, so that it does not matter which group is
+    quicker.
 
     Args:
         actor: Who acts.

@@ -1,7 +1,7 @@
 """Frontiers and their surroundings as vectors that know of each other.
 
-Every encoder is equivariant under a permutation of the frontiers, and its weights do not depend on how many there are (deep sets,
-Zaheer et al. 2017; attention without positions, Vaswani et al. 2017, Lee et al. 2019).
+Every encoder is equivariant under a permutation of the frontiers, and its weights do not depend on how many
+there are (deep sets, Zaheer et al. 2017; attention without positions, Vaswani et al. 2017, Lee et al. 2019).
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from layoutexplore.agents.rl.card import PolicySpec
+from layoutexplore.agents.rl.frontier_batch import Situations
 from layoutexplore.agents.rl.pooling import pool, spread
-from layoutexplore.agents.rl.situations import Situations
 
 
 class Encoder(nn.Module):
@@ -91,7 +91,8 @@ class TokenEncoder(Encoder):
         config = spec.network
         attends = config.encoder == "attention"
         self.layers = nn.ModuleList(
-            _Attention(config.width, config.heads) if attends else _DeepSet(config.width) for _ in range(config.layers)
+            _Attention(config.width, config.heads) if attends else _DeepSet(config.width)
+            for _ in range(config.layers)
         )
         self.norm = nn.LayerNorm(config.width)
 
@@ -100,7 +101,9 @@ class TokenEncoder(Encoder):
         counts, owners = situations.counts, situations.owners
         most = int(counts.max()) if len(counts) else 0
         present = torch.arange(1 + most, device=counts.device) <= counts[:, None]
-        places = 1 + torch.arange(len(owners), device=counts.device) - (torch.cumsum(counts, 0) - counts)[owners]
+        places = (
+            1 + torch.arange(len(owners), device=counts.device) - (torch.cumsum(counts, 0) - counts)[owners]
+        )
         context, frontiers = self.surroundings(situations), self.frontier(situations.frontiers)
         tokens = functional.pad(context[:, None], (0, 0, 0, most)).index_put((owners, places), frontiers)
         for layer in self.layers:
@@ -123,7 +126,9 @@ class _Attention(nn.Module):
     def forward(self, tokens: Tensor, present: Tensor) -> Tensor:
         batch, count, width = tokens.shape
         parts = self.look(self.norm(tokens)).reshape(batch, count, 3, self.heads, -1).permute(2, 0, 3, 1, 4)
-        seen = functional.scaled_dot_product_attention(parts[0], parts[1], parts[2], attn_mask=present[:, None, None, :])
+        seen = functional.scaled_dot_product_attention(
+            parts[0], parts[1], parts[2], attn_mask=present[:, None, None, :]
+        )
         tokens = tokens + self.join(seen.transpose(1, 2).reshape(batch, count, width))
         return tokens + torch.as_tensor(self.think(tokens))
 
@@ -151,7 +156,9 @@ def make_encoder(spec: PolicySpec, *, scores: bool) -> Encoder:
 
 
 def _thinking(inside: int, width: int) -> nn.Sequential:
-    return nn.Sequential(nn.LayerNorm(inside), nn.Linear(inside, 2 * width), nn.GELU(), nn.Linear(2 * width, width))
+    return nn.Sequential(
+        nn.LayerNorm(inside), nn.Linear(inside, 2 * width), nn.GELU(), nn.Linear(2 * width, width)
+    )
 
 
 def _map_encoder(channels: int, width: int) -> nn.Sequential:

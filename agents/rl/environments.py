@@ -22,12 +22,17 @@ def make_envs(config: TrainingConfig) -> VectorAdapter:
     """The environments of a run, side by side, as stable-baselines3 takes them."""
     arguments = environment_arguments(config)
     arguments["backend"] = "serial" if config.workers == 1 else None
-    return VectorAdapter(gymnasium.make_vec(config.environment, config.envs, workers=config.workers or None, **arguments))
+    return VectorAdapter(
+        gymnasium.make_vec(config.environment, config.envs, workers=config.workers or None, **arguments)
+    )
 
 
 def environment_arguments(config: TrainingConfig) -> dict[str, Any]:
     """Keyword arguments of one environment."""
-    arguments: dict[str, Any] = {"plan": plan_source(config), "randomisation": Randomisation(sensors=config.sensors)}
+    arguments: dict[str, Any] = {
+        "plan": plan_source(config),
+        "randomisation": Randomisation(sensors=config.sensors),
+    }
     if config.chooses_frontiers:
         arguments["predictor"] = config.predictor
         arguments["reward"] = PathToMarks(**config.reward)

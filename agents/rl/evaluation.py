@@ -14,11 +14,11 @@ from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.benchmark.episode import play, run_seed
 from layoutexplore.benchmark.plans import find_plans, load, start_pose
-from layoutexplore.decision import Agent
-from layoutexplore.exploration_metrics import score_curve
+from layoutexplore.frontiers.decision import Agent
+from layoutexplore.metrics.exploration import score_curve
 from layoutexplore.predictors import make_predictor
-from layoutexplore.simulation import Simulation
-from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.simulation import Simulation
 
 Stop = Callable[[], bool]
 
@@ -50,7 +50,9 @@ class Evaluation:
         self.config = config
         plans = find_plans(config.evaluation.plans)
         starts = range(config.evaluation.starts)
-        self.cells = [Cell(plan, start, sensor) for plan in plans for start in starts for sensor in config.sensors]
+        self.cells = [
+            Cell(plan, start, sensor) for plan in plans for start in starts for sensor in config.sensors
+        ]
         self._references: dict[str, list[Metres]] = {}
 
     def compare(self, agent: Agent, stop: Stop = lambda: False) -> dict[str, float]:
@@ -61,8 +63,9 @@ class Evaluation:
             stop: Asked after every exploration whether to give up.
 
         Returns:
-            `d95` and `d99` (mean metres), `coverage`, and `d95_ratio.NAME`, `d99_ratio.NAME` for every reference: the geometric
-            mean of the ratios over the cells, below 1 where the agent is better. Empty when given up.
+            `d95` and `d99` (mean metres), `coverage`, and `d95_ratio.NAME`, `d99_ratio.NAME` for every
+            reference: the geometric mean of the ratios over the cells, below 1 where the agent is better.
+                Empty when given up.
         """
         for name in self.config.evaluation.references:
             if name not in self._references and not stop():
@@ -82,10 +85,14 @@ class Evaluation:
         metres = []
         for cell in self.cells:
             plan, simulation_config = load(cell.plan), SimulationConfig(sensor=cell.sensor)
-            simulation = Simulation(plan, simulation_config, make_predictor(getattr(agent, "predictor", "none")))
+            simulation = Simulation(
+                plan, simulation_config, make_predictor(getattr(agent, "predictor", "none"))
+            )
             start = start_pose(plan, simulation_config, 0, cell.start)
             episode = play(simulation, agent, seed=run_seed(0, plan.name, cell.start), start=start)
-            curve = score_curve(episode.curve, budget=simulation.max_distance, target_area=simulation.target_area)
+            curve = score_curve(
+                episode.curve, budget=simulation.max_distance, target_area=simulation.target_area
+            )
             metres.append(Metres(max(curve.d95, 0.1), max(curve.d99, 0.1), simulation.coverage))
             if stop():
                 break
@@ -95,7 +102,8 @@ class Evaluation:
 def score(scores: dict[str, float], references: tuple[str, ...]) -> float:
     """One number to choose the best policy by, smaller is better.
 
-    With references, the geometric mean of the ratios at 95 and 99 % to the first one; without, the share that was not seen.
+    With references, the geometric mean of the ratios at 95 and 99 % to the first one; without, the share that
+    was not seen.
     """
     if not references:
         return 1.0 - scores["coverage"]

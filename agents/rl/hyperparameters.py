@@ -1,7 +1,7 @@
 """Hyper-parameters as data: `agents/hyperparameters.toml`, then the user's file, then flags.
 
-The shipped file is also the schema: a key that it does not have for an algorithm is an error, and a value must have the
-type of the one it replaces.
+The shipped file is also the schema: a key that it does not have for an algorithm is an error, and a value
+must have the type of the one it replaces.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from layoutexplore.errors import ConfigError, unknown_name
-from layoutexplore.frontier_tour import TourConfig
+from layoutexplore.frontiers.tour_features import TourConfig
 
 DEFAULTS = Path(__file__).resolve().parent.parent / "hyperparameters.toml"
 """The shipped hyper-parameters."""
@@ -31,13 +31,14 @@ class NetworkConfig:
     """The shape of the network that scores frontiers.
 
     Attributes:
-        encoder: "pooled", "attention" or "deep-sets", how frontiers see each other; "none" scores each by its features alone.
+        encoder: "pooled", "attention" or "deep-sets", how frontiers see each other; "none" scores each by its
+            features alone.
         width: Numbers in which a frontier is described.
         layers: Layers of the encoder.
         heads: Attention heads; divides the width.
         tour_weight: Where the weight of 1 / the place in the tour starts in the logits.
-        detour_weight: Where the weight of a detour of 10 m starts in the logits, with the sign changed; where no tour is
-            computed (`observation.detour`), that of a way of 10 m.
+        detour_weight: Where the weight of a detour of 10 m starts in the logits, with the sign changed; where
+            no tour is computed (`observation.detour`), that of a way of 10 m.
     """
 
     encoder: str = "attention"
@@ -63,7 +64,8 @@ class ImitationConfig:
     Attributes:
         teacher: Name of the agent; "" for none.
         episodes: Explorations of all rounds together.
-        rounds: In the first round the robot follows the teacher, then the policy; the teacher labels every decision.
+        rounds: In the first round the robot follows the teacher, then the policy; the teacher labels every
+            decision.
         epochs: Passes over all decisions so far, a round.
         learning_rate: Of Adam.
         batch_size: Decisions per step.
@@ -90,7 +92,8 @@ class SearchConfig:
         pairs: Mirrored pairs of draws that explore the same floor plan from the same start.
         spread: Standard deviation of the draws around the centre, in units of each parameter's scale.
         trust: How far the centre moves at most in a round, in the same units.
-        outlier: Logarithm of metres; what deviates by more from the mean of its floor plan counts as this much.
+        outlier: Logarithm of metres; what deviates by more from the mean of its floor plan counts as this
+            much.
     """
 
     round: int = 240
@@ -103,7 +106,9 @@ class SearchConfig:
         for name in ("round", "pairs"):
             check_whole(f"search.{name}", getattr(self, name))
         if self.round % (2 * self.pairs):
-            raise ConfigError(f"search.round must be a multiple of twice search.pairs, got {self.round} and {self.pairs}")
+            raise ConfigError(
+                f"search.round must be a multiple of twice search.pairs, got {self.round} and {self.pairs}"
+            )
         for name in ("spread", "trust", "outlier"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"search.{name} must be above 0, got {getattr(self, name)}")
@@ -213,7 +218,8 @@ def read_config(path: Path | None = None, flags: Mapping[str, Any] | None = None
     """The configuration of a run.
 
     Args:
-        path: A TOML file with `algorithm` and any of the keys of `agents/hyperparameters.toml`; None for none.
+        path: A TOML file with `algorithm` and any of the keys of `agents/hyperparameters.toml`; None for
+            none.
         flags: Top-level keys that win over the file; values of None are ignored.
 
     Raises:
@@ -263,13 +269,24 @@ def _checked(old: Any, value: Any, what: str) -> Any:
     if isinstance(value, tuple):
         value = list(value)
     if type(value) is not type(old):
-        names = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", list: "a list", dict: "a table"}
+        names = {
+            bool: "true or false",
+            int: "a whole number",
+            float: "a number",
+            str: "a text",
+            list: "a list",
+            dict: "a table",
+        }
         raise ConfigError(f"{what} must be {names[type(old)]}, got {value!r}")
     if isinstance(value, float) and not math.isfinite(value):
         raise ConfigError(f"{what} must be a finite number, got {value!r}")
     if isinstance(value, list):
-        kind, kinds = ("names", str) if not old or isinstance(old[0], str) else (f"{len(old)} numbers", (int, float))
-        if not all(isinstance(item, kinds) for item in value) or (kinds is not str and len(value) != len(old)):
+        kind, kinds = (
+            ("names", str) if not old or isinstance(old[0], str) else (f"{len(old)} numbers", (int, float))
+        )
+        if not all(isinstance(item, kinds) for item in value) or (
+            kinds is not str and len(value) != len(old)
+        ):
             raise ConfigError(f"{what} must be a list of {kind}, got {value!r}")
     return value
 
@@ -281,7 +298,12 @@ def _build(algorithm: str, table: dict[str, Any]) -> TrainingConfig:
     parts: dict[str, Any] = {"evaluation": EvaluationConfig(**evaluation)}
     for name in ("plans", "sensors"):
         parts[name] = tuple(table.pop(name))
-    tables = {"network": NetworkConfig, "imitation": ImitationConfig, "tour": TourConfig, "search": SearchConfig}
+    tables = {
+        "network": NetworkConfig,
+        "imitation": ImitationConfig,
+        "tour": TourConfig,
+        "search": SearchConfig,
+    }
     parts |= {name: kind(**table.pop(name)) for name, kind in tables.items() if name in table}
     return TrainingConfig(algorithm=algorithm, **parts, **table)
 

@@ -1,7 +1,8 @@
 """Imitation of an agent by DAgger (Ross, Gordon and Bagnell 2011), as a start for learning by reward.
 
-In the first round the robot follows the teacher, in later ones the policy; the teacher says at every decision what it would have
-done, and the policy learns from all decisions so far. So it also learns what to do where its own mistakes lead.
+In the first round the robot follows the teacher, in later ones the policy; the teacher says at every decision
+what it would have done, and the policy learns from all decisions so far. So it also learns what to do where
+its own mistakes lead.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from layoutexplore.agents import make_agent
 from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.hyperparameters import ImitationConfig, TrainingConfig
 from layoutexplore.agents.rl.network import Actor
-from layoutexplore.decision import Agent, Decision, Privileged
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.errors import ConfigError
+from layoutexplore.frontiers.decision import Agent, Decision, Privileged
 
 Stop = Callable[[], bool]
 
@@ -49,11 +50,15 @@ class Lessons:
 
     def batch(self, chosen: NDArray[np.int64]) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Some of the decisions as tensors."""
-        stacked = {n: torch.from_numpy(np.stack([rows[k] for k in chosen])) for n, rows in self.observations.items()}
+        stacked = {
+            n: torch.from_numpy(np.stack([rows[k] for k in chosen])) for n, rows in self.observations.items()
+        }
         return stacked, torch.tensor([self.choices[k] for k in chosen])
 
 
-def imitate(actor: Actor, config: TrainingConfig, say: Callable[[str], None], stop: Stop = lambda: False) -> None:
+def imitate(
+    actor: Actor, config: TrainingConfig, say: Callable[[str], None], stop: Stop = lambda: False
+) -> None:
     """Teach an actor in place what the configuration's teacher does.
 
     Args:
@@ -66,7 +71,9 @@ def imitate(actor: Actor, config: TrainingConfig, say: Callable[[str], None], st
     assert plan is not None
     teacher = make_agent(plan.teacher)
     if (wanted := getattr(teacher, "predictor", config.predictor)) != config.predictor:
-        raise ConfigError(f"the teacher {plan.teacher!r} needs predictor = {wanted!r}, the run has {config.predictor!r}")
+        raise ConfigError(
+            f"the teacher {plan.teacher!r} needs predictor = {wanted!r}, the run has {config.predictor!r}"
+        )
     env = gymnasium.make(config.environment, **environment_arguments(config)).unwrapped
     assert isinstance(env, ExplorationEnv)
     rng = np.random.default_rng([config.seed, 1])
@@ -78,7 +85,9 @@ def imitate(actor: Actor, config: TrainingConfig, say: Callable[[str], None], st
             if stop():
                 return
         agreement = _learn(actor, lessons, plan, optimizer, rng)
-        say(f"imitation, round {number + 1} of {plan.rounds}: {len(lessons.choices)} decisions, {agreement:.1%} as the teacher")
+        say(
+            f"imitation, round {number + 1} of {plan.rounds}: {len(lessons.choices)} decisions, {agreement:.1%} as the teacher"
+        )
     env.close()
 
 
@@ -95,7 +104,9 @@ def teachers_choice(teacher: Agent, decision: Decision) -> int:
     return first if arrivals[first] < len(choice) else int(np.argmin(gaps[-1]))
 
 
-def _attend(env: ExplorationEnv[np.int64], teacher: Agent, actor: Actor | None, lessons: Lessons, seed: int) -> None:
+def _attend(
+    env: ExplorationEnv[np.int64], teacher: Agent, actor: Actor | None, lessons: Lessons, seed: int
+) -> None:
     """One exploration, led by the teacher or by the policy; the teacher's choices are remembered."""
     observation, _ = env.reset(seed=seed)
     teacher.reset(seed)
@@ -114,13 +125,19 @@ def _attend(env: ExplorationEnv[np.int64], teacher: Agent, actor: Actor | None, 
 def act(actor: Actor, observation: dict[str, NDArray[np.generic]]) -> int:
     """The allowed frontier with the highest logit."""
     with torch.no_grad():
-        logits = actor({name: torch.from_numpy(array[None]) for name, array in observation.items()})[0].numpy()
+        logits = actor({name: torch.from_numpy(array[None]) for name, array in observation.items()})[
+            0
+        ].numpy()
     allowed = observation["action_mask"][:-1].astype(np.bool_)
     return int(np.argmax(np.where(allowed, logits[:-1], -np.inf)))
 
 
 def _learn(
-    actor: Actor, lessons: Lessons, plan: ImitationConfig, optimizer: torch.optim.Optimizer, rng: np.random.Generator
+    actor: Actor,
+    lessons: Lessons,
+    plan: ImitationConfig,
+    optimizer: torch.optim.Optimizer,
+    rng: np.random.Generator,
 ) -> float:
     """Some passes of cross-entropy over all lessons; the share of decisions, in the last pass, that are the teacher's."""
     agreed = 0

@@ -1,9 +1,10 @@
 """Which frontier next: a score for each, from what it is, what the others are, and the map as a whole.
 
-The scores are equivariant under a permutation of the frontiers and the weights do not depend on how many there are. The logits
-start at the place in a short tour less the detour, so that an untrained network prefers what the tour does and tries first what
-costs little, and learn what to do otherwise; without a tour, the way takes the detour's place. The critic is a network of its
-own, which may also see what only training knows (Pinto et al. 2018).
+The scores are equivariant under a permutation of the frontiers and the weights do not depend on how many
+there are. The logits start at the place in a short tour less the detour, so that an untrained network prefers
+what the tour does and tries first what costs little, and learn what to do otherwise; without a tour, the way
+takes the detour's place. The critic is a network of its own, which may also see what only training knows
+(Pinto et al. 2018).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from torch.nn import functional
 
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.agents.rl.encoders import make_encoder
-from layoutexplore.agents.rl.situations import Reader, Situations
+from layoutexplore.agents.rl.frontier_batch import Reader, Situations
 
 _NEVER = -1e8
 """The logit of an action that is not allowed."""
@@ -44,7 +45,9 @@ class Actor(nn.Module):
         self.stop = _zero(nn.Linear(config.width if encodes else 1, 1))
         self._tour = features.index("tour_rank") if "tour_rank" in features else None
         with torch.no_grad():
-            self.direct.weight[0, features.index("path_length" if self._tour is None else "detour")] = -config.detour_weight
+            self.direct.weight[
+                0, features.index("path_length" if self._tour is None else "detour")
+            ] = -config.detour_weight
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
         """float32 (batch, slots + 1): logits; those of empty slots mean nothing."""
@@ -99,7 +102,11 @@ class Critic(nn.Module):
         self.encode = make_encoder(spec, scores=False)
         self.privileged = privileged
         self.value = nn.Sequential(
-            nn.Linear(width + privileged, width), nn.GELU(), nn.Linear(width, width), nn.GELU(), nn.Linear(width, 1)
+            nn.Linear(width + privileged, width),
+            nn.GELU(),
+            nn.Linear(width, width),
+            nn.GELU(),
+            nn.Linear(width, 1),
         )
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:

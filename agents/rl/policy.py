@@ -61,13 +61,17 @@ class FrontierPolicy(MaskableActorCriticPolicy):
             for old, new in zip(self.averaged.parameters(), self.actor.parameters(), strict=True):
                 old.lerp_(new, 1.0 - kept)
 
-    def forward(self, obs: Any, deterministic: bool = False, action_masks: Any = None) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(
+        self, obs: Any, deterministic: bool = False, action_masks: Any = None
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """Actions (batch,), values (batch, 1) and log-probabilities (batch,)."""
         distribution = self.get_distribution(obs, action_masks)
         actions = distribution.get_actions(deterministic=deterministic)
         return actions, self.critic(obs), distribution.log_prob(actions)
 
-    def evaluate_actions(self, obs: Any, actions: Tensor, action_masks: Any = None) -> tuple[Tensor, Tensor, Tensor | None]:
+    def evaluate_actions(
+        self, obs: Any, actions: Tensor, action_masks: Any = None
+    ) -> tuple[Tensor, Tensor, Tensor | None]:
         """Values (batch, 1), log-probabilities (batch,) and entropies (batch,)."""
         distribution = self.get_distribution(obs, action_masks)
         log_prob, entropy = distribution.log_prob(actions), distribution.entropy()

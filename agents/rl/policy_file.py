@@ -43,5 +43,7 @@ def load_actor(path: Path) -> tuple[Actor, PolicySpec]:
     try:
         actor.load_state_dict(safetensors.torch.load_file(path))
     except (SafetensorError, RuntimeError) as error:
-        raise ResultsError(f"{path}: the weights do not fit the network that its card describes: {error}") from error
+        raise ResultsError(
+            f"{path}: the weights do not fit the network that its card describes: {error}"
+        ) from error
     return actor.eval(), spec

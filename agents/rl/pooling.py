@@ -1,7 +1,7 @@
 """Sums over the frontiers of each decision and the way back: what deep sets are made of.
 
-On the CPU both directions are one pass of a compiled kernel, which takes a tenth of the time of torch's `segment_reduce` with its
-gradient; elsewhere torch does it. The frontiers of a decision follow one another.
+On the CPU both directions are one pass of a compiled kernel, which takes a tenth of the time of torch's
+`segment_reduce` with its gradient; elsewhere torch does it. The frontiers of a decision follow one another.
 """
 
 from __future__ import annotations
@@ -82,11 +82,20 @@ class _Spread(torch.autograd.Function):
 
 
 @njit(cache=True, nogil=True)
-def _pool(tokens: NDArray[np.float32], counts: NDArray[np.int64], pooled: NDArray[np.float32], best: NDArray[np.int32]) -> None:
+def _pool(
+    tokens: NDArray[np.float32],
+    counts: NDArray[np.int64],
+    pooled: NDArray[np.float32],
+    best: NDArray[np.int32],
+) -> None:
     """Means and greatest values (batch, 2 * width) of tokens (n, width), and whose they are (batch, width); -1 where none is."""
     width, k = tokens.shape[1], 0
     for b in range(counts.size):
-        total, greatest, place = np.zeros(width, np.float32), np.zeros(width, np.float32), np.full(width, -1, np.int32)
+        total, greatest, place = (
+            np.zeros(width, np.float32),
+            np.zeros(width, np.float32),
+            np.full(width, -1, np.int32),
+        )
         for i in range(k, k + counts[b]):
             for w in range(width):
                 value, here = tokens[i, w], np.int32(i)
@@ -100,7 +109,10 @@ def _pool(tokens: NDArray[np.float32], counts: NDArray[np.int64], pooled: NDArra
 
 @njit(cache=True, nogil=True)
 def _unpool(
-    gradient: NDArray[np.float32], counts: NDArray[np.int64], best: NDArray[np.int32], found: NDArray[np.float32]
+    gradient: NDArray[np.float32],
+    counts: NDArray[np.int64],
+    best: NDArray[np.int32],
+    found: NDArray[np.float32],
 ) -> None:
     """The gradient (n, width) of the tokens from that (batch, 2 * width) of what `_pool` finds."""
     width, k = found.shape[1], 0

@@ -1,8 +1,9 @@
 """Masked PPO at the speed of the environments.
 
-It learns what sb3-contrib's `MaskablePPO` learns. What differs is the work: groups of environments do not wait for each other,
-the critic looks at a rollout once it is complete, the networks learn from the frontiers that exist, read once for all passes, and
-they do so while the next rollout is collected, by the actor of before (as in APPO; see `update` for what that takes).
+It learns what sb3-contrib's `MaskablePPO` learns. What differs is the work: groups of environments do not
+wait for each other, the critic looks at a rollout once it is complete, the networks learn from the frontiers
+that exist, read once for all passes, and they do so while the next rollout is collected, by the actor of
+before (as in APPO; see `update` for what that takes).
 """
 
 from __future__ import annotations
@@ -70,7 +71,11 @@ class FrontierPPO(MaskablePPO):
         use_masking: bool = True,
     ) -> bool:
         """Act in all environments for some steps; False when the callback wants to stop."""
-        assert isinstance(env, VectorAdapter) and isinstance(self._last_obs, dict) and self._last_episode_starts is not None
+        assert (
+            isinstance(env, VectorAdapter)
+            and isinstance(self._last_obs, dict)
+            and self._last_episode_starts is not None
+        )
 
         def told(decisions: int) -> bool:
             self.num_timesteps += decisions
@@ -103,7 +108,9 @@ class FrontierPPO(MaskablePPO):
             after = critic(obs_as_tensor(self._last_obs, self.device))  # type: ignore[arg-type]
         assert self._last_episode_starts is not None
         buffer.compute_returns_and_advantage(last_values=after, dones=self._last_episode_starts)
-        self.logger.record("train/explained_variance", explained_variance(buffer.values.ravel(), buffer.returns.ravel()))
+        self.logger.record(
+            "train/explained_variance", explained_variance(buffer.values.ravel(), buffer.returns.ravel())
+        )
 
     def train(self) -> None:
         """Begin to learn from the rollout; the next one is collected by the actor as it is now."""

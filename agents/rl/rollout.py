@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sb3_contrib.common.maskable.buffers import MaskableDictRolloutBuffer
 from torch import Tensor
 
-from layoutexplore.agents.rl.situations import Reader, Situations
+from layoutexplore.agents.rl.frontier_batch import Reader, Situations
 
 
 class Lesson(NamedTuple):
@@ -56,20 +56,26 @@ class Rollout(MaskableDictRolloutBuffer):
         self.action_masks[step, rows] = masks
         self.episode_starts[step, rows] = starts
 
-    def put_actions(self, step: int, rows: slice, actions: NDArray[np.int64], log_probs: NDArray[np.float32]) -> None:
+    def put_actions(
+        self, step: int, rows: slice, actions: NDArray[np.int64], log_probs: NDArray[np.float32]
+    ) -> None:
         """What was done there, with the logarithms of the probabilities."""
         self.actions[step, rows, 0], self.log_probs[step, rows] = actions, log_probs
 
     def read(self, reader: Reader) -> Situations:
         """All decisions, those of the first step first."""
-        situations: Situations = reader({name: self.to_torch(_flat(a), copy=False) for name, a in self.observations.items()})
+        situations: Situations = reader(
+            {name: self.to_torch(_flat(a), copy=False) for name, a in self.observations.items()}
+        )
         return situations
 
     def lesson(self, situations: Situations) -> Lesson:
         """The decisions, once their values and returns are known."""
         masks, actions = self.action_masks.astype(np.bool_), self.actions[..., 0].astype(np.int64)
         rest = (self.log_probs, self.advantages, self.returns, np.ones_like(self.returns))
-        return Lesson(situations, *(self.to_torch(_flat(array), copy=False) for array in (masks, actions, *rest)))
+        return Lesson(
+            situations, *(self.to_torch(_flat(array), copy=False) for array in (masks, actions, *rest))
+        )
 
 
 def _flat(array: NDArray[Any]) -> NDArray[Any]:

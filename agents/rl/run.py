@@ -58,10 +58,19 @@ class TrainingRun:
     """
 
     def __init__(
-        self, config: TrainingConfig, folder: Path, checkpoint: str, *, device: str, resume: bool, watcher: Watcher
+        self,
+        config: TrainingConfig,
+        folder: Path,
+        checkpoint: str,
+        *,
+        device: str,
+        resume: bool,
+        watcher: Watcher,
     ) -> None:
         if (folder / checkpoint).exists() and not resume:
-            raise ResultsError(f"{folder} holds a training run: add --resume to go on with it, or give another --out")
+            raise ResultsError(
+                f"{folder} holds a training run: add --resume to go on with it, or give another --out"
+            )
         if device == "cuda" and not torch.cuda.is_available():
             raise ConfigError("there is no CUDA device here: use --device cpu or auto")
         self.config, self.folder, self.watcher = config, folder, watcher
@@ -84,7 +93,11 @@ class TrainingRun:
             path.write_text(to_toml(self.config.as_table()), encoding="utf-8")
 
     def record(
-        self, now: float, scores: Mapping[str, float], weights: Mapping[str, torch.Tensor], card: Callable[[], dict[str, Any]]
+        self,
+        now: float,
+        scores: Mapping[str, float],
+        weights: Mapping[str, torch.Tensor],
+        card: Callable[[], dict[str, Any]],
     ) -> None:
         """Note what an evaluation found and keep the policy if it is the best so far.
 
@@ -99,9 +112,13 @@ class TrainingRun:
         if now < best:
             save_policy(self.folder / "best.safetensors", weights, card())
         self._write_evaluations()
-        self.watcher.say(f"{self.steps} steps: " + ", ".join(f"{name} {value:.3f}" for name, value in scores.items()))
+        self.watcher.say(
+            f"{self.steps} steps: " + ", ".join(f"{name} {value:.3f}" for name, value in scores.items())
+        )
 
-    def card(self, spec: PolicySpec | None, results: Mapping[str, Any] | None, seconds: float, device: str) -> dict[str, Any]:
+    def card(
+        self, spec: PolicySpec | None, results: Mapping[str, Any] | None, seconds: float, device: str
+    ) -> dict[str, Any]:
         """What there is to say of the policy as it is now."""
         return {
             "policy": spec.as_table() if spec else None,

@@ -1,9 +1,10 @@
 """Search for the parameters of a tour by whole explorations (parameter-exploring policy search, Sehnke et al. 2010).
 
-A single decision changes an exploration's length by far less than what happens by chance behind it, so that learning from single
-decisions needs very many. Here a draw of parameters is kept for a whole exploration, where all its decisions add up, and a
-few draws, in mirrored pairs, explore the same floor plan from the same start. After every round a response surface is fitted to
-all explorations so far, and the centre of the draws moves to where it is lowest, but not far.
+A single decision changes an exploration's length by far less than what happens by chance behind it, so that
+learning from single decisions needs very many. Here a draw of parameters is kept for a whole exploration,
+where all its decisions add up, and a few draws, in mirrored pairs, explore the same floor plan from the same
+start. After every round a response surface is fitted to all explorations so far, and the centre of the draws
+moves to where it is lowest, but not far.
 
 The file of explorations is the checkpoint: everything else follows from it and from the seed.
 """
@@ -32,19 +33,19 @@ from layoutexplore.agents.rl.evaluation import Evaluation, score
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.network import Actor
 from layoutexplore.agents.rl.policy_file import save_policy
+from layoutexplore.agents.rl.response_surface import fit_surface, lowest
 from layoutexplore.agents.rl.run import EVALUATIONS, TrainingRun, Watcher
-from layoutexplore.agents.rl.surface import fit_surface, lowest
 from layoutexplore.benchmark.store import atomic
-from layoutexplore.decision import Predictor
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.plans import PlanSource
 from layoutexplore.errors import ResultsError
-from layoutexplore.exploration_metrics import distance_to_coverage
-from layoutexplore.frontier_tour import TourConfig, tour_features
+from layoutexplore.frontiers.decision import Predictor
+from layoutexplore.frontiers.tour_features import TourConfig, tour_features
+from layoutexplore.metrics.exploration import distance_to_coverage
 from layoutexplore.predictors import make_predictor
 from layoutexplore.processes import end_with_parent, single_threaded, usable_cores
-from layoutexplore.simulation import Simulation
-from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.simulation import Simulation
 
 EXPLORATIONS = "explorations.csv"
 """Name of the checkpoint: a row an exploration."""
@@ -84,7 +85,9 @@ class SearchRun(TrainingRun):
         explorations: All of them, group by group.
     """
 
-    def __init__(self, config: TrainingConfig, folder: Path, *, device: str, resume: bool, watcher: Watcher) -> None:
+    def __init__(
+        self, config: TrainingConfig, folder: Path, *, device: str, resume: bool, watcher: Watcher
+    ) -> None:
         super().__init__(config, folder, EXPLORATIONS, device=device, resume=resume, watcher=watcher)
         assert config.search is not None
         self.search = config.search
@@ -123,8 +126,12 @@ class SearchRun(TrainingRun):
                 self._round(executor)
                 self._seconds = time.monotonic() - began
                 self._save()
-                due = self.evaluations[-1]["steps"] // self.config.evaluation.every if self.evaluations else -1
-                if not self.stopping and (self.steps // self.config.evaluation.every > due or self.steps >= self.config.steps):
+                due = (
+                    self.evaluations[-1]["steps"] // self.config.evaluation.every if self.evaluations else -1
+                )
+                if not self.stopping and (
+                    self.steps // self.config.evaluation.every > due or self.steps >= self.config.steps
+                ):
                     self._evaluate()
 
     def draws(self, group: int) -> NDArray[np.float64]:
@@ -139,9 +146,13 @@ class SearchRun(TrainingRun):
         """Where the draws of a round lie around, float64 (p,); rounds before it must be complete."""
         while len(self._centres) <= number:
             count = len(self._centres) * self.search.round // self.members
-            z = np.array([[_effective(self.config.tour, draw) for draw in self.draws(group)] for group in range(count)])
+            z = np.array(
+                [[_effective(self.config.tour, draw) for draw in self.draws(group)] for group in range(count)]
+            )
             surface = fit_surface(z, self._values(count))
-            self._centres.append(lowest(surface, self._centres[-1], self.search.trust, _least(self.config.tour)))
+            self._centres.append(
+                lowest(surface, self._centres[-1], self.search.trust, _least(self.config.tour))
+            )
         return self._centres[number]
 
     def _values(self, count: int) -> NDArray[np.float64]:
@@ -150,14 +161,18 @@ class SearchRun(TrainingRun):
         weights = np.array([self.config.reward["weight_95"], self.config.reward["weight_99"]])
         values = (np.log(metres + _NEAR) @ weights / weights.sum()).reshape(count, self.members)
         middle = values.mean(axis=1, keepdims=True)
-        clipped: NDArray[np.float64] = middle + np.clip(values - middle, -self.search.outlier, self.search.outlier)
+        clipped: NDArray[np.float64] = middle + np.clip(
+            values - middle, -self.search.outlier, self.search.outlier
+        )
         return clipped
 
     def _round(self, executor: Executor | None) -> None:
         """Explore until the next move of the centre, or until somebody asks to stop."""
         end = min((self.steps // self.search.round + 1) * self.search.round, self.config.steps)
         groups = range(self.steps // self.members, -(-end // self.members))
-        jobs = ((self.config, group, [_tour(self.config.tour, z) for z in self.draws(group)]) for group in groups)
+        jobs = (
+            (self.config, group, [_tour(self.config.tour, z) for z in self.draws(group)]) for group in groups
+        )
         with (self.folder / EXPLORATIONS).open("a", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             for group, found in zip(groups, _explored(executor, jobs), strict=True):
@@ -173,7 +188,12 @@ class SearchRun(TrainingRun):
         agent = PolicyAgent("policy", self._actor(), spec_of(self._config()))
         scores = self._evaluation.compare(agent, lambda: self.stopping)
         if scores:
-            self.record(score(scores, self.config.evaluation.references), scores, self._actor().state_dict(), self._card)
+            self.record(
+                score(scores, self.config.evaluation.references),
+                scores,
+                self._actor().state_dict(),
+                self._card,
+            )
             self._save()
 
     def _config(self) -> TrainingConfig:
@@ -236,7 +256,10 @@ def _explore(simulation: Simulation, seed: int, tour: TourConfig) -> tuple[float
     while not simulation.done:
         decision = simulation.step(int(np.argmax(tour_features(decision, tour).rank)))
     distance, coverage, _ = simulation.curve.T
-    d95, d99 = (distance_to_coverage(distance, coverage, mark, budget=simulation.max_distance)[0] for mark in (0.95, 0.99))
+    d95, d99 = (
+        distance_to_coverage(distance, coverage, mark, budget=simulation.max_distance)[0]
+        for mark in (0.95, 0.99)
+    )
     return d95, d99
 
 
@@ -254,7 +277,9 @@ def _tour(start: TourConfig, z: NDArray[np.float64]) -> TourConfig:
 
 def _least(start: TourConfig) -> NDArray[np.float64]:
     """The least z float64 (p,) that makes a difference."""
-    return np.array([-np.inf if name in LOGARITHMIC else -getattr(start, name) / LINEAR[name] for name in PARAMETERS])
+    return np.array(
+        [-np.inf if name in LOGARITHMIC else -getattr(start, name) / LINEAR[name] for name in PARAMETERS]
+    )
 
 
 def _effective(start: TourConfig, z: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -289,7 +314,10 @@ def _executor(workers: int) -> Iterator[Executor | None]:
     if count == 1:
         yield None
         return
-    with single_threaded(), ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), end_with_parent) as executor:
+    with (
+        single_threaded(),
+        ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), end_with_parent) as executor,
+    ):
         yield executor
 
 
@@ -303,7 +331,11 @@ def _read_evaluations(path: Path, steps: int) -> list[dict[str, float]]:
         return []
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            rows = [{key: float(value) for key, value in row.items() if value} for row in csv.DictReader(file)]
+            rows = [
+                {key: float(value) for key, value in row.items() if value} for row in csv.DictReader(file)
+            ]
         return [row for row in rows if row["steps"] <= steps]
     except (ValueError, KeyError, TypeError, csv.Error) as error:
-        raise ResultsError(f"{path} is damaged: {error!r}; remove it to go on without the evaluations so far") from error
+        raise ResultsError(
+            f"{path} is damaged: {error!r}; remove it to go on without the evaluations so far"
+        ) from error

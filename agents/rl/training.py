@@ -1,7 +1,8 @@
 """Training runs: one folder each, with the configuration, a checkpoint, the policies, the evaluations and the curves.
 
-A run is cut into stretches that end with a checkpoint. Every stretch begins with new episodes, seeded by the run's seed and the
-steps done, so that a run that is resumed at a checkpoint goes on as the one that was never stopped.
+A run is cut into stretches that end with a checkpoint. Every stretch begins with new episodes, seeded by the
+run's seed and the steps done, so that a run that is resumed at a checkpoint goes on as the one that was never
+stopped.
 """
 
 from __future__ import annotations
@@ -53,7 +54,9 @@ class Run(TrainingRun):
         ConfigError: There is no such device.
     """
 
-    def __init__(self, config: TrainingConfig, folder: Path, *, device: str, resume: bool, watcher: Watcher) -> None:
+    def __init__(
+        self, config: TrainingConfig, folder: Path, *, device: str, resume: bool, watcher: Watcher
+    ) -> None:
         super().__init__(config, folder, FILE, device=device, resume=resume, watcher=watcher)
         self.spec = spec_of(config) if config.chooses_frontiers else None
         self.envs = make_envs(config)
@@ -95,7 +98,9 @@ class Run(TrainingRun):
         config, progress = self.config, self.progress
         began = time.monotonic()
         target = min(config.steps, (progress.steps // config.checkpoint_every + 1) * config.checkpoint_every)
-        self.model.set_random_seed(int(np.random.SeedSequence([config.seed, progress.steps]).generate_state(1)[0] >> 1))
+        self.model.set_random_seed(
+            int(np.random.SeedSequence([config.seed, progress.steps]).generate_state(1)[0] >> 1)
+        )
         self.model._last_obs = None
         advance = partial(self.watcher.advance, total=config.steps)
         callback = TrainingCallback(advance, lambda: self.stopping, config.critic_steps)
@@ -116,7 +121,9 @@ class Run(TrainingRun):
         names = self.config.evaluation.references if self.spec else ()
         if self._evaluation:
             assert self.spec is not None
-            scores = self._evaluation.compare(PolicyAgent("policy", self._actor(), self.spec), lambda: self.stopping)
+            scores = self._evaluation.compare(
+                PolicyAgent("policy", self._actor(), self.spec), lambda: self.stopping
+            )
         else:
             scores = evaluate_motion(self.model, self.config, lambda: self.stopping)
         if not scores:
@@ -137,7 +144,9 @@ class Run(TrainingRun):
         """A copy of the policy's averaged actor on the CPU."""
         assert self.spec is not None
         actor = Actor(self.spec)
-        actor.load_state_dict({name: tensor.cpu() for name, tensor in self._policy.averaged.state_dict().items()})
+        actor.load_state_dict(
+            {name: tensor.cpu() for name, tensor in self._policy.averaged.state_dict().items()}
+        )
         return actor.eval()
 
     def _weights(self) -> dict[str, torch.Tensor]:

@@ -1,8 +1,8 @@
 """What an actor and a critic learn from a rollout: the losses of masked PPO (Schulman et al. 2017; Huang and Ontañón 2022).
 
-The rollout may come from an older actor than the one that learns. The ratio is then clipped around the actor that the update
-starts from, and each decision is weighed by how much more or less likely that one would have taken it (decoupled objective,
-Hilton, Cobbe and Schulman 2022).
+The rollout may come from an older actor than the one that learns. The ratio is then clipped around the actor
+that the update starts from, and each decision is weighed by how much more or less likely that one would have
+taken it (decoupled objective, Hilton, Cobbe and Schulman 2022).
 """
 
 from __future__ import annotations
@@ -77,14 +77,19 @@ class Update:
         for order in orders:
             passes += 1
             if not all(
-                self._step(policy, parameters, lesson.take(chosen), curves) for chosen in parts_of(order, self.batch_size)
+                self._step(policy, parameters, lesson.take(chosen), curves)
+                for chosen in parts_of(order, self.batch_size)
             ):
                 break
         means = {name: float(np.mean(values)) for name, values in curves.items()}
         return Learnt(means, passes, time.perf_counter() - start)
 
     def _step(
-        self, policy: FrontierPolicy, parameters: list[torch.nn.Parameter], part: Lesson, curves: dict[str, list[float]]
+        self,
+        policy: FrontierPolicy,
+        parameters: list[torch.nn.Parameter],
+        part: Lesson,
+        curves: dict[str, list[float]],
     ) -> bool:
         """One minibatch; False, and nothing learnt, once the policy has moved too far."""
         value_loss = functional.mse_loss(policy.critic.values(part.situations)[:, 0], part.returns)
@@ -101,7 +106,9 @@ class Update:
         policy.optimizer.step()
         return True
 
-    def _actor_loss(self, policy: FrontierPolicy, part: Lesson, curves: dict[str, list[float]]) -> tuple[Tensor, float]:
+    def _actor_loss(
+        self, policy: FrontierPolicy, part: Lesson, curves: dict[str, list[float]]
+    ) -> tuple[Tensor, float]:
         """The clipped surrogate loss less the entropy's share, and an estimate of how far the policy has moved."""
         log_probs = policy.actor.log_probs(part.situations, part.masks)
         change = log_probs.gather(1, part.actions[:, None])[:, 0] - part.log_probs
@@ -125,5 +132,9 @@ def _seen_from_now(policy: FrontierPolicy, lesson: Lesson) -> Lesson:
     with torch.no_grad():
         everybody = torch.arange(len(lesson.actions), device=lesson.actions.device)
         parts = [lesson.take(chosen) for chosen in parts_of(everybody)]
-        log_probs = torch.cat([policy.actor.log_probs(p.situations, p.masks).gather(1, p.actions[:, None])[:, 0] for p in parts])
-        return lesson._replace(log_probs=log_probs, weights=(log_probs - lesson.log_probs).exp().clamp(max=_HEAVIEST))
+        log_probs = torch.cat(
+            [policy.actor.log_probs(p.situations, p.masks).gather(1, p.actions[:, None])[:, 0] for p in parts]
+        )
+        return lesson._replace(
+            log_probs=log_probs, weights=(log_probs - lesson.log_probs).exp().clamp(max=_HEAVIEST)
+        )

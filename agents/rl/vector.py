@@ -26,12 +26,13 @@ LEVEL = 0.95
 class VectorAdapter(VecEnv):
     """Steps a `gymnasium.vector.VectorEnv` that resets within the step (`AutoresetMode.SAME_STEP`).
 
-    With `info["episode"]` of a step that ends an episode come its return `r`, length `l`, `coverage`, `distance`, and `d95`, the
-    metres after which a decision first found 95 % seen, as a share of the distance.
+    With `info["episode"]` of a step that ends an episode come its return `r`, length `l`, `coverage`,
+    `distance`, and `d95`, the metres after which a decision first found 95 % seen, as a share of the
+    distance.
 
     Args:
-        env: The vector environment. Its observations may have an `action_mask`; stopping, the last action, is then allowed
-            only where nothing else is.
+        env: The vector environment. Its observations may have an `action_mask`; stopping, the last action, is
+            then allowed only where nothing else is.
 
     Attributes:
         waiting_seconds: How long `receive` has waited.
@@ -42,7 +43,9 @@ class VectorAdapter(VecEnv):
 
     def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
         if env.metadata.get("autoreset_mode") != AutoresetMode.SAME_STEP:
-            raise ConfigError("training needs a vector environment that resets within the step (AutoresetMode.SAME_STEP)")
+            raise ConfigError(
+                "training needs a vector environment that resets within the step (AutoresetMode.SAME_STEP)"
+            )
         self.env = env
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._masks: NDArray[np.bool_] | None = None

@@ -1,7 +1,8 @@
 """What the results of a benchmark say: paired comparisons with the baseline, pooled curves, tables.
 
-Every comparison is paired: an agent's run against the baseline's run of the same cell (floor plan, start, sensor). A
-ratio of 0.9 means nine tenths of the baseline's metres. Ratios are averaged as logarithms, by interquartile mean.
+Every comparison is paired: an agent's run against the baseline's run of the same cell (floor plan, start,
+sensor). A ratio of 0.9 means nine tenths of the baseline's metres. Ratios are averaged as logarithms, by
+interquartile mean.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.benchmark.episode import Row
-from layoutexplore.exploration_metrics import coverage_at, mean_coverage
-from layoutexplore.statistics import (
+from layoutexplore.metrics.exploration import coverage_at, mean_coverage
+from layoutexplore.metrics.statistics import (
     Interval,
     cluster_bootstrap,
     cluster_means,
@@ -54,7 +55,8 @@ class Comparison:
         metric: d90, d95 or d99.
         cells: Number of pairs.
         plans: Number of floor plans among them.
-        ratio: exp of the interquartile mean over cells of ln(metres / baseline's metres), interval over floor plans.
+        ratio: exp of the interquartile mean over cells of ln(metres / baseline's metres), interval over floor
+            plans.
         plan_ratio: The same over the plans' mean log-ratios, so that every plan counts once.
         improvement: Probability of needing fewer metres than the baseline on a cell drawn at random.
         reached: Share of this agent's runs that reached the level, 0..1.
@@ -212,7 +214,9 @@ def pooled_curves(rows: Iterable[Row], baseline: str, curves: Curves) -> list[Po
         if mine:
             sampled = np.array([_sampled(curves(row), x * scale[_cell(row)]) for row in mine])
             low, high = np.quantile(sampled, [0.25, 0.75], axis=0)
-            found.append(PooledCurve(agent=agent, x=x, mean=sampled.mean(axis=0), low=low, high=high, cells=len(mine)))
+            found.append(
+                PooledCurve(agent=agent, x=x, mean=sampled.mean(axis=0), low=low, high=high, cells=len(mine))
+            )
     return found
 
 
@@ -225,8 +229,13 @@ def by_plan(rows: Iterable[Row], metric: str) -> dict[tuple[str, str], dict[str,
     values: dict[tuple[str, str], dict[str, list[float]]] = {}
     for row in rows:
         if not row.error and not math.isnan(getattr(row, metric)):
-            values.setdefault((row.plan, row.sensor), {}).setdefault(row.agent, []).append(getattr(row, metric))
-    return {key: {agent: interquartile_mean(v) for agent, v in agents.items()} for key, agents in sorted(values.items())}
+            values.setdefault((row.plan, row.sensor), {}).setdefault(row.agent, []).append(
+                getattr(row, metric)
+            )
+    return {
+        key: {agent: interquartile_mean(v) for agent, v in agents.items()}
+        for key, agents in sorted(values.items())
+    }
 
 
 def agents_of(rows: Iterable[Row]) -> list[str]:

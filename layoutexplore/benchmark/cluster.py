@@ -1,7 +1,7 @@
 """The benchmark's tasks on a Dask or Ray cluster instead of local processes (the `cluster` extra).
 
-The results folder must lie where all workers can write to it. A task whose worker dies is handed out again by the
-cluster; when it keeps failing, its row says so and the run goes on.
+The results folder must lie where all workers can write to it. A task whose worker dies is handed out again by
+the cluster; when it keeps failing, its row says so and the run goes on.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ def run_on_cluster(
     Args:
         function: Picklable; it must not raise.
         tasks: Picklable.
-        cluster: "dask" or "ray" for one on this machine, or "dask:ADDRESS" or "ray:ADDRESS" for one that is running.
+        cluster: "dask" or "ray" for one on this machine, or "dask:ADDRESS" or "ray:ADDRESS" for one that is
+            running.
         jobs: Workers of a cluster on this machine.
         lost: The result of a task whose worker died.
 
@@ -56,7 +57,9 @@ def check_cluster(cluster: str) -> None:
     require(_MODULES[kind], "cluster")
 
 
-def _dask(function: Callable[[T], R], tasks: Sequence[T], address: str, jobs: int, lost: Callable[[T], R]) -> Iterator[R]:
+def _dask(
+    function: Callable[[T], R], tasks: Sequence[T], address: str, jobs: int, lost: Callable[[T], R]
+) -> Iterator[R]:
     distributed = require("distributed", "cluster")
     try:
         own = {"n_workers": jobs, "threads_per_worker": 1, "dashboard_address": None, "memory_limit": None}
@@ -70,10 +73,14 @@ def _dask(function: Callable[[T], R], tasks: Sequence[T], address: str, jobs: in
             yield lost(by_key[future.key]) if future.status == "error" else future.result()
 
 
-def _ray(function: Callable[[T], R], tasks: Sequence[T], address: str, jobs: int, lost: Callable[[T], R]) -> Iterator[R]:
+def _ray(
+    function: Callable[[T], R], tasks: Sequence[T], address: str, jobs: int, lost: Callable[[T], R]
+) -> Iterator[R]:
     ray = require("ray", "cluster")
     try:
-        ray.init(address=address or "local", **({} if address else {"num_cpus": jobs, "include_dashboard": False}))
+        ray.init(
+            address=address or "local", **({} if address else {"num_cpus": jobs, "include_dashboard": False})
+        )
     except ConnectionError as error:
         raise ConfigError(f"no Ray cluster answers at {address!r}: {error}") from error
     try:

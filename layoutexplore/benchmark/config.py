@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 
 import layoutexplore
 from layoutexplore.errors import ConfigError, unknown_name
-from layoutexplore.lidar import SENSORS, LidarConfig
-from layoutexplore.robot import OdometryNoise
-from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.sensing.lidar import SENSORS, LidarConfig
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.robot import OdometryNoise
 
 T = TypeVar("T")
 
@@ -39,7 +39,8 @@ class BenchmarkConfig:
     """Everything that decides the results of a benchmark.
 
     Attributes:
-        plans: Floor plans: names, `FAMILY:SEED`, files, folders, or the splits quick, train, validation, test.
+        plans: Floor plans: names, `FAMILY:SEED`, files, folders, or the splits quick, train, validation,
+            test.
         starts: Number of starts on each plan; start k is the same for every sensor and agent.
         sensors: Presets, or names of `lidars`.
         agents: Strategies.
@@ -47,8 +48,8 @@ class BenchmarkConfig:
         seed: Decides starts, sensor noise and the agents' own randomness.
         lidars: Own sensors by name.
         simulation: How to simulate; its `sensor` is replaced by each of `sensors`.
-        explain: Ask agents with a predictor beside every decision what they would choose without it, and with the true
-            rooms. It changes no run and about doubles the time of theirs.
+        explain: Ask agents with a predictor beside every decision what they would choose without it, and with
+            the true rooms. It changes no run and about doubles the time of theirs.
 
     Raises:
         ConfigError: A list is empty, has duplicates, or a value makes no sense.
@@ -102,14 +103,19 @@ def settings(config: BenchmarkConfig) -> dict[str, Any]:
     simulation = dataclasses.asdict(config.simulation)
     del simulation["sensor"]
     lidars = {name: dataclasses.asdict(config.simulation_with(name).lidar) for name in sorted(config.sensors)}
-    return {"version": layoutexplore.__version__, "seed": config.seed, "simulation": simulation, "lidars": lidars}
+    return {
+        "version": layoutexplore.__version__,
+        "seed": config.seed,
+        "simulation": simulation,
+        "lidars": lidars,
+    }
 
 
 def read_config(path: Path) -> dict[str, Any]:
     """Keyword arguments for `BenchmarkConfig` from a TOML file.
 
-    The keys are the fields of `BenchmarkConfig`; `[simulation]` holds those of `SimulationConfig` (without `sensor`),
-    `[lidars.NAME]` those of `LidarConfig`.
+    The keys are the fields of `BenchmarkConfig`; `[simulation]` holds those of `SimulationConfig` (without
+    `sensor`), `[lidars.NAME]` those of `LidarConfig`.
 
     Raises:
         ConfigError: The file cannot be read, a key is unknown, or a value has the wrong type.

@@ -1,9 +1,10 @@
 """What a predicted layout changed in a run, and how right it was.
 
-At every decision the same agent, with the same memory, is asked again beside the run: with the layout hidden, and with the
-true rooms. The run itself goes on as if nobody had asked. *Changed* is a decision in which the agent chooses otherwise with
-the layout than without it; *misled* is one in which it would choose otherwise with the true rooms. Why it was misled is
-asked too: do the true classes alone set it right, the true areas alone, only both, or only the true rooms themselves?
+At every decision the same agent, with the same memory, is asked again beside the run: with the layout hidden,
+and with the true rooms. The run itself goes on as if nobody had asked. *Changed* is a decision in which the
+agent chooses otherwise with the layout than without it; *misled* is one in which it would choose otherwise
+with the true rooms. Why it was misled is asked too: do the true classes alone set it right, the true areas
+alone, only both, or only the true rooms themselves?
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.boxes import known_box
-from layoutexplore.decision import STOP, Agent, Choice, Decision, Frontier
-from layoutexplore.planning import distance_matrix
+from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision, Frontier
+from layoutexplore.frontiers.viewpoints import remaining_share
+from layoutexplore.grids.boxes import known_box
+from layoutexplore.planning.shortest_paths import distance_matrix
 from layoutexplore.predictors import OraclePredictor
-from layoutexplore.predictors.layout import LEFTOVER
-from layoutexplore.simulation import Simulation
-from layoutexplore.viewpoints import remaining_share
+from layoutexplore.predictors.learned import LEFTOVER
+from layoutexplore.simulation.simulation import Simulation
 
 LOG = (
     "distance", "coverage", "prediction_ms", "frontiers", "changed", "misled", "class_alone", "area_alone", "both",
@@ -34,10 +35,11 @@ LOG = (
     "largest_left", "total_left", "least_sure", "open_judged", "open_left", "true_left", "known",
 )  # fmt: skip
 """Columns of the log, a row a decision. Counts of frontiers: truly `closed` and `closed_as_open` judged open; truly `open` and
-`open_as_closed`; truly `leftover` (closed, less than 1 m2 left), `leftover_missed`, and `leftover_wrong` (judged so and
-not). `largest_left` and `total_left` are the predicted square metres behind frontiers judged closed, `least_sure` the least
-confidence among them, 1 without any; `open_judged` counts frontiers judged open, `open_left` are the predicted square metres
-behind them; `true_left` is the unseen target area, `known` that of the known floor."""
+`open_as_closed`; truly `leftover` (closed, less than 1 m2 left), `leftover_missed`, and `leftover_wrong`
+(judged so and not). `largest_left` and `total_left` are the predicted square metres behind frontiers judged
+closed, `least_sure` the least confidence among them, 1 without any; `open_judged` counts frontiers judged
+open, `open_left` are the predicted square metres behind them; `true_left` is the unseen target area, `known`
+that of the known floor."""
 
 MOMENTS = 4
 """Moments that are kept of a run: those in which most metres were at stake."""
@@ -131,7 +133,14 @@ def to_arrays(counterfactual: Counterfactual) -> dict[str, NDArray[np.generic]]:
     """As named arrays, for a file."""
     arrays: dict[str, NDArray[np.generic]] = {"log": counterfactual.log}
     for k, moment in enumerate(counterfactual.moments):
-        numbers = [moment.distance, moment.coverage, moment.stake, moment.without, moment.seen_after, moment.came_back]
+        numbers = [
+            moment.distance,
+            moment.coverage,
+            moment.stake,
+            moment.without,
+            moment.seen_after,
+            moment.came_back,
+        ]
         places = [moment.corner, moment.here, moment.chosen, moment.given_up]
         arrays[f"moment{k}_numbers"] = np.array(numbers, np.float64)
         arrays[f"moment{k}_places"] = np.array(places, np.int32)
@@ -238,10 +247,18 @@ class Asides:
 
     def _keep(self, decision: Decision, truth: Decision, choice: Choice, without: Choice) -> None:
         """Keep a changed decision if more is at stake than in those that were kept."""
-        if isinstance(without, np.ndarray) or without == STOP or (not isinstance(choice, np.ndarray) and choice == STOP):
+        if (
+            isinstance(without, np.ndarray)
+            or without == STOP
+            or (not isinstance(choice, np.ndarray) and choice == STOP)
+        ):
             return
         here = decision.grid.nearest_cell(decision.pose.x, decision.pose.y)
-        chosen = tuple(choice[-1].tolist()) if isinstance(choice, np.ndarray) else decision.frontiers[choice].viewpoint
+        chosen = (
+            tuple(choice[-1].tolist())
+            if isinstance(choice, np.ndarray)
+            else decision.frontiers[choice].viewpoint
+        )
         given_up = decision.frontiers[without].viewpoint
         places = np.array([here, given_up, chosen], np.int32)
         between = distance_matrix(decision.traversable, places, decision.grid.resolution)
@@ -278,7 +295,9 @@ class Asides:
             return
         goal = {(int(row), int(col)) for row, col in decision.frontiers[choice].cells}
         for _, _, kept in self._kept:
-            if np.isnan(kept.moment.seen_after) and any((int(row), int(col)) in goal for row, col in kept.cells):
+            if np.isnan(kept.moment.seen_after) and any(
+                (int(row), int(col)) in goal for row, col in kept.cells
+            ):
                 kept.moment = dataclasses.replace(kept.moment, came_back=True)
 
     def _settle(self) -> None:
@@ -292,7 +311,8 @@ class Asides:
 def without_layout(decision: Decision) -> Decision:
     """The decision as it is without a predictor."""
     plain = tuple(
-        dataclasses.replace(f, is_closed=None, expected_area=None, confidence=None, room=None) for f in decision.frontiers
+        dataclasses.replace(f, is_closed=None, expected_area=None, confidence=None, room=None)
+        for f in decision.frontiers
     )
     return dataclasses.replace(decision, frontiers=plain, layout=None)
 
@@ -307,21 +327,27 @@ def same_choice(a: Choice, b: Choice) -> bool:
 def _same_judgement(a: Decision, b: Decision) -> bool:
     """Whether two predictions say the same, as far as an agent can see."""
     pairs = zip(a.frontiers, b.frontiers, strict=True)
-    return a.layout is b.layout and all((f.is_closed, f.expected_area) == (g.is_closed, g.expected_area) for f, g in pairs)
+    return a.layout is b.layout and all(
+        (f.is_closed, f.expected_area) == (g.is_closed, g.expected_area) for f, g in pairs
+    )
 
 
 def _mixed(decision: Decision, truth: Decision, *, classes: bool, areas: bool) -> Decision:
     """The decision with the true classes, the true areas, or both."""
     mixed = []
     for f, true in zip(decision.frontiers, truth.frontiers, strict=True):
-        changed = dataclasses.replace(f, is_closed=true.is_closed, confidence=true.confidence) if classes else f
+        changed = (
+            dataclasses.replace(f, is_closed=true.is_closed, confidence=true.confidence) if classes else f
+        )
         mixed.append(dataclasses.replace(changed, expected_area=true.expected_area) if areas else changed)
     return dataclasses.replace(decision, frontiers=tuple(mixed))
 
 
 def _judged(found: Sequence[Frontier], true: Sequence[Frontier]) -> NDArray[np.float64]:
     """float64 (k, 4): judged closed, expected area, truly closed, true area."""
-    rows = [(f.is_closed, f.expected_area, t.is_closed, t.expected_area) for f, t in zip(found, true, strict=True)]
+    rows = [
+        (f.is_closed, f.expected_area, t.is_closed, t.expected_area) for f, t in zip(found, true, strict=True)
+    ]
     return np.array(rows, np.float64)
 
 

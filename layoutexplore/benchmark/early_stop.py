@@ -1,10 +1,10 @@
 """What stopping early saves and loses: pairs of distance saved and coverage lost, against the baseline run to 99 %.
 
-A strategy is measured where its run ended, in the same cells as the baseline: distance saved is 1 - its metres / the
-baseline's metres to 99 %, coverage lost is 99 % less what it had seen, at least 0. Part of what it saves is
-its better route, part is that it does not see the rest; how much the baseline itself would save by being stopped at the
-same coverage is given beside. Rules of stopping can be tried on stored runs: a run that stops is the beginning of the run that
-does not.
+A strategy is measured where its run ended, in the same cells as the baseline: distance saved is 1 - its
+metres / the baseline's metres to 99 %, coverage lost is 99 % less what it had seen, at least 0. Part of what
+it saves is its better route, part is that it does not see the rest; how much the baseline itself would save
+by being stopped at the same coverage is given beside. Rules of stopping can be tried on stored runs: a run
+that stops is the beginning of the run that does not.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from layoutexplore.benchmark.analysis import Curves, agents_of, groups
 from layoutexplore.benchmark.counterfactual import Counterfactual
 from layoutexplore.benchmark.episode import Row
 from layoutexplore.errors import LayoutExploreError
-from layoutexplore.exploration_metrics import distance_to_coverage
-from layoutexplore.frontier_tour import BEGUN, SURE
-from layoutexplore.statistics import Interval, cluster_bootstrap, interquartile_mean, weighted_mean
+from layoutexplore.frontiers.tour_features import BEGUN, SURE
+from layoutexplore.metrics.exploration import distance_to_coverage
+from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, interquartile_mean, weighted_mean
 
 GOAL = 0.99
 """Coverage to which the baseline is run."""
@@ -89,15 +89,20 @@ class EarlyStop:
 def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[EarlyStop]:
     """Every agent that stops by itself, in every group, against the baseline's runs to 99 %.
 
-    Those that have a rule of stopping, and those of which some run ended by itself: the agent stopped, or no frontier was left;
-    not because the coverage or the budget was reached.
+    Those that have a rule of stopping, and those of which some run ended by itself: the agent stopped, or no
+    frontier was left; not because the coverage or the budget was reached.
     """
     found = []
     for sensor, part in groups(rows).items():
-        base = {(row.plan, row.start, row.sensor): row for row in part if row.agent == baseline and row.reached99}
+        base = {
+            (row.plan, row.start, row.sensor): row for row in part if row.agent == baseline and row.reached99
+        }
         for agent in agents_of(part):
             mine = [row for row in part if row.agent == agent and (row.plan, row.start, row.sensor) in base]
-            if not (mine and (has_stop_rule(agent) or any(row.stop_reason in ("agent", "no_frontier") for row in mine))):
+            if not (
+                mine
+                and (has_stop_rule(agent) or any(row.stop_reason in ("agent", "no_frontier") for row in mine))
+            ):
                 continue
             stops = []
             for row in mine:
@@ -127,11 +132,18 @@ def tried_stops(
     """
     found = []
     for sensor, part in groups(rows).items():
-        base = {(row.plan, row.start, row.sensor): row for row in part if row.agent == baseline and row.reached99}
+        base = {
+            (row.plan, row.start, row.sensor): row for row in part if row.agent == baseline and row.reached99
+        }
         mine = [row for row in part if row.agent == agent and (row.plan, row.start, row.sensor) in base]
-        runs = [(row, c, base[row.plan, row.start, row.sensor]) for row in mine if (c := told(row)) is not None]
+        runs = [
+            (row, c, base[row.plan, row.start, row.sensor]) for row in mine if (c := told(row)) is not None
+        ]
         areas = thresholds if runs else ()
-        found += [try_rule(stops_below(a), runs, curves, sensor=sensor, name=f"{agent}, below {a:g} m²") for a in areas]
+        found += [
+            try_rule(stops_below(a), runs, curves, sensor=sensor, name=f"{agent}, below {a:g} m²")
+            for a in areas
+        ]
     return found
 
 
@@ -143,7 +155,9 @@ def stops_below(area: float) -> Rule:
 
     def rule(told: Counterfactual) -> NDArray[np.bool_]:
         surely_closed = (told.column("open_judged") == 0) & (told.column("least_sure") >= SURE)
-        return np.asarray(surely_closed & (told.column("largest_left") < area) & (told.column("known") >= BEGUN))
+        return np.asarray(
+            surely_closed & (told.column("largest_left") < area) & (told.column("known") >= BEGUN)
+        )
 
     return rule
 
@@ -162,7 +176,9 @@ def has_stop_rule(agent: str) -> bool:
     return bool(getattr(options, "stop_area", 0.0) > 0)
 
 
-def stop_at(plan: str, metres: float, coverage: float, baseline_metres: float, baseline_curve: NDArray[np.float64]) -> Stop:
+def stop_at(
+    plan: str, metres: float, coverage: float, baseline_metres: float, baseline_curve: NDArray[np.float64]
+) -> Stop:
     """The pair of a run that ended after some metres at some coverage.
 
     Args:
@@ -172,13 +188,20 @@ def stop_at(plan: str, metres: float, coverage: float, baseline_metres: float, b
         baseline_metres: Of the baseline to 99 % in the same cell, above 0.
         baseline_curve: float64 (n, 2), its metres and coverage.
     """
-    there, _ = distance_to_coverage(baseline_curve[:, 0], baseline_curve[:, 1], min(coverage, GOAL), budget=baseline_metres)
+    there, _ = distance_to_coverage(
+        baseline_curve[:, 0], baseline_curve[:, 1], min(coverage, GOAL), budget=baseline_metres
+    )
     lost = max(0.0, GOAL - coverage)
     return Stop(plan, 1 - metres / baseline_metres, lost, 1 - there / baseline_metres, coverage < GOAL)
 
 
 def try_rule(
-    rule: Rule, runs: Sequence[tuple[Row, Counterfactual, Row]], curves: Curves, *, sensor: str = "", name: str = ""
+    rule: Rule,
+    runs: Sequence[tuple[Row, Counterfactual, Row]],
+    curves: Curves,
+    *,
+    sensor: str = "",
+    name: str = "",
 ) -> EarlyStop:
     """What a rule of stopping would have saved and lost in runs that went on.
 

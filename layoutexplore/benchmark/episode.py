@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.counterfactual import Asides, Counterfactual
-from layoutexplore.decision import Agent, Decision, Predictor, Privileged
 from layoutexplore.errors import LayoutExploreError
-from layoutexplore.exploration_metrics import revisit_share, rooms_finished, score_curve
-from layoutexplore.floorplan import FloorPlan
-from layoutexplore.grid import Pose
+from layoutexplore.frontiers.decision import Agent, Decision, Predictor, Privileged
+from layoutexplore.grids.grid import Pose
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.metrics.exploration import revisit_share, rooms_finished, score_curve
 from layoutexplore.predictors import make_predictor
-from layoutexplore.simulation import Simulation
-from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.simulation import Simulation
 
 MAX_DECISIONS = 20_000
 """A run that is not over after this many decisions is stuck: the longest real ones take a few hundred."""
@@ -51,7 +51,8 @@ class Row:
         distance: Metres travelled at the end.
         decisions: Decisions taken.
         scans: Scans taken.
-        ms_decision_median: Milliseconds in which the agent chose (with its layout prediction), median over its decisions.
+        ms_decision_median: Milliseconds in which the agent chose (with its layout prediction), median over
+            its decisions.
         ms_decision_p95: The same, 95th percentile.
         stop_reason: coverage, no_frontier, budget, agent; or error.
         version: Version of layoutexplore.
@@ -66,9 +67,11 @@ class Row:
         start_y: Start in metres.
         start_theta: Heading at the start in radians.
         wall_seconds: Seconds that the run took.
-        ms_prediction_median: Milliseconds of the layout prediction, median over the decisions; 0 without a predictor.
+        ms_prediction_median: Milliseconds of the layout prediction, median over the decisions; 0 without a
+            predictor.
         prediction_seconds: Seconds that all predictions of the run took.
-        layout_changed: Share of the decisions in which the agent chose otherwise than without the layout (not with --no-explain).
+        layout_changed: Share of the decisions in which the agent chose otherwise than without the layout (not
+            with --no-explain).
         layout_misled: Share of the decisions in which it would have chosen otherwise with the true rooms.
         error: What went wrong; empty where nothing did.
     """
@@ -116,7 +119,13 @@ class Row:
         return self.plan, self.start, self.sensor, self.agent
 
 
-TIMING_COLUMNS = ("ms_decision_median", "ms_decision_p95", "wall_seconds", "ms_prediction_median", "prediction_seconds")
+TIMING_COLUMNS = (
+    "ms_decision_median",
+    "ms_decision_p95",
+    "wall_seconds",
+    "ms_prediction_median",
+    "prediction_seconds",
+)
 """Columns that differ from one execution to the next; every other one is decided by the configuration."""
 
 
@@ -171,7 +180,9 @@ def knows_the_plan(agent: str) -> bool:
     """Whether an agent, or its predictor, is shown the floor plan; not one that this version cannot make."""
     try:
         chosen = make_agent(agent)
-        return isinstance(chosen, Privileged) or isinstance(make_predictor(getattr(chosen, "predictor", "none")), Privileged)
+        return isinstance(chosen, Privileged) or isinstance(
+            make_predictor(getattr(chosen, "predictor", "none")), Privileged
+        )
     except LayoutExploreError:
         return False
 
@@ -250,7 +261,9 @@ def play(
             )
     seconds = time.perf_counter() - began - (asides.seconds if asides else 0.0)
     counterfactual = asides.end() if asides else None
-    return Episode(simulation.curve[:, :2], corners(simulation.track), took, seconds, predictions, counterfactual)
+    return Episode(
+        simulation.curve[:, :2], corners(simulation.track), took, seconds, predictions, counterfactual
+    )
 
 
 def score(row: Row, simulation: Simulation, episode: Episode) -> Row:
@@ -314,5 +327,7 @@ def run_seed(seed: int, plan: str, start: int) -> int:
 
 def _rounded(row: Row) -> Row:
     """Numbers to six decimals, as they stand in the file."""
-    values: dict[str, Any] = {n: round(v, 6) for n, v in dataclasses.asdict(row).items() if isinstance(v, float)}
+    values: dict[str, Any] = {
+        n: round(v, 6) for n, v in dataclasses.asdict(row).items() if isinstance(v, float)
+    }
     return dataclasses.replace(row, **values)

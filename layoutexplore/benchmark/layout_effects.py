@@ -1,7 +1,8 @@
 """What layouts did in the runs of a benchmark: how often they changed a choice, how right they were, what they cost.
 
-Where the difference to perfect rooms comes from is read off two ways: predictions are compared with the truth at every
-decision, and the agent is asked what it would have chosen with true classes, true areas or the true rooms.
+Where the difference to perfect rooms comes from is read off two ways: predictions are compared with the truth
+at every decision, and the agent is asked what it would have chosen with true classes, true areas or the true
+rooms.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from layoutexplore.benchmark.analysis import agents_of, groups
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual
 from layoutexplore.benchmark.episode import Row
-from layoutexplore.statistics import Interval, cluster_bootstrap, weighted_mean
+from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 
 Told = Callable[[Row], Counterfactual | None]
 """Gives what was noted in a run."""
@@ -34,7 +35,8 @@ class LayoutEffect:
         prediction_ms: Median milliseconds of a prediction.
         prediction_ms_p95: 95th percentile.
         episode_seconds: Median seconds that the predictions of a run took.
-        changed: Mean share of the decisions of a run in which the layout changed the choice, interval over floor plans.
+        changed: Mean share of the decisions of a run in which the layout changed the choice, interval over
+            floor plans.
         misled: Mean share in which the true rooms would have.
         by_class: Share of the misled decisions that true classes alone set right.
         by_area: Share that true areas alone set right.
@@ -89,7 +91,8 @@ def _effect(sensor: str, agent: str, runs: Sequence[tuple[Row, Counterfactual]])
     total = dict(zip(LOG, log.sum(axis=0).tolist(), strict=True))
     times = log[:, LOG.index("prediction_ms")]
     changed, misled = (
-        cluster_bootstrap([float(c.column(name).mean()) for _, c in runs], plans, weighted_mean) for name in ("changed", "misled")
+        cluster_bootstrap([float(c.column(name).mean()) for _, c in runs], plans, weighted_mean)
+        for name in ("changed", "misled")
     )
     either = _logical(log, "class_alone") | _logical(log, "area_alone") | _logical(log, "both")
     return LayoutEffect(
@@ -109,7 +112,9 @@ def _effect(sensor: str, agent: str, runs: Sequence[tuple[Row, Counterfactual]])
         closed_as_open=_share(total["closed_as_open"], total["closed"]),
         open_as_closed=_share(total["open_as_closed"], total["open"]),
         leftover_missed=_share(total["leftover_missed"], total["leftover"]),
-        leftover_wrong=_share(total["leftover_wrong"], total["leftover"] - total["leftover_missed"] + total["leftover_wrong"]),
+        leftover_wrong=_share(
+            total["leftover_wrong"], total["leftover"] - total["leftover_missed"] + total["leftover_wrong"]
+        ),
     )
 
 

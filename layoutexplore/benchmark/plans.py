@@ -11,10 +11,10 @@ import numpy as np
 
 from layoutexplore.benchmark.episode import run_seed
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.floorplan import FloorPlan
-from layoutexplore.grid import Pose
-from layoutexplore.robot import draw_start
-from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.grids.grid import Pose
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.robot import draw_start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +83,9 @@ def check_names(entries: Iterable[PlanEntry]) -> None:
     seen: dict[str, str] = {}
     for plan in entries:
         if plan.name in seen:
-            raise ConfigError(f"two floor plans are called {plan.name!r}: {seen[plan.name]} and {plan.source}")
+            raise ConfigError(
+                f"two floor plans are called {plan.name!r}: {seen[plan.name]} and {plan.source}"
+            )
         seen[plan.name] = plan.source
 
 

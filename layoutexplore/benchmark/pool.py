@@ -1,8 +1,8 @@
 """Independent tasks on worker processes, where a worker that dies costs one task and not the run.
 
-Workers are spawned, not forked (threads and compiled kernels do not survive a fork), and keep to one thread each: BLAS,
-OpenMP and OpenCV would otherwise start as many as there are cores in every worker. A worker ends with the process that
-started it, even when that one was killed: it would wait for work for ever.
+Workers are spawned, not forked (threads and compiled kernels do not survive a fork), and keep to one thread
+each: BLAS, OpenMP and OpenCV would otherwise start as many as there are cores in every worker. A worker ends
+with the process that started it, even when that one was killed: it would wait for work for ever.
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ def run_all(
     queue = list(reversed(tasks))
     suspects: list[T] = []
     while queue or suspects:
-        careful = bool(suspects)  # tasks that were in flight when a worker died run alone, to find the one that kills
+        careful = bool(
+            suspects
+        )  # tasks that were in flight when a worker died run alone, to find the one that kills
         source, workers = (suspects, 1) if careful else (queue, min(jobs, len(queue)))
         with single_threaded():
             spawn = multiprocessing.get_context("spawn")

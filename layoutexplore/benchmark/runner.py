@@ -21,7 +21,7 @@ from layoutexplore.benchmark.plans import PlanEntry, check_names, entry, find_pl
 from layoutexplore.benchmark.pool import run_all
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.errors import ConfigError, LayoutExploreError
-from layoutexplore.floorplan import floorplan_from_ascii
+from layoutexplore.maps.floorplan import floorplan_from_ascii
 
 _WARM_UP_PLAN = """
 ####################
@@ -116,8 +116,8 @@ def run_benchmark(
         on_progress: Told when a run has ended.
 
     Raises:
-        LayoutExploreError: A plan cannot be read, a name is unknown, the folder holds another configuration. A run
-            that fails raises nothing: its row says what went wrong.
+        LayoutExploreError: A plan cannot be read, a name is unknown, the folder holds another configuration.
+            A run that fails raises nothing: its row says what went wrong.
     """
     if jobs < 1:
         raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
@@ -151,11 +151,17 @@ def _fill(
     if missing:
         report("compiling and loading the kernels (slow only the first time)")
         warm_up(config)
-        report(f"exploring: {len(missing)} runs, {jobs} at a time" if jobs > 1 else f"exploring: {len(missing)} runs")
+        report(
+            f"exploring: {len(missing)} runs, {jobs} at a time"
+            if jobs > 1
+            else f"exploring: {len(missing)} runs"
+        )
     work = sum(task.plan.reachable_area for task in missing)
     areas, done = {plan.name: plan.reachable_area for plan in plans}, 0.0
     try:
-        for count, row in enumerate(_results(config, folder, missing, jobs, cluster), len(tasks) - len(missing) + 1):
+        for count, row in enumerate(
+            _results(config, folder, missing, jobs, cluster), len(tasks) - len(missing) + 1
+        ):
             folder.append(row)
             rows[row.key] = row
             done += areas[row.plan]
@@ -168,7 +174,8 @@ def _fill(
 def all_tasks(config: BenchmarkConfig, plans: list[PlanEntry]) -> list[Task]:
     """Every run of the benchmark, in the order in which they are made.
 
-    Large plans come first, so that the last runs to end are short; plan by plan, so that workers find it in memory.
+    Large plans come first, so that the last runs to end are short; plan by plan, so that workers find it in
+    memory.
     """
     ordered = sorted(plans, key=lambda plan: (-plan.reachable_area, plan.name))
     return [
@@ -224,7 +231,9 @@ def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[Plan
     return plans
 
 
-def _results(config: BenchmarkConfig, folder: ResultsFolder, tasks: list[Task], jobs: int, cluster: str) -> Iterator[Row]:
+def _results(
+    config: BenchmarkConfig, folder: ResultsFolder, tasks: list[Task], jobs: int, cluster: str
+) -> Iterator[Row]:
     function = functools.partial(run_task, config=config, folder=folder)
     lost = functools.partial(_lost_row, config=config)
     if cluster:

@@ -1,12 +1,13 @@
 """The results folder: what is in it, how it survives being killed, and when it belongs to something else.
 
     run.toml          the configuration, the plans with their content hashes, the command
-    results.csv       a row per finished run, appended as it ends, sorted when all are done (and results.parquet)
-    runs/PLAN/*.npz   the coverage curve and the way walked of a run
+    results.csv       a row per finished run, appended as it ends, sorted when all are done (and
+    results.parquet) runs/PLAN/*.npz   the coverage curve and the way walked of a run
     plans/PLAN.npz    the plan's cells, for the pictures of the report
 
-A run's curve is renamed into place before its row is appended in one write, so a killed benchmark loses only the runs that
-were in flight; a row that was cut off half-way is dropped when the folder is opened again, and so is what was half-written.
+A run's curve is renamed into place before its row is appended in one write, so a killed benchmark loses only
+the runs that were in flight; a row that was cut off half-way is dropped when the folder is opened again, and
+so is what was half-written.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from layoutexplore.benchmark.counterfactual import LOG, Counterfactual, from_arr
 from layoutexplore.benchmark.episode import Episode, Row
 from layoutexplore.benchmark.plans import PlanEntry
 from layoutexplore.errors import ResultsError
-from layoutexplore.plan_raster import PlanRaster
+from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.toml_text import to_toml
 
 COLUMNS = tuple(f.name for f in dataclasses.fields(Row))
@@ -57,7 +58,12 @@ _MANIFEST: dict[type | tuple[type, ...], tuple[str, ...]] = {
 }
 """What run.toml must hold, by type."""
 
-_CONVERTERS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "bool": lambda text: text == "True", "str": str}
+_CONVERTERS: dict[str, Callable[[str], Any]] = {
+    "int": int,
+    "float": float,
+    "bool": lambda text: text == "True",
+    "str": str,
+}
 
 
 class ResultsFolder:
@@ -85,11 +91,15 @@ class ResultsFolder:
             raise ResultsError(f"{self.table} is no table of results: {error}") from error
         lines = list(csv.reader(io.StringIO(text)))
         if not lines or not _REQUIRED <= set(lines[0]) <= set(COLUMNS):
-            raise ResultsError(f"{self.table} does not have the columns of this version: choose another --out, or --force")
+            raise ResultsError(
+                f"{self.table} does not have the columns of this version: choose another --out, or --force"
+            )
         try:
             return [_parse(line, lines[0]) for line in lines[1:]]
         except (ValueError, KeyError) as error:
-            raise ResultsError(f"{self.table} is damaged: {error}; remove the line, or start again with --force") from error
+            raise ResultsError(
+                f"{self.table} is damaged: {error}; remove the line, or start again with --force"
+            ) from error
 
     def append(self, row: Row) -> None:
         """Add a row in a single write; `ResultsError` where that fails."""
@@ -119,14 +129,19 @@ class ResultsFolder:
 
     def curve_path(self, row: Row) -> Path:
         """Where the curve and track of a run lie."""
-        return self.path / "runs" / slug(row.plan) / f"{slug(row.sensor)}-start{row.start}-{slug(row.agent)}.npz"
+        return (
+            self.path / "runs" / slug(row.plan) / f"{slug(row.sensor)}-start{row.start}-{slug(row.agent)}.npz"
+        )
 
     def save_episode(self, row: Row, episode: Episode) -> None:
         """Write a run's curve float32 (n, 2), its track float32 (m, 3), and what the layout changed in it."""
         path = self.curve_path(row)
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic(path) as temporary, temporary.open("wb") as file:
-            arrays: dict[str, Any] = {"curve": episode.curve.astype(np.float32), "track": episode.track.astype(np.float32)}
+            arrays: dict[str, Any] = {
+                "curve": episode.curve.astype(np.float32),
+                "track": episode.track.astype(np.float32),
+            }
             arrays |= to_arrays(episode.counterfactual) if episode.counterfactual else {}
             np.savez_compressed(file, **arrays)
 
@@ -156,7 +171,9 @@ class ResultsFolder:
         """A plan's occupied cells bool (rows, cols), and (resolution, origin x, y, theta)."""
         data = self._arrays(self.path / "plans" / f"{slug(name)}.npz", "occupied", "shape", "frame")
         rows, cols = data["shape"]
-        return np.unpackbits(data["occupied"], count=rows * cols).reshape(rows, cols).astype(np.bool_), data["frame"]
+        return np.unpackbits(data["occupied"], count=rows * cols).reshape(rows, cols).astype(np.bool_), data[
+            "frame"
+        ]
 
     @staticmethod
     def _arrays(path: Path, *names: str) -> dict[str, NDArray[Any]]:
@@ -176,10 +193,21 @@ class ResultsFolder:
         except OSError as error:
             raise ResultsError(f"{self.path} holds no benchmark: there is no run.toml in it") from error
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ResultsError(f"{self.path}/run.toml is damaged ({error}): start again with --force") from error
-        lacking = [name for kind, names in _MANIFEST.items() for name in names if not isinstance(_at(manifest, name), kind)]
+            raise ResultsError(
+                f"{self.path}/run.toml is damaged ({error}): start again with --force"
+            ) from error
+        lacking = [
+            name
+            for kind, names in _MANIFEST.items()
+            for name in names
+            if not isinstance(_at(manifest, name), kind)
+        ]
         if not lacking:
-            lacking = [f"plans.{name}" for name, plan in manifest["plans"].items() if _at(plan, "content_hash") is None]
+            lacking = [
+                f"plans.{name}"
+                for name, plan in manifest["plans"].items()
+                if _at(plan, "content_hash") is None
+            ]
         if lacking:
             raise ResultsError(
                 f"{self.path}/run.toml is damaged or of another version (no {lacking[0]}): start again with --force"
@@ -196,19 +224,27 @@ def locked(path: Path) -> Iterator[None]:
     """
     if path.exists() and not path.is_dir():
         raise ResultsError(f"{path} is a file: --out must name a folder")
-    if path.exists() and any(path.iterdir()) and not any((path / name).exists() for name in ("run.toml", LOCK)):
+    if (
+        path.exists()
+        and any(path.iterdir())
+        and not any((path / name).exists() for name in ("run.toml", LOCK))
+    ):
         raise ResultsError(f"{path} is not empty and holds no benchmark: choose another folder with --out")
     lock = path / LOCK
     try:
         path.mkdir(parents=True, exist_ok=True)
         held = lock.open("w")
     except OSError as error:
-        raise ResultsError(f"cannot write into {path} ({error.strerror}): choose another folder with --out") from error
+        raise ResultsError(
+            f"cannot write into {path} ({error.strerror}): choose another folder with --out"
+        ) from error
     with held:
         try:
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            raise ResultsError(f"another benchmark is writing into {path}: wait for it, or choose another --out") from error
+            raise ResultsError(
+                f"another benchmark is writing into {path}: wait for it, or choose another --out"
+            ) from error
         try:
             yield
         finally:
@@ -262,7 +298,9 @@ def _at(table: Any, path: str) -> Any:
     return table
 
 
-def _manifest(config: BenchmarkConfig, plans: list[PlanEntry], models: dict[str, str], command: str) -> dict[str, Any]:
+def _manifest(
+    config: BenchmarkConfig, plans: list[PlanEntry], models: dict[str, str], command: str
+) -> dict[str, Any]:
     return {
         "command": command,
         "config_hash": config.config_hash,
@@ -277,12 +315,20 @@ def _manifest(config: BenchmarkConfig, plans: list[PlanEntry], models: dict[str,
 
 def _merged(old: dict[str, Any], new: dict[str, Any], path: Path, *, extend: bool) -> dict[str, Any]:
     """What run.toml is to say now, or why it cannot be."""
-    models, noted = new["settings"]["models"], old["settings"].get("models", {})  # Earlier versions did not note models.
+    models, noted = (
+        new["settings"]["models"],
+        old["settings"].get("models", {}),
+    )  # Earlier versions did not note models.
     old["settings"]["models"] = {name: "not noted" for name in models if name in old["agents"]} | noted
-    was, now = dict(_flat(tomllib.loads(to_toml(_comparable(old))))), dict(_flat(tomllib.loads(to_toml(_comparable(new)))))
+    was, now = (
+        dict(_flat(tomllib.loads(to_toml(_comparable(old))))),
+        dict(_flat(tomllib.loads(to_toml(_comparable(new))))),
+    )
 
     def grows(key: str) -> bool:
-        added = key.startswith(("settings.lidars.", "settings.models.", "plans.")) and (key not in was or key not in now)
+        added = key.startswith(("settings.lidars.", "settings.models.", "plans.")) and (
+            key not in was or key not in now
+        )
         return added or key in ("agents", "sensors", "starts")
 
     changed = [k for k in sorted(was.keys() | now.keys()) if was.get(k) != now.get(k)]
@@ -320,7 +366,9 @@ def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _shown(value: Any) -> str:
-    text = "nothing" if value is None else ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+    text = (
+        "nothing" if value is None else ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+    )
     return text if len(text) <= 60 else text[:57] + "..."
 
 

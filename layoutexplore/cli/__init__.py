@@ -38,7 +38,8 @@ def _show_version(wanted: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit."),
     ] = False,
 ) -> None:
     """Options of all commands."""
@@ -57,9 +58,13 @@ def main() -> None:
         print(f"layoutexplore: {error}", file=sys.stderr)
         sys.exit(2)
     except BrokenPipeError:
-        # The reader has gone (`layoutexplore ... | head`): that is not an error, but nothing more can be written.
+        # The reader has gone (`layoutexplore ... | head`): that is not an error, but nothing more can be
+        # written.
         sys.stdout = None
         sys.exit(0)
     except OSError as error:  # a full disk, a folder that is not ours
-        print(f"layoutexplore: {f'{error.filename}: ' if error.filename else ''}{error.strerror or error}", file=sys.stderr)
+        print(
+            f"layoutexplore: {f'{error.filename}: ' if error.filename else ''}{error.strerror or error}",
+            file=sys.stderr,
+        )
         sys.exit(2)

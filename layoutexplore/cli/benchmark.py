@@ -49,18 +49,29 @@ def register(app: typer.Typer) -> None:
 def benchmark(
     plans: Annotated[
         list[str] | None,
-        typer.Option(help="Floor plan: name, FAMILY:SEED, file, folder of plans, or quick, train, validation, test. Repeatable."),
+        typer.Option(
+            help="Floor plan: name, FAMILY:SEED, file, folder of plans, or quick, train, validation, test. Repeatable."
+        ),
     ] = None,
     starts: Annotated[int | None, typer.Option(help="Starts on each plan. Default: 2.")] = None,
-    agents: Annotated[list[str] | None, typer.Option(help="Agent, such as tour or nearest:min_size=0.4. Repeatable.")] = None,
-    sensor: Annotated[list[str] | None, typer.Option(help="Sensor: stage (default), indoor, short, mapex. Repeatable.")] = None,
+    agents: Annotated[
+        list[str] | None, typer.Option(help="Agent, such as tour or nearest:min_size=0.4. Repeatable.")
+    ] = None,
+    sensor: Annotated[
+        list[str] | None, typer.Option(help="Sensor: stage (default), indoor, short, mapex. Repeatable.")
+    ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of starts, noise and agents. Default: 0.")] = None,
     baseline: Annotated[str | None, typer.Option(help="Agent to compare with. Default: nearest.")] = None,
     jobs: Annotated[int | None, typer.Option(help="Worker processes. Default: one per core.")] = None,
-    cluster: Annotated[str, typer.Option(help="Run on Dask or Ray: dask, ray, dask:ADDRESS or ray:ADDRESS.")] = "",
+    cluster: Annotated[
+        str, typer.Option(help="Run on Dask or Ray: dask, ray, dask:ADDRESS or ray:ADDRESS.")
+    ] = "",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = DEFAULT_OUT,
     config: Annotated[
-        Path | None, typer.Option(help="TOML file with any of these options, and the tables \\[simulation] and \\[lidars.NAME].")
+        Path | None,
+        typer.Option(
+            help="TOML file with any of these options, and the tables \\[simulation] and \\[lidars.NAME]."
+        ),
     ] = None,
     explain: Annotated[
         bool | None,
@@ -68,9 +79,12 @@ def benchmark(
             help="Also note what a layout changed and how right it was: layout agents take twice as long. Default: yes."
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Delete the results in the folder and start again.")] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Delete the results in the folder and start again.")
+    ] = False,
     extend: Annotated[
-        bool, typer.Option("--extend", help="Add plans, starts, sensors or agents to the results in the folder.")
+        bool,
+        typer.Option("--extend", help="Add plans, starts, sensors or agents to the results in the folder."),
     ] = False,
 ) -> None:
     """Run a benchmark and write its report."""
@@ -82,9 +96,15 @@ def benchmark(
     for module in ("pandas", "pyarrow", "jinja2"):
         require(module, "bench")
     given: dict[str, Any] = {"starts": starts, "seed": seed, "baseline": baseline, "explain": explain}
-    given |= {"plans": plans and tuple(plans), "agents": agents and tuple(agents), "sensors": sensor and tuple(sensor)}
+    given |= {
+        "plans": plans and tuple(plans),
+        "agents": agents and tuple(agents),
+        "sensors": sensor and tuple(sensor),
+    }
     options = read_config(config) if config else {}
-    settings = BenchmarkConfig(**options | {name: value for name, value in given.items() if value is not None})
+    settings = BenchmarkConfig(
+        **options | {name: value for name, value in given.items() if value is not None}
+    )
     console = Console(highlight=False)
     outcome = _run(console, settings, out, jobs=jobs, cluster=cluster, force=force, extend=extend)
     _write_and_show(console, outcome, settings)
@@ -93,8 +113,12 @@ def benchmark(
 
 
 def report(
-    folder: Annotated[Path, typer.Argument(help="Results folder of `layoutexplore benchmark`.")] = DEFAULT_OUT,
-    baseline: Annotated[str | None, typer.Option(help="Agent to compare with. Default: as when it was run.")] = None,
+    folder: Annotated[
+        Path, typer.Argument(help="Results folder of `layoutexplore benchmark`.")
+    ] = DEFAULT_OUT,
+    baseline: Annotated[
+        str | None, typer.Option(help="Agent to compare with. Default: as when it was run.")
+    ] = None,
 ) -> None:
     """Write the report of a results folder again."""
     from rich.console import Console
@@ -115,7 +139,14 @@ def report(
 
 
 def _run(
-    console: Console, settings: BenchmarkConfig, out: Path, *, jobs: int | None, cluster: str, force: bool, extend: bool
+    console: Console,
+    settings: BenchmarkConfig,
+    out: Path,
+    *,
+    jobs: int | None,
+    cluster: str,
+    force: bool,
+    extend: bool,
 ) -> Outcome:
     """Run what is missing, with a line that says how far it is."""
     from layoutexplore.benchmark.pool import usable_cores
@@ -128,7 +159,9 @@ def _run(
 
             def advance(progress: Progress) -> None:
                 row = progress.row
-                line.advance(progress.done, progress.total, progress.work_done, f"{row.plan} {row.sensor} {row.agent}")
+                line.advance(
+                    progress.done, progress.total, progress.work_done, f"{row.plan} {row.sensor} {row.agent}"
+                )
 
             return run_benchmark(
                 settings,
@@ -160,7 +193,9 @@ def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig)
             soft_wrap=True,
         )
     for row in outcome.failed[:5]:
-        console.print(f"failed: {row.plan}, start {row.start}, {row.sensor}, {row.agent}: {row.error}", soft_wrap=True)
+        console.print(
+            f"failed: {row.plan}, start {row.start}, {row.sensor}, {row.agent}: {row.error}", soft_wrap=True
+        )
     if len(outcome.failed) > 5:
         console.print(f"... and {len(outcome.failed) - 5} more failed runs, see the report")
     console.print(f"{len(outcome.rows)} runs, {outcome.ran} of them now. Report: {paths[0]}", soft_wrap=True)

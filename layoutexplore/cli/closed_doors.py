@@ -13,7 +13,7 @@ from layoutexplore.cli.json_file import write_json
 from layoutexplore.cli.output_places import check_places
 
 if TYPE_CHECKING:
-    from layoutexplore.closed_doors.training import Samples, Source
+    from layoutexplore.training.closed_doors import Samples, Source
 
 COLUMNS = ("before", "free_iou", "iou", "iqm", "iqm_low", "iqm_high", "precision", "recall")
 
@@ -24,25 +24,40 @@ NOTE = (
 
 
 def closed_doors(
-    folder: Annotated[Path, typer.Argument(help="Folder with NAME_k_doors_IN.png, NAME_k_doors_OUT.png and NAME_GT.png.")],
-    out: Annotated[Path, typer.Option(help="Folder for NAME_k_doors_pred.png and the pictures of the best and worst.")] = Path(
-        "closed-doors"
-    ),
+    folder: Annotated[
+        Path, typer.Argument(help="Folder with NAME_k_doors_IN.png, NAME_k_doors_OUT.png and NAME_GT.png.")
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Folder for NAME_k_doors_pred.png and the pictures of the best and worst.")
+    ] = Path("closed-doors"),
     jobs: Annotated[int, typer.Option(min=1, help="Processes; with --folds one.")] = 1,
     resolution: Annotated[float, typer.Option(help="Metres a pixel.")] = 0.05,
-    folds: Annotated[int, typer.Option(min=0, help="Train anew without each of so many groups of buildings; 0: shipped.")] = 0,
+    folds: Annotated[
+        int, typer.Option(min=0, help="Train anew without each of so many groups of buildings; 0: shipped.")
+    ] = 0,
     plans: Annotated[
-        list[str] | None, typer.Option(help="With --folds: floor plans to train on besides (name, file or folder).")
+        list[str] | None,
+        typer.Option(help="With --folds: floor plans to train on besides (name, file or folder)."),
     ] = None,
-    cache: Annotated[Path | None, typer.Option(help="With --folds: keeps what is learnt from; a stopped run goes on.")] = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="With --folds: keeps what is learnt from; a stopped run goes on.")
+    ] = None,
     report: Annotated[bool, typer.Option(help="Also write report.html with a picture of every map.")] = True,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write every number into this file.")
+    ] = None,
 ) -> None:
     """Rooms behind closed doors: free-space IoU; IoU, precision and recall on what was never seen; beside a reference."""
     from layoutexplore.errors import require
-    from layoutexplore.evaluation.closed_doors import cross_validate, evaluate, find_triples, summarise, write_pictures
-    from layoutexplore.evaluation.closed_doors_report import write_report
+    from layoutexplore.evaluation.closed_doors import (
+        cross_validate,
+        evaluate,
+        find_triples,
+        summarise,
+        write_pictures,
+    )
     from layoutexplore.processes import command_line
+    from layoutexplore.report.closed_doors import write_report
 
     if report:
         require("jinja2", "bench")
@@ -50,7 +65,9 @@ def closed_doors(
     triples = find_triples(folder)
     scores = []
     if folds:
-        results = cross_validate(triples, folds, _learn_from(folder, plans or (), cache), resolution=resolution, out=out)
+        results = cross_validate(
+            triples, folds, _learn_from(folder, plans or (), cache), resolution=resolution, out=out
+        )
     else:
         results = evaluate(triples, resolution=resolution, out=out, jobs=jobs)
     for triple, score in zip(triples, results, strict=True):
@@ -74,12 +91,16 @@ def _learn_from(folder: Path, plans: Sequence[str], cache: Path | None) -> list[
     from rich.console import Console
 
     from layoutexplore.cli.progress import ProgressLine
-    from layoutexplore.closed_doors.training import collect_all, find_sources
     from layoutexplore.maps import expand_plans
+    from layoutexplore.training.closed_doors import collect_all, find_sources
 
     sources = find_sources(folder, [source for spec in plans for source in expand_plans(spec)])
     with ProgressLine(Console(), "maps to learn from") as line:
-        return list(collect_all(sources, cache, lambda done, total, name: line.advance(done, total, done / total, name)))
+        return list(
+            collect_all(
+                sources, cache, lambda done, total, name: line.advance(done, total, done / total, name)
+            )
+        )
 
 
 def _print(summary: Sequence[dict[str, Any]]) -> None:

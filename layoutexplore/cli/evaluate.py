@@ -22,13 +22,18 @@ if TYPE_CHECKING:
 
     from layoutexplore.evaluation.segmentation import Case, MapScore
 
-group = typer.Typer(name="evaluate", help="Score the layout methods against ground truth.", no_args_is_help=True)
+group = typer.Typer(
+    name="evaluate", help="Score the layout methods against ground truth.", no_args_is_help=True
+)
 
-Methods = Annotated[list[str] | None, typer.Option("--method", "-m", help="Method; repeat for several side by side.")]
+Methods = Annotated[
+    list[str] | None, typer.Option("--method", "-m", help="Method; repeat for several side by side.")
+]
 Resolution = Annotated[float, typer.Option(min=0.001, help="Metres a pixel.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")]
 Weights = Annotated[
-    list[str] | None, typer.Option("--weight", help="FOLDER=NUMBER: weight in training of a folder's maps, else 1; repeat.")
+    list[str] | None,
+    typer.Option("--weight", help="FOLDER=NUMBER: weight in training of a folder's maps, else 1; repeat."),
 ]
 Jobs = Annotated[int, typer.Option(min=1, help="Processes; compare times with 1 only.")]
 
@@ -38,38 +43,55 @@ def register(app: typer.Typer) -> None:
     app.add_typer(group)
 
 
-EXAMPLE = "Example: layoutexplore evaluate partial-rooms office-01 school-01 -p layout -p hull --snapshots kept/"
+EXAMPLE = (
+    "Example: layoutexplore evaluate partial-rooms office-01 school-01 -p layout -p hull --snapshots kept/"
+)
 group.command("partial-rooms", epilog=EXAMPLE)(partial_rooms)
 EXAMPLE = "Example: layoutexplore evaluate train-predictor schools/ office:0-99 --folds 4 --store kept/ --out models/"
 group.command("train-predictor", epilog=EXAMPLE)(train_predictor)
-group.command("closed-doors", epilog="Example: layoutexplore evaluate closed-doors maps/ --out predicted")(closed_doors)
+group.command("closed-doors", epilog="Example: layoutexplore evaluate closed-doors maps/ --out predicted")(
+    closed_doors
+)
 
 
-@group.command("segmentation", epilog="Example: layoutexplore evaluate segmentation maps/ -m default -m rose2 --out report")
+@group.command(
+    "segmentation",
+    epilog="Example: layoutexplore evaluate segmentation maps/ -m default -m rose2 --out report",
+)
 def segmentation(
     folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
     method: Methods = None,
-    protocol: Annotated[str, typer.Option(help="rose2, or bormann: segments and rooms up to 100 pixels are dropped.")] = "rose2",
-    folds: Annotated[int, typer.Option(min=0, help="Cross-validate the default method over so many folds of buildings.")] = 0,
-    seeds: Annotated[int, typer.Option(min=1, help="Train the folds' judges so often, with other seeds.")] = 1,
+    protocol: Annotated[
+        str, typer.Option(help="rose2, or bormann: segments and rooms up to 100 pixels are dropped.")
+    ] = "rose2",
+    folds: Annotated[
+        int, typer.Option(min=0, help="Cross-validate the default method over so many folds of buildings.")
+    ] = 0,
+    seeds: Annotated[
+        int, typer.Option(min=1, help="Train the folds' judges so often, with other seeds.")
+    ] = 1,
     buildings: Annotated[
         Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME), for the folds.")
     ] = None,
-    simulated: Annotated[int, typer.Option(min=0, help="Simulated maps each fold is trained on besides.")] = 150,
+    simulated: Annotated[
+        int, typer.Option(min=0, help="Simulated maps each fold is trained on besides.")
+    ] = 150,
     plans: Annotated[
         list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
     ] = None,
     weight: Weights = None,
     resolution: Resolution = 0.05,
     json_file: JsonFile = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for report.html, results.csv and a picture per map.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for report.html, results.csv and a picture per map.")
+    ] = None,
     jobs: Jobs = 1,
 ) -> None:
     """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all."""
     from layoutexplore.errors import ConfigError, require
     from layoutexplore.evaluation.segmentation import evaluate_cases, find_cases, seed_spread, summarise
     from layoutexplore.layout.registry import layout_method
-    from layoutexplore.segmentation_metrics import PROTOCOLS
+    from layoutexplore.metrics.segmentation import PROTOCOLS
 
     if protocol not in PROTOCOLS:
         raise ConfigError(f"unknown protocol {protocol!r}: known are {', '.join(PROTOCOLS)}")
@@ -133,20 +155,27 @@ def _write_results(
 
     rows = [row for _, row, _ in results]
     if json_file is not None:
-        numbers = {"protocol": protocol, "resolution": resolution, "folds": folds, "maps": [asdict(r) for r in rows]}
+        numbers = {
+            "protocol": protocol,
+            "resolution": resolution,
+            "folds": folds,
+            "maps": [asdict(r) for r in rows],
+        }
         write_json(json_file, numbers | {"summary": summarise(rows), "seeds": seed_spread(rows)})
     if out is not None:
-        from layoutexplore.evaluation.segmentation_report import write_report
         from layoutexplore.processes import command_line
+        from layoutexplore.report.segmentation import write_report
 
         title = "Room segmentation" + (f", {folds} folds of buildings" if folds else "")
-        written = write_report(out, results, title=title, protocol=protocol, resolution=resolution, command=command_line())
+        written = write_report(
+            out, results, title=title, protocol=protocol, resolution=resolution, command=command_line()
+        )
         for path in written:
             typer.echo(f"written: {path}")
 
 
 def _line(row: MapScore) -> str:
-    from layoutexplore.segmentation_metrics import MEASURES
+    from layoutexplore.metrics.segmentation import MEASURES
 
     values = " ".join(f"{100 * getattr(row, m):5.1f}" for m in MEASURES)
     note = f"  ({row.warnings})" if row.warnings else ""
@@ -157,21 +186,26 @@ def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from layoutexplore.segmentation_metrics import HEADINGS, MEASURES
+    from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
 
     table = Table("set", "method", "maps", *HEADINGS.values(), "segments/rooms", "ms", box=None)
     for line in lines:
         values = [f"{100 * line[m]:.1f}±{100 * line[m + '_std']:.1f}" for m in MEASURES]
         counts = f"{line['segments']:.1f}/{line['rooms']:.1f}"
         table.add_row(
-            line["folder"], line["method"], str(line["maps"]), *values, counts, f"{line['ms']:.0f}±{line['ms_std']:.0f}"
+            line["folder"],
+            line["method"],
+            str(line["maps"]),
+            *values,
+            counts,
+            f"{line['ms']:.0f}±{line['ms_std']:.0f}",
         )
     console = Console()
     (console if console.is_terminal else Console(width=200)).print(table)
 
 
 def _print_spread(lines: Sequence[dict[str, Any]]) -> None:
-    from layoutexplore.segmentation_metrics import HEADINGS
+    from layoutexplore.metrics.segmentation import HEADINGS
 
     for line in lines:
         values = ", ".join(f"{name} {100 * line[m]:.1f}" for m, name in HEADINGS.items())
@@ -227,17 +261,23 @@ def _weights(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, fl
         except ValueError:
             raise ConfigError(f"--weight {text}: FOLDER=NUMBER is needed, such as cluttered=4") from None
         if folder not in folders:
-            raise ConfigError(f"--weight {text}: no folder of that name is given; there are {', '.join(sorted(folders))}")
+            raise ConfigError(
+                f"--weight {text}: no folder of that name is given; there are {', '.join(sorted(folders))}"
+            )
         if not 0 < weights[folder] < float("inf"):
             raise ConfigError(f"--weight {text}: a weight must be above 0")
     return weights
 
 
-@group.command("train", epilog="Example: layoutexplore evaluate train maps/ --plans schools/ --out merging_model.json")
+@group.command(
+    "train", epilog="Example: layoutexplore evaluate train maps/ --plans schools/ --out merging_model.json"
+)
 def train(
     folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
     out: Annotated[Path, typer.Option(help="File for the numbers of the judge.")],
-    buildings: Annotated[Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")] = None,
+    buildings: Annotated[
+        Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")
+    ] = None,
     simulated: Annotated[int, typer.Option(min=0, help="Simulated maps to train on besides.")] = 150,
     plans: Annotated[
         list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
@@ -249,7 +289,7 @@ def train(
     """Train the judge of the default method, which decides what pieces of a map are one room."""
     from layoutexplore.evaluation.cross_validation import train_judge
     from layoutexplore.evaluation.segmentation import find_cases
-    from layoutexplore.layout.merging_model import save_forest
+    from layoutexplore.layout.merging.merge_forest import save_forest
 
     check_places(out.parent)
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
@@ -264,7 +304,9 @@ def train(
         progress=_progress(),
     )
     note = f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} simulated ones"
-    note += f", seed {seed}" + "".join(f", weight {value:g} for {folder}" for folder, value in weights.items())
+    note += f", seed {seed}" + "".join(
+        f", weight {value:g} for {folder}" for folder, value in weights.items()
+    )
     save_forest(forest, out, note=note)
     typer.echo(f"written: {out}, {len(forest.roots)} trees")
 
@@ -280,8 +322,8 @@ def layout(
     import numpy as np
 
     from layoutexplore.errors import MapError
-    from layoutexplore.evaluation.schools import read_outlines, score_layout
-    from layoutexplore.grid_io import load_grid
+    from layoutexplore.evaluation.layouts import read_outlines, score_layout
+    from layoutexplore.grids.ros_map import load_grid
     from layoutexplore.layout.pipeline import reconstruct
     from layoutexplore.layout.registry import layout_method
 
@@ -323,13 +365,15 @@ _CLUTTER_FIGURES = {
 
 @group.command("clutter", epilog="Example: layoutexplore evaluate clutter maps/*.png")
 def clutter(
-    maps: Annotated[list[Path], typer.Argument(help="Clean grid maps, images or ROS YAML; or folders of images.")],
+    maps: Annotated[
+        list[Path], typer.Argument(help="Clean grid maps, images or ROS YAML; or folders of images.")
+    ],
     resolution: Resolution = 0.05,
     json_file: JsonFile = None,
 ) -> None:
     """ROSE on clean maps with clutter added: precision, recall, W against precision, wall-line error with and without it."""
     from layoutexplore.evaluation.clutter import run_study
-    from layoutexplore.grid_io import load_grid
+    from layoutexplore.grids.ros_map import load_grid
 
     check_places(None, json_file)
     files = [f for path in maps for f in (sorted(path.glob("*.png")) if path.is_dir() else [path])]

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from layoutexplore.benchmark.episode import Row
-    from layoutexplore.grid import Pose
-    from layoutexplore.report.film import Film
-    from layoutexplore.simulation import Simulation
+    from layoutexplore.drawing.film import Film
+    from layoutexplore.grids.grid import Pose
+    from layoutexplore.simulation.simulation import Simulation
 
 HELP = """Explore one floor plan with one agent; print what came of it, and film it.
 
@@ -38,13 +38,19 @@ def explore(
     plan: Annotated[str, typer.Argument(help="Floor plan: a name, FAMILY:SEED, or a file.")],
     agent: Annotated[str, typer.Option(help="Strategy, such as tour or nearest:min_size=0.4.")] = "nearest",
     sensor: Annotated[str, typer.Option(help="Lidar: stage, indoor, short or mapex.")] = "stage",
-    seed: Annotated[int, typer.Option(min=0, help="Decides the start, the noise and the agent's own randomness.")] = 0,
-    start: Annotated[str | None, typer.Option(metavar="X,Y[,THETA]", help="Start in metres, and heading in radians.")] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Decides the start, the noise and the agent's own randomness.")
+    ] = 0,
+    start: Annotated[
+        str | None, typer.Option(metavar="X,Y[,THETA]", help="Start in metres, and heading in radians.")
+    ] = None,
     video: Annotated[Path | None, typer.Option(help="Write an .mp4 or .gif of the run.")] = None,
     fps: Annotated[float, typer.Option(min=0.5, max=60, help="Frames of the video per second.")] = 24.0,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for pictures, the final map (ROS YAML and PGM), the way walked and the coverage curve."),
+        typer.Option(
+            help="Folder for pictures, the final map (ROS YAML and PGM), the way walked and the coverage curve."
+        ),
     ] = None,
 ) -> None:
     """Explore one floor plan."""
@@ -53,9 +59,9 @@ def explore(
     from layoutexplore.benchmark.episode import Row, play, prepare, score
     from layoutexplore.cli.output_places import check_places
     from layoutexplore.cli.progress import ProgressLine
-    from layoutexplore.grid_io import encode_png
-    from layoutexplore.picture import draw_state
-    from layoutexplore.simulation_config import SimulationConfig
+    from layoutexplore.drawing.pictures import draw_state
+    from layoutexplore.grids.ros_map import encode_png
+    from layoutexplore.simulation.config import SimulationConfig
 
     check_places(out)
     console = Console(highlight=False)
@@ -65,7 +71,9 @@ def explore(
 
         def show(state: Simulation) -> None:
             share = min(1.0, state.coverage / state.config.coverage_goal)
-            line.advance(int(100 * state.coverage), 100, share, f"{state.distance:.0f} m, {state.decisions} decisions")
+            line.advance(
+                int(100 * state.coverage), 100, share, f"{state.distance:.0f} m, {state.decisions} decisions"
+            )
             quarter = 25 * int(4 * state.coverage)
             if out and (quarter not in pictures or state.done):
                 pictures[100 if state.done else quarter] = encode_png(draw_state(state, agent=agent))
@@ -73,7 +81,9 @@ def explore(
         if film:
             simulation.on_scan = lambda state: film.add(draw_state(state, agent=agent))
         episode = play(simulation, chosen, seed=seed, start=parse_start(start), on_step=show)
-    row = score(Row(plan=simulation.plan.name, start=0, sensor=sensor, agent=agent, seed=seed), simulation, episode)
+    row = score(
+        Row(plan=simulation.plan.name, start=0, sensor=sensor, agent=agent, seed=seed), simulation, episode
+    )
     console.print(_summary(row, filmed=video is not None))
     if video:
         console.print(f"wrote {video}", soft_wrap=True)
@@ -93,7 +103,7 @@ def parse_start(text: str | None) -> Pose | None:
         Pose(x=1.5, y=2.0, theta=0.1)
     """
     from layoutexplore.errors import ConfigError
-    from layoutexplore.grid import Pose
+    from layoutexplore.grids.grid import Pose
 
     if text is None:
         return None
@@ -112,10 +122,13 @@ def save_run(folder: Path, simulation: Simulation, pictures: dict[int, bytes]) -
 
     import numpy as np
 
-    from layoutexplore.grid_io import write_atomically
+    from layoutexplore.grids.ros_map import write_atomically
 
     simulation.mapper.grid.save(folder / "map.yaml")
-    tables = {"track": (simulation.track, "%.4f", "x,y,theta"), "curve": (simulation.curve, "%.6f", "distance,coverage,scan")}
+    tables = {
+        "track": (simulation.track, "%.4f", "x,y,theta"),
+        "curve": (simulation.curve, "%.6f", "distance,coverage,scan"),
+    }
     for name, (table, digits, header) in tables.items():
         text = io.StringIO()
         np.savetxt(text, table, digits, ",", header=header, comments="")
@@ -129,7 +142,7 @@ def save_run(folder: Path, simulation: Simulation, pictures: dict[int, bytes]) -
 def _film(path: Path | None, fps: float) -> AbstractContextManager[Film | None]:
     if path is None:
         return nullcontext()
-    from layoutexplore.report.film import Film
+    from layoutexplore.drawing.film import Film
 
     return Film(path, fps=fps)
 
@@ -145,7 +158,10 @@ def _summary(row: Row, *, filmed: bool) -> Table:
         ("ended by", row.stop_reason),
         ("seen", f"{100 * row.coverage:.1f} %, {row.rooms_finished} of {row.rooms} rooms finished"),
         ("travelled", f"{row.distance:.1f} m, {100 * row.revisits:.0f} % of it where it had been before"),
-        *((f"{name[1:]} % seen after", f"{getattr(row, name):.1f} m" if ok else "not reached") for name, ok in reached.items()),
+        *(
+            (f"{name[1:]} % seen after", f"{getattr(row, name):.1f} m" if ok else "not reached")
+            for name, ok in reached.items()
+        ),
         ("decisions", f"{row.decisions}, {row.ms_decision_median:.2f} ms each (median)"),
         ("scans", f"{row.scans}"),
         ("took", f"{row.wall_seconds:.1f} s{', filming included' if filmed else ''}"),

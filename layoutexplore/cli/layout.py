@@ -15,33 +15,45 @@ from layoutexplore.processes import end_with_parent
 
 def register(app: typer.Typer) -> None:
     """Add `layout` to the command line."""
-    examples = ("layoutexplore layout floor.yaml --out layouts", "layoutexplore layout evacuation.png --blueprint")
+    examples = (
+        "layoutexplore layout floor.yaml --out layouts",
+        "layoutexplore layout evacuation.png --blueprint",
+    )
     app.command("layout", epilog="Examples: " + "; ".join(examples))(layout)
 
 
 def layout(
     maps: Annotated[list[Path], typer.Argument(help="ROS map YAML files or images.")],
     method: Annotated[
-        str, typer.Option("--method", "-m", help="default, rose2, ias15, rose, morphological, distance or voronoi.")
+        str,
+        typer.Option(
+            "--method", "-m", help="default, rose2, ias15, rose, morphological, distance or voronoi."
+        ),
     ] = "default",
-    resolution: Annotated[float | None, typer.Option(min=0.001, help="Metres a pixel of plain images (0.05 without).")] = None,
+    resolution: Annotated[
+        float | None, typer.Option(min=0.001, help="Metres a pixel of plain images (0.05 without).")
+    ] = None,
     blueprint: Annotated[
         bool,
-        typer.Option("--blueprint", help="Evacuation plans: erase words and symbols first (needs tesseract)."),
+        typer.Option(
+            "--blueprint", help="Evacuation plans: erase words and symbols first (needs tesseract)."
+        ),
     ] = False,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path(),
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a map instead of a line.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object a map instead of a line.")
+    ] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Maps done at the same time.")] = 1,
 ) -> None:
     """Reconstruct the layout of grid maps.
 
-    Writes NAME_labels.png (16-bit room ids in the image's own orientation, 0 for none), NAME_layout.geojson and
-    NAME_overview.png for each map. A map that cannot be read does not keep the others from being
+    Writes NAME_labels.png (16-bit room ids in the image's own orientation, 0 for none), NAME_layout.geojson
+    and NAME_overview.png for each map. A map that cannot be read does not keep the others from being
     done. The time of the first map includes loading compiled code.
     """
     from layoutexplore.cli.output_places import check_places
     from layoutexplore.errors import ConfigError
-    from layoutexplore.grid import check_resolution
+    from layoutexplore.grids.grid import check_resolution
     from layoutexplore.layout.registry import layout_method
 
     layout_method(method)
@@ -50,7 +62,9 @@ def layout(
     names = [path.stem for path in maps]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise ConfigError(f"several maps are called {', '.join(twice)}: their results would overwrite each other")
+        raise ConfigError(
+            f"several maps are called {', '.join(twice)}: their results would overwrite each other"
+        )
     check_places(out)
     work = [(path, method, resolution, blueprint, out) for path in maps]
     if jobs == 1 or len(work) == 1:
@@ -93,7 +107,7 @@ def _reconstruct(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, 
     """Reconstruct one map, write its files, and sum up."""
     import numpy as np
 
-    from layoutexplore.grid_io import DEFAULT_RESOLUTION, encode_png, load_grid, write_atomically
+    from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, encode_png, load_grid, write_atomically
     from layoutexplore.layout.blueprint import load_blueprint
     from layoutexplore.layout.pipeline import reconstruct
 

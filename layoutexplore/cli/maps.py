@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from layoutexplore.floorplan import FloorPlan
+    from layoutexplore.maps.floorplan import FloorPlan
 
 group = typer.Typer(name="maps", help="Floor plans: list, show, import, generate.", no_args_is_help=True)
 
@@ -20,7 +20,9 @@ def register(app: typer.Typer) -> None:
 
 @group.command("list", epilog="Example: layoutexplore maps list --split train")
 def list_plans(
-    split: Annotated[str | None, typer.Option(help="Only this split: quick, train, validation or test.")] = None,
+    split: Annotated[
+        str | None, typer.Option(help="Only this split: quick, train, validation or test.")
+    ] = None,
 ) -> None:
     """List the floor plans that ship, with their split and size."""
     from rich.console import Console
@@ -35,7 +37,12 @@ def list_plans(
         x0, y0, x1, y1 = plan.bounds
         member = ", ".join(group_name for group_name, names in splits().items() if name in names)
         table.add_row(
-            name, member, str(len(plan.rooms)), str(len(plan.doors)), f"{plan.area:.0f}", f"{x1 - x0:.0f} x {y1 - y0:.0f}"
+            name,
+            member,
+            str(len(plan.rooms)),
+            str(len(plan.doors)),
+            f"{plan.area:.0f}",
+            f"{x1 - x0:.0f} x {y1 - y0:.0f}",
         )
     console = Console()
     console.print(table)
@@ -47,7 +54,9 @@ def show_plan(
     plan: Annotated[str, typer.Argument(help="Name of a shipped plan, FAMILY:SEED, or a file.")],
     out: Annotated[Path | None, typer.Option(help="Also draw the plan into this PNG.")] = None,
     resolution: Annotated[float, typer.Option(help="Metres a cell.")] = 0.1,
-    radius: Annotated[float, typer.Option(help="Radius of the robot in metres, for what is reachable.")] = 0.2,
+    radius: Annotated[
+        float, typer.Option(help="Radius of the robot in metres, for what is reachable.")
+    ] = 0.2,
 ) -> None:
     """Show what a floor plan holds: rooms, doors, area, and what a robot can reach."""
     from layoutexplore.maps import load_plan
@@ -62,9 +71,13 @@ def show_plan(
 
 @group.command("import", epilog="Example: layoutexplore maps import floor.xml --out floor.geojson")
 def import_plan(
-    path: Annotated[Path, typer.Argument(help="GeoJSON, school XML, KTH ID_occ.png, HouseExpo JSON, ROS YAML or image.")],
+    path: Annotated[
+        Path, typer.Argument(help="GeoJSON, school XML, KTH ID_occ.png, HouseExpo JSON, ROS YAML or image.")
+    ],
     out: Annotated[Path, typer.Option(help="GeoJSON file to write.")],
-    resolution: Annotated[float | None, typer.Option(help="Metres a pixel of a plain image (0.05 without).")] = None,
+    resolution: Annotated[
+        float | None, typer.Option(help="Metres a pixel of a plain image (0.05 without).")
+    ] = None,
 ) -> None:
     """Read a floor plan of any known format and write it as our GeoJSON."""
     from layoutexplore.maps import load_plan
@@ -72,7 +85,9 @@ def import_plan(
     plan = load_plan(path, resolution=resolution)
     plan.save(out)
     note = f", {plan.metadata['scale']}" if "scale" in plan.metadata else ""
-    typer.echo(f"{out}: {plan.name}, {len(plan.rooms)} rooms, {len(plan.doors)} doors, {plan.area:.0f} m2{note}")
+    typer.echo(
+        f"{out}: {plan.name}, {len(plan.rooms)} rooms, {len(plan.doors)} doors, {plan.area:.0f} m2{note}"
+    )
 
 
 @group.command("generate", epilog="Example: layoutexplore maps generate school --seed 3 --out school.geojson")
@@ -112,8 +127,8 @@ def _describe(plan: FloorPlan, resolution: float, radius: float) -> list[str]:
 
 
 def _draw(plan: FloorPlan, resolution: float, out: Path) -> None:
-    from layoutexplore.grid_io import encode_png, write_atomically
-    from layoutexplore.picture import draw_plan
+    from layoutexplore.drawing.pictures import draw_plan
+    from layoutexplore.grids.ros_map import encode_png, write_atomically
 
     longest = max(plan.rasterize(resolution).shape)
     scale = max(1, 1600 // longest)

@@ -14,7 +14,8 @@ def check_places(out: Path | None, json_file: Path | None = None) -> None:
         json_file: What `--json` names.
 
     Raises:
-        ConfigError: There is a file where the folder is to be, a folder where the file is to be, or no permission.
+        ConfigError: There is a file where the folder is to be, a folder where the file is to be, or no
+            permission.
     """
     from layoutexplore.errors import ConfigError
 

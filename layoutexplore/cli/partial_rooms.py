@@ -12,8 +12,26 @@ import typer
 from layoutexplore.cli.json_file import write_json
 from layoutexplore.cli.output_places import check_places
 
-ROOM_COLUMNS = ("rooms", "hidden_iou", "hidden_low", "hidden_high", "iou", "log_area", "boundary_m", "spearman", "mae_m2")
-FRONTIER_COLUMNS = ("frontiers", "mcc", "f1_closed", "f1_open", "leftover_accuracy", "leftover_mcc", "calibration_error")
+ROOM_COLUMNS = (
+    "rooms",
+    "hidden_iou",
+    "hidden_low",
+    "hidden_high",
+    "iou",
+    "log_area",
+    "boundary_m",
+    "spearman",
+    "mae_m2",
+)
+FRONTIER_COLUMNS = (
+    "frontiers",
+    "mcc",
+    "f1_closed",
+    "f1_open",
+    "leftover_accuracy",
+    "leftover_mcc",
+    "calibration_error",
+)
 
 
 NOTE = (
@@ -24,28 +42,36 @@ NOTE = (
 
 def partial_rooms(
     plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
-    predictor: Annotated[list[str] | None, typer.Option("--predictor", "-p", help="Predictor; all when none is named.")] = None,
+    predictor: Annotated[
+        list[str] | None, typer.Option("--predictor", "-p", help="Predictor; all when none is named.")
+    ] = None,
     sensor: Annotated[
         list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
     ] = None,
     starts: Annotated[int, typer.Option(min=1, help="Explorations per floor plan and sensor.")] = 1,
-    snapshots: Annotated[Path | None, typer.Option(help="Folder that keeps the explorations, to ask again later.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for a page with tables, plots and pictures of rooms.")] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")] = None,
+    snapshots: Annotated[
+        Path | None, typer.Option(help="Folder that keeps the explorations, to ask again later.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for a page with tables, plots and pictures of rooms.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write every number into this file.")
+    ] = None,
 ) -> None:
     """Half-seen rooms: hidden IoU, room IoU, areas; closed or open frontiers; every predictor on the same snapshots."""
     from layoutexplore.agents import make_agent
     from layoutexplore.benchmark.plans import find_plans
     from layoutexplore.errors import require
-    from layoutexplore.evaluation.explorations import PROTOCOL_AGENT, SENSORS
     from layoutexplore.evaluation.partial_rooms import score
-    from layoutexplore.evaluation.partial_rooms_report import Gallery, write_report
     from layoutexplore.evaluation.partial_rooms_summary import summarise
-    from layoutexplore.evaluation.snapshots import explore
-    from layoutexplore.floorplan import FloorPlan
-    from layoutexplore.lidar import sensor as find_sensor
+    from layoutexplore.maps.floorplan import FloorPlan
     from layoutexplore.predictors import make_room_predictor, predictor_names
     from layoutexplore.processes import command_line
+    from layoutexplore.report.partial_rooms import Gallery, write_report
+    from layoutexplore.sensing.lidar import sensor as find_sensor
+    from layoutexplore.training.explorations import PROTOCOL_AGENT, SENSORS
+    from layoutexplore.training.snapshots import explore
 
     if out is not None:
         require("jinja2", "bench")
@@ -79,7 +105,9 @@ def print_summary(summary: dict[str, Any]) -> None:
     """Tables of rooms and frontiers, and what a decision costs."""
     _print("rooms", "explored", summary, ROOM_COLUMNS)
     _print("frontiers", "coverage", summary, FRONTIER_COLUMNS)
-    typer.echo("median ms a decision: " + ", ".join(f"{name} {part['ms']:.1f}" for name, part in summary.items()))
+    typer.echo(
+        "median ms a decision: " + ", ".join(f"{name} {part['ms']:.1f}" for name, part in summary.items())
+    )
 
 
 def _print(what: str, stratum: str, summary: dict[str, Any], columns: Sequence[str]) -> None:

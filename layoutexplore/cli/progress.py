@@ -29,7 +29,9 @@ class ProgressLine:
     def __enter__(self) -> ProgressLine:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         if self._bar:
             self._bar.stop()
 
@@ -53,7 +55,9 @@ class ProgressLine:
         if not self.console.is_terminal:
             if now - self._printed >= PLAIN_EVERY or done == total:
                 self._printed = now
-                self.say_plain(f"{done}/{total} {self.unit}, {clock(elapsed)} elapsed{', ' + left if left else ''}")
+                self.say_plain(
+                    f"{done}/{total} {self.unit}, {clock(elapsed)} elapsed{', ' + left if left else ''}"
+                )
             return
         if self._bar is None:
             columns = (
@@ -65,7 +69,9 @@ class ProgressLine:
             self._bar.start()
             self._bar.add_task("", total=1.0, count="", left="", note="")
         count = f"{done}/{total} {self.unit}"
-        self._bar.update(self._bar.task_ids[0], completed=share, count=count, left=f"{clock(elapsed)}  {left}", note=note)
+        self._bar.update(
+            self._bar.task_ids[0], completed=share, count=count, left=f"{clock(elapsed)}  {left}", note=note
+        )
 
     def say_plain(self, text: str) -> None:
         """A line that does not disturb the estimate."""

@@ -23,13 +23,17 @@ def register(app: typer.Typer) -> None:
 
 def speed(
     only: Annotated[
-        list[str] | None, typer.Option("--only", help="Measure only this (repeatable): rays, mapping, frontiers, ...")
+        list[str] | None,
+        typer.Option("--only", help="Measure only this (repeatable): rays, mapping, frontiers, ..."),
     ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures to this file as well.")] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write the figures to this file as well.")
+    ] = None,
 ) -> None:
     """Measure the speed of the kernels, the simulation and the environments.
 
-    Prints each figure beside its reference and its goal; exits with status 1 where a goal is missed by more than 20 %.
+    Prints each figure beside its reference and its goal; exits with status 1 where a goal is missed by more
+    than 20 %.
     """
     from rich.console import Console
 

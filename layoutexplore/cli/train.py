@@ -37,7 +37,8 @@ def register(app: typer.Typer) -> None:
 
 def train(
     config: Annotated[
-        Path | None, typer.Argument(metavar="[CONFIG.toml]", help="Hyper-parameters that differ from the shipped ones.")
+        Path | None,
+        typer.Argument(metavar="[CONFIG.toml]", help="Hyper-parameters that differ from the shipped ones."),
     ] = None,
     algorithm: Annotated[
         str | None,
@@ -47,20 +48,27 @@ def train(
         ),
     ] = None,
     steps: Annotated[
-        int | None, typer.Option(min=1, help="Steps of all environments together; of tour-search, explorations.")
+        int | None,
+        typer.Option(min=1, help="Steps of all environments together; of tour-search, explorations."),
     ] = None,
     envs: Annotated[int | None, typer.Option(min=1, help="Environments side by side.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of everything.")] = None,
     device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
-    predictor: Annotated[str | None, typer.Option(help="Where a policy learns of rooms from: layout or none.")] = None,
+    predictor: Annotated[
+        str | None, typer.Option(help="Where a policy learns of rooms from: layout or none.")
+    ] = None,
     sensor: Annotated[
-        list[str] | None, typer.Option(help="Lidar: stage, indoor, short or mapex; environments take turns. [repeatable]")
+        list[str] | None,
+        typer.Option(help="Lidar: stage, indoor, short or mapex; environments take turns. [repeatable]"),
     ] = None,
     plans: Annotated[
-        list[str] | None, typer.Option(help="Floor plans to train on, as for benchmark, or generated. [repeatable]")
+        list[str] | None,
+        typer.Option(help="Floor plans to train on, as for benchmark, or generated. [repeatable]"),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the run.")] = Path("layoutexplore-out/training"),
-    resume: Annotated[bool, typer.Option(help="Go on with the run of the folder; --steps may be raised.")] = False,
+    resume: Annotated[
+        bool, typer.Option(help="Go on with the run of the folder; --steps may be raised.")
+    ] = False,
 ) -> None:
     """Train a policy."""
     from rich.console import Console

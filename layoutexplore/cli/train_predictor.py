@@ -11,29 +11,50 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from layoutexplore.floorplan import FloorPlan
-    from layoutexplore.predictors.samples import Samples, SceneSample, WindowSamples
-    from layoutexplore.snapshot import Snapshot
+    from layoutexplore.maps.floorplan import FloorPlan
+    from layoutexplore.predictors.snapshot import Snapshot
+    from layoutexplore.training.predictor_samples import Samples, SceneSample, WindowSamples
 
 
 def train_predictor(
-    plans: Annotated[list[str], typer.Argument(help="Floor plans: names, FAMILY:FIRST-LAST, splits, files or folders.")],
+    plans: Annotated[
+        list[str], typer.Argument(help="Floor plans: names, FAMILY:FIRST-LAST, splits, files or folders.")
+    ],
     out: Annotated[Path, typer.Option(help="Folder for the models; use them as layout:model=FOLDER.")],
     folds: Annotated[
-        int, typer.Option(min=0, help="Also train on all but one fold of buildings at a time, test there, and keep these models.")
+        int,
+        typer.Option(
+            min=0,
+            help="Also train on all but one fold of buildings at a time, test there, and keep these models.",
+        ),
     ] = 0,
-    starts: Annotated[int, typer.Option(min=1, help="Explorations per sensor of a plan from a file; others take one.")] = 1,
+    starts: Annotated[
+        int, typer.Option(min=1, help="Explorations per sensor of a plan from a file; others take one.")
+    ] = 1,
     stretched: Annotated[
-        int, typer.Option(min=0, help="Copies of each plan from a file, stretched at random, to learn from as well.")
+        int,
+        typer.Option(
+            min=0, help="Copies of each plan from a file, stretched at random, to learn from as well."
+        ),
     ] = 0,
     stops: Annotated[int, typer.Option(min=1, help="Decisions kept of an exploration.")] = 8,
     trees: Annotated[int, typer.Option(min=2, help="Trees of a forest; few for a quick try.")] = 200,
     forests: Annotated[bool, typer.Option(help="Train the trees.")] = True,
-    network: Annotated[bool, typer.Option(help="Train the networks that judge with them (needs torch).")] = True,
-    first_steps: Annotated[int, typer.Option(min=1, help="Steps of the network for rooms on generated plans alone.")] = 7000,
-    steps: Annotated[int, typer.Option(min=1, help="Steps of the network for rooms on all plans, in every fold.")] = 3500,
-    frontier_steps: Annotated[int, typer.Option(min=1, help="Steps of the network for frontiers, in every fold.")] = 1500,
-    store: Annotated[Path | None, typer.Option(help="Folder that keeps the explorations, to go on or train again later.")] = None,
+    network: Annotated[
+        bool, typer.Option(help="Train the networks that judge with them (needs torch).")
+    ] = True,
+    first_steps: Annotated[
+        int, typer.Option(min=1, help="Steps of the network for rooms on generated plans alone.")
+    ] = 7000,
+    steps: Annotated[
+        int, typer.Option(min=1, help="Steps of the network for rooms on all plans, in every fold.")
+    ] = 3500,
+    frontier_steps: Annotated[
+        int, typer.Option(min=1, help="Steps of the network for frontiers, in every fold.")
+    ] = 1500,
+    store: Annotated[
+        Path | None, typer.Option(help="Folder that keeps the explorations, to go on or train again later.")
+    ] = None,
 ) -> None:
     """Explore floor plans, train the predictor `layout` on what is seen, and say how it does on buildings it never saw.
 
@@ -41,8 +62,8 @@ def train_predictor(
     """
     from layoutexplore.benchmark.plans import find_plans
     from layoutexplore.errors import ConfigError, require
-    from layoutexplore.predictors.samples import join
-    from layoutexplore.predictors.training import TrainingConfig, deal_groups, train_models
+    from layoutexplore.training.predictor_forests import TrainingConfig, deal_groups, train_models
+    from layoutexplore.training.predictor_samples import join
 
     if folds and not forests:
         raise ConfigError("folds are tested with trees and networks: leave --no-forests out, or --folds")
@@ -99,7 +120,14 @@ class _Seen:
 
 
 def _explore(
-    sources: Sequence[str], starts: int, stretched: int, stops: int, store: Path | None, *, forests: bool, network: bool
+    sources: Sequence[str],
+    starts: int,
+    stretched: int,
+    stops: int,
+    store: Path | None,
+    *,
+    forests: bool,
+    network: bool,
 ) -> _Seen:
     """Explore plans; those from files more often, and as the tests ask, too."""
     from rich.console import Console
@@ -107,9 +135,13 @@ def _explore(
     from layoutexplore.agents import make_agent
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.errors import ConfigError
-    from layoutexplore.evaluation.explorations import protocol_explorations, stopped_explorations, stretched_copies
-    from layoutexplore.floorplan import FloorPlan
-    from layoutexplore.predictors.samples import gather, gather_scenes, gather_windows
+    from layoutexplore.maps.floorplan import FloorPlan
+    from layoutexplore.training.explorations import (
+        protocol_explorations,
+        stopped_explorations,
+        stretched_copies,
+    )
+    from layoutexplore.training.predictor_samples import gather, gather_scenes, gather_windows
 
     seen = _Seen([], {}, [], [], [], {})
     with ProgressLine(Console(), "plans") as progress:
@@ -124,7 +156,9 @@ def _explore(
                     found.extend(stopped_explorations(copy, make_agent, 1, stops, store))
                     seen.copies[copy.name] = plan.name
                 seen.files.append(plan)
-                seen.asked[plan.name] = [snapshot for part in protocol for snapshot in part] if forests else []
+                seen.asked[plan.name] = (
+                    [snapshot for part in protocol for snapshot in part] if forests else []
+                )
             if forests:
                 seen.samples.append(gather(found))
             if network:
@@ -133,19 +167,23 @@ def _explore(
                     seen.windows.append(gather_windows(exploration, plan.name))
             progress.advance(k + 1, len(sources), (k + 1) / len(sources), plan.name)
     if (forests and not any(len(part.closed) for part in seen.samples)) or (network and not seen.scenes):
-        raise ConfigError("nothing to learn from: no exploration stopped before all was seen; give plans of several rooms")
+        raise ConfigError(
+            "nothing to learn from: no exploration stopped before all was seen; give plans of several rooms"
+        )
     return seen
 
 
 def _buildings(seen: _Seen, folds: int) -> dict[str, str]:
     """The group of each plan from a file and of its copies; there are enough of them for the folds."""
     from layoutexplore.errors import ConfigError
-    from layoutexplore.predictors.samples import group_buildings
+    from layoutexplore.training.predictor_samples import group_buildings
 
     groups = group_buildings(seen.files)
     groups |= {copy: groups[name] for copy, name in seen.copies.items()}
     if folds and not 2 <= folds <= len(set(groups.values())):
-        raise ConfigError(f"{folds} folds need at least 2 and at most one a building, got {len(set(groups.values()))} buildings")
+        raise ConfigError(
+            f"{folds} folds need at least 2 and at most one a building, got {len(set(groups.values()))} buildings"
+        )
     return groups
 
 
@@ -160,10 +198,15 @@ class _NetworkTrainer:
         frontier_steps: Steps of the frontier network.
     """
 
-    def __init__(self, seen: _Seen, groups: Mapping[str, str], first_steps: int, steps: int, frontier_steps: int) -> None:
-        from layoutexplore.predictors.network_training import NetworkConfig, first_network
+    def __init__(
+        self, seen: _Seen, groups: Mapping[str, str], first_steps: int, steps: int, frontier_steps: int
+    ) -> None:
+        from layoutexplore.training.cell_network import NetworkConfig, first_network
 
-        self._config, self._frontier_steps = NetworkConfig(first_steps=first_steps, steps=steps), frontier_steps
+        self._config, self._frontier_steps = (
+            NetworkConfig(first_steps=first_steps, steps=steps),
+            frontier_steps,
+        )
         self._seen, self._groups = seen, groups
         self._generated = [sample for sample in seen.scenes if sample.plan not in groups]
         with _steps_line("rooms of generated plans") as progress:
@@ -171,17 +214,21 @@ class _NetworkTrainer:
 
     def write(self, folder: Path, wanted: Callable[[str], bool]) -> None:
         """Train all networks with the real buildings of the wanted groups and write them into a folder."""
-        from layoutexplore.predictors.frontier_training import FrontierNetworkConfig, trained_frontier_network
-        from layoutexplore.predictors.layout import FRONTIER_NETWORK, ROOM_NETWORK
-        from layoutexplore.predictors.network_io import save_weights
-        from layoutexplore.predictors.network_training import trained_network
+        from layoutexplore.models.network_files import save_weights
+        from layoutexplore.predictors.learned import FRONTIER_NETWORK, ROOM_NETWORK
+        from layoutexplore.training.cell_network import trained_network
+        from layoutexplore.training.frontier_network import FrontierNetworkConfig, trained_frontier_network
 
         plans = {plan for plan, group in self._groups.items() if wanted(group)}
         real = [sample for sample in self._seen.scenes if sample.plan in plans]
         with _steps_line("rooms of all plans") as progress:
             weights = trained_network(self._first, self._generated, real, self._config, progress)
         note = f"{len(self._generated)} decisions of generated plans, {len(real)} of {len({s.plan for s in real})} others"
-        save_weights(folder / ROOM_NETWORK.name, {name: values.astype("float16") for name, values in weights.items()}, note)
+        save_weights(
+            folder / ROOM_NETWORK.name,
+            {name: values.astype("float16") for name, values in weights.items()},
+            note,
+        )
         generated = [part for part in self._seen.windows if part.plan not in self._groups]
         windows = [part for part in self._seen.windows if part.plan in plans]
         with _steps_line("frontiers of all plans") as progress:
@@ -194,7 +241,7 @@ class _NetworkTrainer:
 
 def _forget_networks(folder: Path) -> None:
     """Those of an earlier training would go on judging, and may have learnt from what is held out now."""
-    from layoutexplore.predictors.layout import FRONTIER_NETWORK, ROOM_NETWORK
+    from layoutexplore.predictors.learned import FRONTIER_NETWORK, ROOM_NETWORK
 
     for path in (FRONTIER_NETWORK, ROOM_NETWORK):
         (folder / path.name).unlink(missing_ok=True)
@@ -220,7 +267,7 @@ def _test(asked: Mapping[str, Sequence[Snapshot]], models: Mapping[str, Path]) -
     from layoutexplore.evaluation.partial_rooms import Scores, score
     from layoutexplore.evaluation.partial_rooms_summary import summarise
     from layoutexplore.predictors import make_room_predictor
-    from layoutexplore.predictors.layout import LayoutPredictor
+    from layoutexplore.predictors.learned import LayoutPredictor
 
     merged = Scores([], [], {})
     with ProgressLine(Console(), "plans tested") as progress:

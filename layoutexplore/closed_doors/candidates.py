@@ -1,8 +1,8 @@
 """Rooms that may lie behind a closed door: rectangles bounded by seen walls and by the lines of the other walls.
 
-Everything happens in a grid turned so that the room lies towards lower rows of its door. A side may end a wall's thickness
-short of what is known, lie in line with a wall seen elsewhere or in the mirrored plan, at a jamb of a door or halfway to the
-next one, or make the room as wide or as deep as others.
+Everything happens in a grid turned so that the room lies towards lower rows of its door. A side may end a
+wall's thickness short of what is known, lie in line with a wall seen elsewhere or in the mirrored plan, at a
+jamb of a door or halfway to the next one, or make the room as wide or as deep as others.
 """
 
 from __future__ import annotations
@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.doors import Door
 from layoutexplore.closed_doors.scene import LARGEST, Scene, peaks
-from layoutexplore.grid import FREE
+from layoutexplore.grids.grid import FREE
 
-_LINES, _NEAREST, _SIDES = 7, 3, 12  # lines tried on each side: with most support, nearest; edges of all kinds
+_LINES, _NEAREST, _SIDES = (
+    7,
+    3,
+    12,
+)  # lines tried on each side: with most support, nearest; edges of all kinds
 _USUAL = 3  # usual widths and depths tried
 
 
@@ -38,13 +42,20 @@ def rectangles(scene: Scene, door: Door) -> NDArray[np.int64]:
     stops += _lines(scene.faces[1], scene.faces[0], -t, middle, 1, reach)
     tops += _lines(scene.faces[2], scene.faces[3], t, bottom - 1, -1, reach)
     usual = [_usual(lengths, scene.resolution) for lengths in scene.widths]
-    starts, stops = starts + [c - w for c in stops[:3] for w in usual[0]], stops + [b + w for b in starts[:3] for w in usual[0]]
+    starts, stops = (
+        starts + [c - w for c in stops[:3] for w in usual[0]],
+        stops + [b + w for b in starts[:3] for w in usual[0]],
+    )
     tops += [bottom - d for d in usual[1]]
     starts, stops, tops = (_distinct(sides, _SIDES) for sides in (starts, stops, tops))
     square = {(bottom - c + b, b, bottom, c) for b in starts[:4] for c in stops[:4]}
-    boxes = np.array([*{(a, b, bottom, c) for a in tops for b in starts for c in stops} | square]).reshape(-1, 4)
+    boxes = np.array([*{(a, b, bottom, c) for a in tops for b in starts for c in stops} | square]).reshape(
+        -1, 4
+    )
     boxes = boxes[np.lexsort(boxes.T)]
-    boxes = boxes[(boxes[:, :2] >= 0).all(1) & (boxes[:, 3] <= scene.cells.shape[1]) & (boxes[:, 1] <= door.start + 4)]
+    boxes = boxes[
+        (boxes[:, :2] >= 0).all(1) & (boxes[:, 3] <= scene.cells.shape[1]) & (boxes[:, 1] <= door.start + 4)
+    ]
     boxes = boxes[boxes[:, 3] >= door.stop - 4]
     if not len(boxes):
         return np.empty((0, 4), np.int64)
@@ -91,12 +102,16 @@ def _ends(line: NDArray[np.bool_], start: int, sign: int, reach: int) -> list[in
     return [start + int(stop[0])] if sign > 0 else [start - int(stop[0]) + 1]
 
 
-def _lines(same: NDArray[np.int64], other: NDArray[np.int64], shift: int, start: int, sign: int, reach: int) -> list[int]:
+def _lines(
+    same: NDArray[np.int64], other: NDArray[np.int64], shift: int, start: int, sign: int, reach: int
+) -> list[int]:
     """Edges in line with walls seen elsewhere: faces of the same side, and of the other side a wall's thickness away."""
     support = same.astype(np.float64)
     moved = np.roll(other, shift)
     support = np.convolve(support + moved, [1, 1, 1], "same")
-    low, high = (max(start - reach, 0), start - 5) if sign < 0 else (start + 5, min(start + reach, len(support)))
+    low, high = (
+        (max(start - reach, 0), start - 5) if sign < 0 else (start + 5, min(start + reach, len(support)))
+    )
     part = support[low:high].copy()
     found: list[int] = []
     while len(found) < _LINES and len(part) and part.max() >= 15:

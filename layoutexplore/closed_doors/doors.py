@@ -1,8 +1,9 @@
 """Closed doors in a grid: straight edges between free and unknown space that trees tell from walls.
 
-A shut leaf is seen from one side only: a straight, clean line of occupied cells, free in front, unknown behind. It ends at
-jambs, where the face of the wall steps forward, or runs on into the wall, where a range sensor never marks a cell. An opening
-that nothing marks but that was never looked into is a door too. The trees are trained by `layoutexplore.closed_doors.training`.
+A shut leaf is seen from one side only: a straight, clean line of occupied cells, free in front, unknown
+behind. It ends at jambs, where the face of the wall steps forward, or runs on into the wall, where a range
+sensor never marks a cell. An opening that nothing marks but that was never looked into is a door too. The
+trees are trained by `layoutexplore.training.closed_doors`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 
 DOOR_FEATURES = (
     *("length", "occupied", "run", "buried", "buried_other", "loose", "loose_other"),
@@ -71,7 +72,9 @@ def find_edges(cells: NDArray[np.int8], resolution: float) -> NDArray[np.int64]:
     return np.stack([rows, starts, stops], 1)[kept].astype(np.int64)
 
 
-def door_features(cells: NDArray[np.int8], resolution: float, edges: NDArray[np.int64]) -> NDArray[np.float32]:
+def door_features(
+    cells: NDArray[np.int8], resolution: float, edges: NDArray[np.int64]
+) -> NDArray[np.float32]:
     """`DOOR_FEATURES` of edges, float32 (n, features); lengths in metres, shares 0..1.
 
     Args:
@@ -81,7 +84,9 @@ def door_features(cells: NDArray[np.int8], resolution: float, edges: NDArray[np.
     """
     pad = round(max(_BEHIND, _AHEAD) / resolution) + 4
     padded = np.pad(cells, pad, constant_values=UNKNOWN)
-    return np.array([_describe(padded, resolution, *(edge + pad)) for edge in edges], np.float32).reshape(-1, len(DOOR_FEATURES))
+    return np.array([_describe(padded, resolution, *(edge + pad)) for edge in edges], np.float32).reshape(
+        -1, len(DOOR_FEATURES)
+    )
 
 
 def is_marked(features: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -91,7 +96,12 @@ def is_marked(features: NDArray[np.float32]) -> NDArray[np.bool_]:
         features: `DOOR_FEATURES`, float32 (n, features).
     """
     known = dict(zip(DOOR_FEATURES, features.T, strict=True))
-    niche = (known["recess"] > 0.09) & (known["behind"] > 1.0) & (known["ahead_most"] > 1.0) & (known["length"] < 2.9)
+    niche = (
+        (known["recess"] > 0.09)
+        & (known["behind"] > 1.0)
+        & (known["ahead_most"] > 1.0)
+        & (known["length"] < 2.9)
+    )
     inside = known["buried"] + known["buried_other"] > 0.09
     return np.asarray((known["occupied"] > 0.9) & (niche | inside))
 
@@ -120,7 +130,17 @@ def _describe(cells: NDArray[np.int8], resolution: float, row: int, start: int, 
         jamb = max(int(occupied[middle + 1 : middle + 1 + 2 * reach, c].sum()) for c in jambs)
         rough = (occupied[middle - 3 : middle + 4, columns].sum() - more) / 3
         gap = _run(~occupied[middle - 1 : middle + 2, columns].any(0))
-        ends.append([buried[on].sum(), loose[on].sum(), max(steps), jamb, near[columns].mean() / resolution, rough, gap])
+        ends.append(
+            [
+                buried[on].sum(),
+                loose[on].sum(),
+                max(steps),
+                jamb,
+                near[columns].mean() / resolution,
+                rough,
+                gap,
+            ]
+        )
     pairs = np.sort(np.array(ends), axis=0).T * resolution
     shut = occupied[middle, start:stop].mean()
     probes = [start + 2, (start + stop) // 2, stop - 3]

@@ -14,8 +14,26 @@ FEATURES = (
     *("left_end", "right_end", "far_end", "all_contact", "corner"),
     *("width", "depth", "area", "aspect", "possible", "hull", "in_box"),
     *("door_width", "recess", "recess_other", "offset", "doors", "same_doors", "cut_ahead"),
-    *("left_edge", "right_edge", "left_door", "right_door", "width_seen", "depth_seen", "left_lines", "right_lines", "far_lines"),
-    *("mirror_free", "mirror_wall", "mirror_left", "mirror_right", "mirror_far", "mirror_score", "mirror_overlap"),
+    *(
+        "left_edge",
+        "right_edge",
+        "left_door",
+        "right_door",
+        "width_seen",
+        "depth_seen",
+        "left_lines",
+        "right_lines",
+        "far_lines",
+    ),
+    *(
+        "mirror_free",
+        "mirror_wall",
+        "mirror_left",
+        "mirror_right",
+        "mirror_far",
+        "mirror_score",
+        "mirror_overlap",
+    ),
     *("left_beyond", "right_beyond", "far_left", "far_right", "left_outline", "right_outline", "side_lines"),
 )
 """What is known of a rectangle; see `describe`."""
@@ -94,7 +112,10 @@ def _fit(scene: Scene, door: Door, boxes: NDArray[np.int64]) -> list[NDArray[np.
         np.stack([top - reach, left, top + 2, right], 1),
     ]  # fmt: skip
     lengths = (bottom - top, bottom - top, right - left)
-    mirrored = [np.minimum(scene.count("mirror_wall", rim) / length, 2.0) for rim, length in zip(rims, lengths, strict=True)]
+    mirrored = [
+        np.minimum(scene.count("mirror_wall", rim) / length, 2.0)
+        for rim, length in zip(rims, lengths, strict=True)
+    ]
     inner_box = np.stack([top + 4, left + 4, bottom - 4, right - 4], 1)
     return [
         (door.start - left) * res, (right - door.stop) * res, np.minimum(before, far) * res, np.minimum(after, far) * res,
@@ -121,7 +142,9 @@ def _neighbours(scene: Scene, boxes: NDArray[np.int64]) -> list[NDArray[np.float
     return [np.asarray(column, np.float64) for column in out]
 
 
-def _contact(scene: Scene, boxes: NDArray[np.int64], side: str, reach: int, part: str = "all") -> NDArray[np.float64]:
+def _contact(
+    scene: Scene, boxes: NDArray[np.int64], side: str, reach: int, part: str = "all"
+) -> NDArray[np.float64]:
     """Share of a side behind which something known lies within reach, from samples along it."""
     top, left, bottom, right = boxes.T
     first, last = (top, bottom) if side in ("left", "right") else (left, right)

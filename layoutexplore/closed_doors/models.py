@@ -8,8 +8,8 @@ from pathlib import Path
 
 from layoutexplore.closed_doors.doors import DOOR_FEATURES
 from layoutexplore.closed_doors.features import FEATURES
-from layoutexplore.forest import Forest
-from layoutexplore.forest_io import load_forests
+from layoutexplore.models.forest import Forest
+from layoutexplore.models.forest_files import load_forests
 
 DOOR_MODEL, ROOM_MODEL = (Path(__file__).with_name(name) for name in ("doors.json", "rooms.json"))
 """The shipped trees."""
@@ -34,4 +34,6 @@ class Models:
 @lru_cache(maxsize=1)
 def shipped_models() -> Models:
     """The models that ship."""
-    return Models(load_forests(DOOR_MODEL, DOOR_FEATURES)[DOOR], load_forests(ROOM_MODEL, FEATURES)[AGREEMENT])
+    return Models(
+        load_forests(DOOR_MODEL, DOOR_FEATURES)[DOOR], load_forests(ROOM_MODEL, FEATURES)[AGREEMENT]
+    )

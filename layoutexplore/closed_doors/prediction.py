@@ -1,16 +1,16 @@
 """Rooms behind closed doors: doors are found, rectangles behind each are judged by trees, and the best are drawn.
 
-One forest tells closed doors from walls, the other estimates how well a rectangle agrees with the room behind a door;
-`layoutexplore.closed_doors.training` makes both. The task is that of the ECMR 2021 paper on rooms behind closed doors; the
-way is another.
+One forest tells closed doors from walls, the other estimates how well a rectangle agrees with the room behind
+a door; `layoutexplore.training.closed_doors` makes both. The task is that of the ECMR 2021 paper on rooms
+behind closed doors; the way is another.
 
-The shipped trees were trained on the 8 buildings with a published answer, on the same with other doors shut, and on floor plans:
-scores on these are not scores on new buildings. With each building withheld
-(`evaluate closed-doors FOLDER --folds 8 --plans schools --plans kth`), the interquartile mean of the never-seen IoU over their 74
-maps was 0.75 (published answers: 0.64) and the free-space IoU 0.93 (0.92); by building it was better than the published ones on
-four of eight. Without the floor plans it would be 0.68.
-The rule for rectangles outside of all that is known was chosen on these maps, and the least probabilities after looking at their
-held-out scores.
+The shipped trees were trained on the 8 buildings with a published answer, on the same with other doors shut,
+and on floor plans: scores on these are not scores on new buildings. With each building withheld
+(`evaluate closed-doors FOLDER --folds 8 --plans schools --plans kth`), the interquartile mean of the
+never-seen IoU over their 74 maps was 0.75 (published answers: 0.64) and the free-space IoU 0.93 (0.92); by
+building it was better than the published ones on four of eight. Without the floor plans it would be 0.68.
+The rule for rectangles outside of all that is known was chosen on these maps, and the least probabilities
+after looking at their held-out scores.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from layoutexplore.closed_doors.features import FEATURES, describe
 from layoutexplore.closed_doors.models import Models, shipped_models
 from layoutexplore.closed_doors.scene import Scene, room_space, wall_thickness
 from layoutexplore.closed_doors.symmetry import best_mirror
-from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 LEAST_DOOR = 0.25
 """Edges less likely to be doors are walls."""
@@ -53,7 +53,8 @@ class ClosedRooms:
 
     Attributes:
         grid: The grid with the predicted rooms free and their walls occupied.
-        rooms: Bool (rows, cols): cells of predicted rooms and of the doorways that lead there, all of them unknown in the grid.
+        rooms: Bool (rows, cols): cells of predicted rooms and of the doorways that lead there, all of them
+            unknown in the grid.
         confidence: Estimated agreement of each predicted room with the truth, 0..1.
         doors: Number of closed doors found.
     """
@@ -73,7 +74,9 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
     """
     models = models or shipped_models()
     cells = np.where(grid.free, FREE, np.where(grid.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
-    doors = find_doors(cells, grid.resolution, lambda turns, edges, features: door_probability(features, models))
+    doors = find_doors(
+        cells, grid.resolution, lambda turns, edges, features: door_probability(features, models)
+    )
     rooms, doorways = np.zeros(grid.shape, np.bool_), np.zeros(grid.shape, np.bool_)
     confidence = []
     if any(doors):
@@ -90,12 +93,16 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
         rooms = (rooms | doorways) & (cells == UNKNOWN)
     rim = cv2.dilate(rooms.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     drawn = np.where(rooms, FREE, np.where(rim & (cells == UNKNOWN), OCCUPIED, grid.cells)).astype(np.int8)
-    return ClosedRooms(OccupancyGrid(drawn, grid.resolution, grid.origin), rooms, tuple(confidence), sum(map(len, doors)))
+    return ClosedRooms(
+        OccupancyGrid(drawn, grid.resolution, grid.origin), rooms, tuple(confidence), sum(map(len, doors))
+    )
 
 
 def door_probability(features: NDArray[np.float32], models: Models) -> NDArray[np.float64]:
     """The probability float64 (n,) that edges with these `DOOR_FEATURES` are closed doors."""
-    chances: NDArray[np.float64] = np.maximum(models.doors.probability(features), MARKED * is_marked(features))
+    chances: NDArray[np.float64] = np.maximum(
+        models.doors.probability(features), MARKED * is_marked(features)
+    )
     return chances
 
 
@@ -130,11 +137,15 @@ def find_doors(cells: NDArray[np.int8], resolution: float, judge: Judge) -> list
         likely = np.flatnonzero(chances >= LEAST_DOOR)
         numbers = np.concatenate([edges, steps], axis=1)[likely].tolist()
         found = zip(numbers, chances[likely].tolist(), strict=True)
-        doors.append([Door(row, start, stop, least, most, chance) for (row, start, stop, least, most), chance in found])
+        doors.append(
+            [Door(row, start, stop, least, most, chance) for (row, start, stop, least, most), chance in found]
+        )
     return doors
 
 
-def turned_scenes(cells: NDArray[np.int8], resolution: float, doors: Sequence[Sequence[Door]]) -> Iterator[Scene]:
+def turned_scenes(
+    cells: NDArray[np.int8], resolution: float, doors: Sequence[Sequence[Door]]
+) -> Iterator[Scene]:
     """The grid turned by 0, 1, 2 and 3 quarters, with its doors as from `find_doors`; something must be known."""
     leaves = np.zeros(cells.shape, np.bool_)
     for turns, found in enumerate(doors):
@@ -145,7 +156,9 @@ def turned_scenes(cells: NDArray[np.int8], resolution: float, doors: Sequence[Se
     possible = room_space(without_doors(cells, doors), thickness)
     for turns in range(4):
         view, mirrored = (np.ascontiguousarray(np.rot90(layer, turns)) for layer in (cells, mirror.cells))
-        around, shut, space = (np.ascontiguousarray(np.rot90(layer, turns)) for layer in (hull, leaves, possible))
+        around, shut, space = (
+            np.ascontiguousarray(np.rot90(layer, turns)) for layer in (hull, leaves, possible)
+        )
         likeness = (mirror.score, mirror.overlap)
         yield Scene(view, resolution, thickness, around, shut, mirrored, likeness, space)
 

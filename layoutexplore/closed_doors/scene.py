@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 
 LARGEST = 20.0
 """Longest side of a room behind a closed door, in metres."""
@@ -26,8 +26,10 @@ class Scene:
         hull: Bool (rows, cols): the convex hull of what is known.
         leaves: Bool (rows, cols): the closed doors of all directions.
         mirrored: int8 (rows, cols): the mirror image of the plan laid over it.
-        likeness: How well the mirror image fits, and how much of it overlaps (`Mirror.score`, `Mirror.overlap`).
-        possible: Bool (rows, cols): unknown and at least a wall's thickness away from everything known but the doors.
+        likeness: How well the mirror image fits, and how much of it overlaps (`Mirror.score`,
+            `Mirror.overlap`).
+        possible: Bool (rows, cols): unknown and at least a wall's thickness away from everything known but
+            the doors.
     """
 
     cells: NDArray[np.int8]

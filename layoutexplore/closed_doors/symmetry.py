@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 
 _COARSE = 4  # cells a side of what the search looks at first
 _OVERLAP = 0.45  # least share of what is known that must fall on known cells
@@ -49,7 +49,9 @@ def best_mirror(cells: NDArray[np.int8]) -> Mirror:
     return Mirror(out, quality, overlap)
 
 
-def _place(walls: NDArray[np.float32], floor: NDArray[np.float32], axis: int) -> tuple[float, float, int, int]:
+def _place(
+    walls: NDArray[np.float32], floor: NDArray[np.float32], axis: int
+) -> tuple[float, float, int, int]:
     """How well the mirror image across an axis fits at its best, the overlap there, the axis, and the place."""
     known = np.maximum(walls, floor)
     hits = _correlate(np.asarray(cv2.blur(walls, (3, 3)), np.float32), axis)
@@ -67,7 +69,9 @@ def _shrink(mask: NDArray[np.bool_], least: float) -> NDArray[np.float32]:
     return np.asarray(cv2.resize(padded, size, interpolation=cv2.INTER_AREA) > least, np.float32)
 
 
-def _correlate(mask: NDArray[np.float32], axis: int, other: NDArray[np.float32] | None = None) -> NDArray[np.float64]:
+def _correlate(
+    mask: NDArray[np.float32], axis: int, other: NDArray[np.float32] | None = None
+) -> NDArray[np.float64]:
     """Sum over cells i of mask[i] * other[k - i] for every k, summed over the other axis too."""
     other = mask if other is None else other
     count = 2 * mask.shape[axis]

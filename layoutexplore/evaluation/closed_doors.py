@@ -1,7 +1,7 @@
 """Rooms behind closed doors against the truth: NAME_k_doors_IN.png, NAME_k_doors_OUT.png (a reference's answer), NAME_GT.png.
 
-All three lie in one frame: 0 occupied, 205 unknown, 254 free. *Never seen* is what is free in the truth and not in IN; a
-prediction is what it makes free beyond IN.
+All three lie in one frame: 0 occupied, 205 unknown, 254 free. *Never seen* is what is free in the truth and
+not in IN; a prediction is what it makes free beyond IN.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.prediction import predict_closed_rooms
 from layoutexplore.errors import MapError
-from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.grid_io import encode_png, read_image, write_atomically
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.ros_map import encode_png, read_image, write_atomically
+from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_interquartile_mean, weighted_mean
 from layoutexplore.processes import end_with_parent
-from layoutexplore.statistics import cluster_bootstrap, weighted_interquartile_mean, weighted_mean
 
 if TYPE_CHECKING:
     from layoutexplore.closed_doors.models import Models
-    from layoutexplore.closed_doors.training import Samples, Source
+    from layoutexplore.training.closed_doors import Samples, Source
 
 OCCUPIED_GREY, UNKNOWN_GREY, FREE_GREY = 0, 205, 254
 _NAME = re.compile(r"(?P<building>.+)_(?P<k>\d+)_doors_IN\.png")
@@ -97,7 +97,11 @@ def find_triples(folder: Path) -> list[Triple]:
         if not truth.is_file():
             raise MapError(f"{seen}: its truth {truth.name} is missing")
         reference = seen.with_name(seen.name.replace("_IN.png", "_OUT.png"))
-        triples.append(Triple(match["building"], int(match["k"]), seen, truth, reference if reference.is_file() else None))
+        triples.append(
+            Triple(
+                match["building"], int(match["k"]), seen, truth, reference if reference.is_file() else None
+            )
+        )
     if not triples:
         raise MapError(f"{folder}: no map NAME_k_doors_IN.png with its truth NAME_GT.png")
     return sorted(triples, key=lambda t: (t.building, t.doors))
@@ -111,11 +115,15 @@ def read_cells(path: Path, shape: tuple[int, int] | None = None) -> NDArray[np.i
     """
     grey = read_image(path)[0]
     if shape is not None and grey.shape != shape:
-        raise MapError(f"{path}: {grey.shape[1]} x {grey.shape[0]} pixels, but its map has {shape[1]} x {shape[0]}")
+        raise MapError(
+            f"{path}: {grey.shape[1]} x {grey.shape[0]} pixels, but its map has {shape[1]} x {shape[0]}"
+        )
     free, occupied = grey == FREE_GREY, grey == OCCUPIED_GREY
     odd = grey[~(free | occupied | (grey == UNKNOWN_GREY))]
     if odd.size:
-        raise MapError(f"{path}: grey level {odd[0]}: only 0 (occupied), 205 (unknown) and 254 (free) are expected")
+        raise MapError(
+            f"{path}: grey level {odd[0]}: only 0 (occupied), 205 (unknown) and 254 (free) are expected"
+        )
     return np.where(free, FREE, np.where(occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
 
 
@@ -145,7 +153,9 @@ def _share(part: int, whole: int, *, empty: float = 1.0) -> float:
     return part / whole if whole else empty
 
 
-def evaluate_triple(triple: Triple, resolution: float, out: Path | None = None, models: Models | None = None) -> PairScore:
+def evaluate_triple(
+    triple: Triple, resolution: float, out: Path | None = None, models: Models | None = None
+) -> PairScore:
     """Predict one map, score it, and write NAME_k_doors_pred.png into a folder; by the shipped models when None are given."""
     import time
 
@@ -157,7 +167,9 @@ def evaluate_triple(triple: Triple, resolution: float, out: Path | None = None, 
     predicted = predict_closed_rooms(OccupancyGrid(cells, resolution), models)
     seconds = time.perf_counter() - begin
     if out is not None:
-        grey = np.where(predicted.grid.free, FREE_GREY, np.where(predicted.grid.occupied, OCCUPIED_GREY, UNKNOWN_GREY))
+        grey = np.where(
+            predicted.grid.free, FREE_GREY, np.where(predicted.grid.occupied, OCCUPIED_GREY, UNKNOWN_GREY)
+        )
         write_atomically(out / f"{triple.name}_pred.png", encode_png(grey.astype(np.uint8)))
     theirs = None
     if triple.reference is not None:
@@ -168,7 +180,9 @@ def evaluate_triple(triple: Triple, resolution: float, out: Path | None = None, 
     return PairScore(triple.building, triple.doors, hidden, before, ours, theirs, seconds)
 
 
-def evaluate(triples: Sequence[Triple], *, resolution: float, out: Path | None = None, jobs: int = 1) -> Iterator[PairScore]:
+def evaluate(
+    triples: Sequence[Triple], *, resolution: float, out: Path | None = None, jobs: int = 1
+) -> Iterator[PairScore]:
     """Evaluate maps in order, in several processes where asked to."""
     if jobs <= 1:
         yield from (evaluate_triple(triple, resolution, out) for triple in triples)
@@ -178,18 +192,23 @@ def evaluate(triples: Sequence[Triple], *, resolution: float, out: Path | None =
 
 
 def cross_validate(
-    triples: Sequence[Triple], folds: int, learnt: Sequence[tuple[Source, Samples]], *, resolution: float, out: Path | None = None
+    triples: Sequence[Triple],
+    folds: int,
+    learnt: Sequence[tuple[Source, Samples]],
+    *,
+    resolution: float,
+    out: Path | None = None,
 ) -> Iterator[PairScore]:
     """Evaluate maps in order, each by models that were trained without its building (all floors of it, and all plans).
 
     Args:
         triples: The maps, as from `find_triples`.
         folds: Groups of buildings; at most one a building.
-        learnt: What the models learn from, as of `layoutexplore.closed_doors.training.collect_all`.
+        learnt: What the models learn from, as of `layoutexplore.training.closed_doors.collect_all`.
         resolution: Metres a cell.
         out: Folder for the predictions.
     """
-    from layoutexplore.closed_doors.training import building_of, fit
+    from layoutexplore.training.closed_doors import building_of, fit
 
     buildings = list(dict.fromkeys(building_of(t.building) for t in triples))
     fold = {name: k % folds for k, name in enumerate(buildings)}
@@ -204,8 +223,8 @@ def cross_validate(
 def summarise(scores: Sequence[PairScore]) -> list[dict[str, Any]]:
     """Means and interquartile means per building and overall, with intervals clustered by building.
 
-    The reference and ours are compared on the maps that have the reference's answer; the last two lines are those maps of all
-    buildings, and all maps.
+    The reference and ours are compared on the maps that have the reference's answer; the last two lines are
+    those maps of all buildings, and all maps.
     """
     lines = []
     answered = [s for s in scores if s.reference]
@@ -219,7 +238,10 @@ def _lines(group: str, scores: Sequence[PairScore]) -> list[dict[str, Any]]:
     if not scores:
         return []
     reference = [s.reference for s in scores if s.reference]
-    return [_line(group, "reference", scores, reference), _line(group, "ours", scores, [s.ours for s in scores])]
+    return [
+        _line(group, "reference", scores, reference),
+        _line(group, "ours", scores, [s.ours for s in scores]),
+    ]
 
 
 def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[Score]) -> dict[str, Any]:
@@ -249,7 +271,11 @@ def picture(triple: Triple, folder: Path) -> NDArray[np.uint8]:
         new = (read_cells(path) == FREE) & ~seen if path else np.zeros_like(seen)
         side = np.full((*cells.shape, 3), 205, np.uint8)
         side[seen], side[cells == OCCUPIED] = 255, 0
-        side[truth & ~seen & ~new], side[new & truth], side[new & ~truth] = (110, 170, 230), (90, 190, 120), (230, 90, 90)
+        side[truth & ~seen & ~new], side[new & truth], side[new & ~truth] = (
+            (110, 170, 230),
+            (90, 190, 120),
+            (230, 90, 90),
+        )
         sides.append(np.pad(side, ((4, 4), (4, 4), (0, 0)), constant_values=255))
     wide = np.hstack(sides)
     scale = min(1.0, 1800 / wide.shape[1])
@@ -257,7 +283,9 @@ def picture(triple: Triple, folder: Path) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(wide, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def write_pictures(triples: Sequence[Triple], scores: Sequence[PairScore], folder: Path, count: int = 3) -> list[Path]:
+def write_pictures(
+    triples: Sequence[Triple], scores: Sequence[PairScore], folder: Path, count: int = 3
+) -> list[Path]:
     """Write `best.png` and `worst.png`: the maps predicted best and worst by IoU on what was never seen."""
     order = sorted(range(len(scores)), key=lambda k: scores[k].ours.iou)
     written = []

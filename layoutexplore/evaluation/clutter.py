@@ -1,11 +1,12 @@
 """ROSE's sensitivity study: clutter of known shape, size and amount is added to maps (ICRA 2021, section IV).
 
-What was occupied in the original map counts as structure, what was added as clutter. Precision is the share of structure
-among the cells that ROSE keeps, recall the share of the structure that it keeps.
+What was occupied in the original map counts as structure, what was added as clutter. Precision is the share
+of structure among the cells that ROSE keeps, recall the share of the structure that it keeps.
 
-The wall-line error (section IV-A) compares the wall lines of IAS-15 in the cluttered map, once as they are and once after
-decluttering and with ROSE's directions in place of those of the mean shift, with the wall lines of the original map. These
-are found without ROSE: the paper's were drawn by hand, and lines turned to ROSE's directions would favour its side.
+The wall-line error (section IV-A) compares the wall lines of IAS-15 in the cluttered map, once as they are
+and once after decluttering and with ROSE's directions in place of those of the mean shift, with the wall
+lines of the original map. These are found without ROSE: the paper's were drawn by hand, and lines turned to
+ROSE's directions would favour its side.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.frame import angles_to_local
-from layoutexplore.layout.ias15 import Ias15Config, mean_shift_directions
-from layoutexplore.layout.rose import RoseConfig, rose
-from layoutexplore.layout.segments import align, angle_between, find_segments, segment_angles
-from layoutexplore.layout.walls import find_walls
+from layoutexplore.layout.lines.ias15 import Ias15Config, mean_shift_directions
+from layoutexplore.layout.lines.rose import RoseConfig, rose
+from layoutexplore.layout.lines.segments import align, angle_between, find_segments, segment_angles
+from layoutexplore.layout.lines.walls import find_walls
 
 SHAPES = ("square", "rectangle", "circle", "diamond", "star")
 """Shapes of clutter that can be added."""
@@ -150,7 +151,9 @@ def trials_of_map(name: str, grid: OccupancyGrid, config: ClutterConfig) -> Iter
         kept, structure = layout.clean_grid.occupied, grid.occupied
         error = raw_error = float("nan")
         if truth is not None:
-            error = line_error(wall_lines(layout.clean_grid, angles_to_local(layout.directions, grid.origin)), truth)
+            error = line_error(
+                wall_lines(layout.clean_grid, angles_to_local(layout.directions, grid.origin)), truth
+            )
             raw_error = line_error(wall_lines(cluttered), truth)
         yield ClutterTrial(
             map=name,
@@ -167,7 +170,9 @@ def trials_of_map(name: str, grid: OccupancyGrid, config: ClutterConfig) -> Iter
 
 def summarise(trials: Sequence[ClutterTrial], clean_scores: dict[str, float]) -> ClutterSummary:
     """Medians and correlations over trials (at least one)."""
-    precision, recall, score = (np.array([getattr(t, k) for t in trials]) for k in ("precision", "recall", "score"))
+    precision, recall, score = (
+        np.array([getattr(t, k) for t in trials]) for k in ("precision", "recall", "score")
+    )
     counts = np.array([t.count for t in trials])
     errors = np.array([(t.error, t.raw_error) for t in trials])
     error, raw_error = np.nanmedian(errors, axis=0) if np.isfinite(errors).any() else (np.nan, np.nan)
@@ -176,7 +181,9 @@ def summarise(trials: Sequence[ClutterTrial], clean_scores: dict[str, float]) ->
         median_precision=float(np.median(precision)),
         median_recall=float(np.median(recall)),
         correlation=_correlation(score, precision),
-        correlation_by_count={int(c): _correlation(score[counts == c], precision[counts == c]) for c in np.unique(counts)},
+        correlation_by_count={
+            int(c): _correlation(score[counts == c], precision[counts == c]) for c in np.unique(counts)
+        },
         clean_scores=clean_scores,
         error=float(error),
         raw_error=float(raw_error),
@@ -190,7 +197,9 @@ def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(np.corrcoef(a, b)[0, 1])
 
 
-def add_clutter(grid: OccupancyGrid, shape: str, count: int, size: int, rng: np.random.Generator) -> OccupancyGrid:
+def add_clutter(
+    grid: OccupancyGrid, shape: str, count: int, size: int, rng: np.random.Generator
+) -> OccupancyGrid:
     """The grid with `count` obstacles around random free cells; only free cells become occupied.
 
     Args:
@@ -236,8 +245,8 @@ def wall_lines(grid: OccupancyGrid, directions: NDArray[np.float64] | None = Non
 
     Args:
         grid: The grid.
-        directions: float64 (k,), of the walls, in the grid's frame; without them, or where there are none, the modes of the
-            segments' own directions by mean shift.
+        directions: float64 (k,), of the walls, in the grid's frame; without them, or where there are none,
+            the modes of the segments' own directions by mean shift.
     """
     config = Ias15Config()
     segments = find_segments(grid.occupied, grid.resolution, config)
@@ -255,8 +264,8 @@ def wall_lines(grid: OccupancyGrid, directions: NDArray[np.float64] | None = Non
 def line_error(found: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
     """Mean over the found lines of the cost theta |T| / 2 of moving them onto the best true line, in rad m.
 
-    theta is the angle between the two, T the shortest way from the midpoint of the one to the other. Infinite where nothing
-    was found.
+    theta is the angle between the two, T the shortest way from the midpoint of the one to the other. Infinite
+    where nothing was found.
 
     Example:
         >>> truth = np.array([[0.0, 0.0, 4.0, 0.0]])
@@ -265,7 +274,9 @@ def line_error(found: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
     """
     if not len(found) or not len(truth):
         return float("inf")
-    return float(np.concatenate([_costs(part, truth) for part in np.array_split(found, -(-len(found) // 256))]).mean())
+    return float(
+        np.concatenate([_costs(part, truth) for part in np.array_split(found, -(-len(found) // 256))]).mean()
+    )
 
 
 def _costs(found: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,8 +1,9 @@
 """The default method judged on buildings that its judge of merges has never seen.
 
-The buildings are dealt into folds; for each fold the judge is trained on the maps of all the others, on these maps while
-being explored, and on maps simulated from floor plans, and the method is scored on the fold. Training takes chance: with
-several seeds, the spread of the means over the seeds is what a difference between two trainings has to exceed.
+The buildings are dealt into folds; for each fold the judge is trained on the maps of all the others, on these
+maps while being explored, and on maps simulated from floor plans, and the method is scored on the fold.
+Training takes chance: with several seeds, the spread of the means over the seeds is what a difference between
+two trainings has to exceed.
 """
 
 from __future__ import annotations
@@ -14,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.evaluation.explored_maps import explored_examples
 from layoutexplore.evaluation.segmentation import Case, MapScore, read_case, score_case
-from layoutexplore.evaluation.simulated_maps import simulated_examples
-from layoutexplore.forest import Forest
-from layoutexplore.grid import OccupancyGrid
-from layoutexplore.layout.default import DefaultConfig, reconstruct_with
-from layoutexplore.layout.merging_training import Example, TrainingConfig, make_example, train_forest
+from layoutexplore.grids.grid import OccupancyGrid
+from layoutexplore.layout.merging.method import DefaultConfig, reconstruct_with
 from layoutexplore.layout.types import Layout
+from layoutexplore.models.forest import Forest
+from layoutexplore.training.explored_maps import explored_examples
+from layoutexplore.training.room_merging import Example, TrainingConfig, make_example, train_forest
+from layoutexplore.training.simulated_maps import simulated_examples
 
 EXPLORED = 2
 """So many maps of a building and folder are explored to train on."""
@@ -37,7 +38,9 @@ def deal_folds(cases: Sequence[Case], folds: int) -> dict[str, int]:
     for case in cases:
         counts[case.building] = counts.get(case.building, 0) + 1
     if not 2 <= folds <= len(counts):
-        raise ConfigError(f"folds must be at least 2 and at most one a building: got {folds} for {len(counts)} building(s)")
+        raise ConfigError(
+            f"folds must be at least 2 and at most one a building: got {folds} for {len(counts)} building(s)"
+        )
     sizes, dealt = [0] * folds, {}
     for building in sorted(counts, key=lambda b: (-counts[b], b)):
         dealt[building] = sizes.index(min(sizes))
@@ -53,7 +56,9 @@ def _silent(what: str, done: int, total: int) -> None:
     """Progress that nobody looks at."""
 
 
-def training_examples(cases: Sequence[Case], resolution: float, progress: Progress = _silent) -> list[Example]:
+def training_examples(
+    cases: Sequence[Case], resolution: float, progress: Progress = _silent
+) -> list[Example]:
     """What the judge learns from the maps, and from some of them while being explored.
 
     Of each building and folder, the largest `EXPLORED` maps are explored.
@@ -64,7 +69,9 @@ def training_examples(cases: Sequence[Case], resolution: float, progress: Progre
         examples.append(make_example(grid.cells, truth, resolution, building=case.building, kind=case.folder))
         if case in largest:
             rng = np.random.default_rng([1, k])
-            examples += explored_examples(grid.cells, truth, resolution, building=case.building, kind=case.folder, rng=rng)
+            examples += explored_examples(
+                grid.cells, truth, resolution, building=case.building, kind=case.folder, rng=rng
+            )
         progress("maps cut into pieces", k + 1, len(cases))
     return examples
 
@@ -94,7 +101,7 @@ def cross_validate(
     Args:
         cases: The maps.
         folds: Number of folds.
-        protocol: Of `layoutexplore.segmentation_metrics.PROTOCOLS`.
+        protocol: Of `layoutexplore.metrics.segmentation.PROTOCOLS`.
         resolution: Metres a pixel.
         simulated: Number of simulated maps to train on besides.
         plans: Floor plans to simulate maps of, besides generated ones.
@@ -116,7 +123,9 @@ def cross_validate(
 
             for case in cases:
                 if dealt[case.building] == fold:
-                    row, layout = score_case(case, "default", protocol=protocol, resolution=resolution, run=run)
+                    row, layout = score_case(
+                        case, "default", protocol=protocol, resolution=resolution, run=run
+                    )
                     yield case, replace(row, fold=fold, seed=seed), layout.labels
 
 

@@ -1,9 +1,9 @@
 """How well half-seen rooms and frontiers are predicted (Luperto, Arcerito and Amigoni 2019; Luperto and Amigoni 2021).
 
-Every predictor answers the same snapshots of explorations. Items are true rooms seen to 5-95 % that hold a frontier of half a
-metre or more; the predicted room is the one that holds most of the room's frontier cells, so nothing is stretched. A
-room without a prediction counts as its seen part. Frontiers are compared by class, and by the decision that saves
-metres: closed, with less than 1 m2 left.
+Every predictor answers the same snapshots of explorations. Items are true rooms seen to 5-95 % that hold a
+frontier of half a metre or more; the predicted room is the one that holds most of the room's frontier cells,
+so nothing is stretched. A room without a prediction counts as its seen part. Frontiers are compared by class,
+and by the decision that saves metres: closed, with less than 1 m2 left.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from layoutexplore.decision import Decision, Privileged
-from layoutexplore.frontier_classes import classify_frontiers
-from layoutexplore.grid import UNKNOWN
+from layoutexplore.frontiers.classes import classify_frontiers
+from layoutexplore.frontiers.decision import Decision, Privileged
+from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.predictors.protocol import RoomMap, RoomPredictor
-from layoutexplore.snapshot import Snapshot
+from layoutexplore.predictors.snapshot import Snapshot
 
 SEEN = (0.05, 0.95)
 """Shares of a room that make it an item."""
@@ -102,7 +102,9 @@ class Scores:
     milliseconds: dict[str, list[float]]
 
 
-def score(snapshots: Iterable[Snapshot], predictors: Sequence[RoomPredictor], watch: Watch | None = None) -> Scores:
+def score(
+    snapshots: Iterable[Snapshot], predictors: Sequence[RoomPredictor], watch: Watch | None = None
+) -> Scores:
     """Ask every predictor about every snapshot.
 
     Args:
@@ -222,7 +224,11 @@ def boundary_distance(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
 def _score_frontiers(snapshot: Snapshot, judged: Decision, predictor: str) -> list[FrontierScore]:
     decision, raster = snapshot.decision, snapshot.truth.raster
     true = classify_frontiers(
-        decision.grid.cells, [f.cells for f in decision.frontiers], raster.room_ids, raster.free, raster.resolution
+        decision.grid.cells,
+        [f.cells for f in decision.frontiers],
+        raster.room_ids,
+        raster.free,
+        raster.resolution,
     )
     return [
         FrontierScore(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from layoutexplore.evaluation.partial_rooms import FrontierScore, RoomScore, Scores
-from layoutexplore.statistics import cluster_bootstrap
+from layoutexplore.metrics.statistics import cluster_bootstrap
 
 EXPLORED = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Ends of the strata of explored share."""
@@ -64,7 +64,10 @@ def _room_line(rooms: Sequence[RoomScore]) -> dict[str, Any]:
 def summarise_frontiers(frontiers: Sequence[FrontierScore]) -> list[dict[str, Any]]:
     """One line for all frontiers and one for each coverage."""
     shares = sorted({f.coverage for f in frontiers})
-    strata = [("all", list(frontiers)), *((f"{share:.0%}", [f for f in frontiers if f.coverage == share]) for share in shares)]
+    strata = [
+        ("all", list(frontiers)),
+        *((f"{share:.0%}", [f for f in frontiers if f.coverage == share]) for share in shares),
+    ]
     return [{"coverage": name} | _frontier_line(part) for name, part in strata if part]
 
 

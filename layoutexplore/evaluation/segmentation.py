@@ -1,7 +1,7 @@
 """Layout methods on grid maps whose true rooms are painted: NAME.png beside NAME_gt.png.
 
-The measures are those of `layoutexplore.segmentation_metrics`; the time is that of `reconstruct` alone, after one run to
-warm up.
+The measures are those of `layoutexplore.metrics.segmentation`; the time is that of `reconstruct` alone, after
+one run to warm up.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
-from layoutexplore.grid import FREE, UNKNOWN, OccupancyGrid
-from layoutexplore.grid_io import load_grid, read_image, read_pixels
+from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.ros_map import load_grid, read_image, read_pixels
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
+from layoutexplore.metrics.segmentation import MEASURES, MIN_TRUTH_CELLS, score_segmentation, truth_labels
 from layoutexplore.processes import end_with_parent
-from layoutexplore.segmentation_metrics import MEASURES, MIN_TRUTH_CELLS, score_segmentation, truth_labels
 
 TRUTH_SUFFIX = "_gt"
 FREE_FROM = 250
@@ -87,7 +87,8 @@ def find_cases(folders: Iterable[str | Path], buildings: dict[str, str] | None =
 
     Args:
         folders: Folders with NAME.png and NAME_gt.png.
-        buildings: Building of a map by "folder/name" or "name"; guessed from the name (`guess_building`) without.
+        buildings: Building of a map by "folder/name" or "name"; guessed from the name (`guess_building`)
+            without.
 
     Raises:
         MapError: A folder is missing or holds no such pair.
@@ -133,27 +134,36 @@ def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, NDArray[np.
     truth = truth_labels(pixels)[::-1]
     free = read_image(case.image)[0][::-1] >= FREE_FROM
     if not truth.any():
-        raise MapError(f"{case.truth}: no room is painted; each is one colour of 8 bit on more than {MIN_TRUTH_CELLS} pixels")
+        raise MapError(
+            f"{case.truth}: no room is painted; each is one colour of 8 bit on more than {MIN_TRUTH_CELLS} pixels"
+        )
     if truth.shape != grid.shape:
         raise MapError(f"{case.truth}: {truth.shape} pixels, but the map has {grid.shape}")
     return grid, np.ascontiguousarray(truth), np.ascontiguousarray(free)
 
 
 def score_case(
-    case: Case, method: str, *, protocol: str, resolution: float, run: Callable[[OccupancyGrid], Layout] | None = None
+    case: Case,
+    method: str,
+    *,
+    protocol: str,
+    resolution: float,
+    run: Callable[[OccupancyGrid], Layout] | None = None,
 ) -> tuple[MapScore, Layout]:
     """Run a method on a map and score it.
 
     Args:
         case: The map.
         method: Name of the method.
-        protocol: Of `layoutexplore.segmentation_metrics.PROTOCOLS`.
+        protocol: Of `layoutexplore.metrics.segmentation.PROTOCOLS`.
         resolution: Metres a pixel.
         run: What to run instead of the method of that name.
     """
     grid, truth, free = read_case(case, resolution)
     if method in CLASSIC:
-        grid = OccupancyGrid(np.where(free, FREE, np.where(grid.free, UNKNOWN, grid.cells)).astype(np.int8), resolution)
+        grid = OccupancyGrid(
+            np.where(free, FREE, np.where(grid.free, UNKNOWN, grid.cells)).astype(np.int8), resolution
+        )
     begin = time.perf_counter()
     layout = reconstruct(grid, method) if run is None else run(grid)
     seconds = time.perf_counter() - begin
@@ -178,7 +188,7 @@ def evaluate_cases(
     Args:
         cases: The maps.
         methods: Names of the methods.
-        protocol: Of `layoutexplore.segmentation_metrics.PROTOCOLS`.
+        protocol: Of `layoutexplore.metrics.segmentation.PROTOCOLS`.
         resolution: Metres a pixel.
         jobs: Processes; times are only comparable with 1.
     """

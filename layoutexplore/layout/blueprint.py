@@ -1,8 +1,9 @@
 """Blueprints and evacuation plans as occupancy grids (IAS-15, section IV-D).
 
-Such plans show walls together with words, escape routes, equipment and door swings. Words are found by OCR (Tesseract)
-and erased, symbols by their colour, by their size and thinness, and on demand by template matching; what is left are the
-walls. Cells that a person could not reach from outside through a closed envelope are the building's free space.
+Such plans show walls together with words, escape routes, equipment and door swings. Words are found by OCR
+(Tesseract) and erased, symbols by their colour, by their size and thinness, and on demand by template
+matching; what is left are the walls. Cells that a person could not reach from outside through a closed
+envelope are the building's free space.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError, MissingExtraError, require
-from layoutexplore.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
-from layoutexplore.grid_io import DEFAULT_RESOLUTION, read_pixels
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
+from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, read_pixels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +118,9 @@ def grid_from_blueprint(
         for top, left, height, width in find_words(plain, config):
             walls[top : top + height, left : left + width] = False
     if not walls.any():
-        raise MapError("the blueprint shows no walls: see darkness, saturation and wall_width of BlueprintConfig")
+        raise MapError(
+            "the blueprint shows no walls: see darkness, saturation and wall_width of BlueprintConfig"
+        )
     outside = _outside(walls, round(config.opening / resolution / 2))
     cells = np.where(walls, OCCUPIED, np.where(outside, UNKNOWN, FREE)).astype(np.int8)
     return OccupancyGrid(np.ascontiguousarray(cells[::-1]), resolution, Pose(0.0, 0.0, 0.0))
@@ -127,8 +130,8 @@ def find_words(image: NDArray[np.uint8], config: BlueprintConfig) -> list[tuple[
     """Boxes (top, left, height, width) in pixels of the words of a picture, by Tesseract.
 
     Raises:
-        MissingExtraError: pytesseract or the program tesseract is not installed, or the program fails (without its
-            language data, say).
+        MissingExtraError: pytesseract or the program tesseract is not installed, or the program fails
+            (without its language data, say).
     """
     tesseract = require("pytesseract", "blueprint")
     scale = config.magnification
@@ -136,11 +139,15 @@ def find_words(image: NDArray[np.uint8], config: BlueprintConfig) -> list[tuple[
     try:
         found = tesseract.image_to_data(large, config="--psm 11", output_type=tesseract.Output.DICT)
     except tesseract.TesseractNotFoundError as error:
-        raise MissingExtraError("the program tesseract is not installed: apt install tesseract-ocr (Debian, Ubuntu)") from error
+        raise MissingExtraError(
+            "the program tesseract is not installed: apt install tesseract-ocr (Debian, Ubuntu)"
+        ) from error
     except tesseract.TesseractError as error:
         raise MissingExtraError(f"tesseract has failed: {' '.join(str(error.message).split())}") from error
     boxes = []
-    for text, confidence, *box in zip(*(found[key] for key in ("text", "conf", "top", "left", "height", "width")), strict=True):
+    for text, confidence, *box in zip(
+        *(found[key] for key in ("text", "conf", "top", "left", "height", "width")), strict=True
+    ):
         letters = sum(c.isalnum() for c in text)
         if float(confidence) >= config.word_confidence and letters >= 2:
             top, left, height, width = (v / scale for v in box)

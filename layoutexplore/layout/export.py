@@ -14,9 +14,10 @@ from layoutexplore.layout.types import OUTSIDE, Face, Layout, LayoutRoom
 def layout_to_geojson(layout: Layout) -> dict[str, Any]:
     """A FeatureCollection of the rooms, faces, lines and walls of a layout.
 
-    Every feature has a property `kind` ("room", "face", "line" or "wall"); the collection's `layout` member holds the
-    method, the directions in degrees, the structure score and the warnings. A face's `neighbours` are objects of the
-    neighbour's id (`face`) and the share of the common boundary that seen wall covers (`weight`).
+    Every feature has a property `kind` ("room", "face", "line" or "wall"); the collection's `layout` member
+    holds the method, the directions in degrees, the structure score and the warnings. A face's `neighbours`
+    are objects of the neighbour's id (`face`) and the share of the common boundary that seen wall covers
+    (`weight`).
     """
     features = [
         *(_feature(room.polygon, "room", **_room(room)) for room in layout.rooms),
@@ -33,11 +34,19 @@ def layout_to_geojson(layout: Layout) -> dict[str, Any]:
             for face in layout.faces
         ),
         *(
-            _feature(shapely.LineString((line.start, line.end)), "line", weight=round(line.weight, 4), local=line.is_local)
+            _feature(
+                shapely.LineString((line.start, line.end)),
+                "line",
+                weight=round(line.weight, 4),
+                local=line.is_local,
+            )
             for line in layout.lines
             if not line.is_border
         ),
-        *(_feature(shapely.LineString((wall.start, wall.end)), "wall", line=wall.line) for wall in layout.walls),
+        *(
+            _feature(shapely.LineString((wall.start, wall.end)), "wall", line=wall.line)
+            for wall in layout.walls
+        ),
     ]
     score = layout.structure_score
     return {
@@ -78,4 +87,8 @@ def _room(room: LayoutRoom) -> dict[str, Any]:
 
 
 def _feature(geometry: shapely.Geometry, kind: str, **properties: Any) -> dict[str, Any]:
-    return {"type": "Feature", "geometry": shapely.geometry.mapping(geometry), "properties": {"kind": kind, **properties}}
+    return {
+        "type": "Feature",
+        "geometry": shapely.geometry.mapping(geometry),
+        "properties": {"kind": kind, **properties},
+    }

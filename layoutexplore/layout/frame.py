@@ -1,6 +1,7 @@
 """The local frame of a grid: metres from the lower left corner of cell (0, 0), axes along columns and rows.
 
-All geometry of the layout methods happens in this frame; the results are moved to the world by the grid's origin.
+All geometry of the layout methods happens in this frame; the results are moved to the world by the grid's
+origin.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grid import OccupancyGrid, Pose
+from layoutexplore.grids.grid import OccupancyGrid, Pose
 
 
 def to_world(points: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:

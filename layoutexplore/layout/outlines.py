@@ -7,8 +7,8 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grid import FREE, UNKNOWN, OccupancyGrid
-from layoutexplore.layout.rooms import renumber
+from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
+from layoutexplore.layout.lines.face_clusters import renumber
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.layout.types import Details, Layout, LayoutRoom
@@ -43,7 +43,13 @@ def _right(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _walk(
-    labels: NDArray[np.int32], r1: int, c1: int, side: int, label: int, seen: NDArray[np.uint8], corners: NDArray[np.int32]
+    labels: NDArray[np.int32],
+    r1: int,
+    c1: int,
+    side: int,
+    label: int,
+    seen: NDArray[np.uint8],
+    corners: NDArray[np.int32],
 ) -> tuple[int, bool]:
     """Write the corners of the ring that leaves corner (r1, c1) in direction `side`, the label to its left.
 
@@ -78,11 +84,13 @@ def _trace(
 
     Args:
         labels: int32 (rows, cols).
-        ends: int64 (m,), rising flat indices of all labelled cells with another label above or below them, or more.
+        ends: int64 (m,), rising flat indices of all labelled cells with another label above or below them, or
+            more.
     """
     rows, cols = labels.shape
     seen = np.zeros((rows + 1, cols + 1), np.uint8)
-    # every ring and every corner belongs to the lower or the upper side of such a cell, a corner to one end of it
+    # every ring and every corner belongs to the lower or the upper side of such a cell, a corner to one end
+    # of it
     corners = np.empty((4 * len(ends), 2), np.int32)
     starts = np.zeros(2 * len(ends) + 1, np.int64)
     owners, touching = np.empty(2 * len(ends), np.int32), np.empty(2 * len(ends), np.bool_)
@@ -126,7 +134,9 @@ def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
     twice = np.cumsum(points[:, 0] * np.roll(points[:, 1], -1) - points[:, 1] * np.roll(points[:, 0], -1))
     shells: dict[int, tuple[float, int]] = {}
     holes: dict[int, list[NDArray[np.float64]]] = {}
-    for ring, (begin, end, owner) in enumerate(zip(starts[:-1].tolist(), starts[1:].tolist(), owners.tolist(), strict=True)):
+    for ring, (begin, end, owner) in enumerate(
+        zip(starts[:-1].tolist(), starts[1:].tolist(), owners.tolist(), strict=True)
+    ):
         inner = twice[end - 2] - (twice[begin - 1] if begin else 0.0)
         double = inner + points[end - 1, 0] * points[begin, 1] - points[end - 1, 1] * points[begin, 0]
         if double < 0:
@@ -141,7 +151,9 @@ def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
     for k, label in enumerate(names):
         if label in holes:
             outlines[k] = _with_holes(outlines[k], holes[label])
-    doubtful = np.flatnonzero(np.isin(names, owners[touching]))  # where no label touches itself, its outline is valid
+    doubtful = np.flatnonzero(
+        np.isin(names, owners[touching])
+    )  # where no label touches itself, its outline is valid
     for k in doubtful[~shapely.is_valid(outlines[doubtful])].tolist():
         outlines[k] = _largest(shapely.make_valid(outlines[k]))
     return dict(zip(names, outlines.tolist(), strict=True))
@@ -179,7 +191,11 @@ def _left_cell(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
-    parts = [p for p in shapely.get_parts(geometry, return_index=False) if isinstance(p, shapely.Polygon) and not p.is_empty]
+    parts = [
+        p
+        for p in shapely.get_parts(geometry, return_index=False)
+        if isinstance(p, shapely.Polygon) and not p.is_empty
+    ]
     return max(parts, key=lambda p: float(p.area))
 
 
@@ -209,14 +225,17 @@ def rooms_of_labels(
     Args:
         labels: int32 (rows, cols), 0 for none, numbered from 1.
         grid: The grid they belong to.
-        footprint: int32 (rows, cols), the cells each room's polygon covers, with the furniture inside; the labels when None.
+        footprint: int32 (rows, cols), the cells each room's polygon covers, with the furniture inside; the
+            labels when None.
         details: Of the layout, to know the rooms' faces.
     """
     details = details or Details()
     shapes = label_polygons(labels if footprint is None else footprint)
     total, seen, frontier, touching = (
         counts.tolist()
-        for counts in _count_cells(np.ascontiguousarray(labels), np.ascontiguousarray(grid.cells), max(shapes, default=0) + 1)
+        for counts in _count_cells(
+            np.ascontiguousarray(labels), np.ascontiguousarray(grid.cells), max(shapes, default=0) + 1
+        )
     )
     return tuple(
         LayoutRoom(
@@ -240,7 +259,11 @@ def _count_cells(
     total, seen = np.zeros(count, np.int64), np.zeros(count, np.int64)
     frontier, border = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     for r in range(rows):
-        last, begin, known = 0, 0, 0  # the label of the cell before, where its run began, and the known cells of it
+        last, begin, known = (
+            0,
+            0,
+            0,
+        )  # the label of the cell before, where its run began, and the known cells of it
         for c in range(cols):
             k = int(labels[r, c])
             if k != last:
@@ -269,4 +292,6 @@ def layout_of_labels(name: str, grid: OccupancyGrid, labels: NDArray[np.int32], 
     with timer("outlines"):
         rooms = rooms_of_labels(numbered, grid)
     warnings = () if rooms else ("no room found: the free space is too small or too narrow",)
-    return Layout(method=name, clean_grid=grid, labels=numbered, rooms=rooms, timings=timer.seconds, warnings=warnings)
+    return Layout(
+        method=name, clean_grid=grid, labels=numbered, rooms=rooms, timings=timer.seconds, warnings=warnings
+    )

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grid import OCCUPIED, OccupancyGrid, Pose
+from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.layout.registry import layout_method
 from layoutexplore.layout.types import Layout
 
@@ -18,7 +18,8 @@ def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None
     Args:
         grid: Any occupancy grid, complete or partial, clean or cluttered.
         method: "default", "rose2", "ias15", "rose", "morphological", "distance" or "voronoi".
-        config: The method's configuration: its dataclass, a mapping of options to change, or None for the defaults.
+        config: The method's configuration: its dataclass, a mapping of options to change, or None for the
+            defaults.
 
     Returns:
         The layout; one without rooms says why in `Layout.warnings`.
@@ -34,8 +35,9 @@ def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None
 class LayoutCache:
     """`reconstruct` that keeps its last layout while the walls it was made from have not changed.
 
-    Almost half of the scans of an exploration add no occupied cell; segments, walls and lines then stay as they are, bit for
-    bit. What a change of free cells alone does to the rooms is left out until a wall changes, unless `exact` is asked for.
+    Almost half of the scans of an exploration add no occupied cell; segments, walls and lines then stay as
+    they are, bit for bit. What a change of free cells alone does to the rooms is left out until a wall
+    changes, unless `exact` is asked for.
 
     Args:
         method: As for `reconstruct`.
@@ -55,7 +57,12 @@ class LayoutCache:
         """The layout of the grid, or the last one while the cells that matter are the same."""
         seen = grid.cells.copy() if self.exact else grid.cells == OCCUPIED
         frame = grid.resolution, grid.origin
-        if self._layout is None or self._seen is None or frame != self._frame or not np.array_equal(seen, self._seen):
+        if (
+            self._layout is None
+            or self._seen is None
+            or frame != self._frame
+            or not np.array_equal(seen, self._seen)
+        ):
             self._layout = self.method.run(grid, self.config)
             self._seen, self._frame = seen, frame
         return self._layout

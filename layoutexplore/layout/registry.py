@@ -1,7 +1,7 @@
 """The layout methods by name, each with one frozen configuration dataclass.
 
-A method's module calls `register_method` as a decorator; the module is imported when the method is first asked for, so
-that `import layoutexplore` stays cheap.
+A method's module calls `register_method` as a decorator; the module is imported when the method is first
+asked for, so that `import layoutexplore` stays cheap.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from numbers import Integral, Real
 from typing import Any, TypeVar
 
 from layoutexplore.errors import ConfigError, unknown_name
-from layoutexplore.grid import OccupancyGrid
+from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.layout.types import Layout
 
 ConfigT = TypeVar("ConfigT")
 Run = Callable[[OccupancyGrid, Any], Layout]
 
 METHOD_MODULES: dict[str, str] = {
-    "default": "layoutexplore.layout.default",
-    "rose2": "layoutexplore.layout.rose2",
-    "ias15": "layoutexplore.layout.ias15",
-    "rose": "layoutexplore.layout.rose",
-    "morphological": "layoutexplore.layout.baselines",
-    "distance": "layoutexplore.layout.baselines",
-    "voronoi": "layoutexplore.layout.baselines",
+    "default": "layoutexplore.layout.merging.method",
+    "rose2": "layoutexplore.layout.lines.rose2",
+    "ias15": "layoutexplore.layout.lines.ias15",
+    "rose": "layoutexplore.layout.lines.rose",
+    "morphological": "layoutexplore.layout.survey.methods",
+    "distance": "layoutexplore.layout.survey.methods",
+    "voronoi": "layoutexplore.layout.survey.methods",
 }
 """Where each method lives."""
 
@@ -44,7 +44,8 @@ class LayoutMethod:
         """The configuration to run with: the default, the given one, or the default changed by a mapping.
 
         Raises:
-            ConfigError: An unknown key, a value of another kind than the default's, or a configuration of another method.
+            ConfigError: An unknown key, a value of another kind than the default's, or a configuration of
+                another method.
         """
         if config is None:
             return self.config_class()
@@ -55,7 +56,9 @@ class LayoutMethod:
         if isinstance(config, dict):
             self._check(config, defaults)
             return replace(self.config_class(), **config)
-        raise ConfigError(f"the {self.name} method takes a {self.config_class.__name__}, got {type(config).__name__}")
+        raise ConfigError(
+            f"the {self.name} method takes a {self.config_class.__name__}, got {type(config).__name__}"
+        )
 
     def _check(self, options: Mapping[str, Any], defaults: Mapping[str, Any]) -> None:
         for name, value in options.items():
@@ -63,7 +66,9 @@ class LayoutMethod:
                 raise unknown_name(f"option of the {self.name} method", str(name), defaults)
             if not _is_like(value, defaults[name]):
                 kind = _KINDS.get(type(defaults[name]), "a finite number")
-                raise ConfigError(f"the {self.name} method's {name} must be {kind}, such as {defaults[name]}; got {value!r}")
+                raise ConfigError(
+                    f"the {self.name} method's {name} must be {kind}, such as {defaults[name]}; got {value!r}"
+                )
 
 
 _KINDS = {bool: "True or False", int: "a whole number", tuple: "finite numbers in a tuple"}
@@ -95,7 +100,9 @@ def register_method(
     if not is_dataclass(config_class):
         raise TypeError(f"{config_class.__name__} is not a dataclass")
 
-    def decorate(run: Callable[[OccupancyGrid, ConfigT], Layout]) -> Callable[[OccupancyGrid, ConfigT], Layout]:
+    def decorate(
+        run: Callable[[OccupancyGrid, ConfigT], Layout],
+    ) -> Callable[[OccupancyGrid, ConfigT], Layout]:
         _METHODS[name] = LayoutMethod(name, config_class, run)
         return run
 

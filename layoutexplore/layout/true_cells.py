@@ -37,4 +37,6 @@ def true_cells(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
         [1, 2, 3]
     """
     cells = np.ascontiguousarray(mask).reshape(-1).view(np.uint8)
-    return np.asarray(_true_cells(cells, cells[: len(cells) // 8 * 8].view(np.uint64), int(np.count_nonzero(cells))))
+    return np.asarray(
+        _true_cells(cells, cells[: len(cells) // 8 * 8].view(np.uint64), int(np.count_nonzero(cells)))
+    )

@@ -1,7 +1,8 @@
 """What a layout is: directions, walls, representative lines, faces and rooms, all in metres of the world frame.
 
-The vocabulary is that of the IAS-15, ROSE and ROSE2 papers: a *wall* is a chain of collinear segments, a *representative
-line* runs through one or more walls, a *face* is a cell of the arrangement of the lines, a *room* is a union of faces.
+The vocabulary is that of the IAS-15, ROSE and ROSE2 papers: a *wall* is a chain of collinear segments, a
+*representative line* runs through one or more walls, a *face* is a cell of the arrangement of the lines, a
+*room* is a union of faces.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import shapely
 from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
-from layoutexplore.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 
 Point = tuple[float, float]
 """A world point (x, y) in metres."""
@@ -199,8 +200,10 @@ class Layout:
         clean_grid: The grid with clutter turned free; its frame is the frame of `labels`.
         labels: int32 (rows, cols), room id of each cell that a room claims, 0 for none.
         rooms: The rooms, by id.
-        directions: float64 (k,), dominant directions of the walls in radians in [0, pi), in the world frame, rising.
-        structure_score: ROSE's W: near 0 for a structured map, near 1 for an unstructured one; NaN if not computed.
+        directions: float64 (k,), dominant directions of the walls in radians in [0, pi), in the world frame,
+            rising.
+        structure_score: ROSE's W: near 0 for a structured map, near 1 for an unstructured one; NaN if not
+            computed.
         segments: float64 (n, 4), wall segments as (x0, y0, x1, y1).
         walls: Chains of collinear segments.
         timings: Seconds a stage, in the order in which they ran.
@@ -244,8 +247,8 @@ class Layout:
         """Room ids int32 (rows, cols) on the cells of a grid that are not occupied, 0 for none.
 
         Args:
-            grid: The grid to label, in the frame of the one that was reconstructed; it may have learnt more since.
-                Without it, the reconstructed grid as the method saw it.
+            grid: The grid to label, in the frame of the one that was reconstructed; it may have learnt more
+                since. Without it, the reconstructed grid as the method saw it.
 
         Raises:
             MapError: The grid has another shape or resolution than the one that was reconstructed.
@@ -266,8 +269,8 @@ class Layout:
         return layout_to_geojson(self)
 
     def draw(self, grid: OccupancyGrid | None = None, *, panel: int = 600) -> NDArray[np.uint8]:
-        """RGB overview (map, clean map, lines, faces, rooms side by side); see `layoutexplore.layout.drawing`."""
-        from layoutexplore.layout.drawing import draw_layout
+        """RGB overview (map, clean map, lines, faces, rooms side by side); see `layoutexplore.drawing.layouts`."""
+        from layoutexplore.drawing.layouts import draw_layout
 
         return draw_layout(self, grid, panel=panel)
 

@@ -1,9 +1,9 @@
 """Predictors: what a decision is told about rooms. Pluggable by name.
 
-`none` tells nothing, `oracle` tells the truth (the ceiling of prediction), and `oracle:flip=0.1` tells it with a share of
-the rooms judged wrongly, for the question how good a prediction has to be. `layout` is the one to use, `layout:model=FOLDER`
-the same with models of one's own, `layout:network=off` the same by trees alone, in less time; `rectangle`, `hull`,
-`parallel-wall` and `face-subset` are what the literature offers.
+`none` tells nothing, `oracle` tells the truth (the ceiling of prediction), and `oracle:flip=0.1` tells it
+with a share of the rooms judged wrongly, for the question how good a prediction has to be. `layout` is the
+one to use, `layout:model=FOLDER` the same with models of one's own, `layout:network=off` the same by trees
+alone, in less time; `rectangle`, `hull`, `parallel-wall` and `face-subset` are what the literature offers.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from layoutexplore.decision import Predictor
 from layoutexplore.errors import ConfigError, unknown_name
-from layoutexplore.predictors.layout import LayoutPredictor
+from layoutexplore.frontiers.decision import Predictor
+from layoutexplore.predictors.learned import LayoutPredictor
 from layoutexplore.predictors.oracle import FALSE_CLOSED_AREA, OraclePredictor
 from layoutexplore.predictors.protocol import RoomMap, RoomPredictor, with_classes
-from layoutexplore.predictors.shapes import (
+from layoutexplore.predictors.shape_baselines import (
     FaceSubsetPredictor,
     ShapePredictor,
     hull_outline,

@@ -8,9 +8,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.decision import Decision, Truth
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontier_classes import FrontierClasses, classify_frontiers
+from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
+from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.predictors.protocol import RoomMap, with_classes
 
 FALSE_CLOSED_AREA = 0.3
@@ -21,8 +21,8 @@ class OraclePredictor:
     """The true rooms, optionally with a share of the rooms judged wrongly for a whole run.
 
     Args:
-        flip: Probability 0..1 that a room's frontiers are given the wrong class; a frontier wrongly called closed
-            is said to have 0.3 m2 left.
+        flip: Probability 0..1 that a room's frontiers are given the wrong class; a frontier wrongly called
+            closed is said to have 0.3 m2 left.
 
     Raises:
         ConfigError: The probability is outside 0..1.

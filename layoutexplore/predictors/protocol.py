@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.decision import Decision, FrontierList
-from layoutexplore.frontier_classes import FrontierClasses, classify_frontiers
+from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
+from layoutexplore.frontiers.decision import Decision, FrontierList
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,9 @@ def classes_in(rooms: RoomMap, decision: Decision) -> FrontierClasses:
     return classify_frontiers(cells, clusters, rooms.room_ids, rooms.passable, decision.grid.resolution)
 
 
-def with_classes(decision: Decision, classes: FrontierClasses, confidence: NDArray[np.float64] | None = None) -> Decision:
+def with_classes(
+    decision: Decision, classes: FrontierClasses, confidence: NDArray[np.float64] | None = None
+) -> Decision:
     """The decision with classes, areas and rooms written into its frontiers.
 
     Args:

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore import palette
+from layoutexplore.drawing import palette
+from layoutexplore.metrics.statistics import Interval
 from layoutexplore.report.plots import agent_look
-from layoutexplore.statistics import Interval
 
 MOST_DOTS = 1500
 """Dots of a scatter; of more, every n-th is drawn."""
@@ -110,7 +110,11 @@ def line_chart(
                 ends = [end if math.isfinite(end) else value.estimate for end in (value.low, value.high)]
                 title = f"{name}, {strata[n]}: {value.estimate:.2f}"
                 low_end, high_end = (height(end) for end in ends)
-                points.append(Point(round((n + 0.5) * slot + shift, 2), height(value.estimate), low_end, high_end, title))
+                points.append(
+                    Point(
+                        round((n + 0.5) * slot + shift, 2), height(value.estimate), low_end, high_end, title
+                    )
+                )
         path = "M" + " L".join(f"{p.x},{p.y}" for p in points) if points else ""
         series.append(Series(name, *looks[name], path, tuple(points)))
     x_ticks = tuple((round((n + 0.5) * slot, 2), text) for n, text in enumerate(strata))
@@ -132,7 +136,9 @@ def predictor_looks(names: Sequence[str], main: str = "") -> dict[str, tuple[str
     return looks
 
 
-def calibration_chart(confidence: NDArray[np.float64], right: NDArray[np.bool_], *, bins: int = 10) -> Scatter:
+def calibration_chart(
+    confidence: NDArray[np.float64], right: NDArray[np.bool_], *, bins: int = 10
+) -> Scatter:
     """Stated against observed probability of being right, a dot a bin from one half to 1; its area is its share of all.
 
     Args:
@@ -145,10 +151,21 @@ def calibration_chart(confidence: NDArray[np.float64], right: NDArray[np.bool_],
     for k in range(bins):
         inside = which == k
         if inside.any():
-            stated, observed, count = float(confidence[inside].mean()), float(right[inside].mean()), int(inside.sum())
+            stated, observed, count = (
+                float(confidence[inside].mean()),
+                float(right[inside].mean()),
+                int(inside.sum()),
+            )
             title = f"said {stated:.2f}, was {observed:.2f}, {count} times"
             size = 4 + 22 * math.sqrt(count / len(right))
-            dots.append(Dot(round(200 * (stated - 0.5), 2), round(100 * (1 - _upper(observed)), 2), round(size, 1), title))
+            dots.append(
+                Dot(
+                    round(200 * (stated - 0.5), 2),
+                    round(100 * (1 - _upper(observed)), 2),
+                    round(size, 1),
+                    title,
+                )
+            )
     ticks = tuple((200 * (v - 0.5), f"{100 * v:.0f} %") for v in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0))
     return Scatter(tuple(dots), Ticks(ticks, tuple((100 - at, text) for at, text in ticks)))
 
@@ -166,7 +183,10 @@ def root_scatter(x: NDArray[np.float64], y: NDArray[np.float64], titles: Sequenc
     def at(value: float) -> float:
         return round(100 * math.sqrt(max(value, 0.0) / top), 2)
 
-    dots = tuple(Dot(at(a), round(100 - at(b), 2), 5.0, text) for a, b, text in list(zip(x, y, titles, strict=True))[::stride])
+    dots = tuple(
+        Dot(at(a), round(100 - at(b), 2), 5.0, text)
+        for a, b, text in list(zip(x, y, titles, strict=True))[::stride]
+    )
     labels = [value for value in (0, 1, 5, 10, 20, 50, 100, 200, 400, 800, 1600) if value <= top]
     kept: list[int] = []
     for value in labels:

@@ -111,7 +111,9 @@ def write_report(
     manifest = folder.manifest()
     rows = sorted(folder.rows(), key=lambda row: row.key)
     baseline = baseline or str(manifest["baseline"])
-    view = build(folder, rows, manifest, baseline, compare(rows, baseline) if comparisons is None else comparisons)
+    view = build(
+        folder, rows, manifest, baseline, compare(rows, baseline) if comparisons is None else comparisons
+    )
     written = []
     for name, template in (("report.html", "exploration.html"), ("report.md", "exploration.md")):
         with atomic(folder.path / name) as temporary:
@@ -121,7 +123,11 @@ def write_report(
 
 
 def build(
-    folder: ResultsFolder, rows: list[Row], manifest: dict[str, Any], baseline: str, comparisons: list[Comparison]
+    folder: ResultsFolder,
+    rows: list[Row],
+    manifest: dict[str, Any],
+    baseline: str,
+    comparisons: list[Comparison],
 ) -> dict[str, Any]:
     """Everything that the templates show."""
     curves = functools.cache(lambda row: folder.episode(row)[0])
@@ -152,7 +158,9 @@ def build(
         "settings": manifest["settings"],
         "manifest": manifest,
         "versions": _versions(),
-        "caveats": caveats(rows, manifest["settings"], candidates=len(_candidates(shown, baseline)) if best else 1),
+        "caveats": caveats(
+            rows, manifest["settings"], candidates=len(_candidates(shown, baseline)) if best else 1
+        ),
         "heat": heat,
         "metrics": METRICS,
         "pooled": POOLED,
@@ -169,7 +177,9 @@ def headline(rows: Sequence[Row], baseline: str, comparisons: Sequence[Compariso
     comparisons = [c for c in comparisons if c.sensor == name]
     levels = [(m, f"{m[1:]} %") for m in METRICS]
     if not comparisons:
-        table = _table(part, [], summarise(part, baseline, lambda row: (_ for _ in ()).throw(LookupError(row))))
+        table = _table(
+            part, [], summarise(part, baseline, lambda row: (_ for _ in ()).throw(LookupError(row)))
+        )
         header = ("agent", *(f"metres to {level}" for _, level in levels))
         return [header, *((line.agent, *(number(line.metres[m], 1) for m, _ in levels)) for line in table)]
     by_agent: dict[str, dict[str, Comparison]] = {}
@@ -209,10 +219,16 @@ def caveats(rows: Sequence[Row], settings: dict[str, Any], *, candidates: int = 
     if plans < 10:
         said.append(
             f"Intervals resample floor plans, and there {'is only one' if plans == 1 else f'are only {plans}'}: "
-            + ("there are no intervals at all." if plans == 1 else "they are rough. Twenty plans tell 5 % apart.")
+            + (
+                "there are no intervals at all."
+                if plans == 1
+                else "they are rough. Twenty plans tell 5 % apart."
+            )
         )
     if candidates > 1:
-        said.append(f"The agent at the top is the best of {candidates} on these very runs: expect a little less on other floors.")
+        said.append(
+            f"The agent at the top is the best of {candidates} on these very runs: expect a little less on other floors."
+        )
     if any(map(_has_learnt, agents_of(rows))):
         known = sorted({row.plan for row in rows} & set(splits().get("train", ())))
         said.append(
@@ -227,13 +243,19 @@ def caveats(rows: Sequence[Row], settings: dict[str, Any], *, candidates: int = 
     if not simulation["turn_cost"]:
         said.append("Turning on the spot is free; time is not measured, only metres.")
     if "max_distance" not in simulation:
-        said.append("A run is ended after 100 m + 1 m per m² of target area; a level not reached is charged that many metres.")
+        said.append(
+            "A run is ended after 100 m + 1 m per m² of target area; a level not reached is charged that many metres."
+        )
     goal = percent(simulation["coverage_goal"])
-    said.append(f"Runs end at {goal} of the target area: what it would cost to see the rest was not measured.")
+    said.append(
+        f"Runs end at {goal} of the target area: what it would cost to see the rest was not measured."
+    )
     said.append(
         "ms per decision is the agent's choice and its layout prediction, without mapping and frontiers; it varies by machine."
     )
-    said.append("Nothing moves in these buildings, doors stay as they are, and there is one robot on one floor.")
+    said.append(
+        "Nothing moves in these buildings, doors stay as they are, and there is one robot on one floor."
+    )
     return said
 
 
@@ -245,14 +267,18 @@ def _has_learnt(agent: str) -> bool:
         return False
 
 
-def _table(part: Sequence[Row], comparisons: Sequence[Comparison], summaries: Sequence[AgentSummary]) -> list[AgentLine]:
+def _table(
+    part: Sequence[Row], comparisons: Sequence[Comparison], summaries: Sequence[AgentSummary]
+) -> list[AgentLine]:
     """One line an agent, the best first."""
     by_agent = {s.agent: s for s in summaries}
     lines = []
     for agent in agents_of(part):
         mine = [row for row in part if row.agent == agent]
         found = {c.metric: c for c in comparisons if c.agent == agent}
-        reached = {m: sum(getattr(row, m.replace("d", "reached")) for row in mine) / len(mine) for m in METRICS}
+        reached = {
+            m: sum(getattr(row, m.replace("d", "reached")) for row in mine) / len(mine) for m in METRICS
+        }
         metres = {m: sum(getattr(row, m) for row in mine) / len(mine) for m in METRICS}
         lines.append(AgentLine(agent, knows_the_plan(agent), found, by_agent[agent], reached, metres))
     return sorted(lines, key=lambda line: (_rank(line.ratios), line.metres["d95"], line.agent))
@@ -269,7 +295,9 @@ def _best(shown: Sequence[Group], baseline: str) -> Comparison | None:
 
 def _candidates(shown: Sequence[Group], baseline: str) -> list[Comparison]:
     """The comparisons at d95 of all agents but the baseline that do not know the plan."""
-    lines = [line for line in shown[0].table if not line.privileged and line.agent != baseline] if shown else []
+    lines = (
+        [line for line in shown[0].table if not line.privileged and line.agent != baseline] if shown else []
+    )
     return [line.ratios["d95"] for line in lines if "d95" in line.ratios]
 
 
@@ -280,10 +308,16 @@ def _verdict(best: Comparison, baseline: str) -> str:
     sure = known and ratio.high < 1
     interval_text = f" (95{NBSP}% interval {number(ratio.low)}–{number(ratio.high)})" if known else ""
     needs = f"{number(ratio.estimate)} of the metres of {baseline} to see 95{NBSP}% of a floor{interval_text}"
-    better = f"It needs fewer than {baseline} in {percent(best.improvement.estimate)} of {best.cells} paired runs."
+    better = (
+        f"It needs fewer than {baseline} in {percent(best.improvement.estimate)} of {best.cells} paired runs."
+    )
     if sure:
         return f"needs {needs}. {better}"
-    doubt = "the interval does not leave out 1, so this may be chance" if known else "on one floor plan, which proves nothing"
+    doubt = (
+        "the interval does not leave out 1, so this may be chance"
+        if known
+        else "on one floor plan, which proves nothing"
+    )
     return f"comes out best with {needs}, but {doubt}. {better}"
 
 
@@ -326,7 +360,12 @@ def _pictures(
         for caption, picked in picks.items():
             for row in picked:
                 captions.setdefault(row, []).append(caption)
-        found.append((f"{plan}, start {start}, {sensor}", [_picture(folder, ", ".join(c), row) for row, c in captions.items()]))
+        found.append(
+            (
+                f"{plan}, start {start}, {sensor}",
+                [_picture(folder, ", ".join(c), row) for row, c in captions.items()],
+            )
+        )
     return found
 
 
@@ -339,7 +378,10 @@ def _picture(folder: ResultsFolder, caption: str, row: Row) -> Picture:
 
 def _counts(rows: Sequence[Row]) -> dict[str, int]:
     names = {"floor plans": "plan", "starts": "start", "sensors": "sensor", "agents": "agent"}
-    return {"runs": len(rows), **{label: len({getattr(row, name) for row in rows}) for label, name in names.items()}}
+    return {
+        "runs": len(rows),
+        **{label: len({getattr(row, name) for row in rows}) for label, name in names.items()},
+    }
 
 
 def _columns() -> list[tuple[str, str]]:
@@ -368,7 +410,13 @@ def _write_tables(path: Path, rows: Sequence[Row], comparisons: Sequence[Compari
 
 
 def _flat(c: Comparison) -> dict[str, Any]:
-    row: dict[str, Any] = {"sensor": c.sensor, "agent": c.agent, "metric": c.metric, "cells": c.cells, "plans": c.plans}
+    row: dict[str, Any] = {
+        "sensor": c.sensor,
+        "agent": c.agent,
+        "metric": c.metric,
+        "cells": c.cells,
+        "plans": c.plans,
+    }
     for name in ("ratio", "plan_ratio", "improvement"):
         value = getattr(c, name)
         row |= {name: value.estimate, f"{name}_low": value.low, f"{name}_high": value.high}

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from layoutexplore import palette
 from layoutexplore.benchmark.analysis import Comparison, Curves
 from layoutexplore.benchmark.counterfactual import Moment
 from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops, has_stop_rule, tried_stops
 from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
 from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.drawing import palette
 from layoutexplore.report.moments import MomentPicture, moment_picture
 from layoutexplore.report.plots import agent_look
 
@@ -54,7 +54,11 @@ class StopPlot:
 
 
 def layout_section(
-    folder: ResultsFolder, rows: Sequence[Row], comparisons: Sequence[Comparison], baseline: str, curves: Curves
+    folder: ResultsFolder,
+    rows: Sequence[Row],
+    comparisons: Sequence[Comparison],
+    baseline: str,
+    curves: Curves,
 ) -> dict[str, Any]:
     """What the templates show about layouts: `effects` by group, `moments` and `stops`; each empty where there is nothing."""
     effects = layout_effects(rows, folder.counterfactual)
@@ -102,11 +106,15 @@ def _moments(folder: ResultsFolder, rows: Sequence[Row], agent: str) -> list[Mom
     return pictures
 
 
-def _distinct(pairs: Sequence[tuple[Row, Moment]], resolutions: Mapping[str, float]) -> list[tuple[Row, Moment]]:
+def _distinct(
+    pairs: Sequence[tuple[Row, Moment]], resolutions: Mapping[str, float]
+) -> list[tuple[Row, Moment]]:
     """Without those that are about the same two places as an earlier one, in another run on the same floor plan."""
     kept: list[tuple[Row, Moment]] = []
     for row, moment in pairs:
-        if not any(other.plan == row.plan and told.is_about(moment, resolutions[row.plan]) for other, told in kept):
+        if not any(
+            other.plan == row.plan and told.is_about(moment, resolutions[row.plan]) for other, told in kept
+        ):
             kept.append((row, moment))
     return kept
 

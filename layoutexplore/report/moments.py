@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore import palette
 from layoutexplore.benchmark.counterfactual import Moment
 from layoutexplore.benchmark.episode import Row
+from layoutexplore.drawing import palette
 from layoutexplore.errors import LayoutExploreError
-from layoutexplore.grid import FREE, OCCUPIED, Cell
-from layoutexplore.planning import descend, geodesic_distances, inflate
+from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
+from layoutexplore.planning.shortest_paths import descend, geodesic_distances, inflate
 from layoutexplore.report.page import number, png_uri
 
 MARGIN, LEAST_SIDE = 2.5, 12.0
@@ -107,7 +107,9 @@ def moment_picture(row: Row, moment: Moment, occupied: NDArray[np.bool_], resolu
     )
 
 
-def _window(points: NDArray[np.integer], shape: tuple[int, ...], resolution: float) -> tuple[int, int, int, int]:
+def _window(
+    points: NDArray[np.integer], shape: tuple[int, ...], resolution: float
+) -> tuple[int, int, int, int]:
     """First row and column, height and width of the part of the map around some cells int (n, 2)."""
     found = []
     spans = points.max(axis=0) - points.min(axis=0) + 2 * MARGIN / resolution
@@ -165,12 +167,16 @@ def _way(moment: Moment, goal: tuple[int, int], resolution: float) -> NDArray[np
 
 def _path(cells: NDArray[np.int64], place: Place) -> str:
     kept = cells[::2].tolist() + cells[-1:].tolist()
-    return "M" + " L".join(f"{x:.1f},{y:.1f}" for x, y in (place((float(row), float(col))) for row, col in kept))
+    return "M" + " L".join(
+        f"{x:.1f},{y:.1f}" for x, y in (place((float(row), float(col))) for row, col in kept)
+    )
 
 
 def _labels(moment: Moment, place: Place, size: tuple[int, int]) -> tuple[Label, ...]:
     """What was said of the frontiers nearest the robot, and of the one that was given up."""
-    middles = [moment.members[a:b].mean(axis=0) for a, b in zip(moment.offsets[:-1], moment.offsets[1:], strict=True)]
+    middles = [
+        moment.members[a:b].mean(axis=0) for a, b in zip(moment.offsets[:-1], moment.offsets[1:], strict=True)
+    ]
     away = np.hypot(*(np.array(middles) - moment.here).T)
     away[moment.without] = -1.0
     labels: list[Label] = []
@@ -179,7 +185,10 @@ def _labels(moment: Moment, place: Place, size: tuple[int, int]) -> tuple[Label,
         unit = max(size) / 100
         before = x > size[0] - _TEXT * unit
         left = x - before * _TEXT * unit
-        crowded = any(abs(left - (o.x - o.before * _TEXT * unit)) < _TEXT * unit and abs(y - o.y) < 4 * unit for o in labels)
+        crowded = any(
+            abs(left - (o.x - o.before * _TEXT * unit)) < _TEXT * unit and abs(y - o.y) < 4 * unit
+            for o in labels
+        )
         if not (0 <= x <= size[0] and 5 * unit <= y <= size[1]) or crowded or len(labels) >= LABELS:
             continue
         closed, area = moment.judged[k, :2].tolist()
@@ -194,16 +203,18 @@ def _said(moment: Moment) -> str:
     closed, area, true_closed, true_area = moment.judged[moment.without].tolist()
     predicted = f"{_area(area)}{_NBSP}m² left in its room" if closed else "it leads on"
     true = f"{_area(true_area)}{_NBSP}m² left" if true_closed else "it leads on"
-    return (
-        f"The frontier passed over: predicted {predicted}, in truth {true}. {number(moment.stake, 0)}{_NBSP}m of detour at stake."
-    )
+    return f"The frontier passed over: predicted {predicted}, in truth {true}. {number(moment.stake, 0)}{_NBSP}m of detour at stake."
 
 
 def _outcome(moment: Moment) -> str:
     """What came of it."""
     if math.isnan(moment.seen_after):
         return (
-            "The robot went back there later, in vain." if moment.came_back else "It was never needed: the run ended without it."
+            "The robot went back there later, in vain."
+            if moment.came_back
+            else "It was never needed: the run ended without it."
         )
     metres = f"{number(moment.seen_after, 0)}{_NBSP}m later"
-    return f"The robot came back for it {metres}." if moment.came_back else f"It was seen in passing, {metres}."
+    return (
+        f"The robot came back for it {metres}." if moment.came_back else f"It was seen in passing, {metres}."
+    )

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import require
-from layoutexplore.grid_io import encode_png
-from layoutexplore.statistics import Interval
+from layoutexplore.grids.ros_map import encode_png
+from layoutexplore.metrics.statistics import Interval
 
 TEMPLATES = Path(__file__).parent
 

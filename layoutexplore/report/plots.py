@@ -1,7 +1,7 @@
 """The figures of the exploration report, as plain shapes in percent of their frame.
 
-Lines and areas are SVG that stretches with the page, with strokes that keep their width; marks and labels are placed by
-the page's style in percent. So text has the same size on a telephone and on a large screen.
+Lines and areas are SVG that stretches with the page, with strokes that keep their width; marks and labels are
+placed by the page's style in percent. So text has the same size on a telephone and on a large screen.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore import palette
 from layoutexplore.benchmark.analysis import Comparison, PooledCurve
+from layoutexplore.drawing import palette
 from layoutexplore.report.page import png_uri
 
 RATIO_LIMITS = (0.4, 2.0)
@@ -79,7 +79,9 @@ def forest(comparisons: Sequence[Comparison], metric: str = "d95", guard: str = 
     """
     shown = sorted((c for c in comparisons if c.metric == metric), key=lambda c: c.ratio.estimate)
     guards = {c.agent: c for c in comparisons if c.metric == guard}
-    ends = [v for c in shown if c.ratio.estimate < _ODD for v in (c.ratio.low, c.ratio.high, c.ratio.estimate)]
+    ends = [
+        v for c in shown if c.ratio.estimate < _ODD for v in (c.ratio.low, c.ratio.high, c.ratio.estimate)
+    ]
     low = max(RATIO_LIMITS[0], min([0.8, *filter(math.isfinite, ends)]) / 1.03)
     high = min(RATIO_LIMITS[1], max([1.25, *filter(math.isfinite, ends)]) * 1.03)
 
@@ -180,7 +182,9 @@ def way(track: NDArray[np.float64], frame: NDArray[np.float64], rows: int) -> Wa
     pieces = []
     for k in range(_PIECES if walked[-1] > 0 else 0):
         inside = (walked > ends[k]) & (walked < ends[k + 1])
-        tips = [np.array([np.interp(ends[j], walked, points[:, axis]) for axis in (0, 1)]) for j in (k, k + 1)]
+        tips = [
+            np.array([np.interp(ends[j], walked, points[:, axis]) for axis in (0, 1)]) for j in (k, k + 1)
+        ]
         piece = np.vstack([tips[0], points[inside], tips[1]])
         pieces.append((_ramp((k + 0.5) / _PIECES), _path(piece[:, 0], piece[:, 1])))
     (sx, sy), (ex, ey) = points[0], points[-1]

@@ -12,8 +12,8 @@ from statistics import median
 import gymnasium
 import numpy as np
 
-from layoutexplore.simulation import Simulation
-from layoutexplore.simulation_config import SimulationConfig
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.simulation import Simulation
 from layoutexplore.speed.floors import plan
 from layoutexplore.speed.measurement import Row, milliseconds
 
@@ -55,7 +55,9 @@ def motion_steps() -> Iterator[Row]:
     (taken,) = milliseconds(drive, repeats=5)
     rate = len(actions) / taken * 1e3
     environment.close()
-    yield Row(name="Motion-v0 steps", ours=rate, unit="steps/s", goal=">= 4 000 steps/s", reached=rate / 4000.0)
+    yield Row(
+        name="Motion-v0 steps", ours=rate, unit="steps/s", goal=">= 4 000 steps/s", reached=rate / 4000.0
+    )
 
 
 def resets() -> Iterator[Row]:
@@ -80,14 +82,18 @@ def memory() -> Iterator[Row]:
     held = tracemalloc.get_traced_memory()[0] / len(further) / 1e6
     tracemalloc.stop()
     rows, cols = plan().rasterize(0.1).shape
-    yield Row(name=f"memory per env, {rows} x {cols}", ours=held, unit="MB", goal="< 5 MB", reached=5.0 / held)
+    yield Row(
+        name=f"memory per env, {rows} x {cols}", ours=held, unit="MB", goal="< 5 MB", reached=5.0 / held
+    )
 
 
 def import_time() -> Iterator[Row]:
     """`import layoutexplore` in a fresh interpreter."""
 
     def child(statement: str) -> float:
-        done = subprocess.run([sys.executable, "-c", _BASE.format(statement)], capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            [sys.executable, "-c", _BASE.format(statement)], capture_output=True, text=True, check=True
+        )
         return float(done.stdout)
 
     child("import layoutexplore")

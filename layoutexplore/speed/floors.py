@@ -8,12 +8,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.floorplan import FloorPlan
-from layoutexplore.grid import Cell, Pose
-from layoutexplore.lidar import Lidar, LidarConfig
-from layoutexplore.mapping import Mapper
+from layoutexplore.grids.grid import Cell, Pose
+from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator import PlanConfig, generate
-from layoutexplore.planning import geodesic_distances, inflate
+from layoutexplore.planning.shortest_paths import geodesic_distances, inflate
+from layoutexplore.sensing.lidar import Lidar, LidarConfig
+from layoutexplore.sensing.mapper import Mapper
 
 PLAN = "office:1"
 RESOLUTION = 0.1
@@ -55,7 +55,10 @@ def poses(occupied: NDArray[np.bool_], count: int) -> list[Pose]:
             break
     cells = reached[rng.integers(len(reached), size=count)] + rng.random((count, 2))
     headings = rng.uniform(-math.pi, math.pi, count)
-    return [Pose(c * RESOLUTION, r * RESOLUTION, a) for (r, c), a in zip(cells.tolist(), headings.tolist(), strict=True)]
+    return [
+        Pose(c * RESOLUTION, r * RESOLUTION, a)
+        for (r, c), a in zip(cells.tolist(), headings.tolist(), strict=True)
+    ]
 
 
 def lidar(occupied: NDArray[np.bool_], beams: int, reach: int) -> Lidar:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from layoutexplore.components import label_components
-from layoutexplore.frontiers import FrontierDetector, find_frontiers
-from layoutexplore.grid import Cell, Pose
-from layoutexplore.mapping import Mapper
-from layoutexplore.planning import distance_matrix, geodesic_distances, inflate
+from layoutexplore.frontiers.detection import FrontierDetector, find_frontiers
+from layoutexplore.grids.components import label_components
+from layoutexplore.grids.grid import Cell, Pose
+from layoutexplore.planning.shortest_paths import distance_matrix, geodesic_distances, inflate
+from layoutexplore.sensing.mapper import Mapper
 from layoutexplore.speed.floors import RESOLUTION, floor, half_explored, lidar, poses
 from layoutexplore.speed.measurement import Row, milliseconds
 
@@ -45,7 +45,9 @@ def _ray_casting(beams: int, reach: int) -> Row:
         return np.argmax(seen, axis=1)
 
     few = places[:20]
-    ours, reference = milliseconds(lambda: [sensor.scan(p) for p in places], lambda: [polar(p) for p in few], repeats=9)
+    ours, reference = milliseconds(
+        lambda: [sensor.scan(p) for p in places], lambda: [polar(p) for p in few], repeats=9
+    )
     rays = beams * len(places) / ours * 1e3
     others = beams * len(few) / reference * 1e3
     return Row(
@@ -79,8 +81,16 @@ def mapping() -> Iterator[Row]:
 
         return explore
 
-    in_small, in_large = (len(places) / ms * 1e3 for ms in milliseconds(explorer(small), explorer(large), repeats=15))
-    yield Row(name="scan + map, 480 x 640", ours=in_small, unit="scans/s", goal=">= 15 000 scans/s", reached=in_small / 15_000)
+    in_small, in_large = (
+        len(places) / ms * 1e3 for ms in milliseconds(explorer(small), explorer(large), repeats=15)
+    )
+    yield Row(
+        name="scan + map, 480 x 640",
+        ours=in_small,
+        unit="scans/s",
+        goal=">= 15 000 scans/s",
+        reached=in_small / 15_000,
+    )
     yield Row(
         name="scan + map, 1500 x 2000",
         ours=in_large,
@@ -93,7 +103,9 @@ def mapping() -> Iterator[Row]:
     )
 
 
-def _beside(name: str, ours: float, reference: float, reference_name: str, times: float, same: bool | None = None) -> Row:
+def _beside(
+    name: str, ours: float, reference: float, reference_name: str, times: float, same: bool | None = None
+) -> Row:
     """Milliseconds beside a reference's, which is to take so many times as long and to find the same, if that is compared."""
     return Row(
         name=name,
@@ -119,7 +131,11 @@ def frontiers() -> Iterator[Row]:
         return cv2.connectedComponentsWithStats(beside & (cells == 0).view(np.uint8), connectivity=8)
 
     full, updated, other = milliseconds(
-        lambda: find_frontiers(cells), lambda: detector.update(cells, (250, 450, 250, 450)), reference, repeats=15, inner=3
+        lambda: find_frontiers(cells),
+        lambda: detector.update(cells, (250, 450, 250, 450)),
+        reference,
+        repeats=15,
+        inner=3,
     )
     yield _beside("frontiers, 700 x 700", full, other, "cv2 components", 5.0)
     yield _beside("frontiers, 200 x 200 new", updated, full, "all anew", 2.0)
@@ -130,7 +146,9 @@ def parts() -> Iterator[Row]:
     mask = ~inflate(floor(700, 700), 0.5, RESOLUTION)
 
     def reference() -> NDArray[np.int32]:
-        return np.asarray(cv2.connectedComponents(mask.view(np.uint8), connectivity=4, ltype=cv2.CV_32S)[1], np.int32)
+        return np.asarray(
+            cv2.connectedComponents(mask.view(np.uint8), connectivity=4, ltype=cv2.CV_32S)[1], np.int32
+        )
 
     ours, other = milliseconds(lambda: label_components(mask), reference, repeats=15, inner=3)
     same = np.array_equal(label_components(mask)[0], reference())
@@ -145,9 +163,13 @@ def geodesics() -> Iterator[Row]:
     graph, index = _graph(traversable)
     node = np.array(index[source])
     ours, reference = milliseconds(
-        lambda: geodesic_distances(traversable, source, RESOLUTION), lambda: dijkstra(graph, indices=node), repeats=5
+        lambda: geodesic_distances(traversable, source, RESOLUTION),
+        lambda: dijkstra(graph, indices=node),
+        repeats=5,
     )
-    same = np.allclose(geodesic_distances(traversable, source, 1.0)[traversable], dijkstra(graph, indices=node), rtol=1e-6)
+    same = np.allclose(
+        geodesic_distances(traversable, source, 1.0)[traversable], dijkstra(graph, indices=node), rtol=1e-6
+    )
     yield _beside("geodesics, 700 x 700", ours, reference, "csgraph.dijkstra", 8.0, same)
     reached = np.argwhere(np.isfinite(geodesic_distances(traversable, source, RESOLUTION)))
     places = reached[np.random.default_rng(0).integers(len(reached), size=40)].astype(np.int32)

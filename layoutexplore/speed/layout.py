@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from scipy import fft
 
-from layoutexplore.grid import OCCUPIED, OccupancyGrid
+from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid
+from layoutexplore.layout.lines.rose2 import Rose2Config
 from layoutexplore.layout.pipeline import LayoutCache, reconstruct
-from layoutexplore.layout.rose2 import Rose2Config
 from layoutexplore.speed.floors import half_explored, plan
 from layoutexplore.speed.measurement import Row, milliseconds
 
@@ -62,4 +62,10 @@ def _reconstruction(grid: OccupancyGrid, method: str, config: Any, limit: float)
 def _unchanged(grid: OccupancyGrid) -> Row:
     cache = LayoutCache()
     (ours,) = milliseconds(lambda: cache(grid), repeats=9)
-    return Row(name="layout, default, no wall changed", ours=ours, unit="ms", goal="< 1 ms", reached=1.0 / max(ours, 1e-6))
+    return Row(
+        name="layout, default, no wall changed",
+        ours=ours,
+        unit="ms",
+        goal="< 1 ms",
+        reached=1.0 / max(ours, 1e-6),
+    )

@@ -1,7 +1,7 @@
 """Throughput of training: environments, policy and learner together, on plans of 1000 to 2500 square metres.
 
-What runs is what `layoutexplore train` runs, with the hyper-parameters that ship: from new episodes on, over a few rollouts, each
-learnt from in full, the last one too. Wall time, once: it takes long enough.
+What runs is what `layoutexplore train` runs, with the hyper-parameters that ship: from new episodes on, over
+a few rollouts, each learnt from in full, the last one too. Wall time, once: it takes long enough.
 """
 
 from __future__ import annotations
@@ -41,12 +41,21 @@ def _row(name: str, predictor: str, detour: bool, goal: float) -> Row:
         config,
         predictor=predictor,
         observation={**config.observation, "detour": detour},
-        generator={"families": {"office": 1.0}, "area": (AREAS[0], AREAS[-1]), "seeds": 4, "shipped_share": 0.0},
+        generator={
+            "families": {"office": 1.0},
+            "area": (AREAS[0], AREAS[-1]),
+            "seeds": 4,
+            "shipped_share": 0.0,
+        },
     )
     decisions = _ROLLOUTS * config.envs * config.learning["n_steps"]
     total, waiting, learning = _learn(config, decisions)
     rate = decisions / total
-    shares = {"environments": waiting, "acting and rest": total - waiting, "beside them the learner": learning}
+    shares = {
+        "environments": waiting,
+        "acting and rest": total - waiting,
+        "beside them the learner": learning,
+    }
     assert config.network is not None
     return Row(
         name=f"training, {name}, {config.network.encoder}",
@@ -72,7 +81,9 @@ def _learn(config: Any, decisions: int) -> tuple[float, float, float]:
         model = build(config, envs, spec_of(config), "cpu")
         assert isinstance(model, FrontierPPO)
         model.set_logger(configure(None, []))
-        model.learn(config.envs * config.learning["n_steps"])  # The plans are drawn and everything is compiled.
+        model.learn(
+            config.envs * config.learning["n_steps"]
+        )  # The plans are drawn and everything is compiled.
         model.set_random_seed(0)
         model._last_obs, model.learning_seconds, envs.waiting_seconds = None, 0.0, 0.0
         start = time.perf_counter()

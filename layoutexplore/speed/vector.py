@@ -1,7 +1,8 @@
 """Throughput of vector environments: by who steps them, on plans of three sizes, without and with tour features and a predictor.
 
-Wall time, since worker processes are part of it. All vectors of a row group play the same stretch of the same episodes again and
-again, taking turns; the fastest turn of each counts, so that a busy machine disturbs the ratios little.
+Wall time, since worker processes are part of it. All vectors of a row group play the same stretch of the same
+episodes again and again, taking turns; the fastest turn of each counts, so that a busy machine disturbs the
+ratios little.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 
 from layoutexplore.envs.observation import ObservationConfig
-from layoutexplore.floorplan import FloorPlan
+from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.processes import usable_cores
 from layoutexplore.speed.floors import plan_of
 from layoutexplore.speed.measurement import Row
@@ -88,7 +89,10 @@ def _race(setting: _Setting, plan: FloorPlan, *, everybody: bool) -> Iterator[Ro
     cores = usable_cores()
     own: dict[str, dict[str, Any]] = {}
     if everybody:
-        own = {"1 thread": {"backend": "serial"}, f"{cores} threads": {"backend": "threads", "workers": cores}}
+        own = {
+            "1 thread": {"backend": "serial"},
+            f"{cores} threads": {"backend": "threads", "workers": cores},
+        }
     own |= {_processes(n): {"backend": "processes", "workers": n} for n in sorted({1, cores})}
     rates = _rates(setting, {"plan": plan} | setting.options, own, references=everybody)
     for label in own:
@@ -110,7 +114,9 @@ def _processes(count: int) -> str:
     return f"{count} process" if count == 1 else f"{count} processes"
 
 
-def _rates(setting: _Setting, options: dict[str, Any], own: dict[str, dict[str, Any]], *, references: bool) -> dict[str, float]:
+def _rates(
+    setting: _Setting, options: dict[str, Any], own: dict[str, dict[str, Any]], *, references: bool
+) -> dict[str, float]:
     """Decisions a second of vectors by name: Gymnasium's, if asked for, and our own with their options."""
 
     def single() -> gymnasium.Env[Any, Any]:

@@ -10,7 +10,7 @@ Example:
 
 from __future__ import annotations
 
-from layoutexplore.maps.generator.building import FAMILIES, generate
 from layoutexplore.maps.generator.config import TOPOLOGIES, PlanConfig
+from layoutexplore.maps.generator.generate import FAMILIES, generate
 
 __all__ = ["FAMILIES", "TOPOLOGIES", "PlanConfig", "generate"]

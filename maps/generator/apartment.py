@@ -1,7 +1,8 @@
 """Apartment houses: two flats on a stair hall, or flats along a corridor.
 
-A flat has an inner hall, small rooms (bath, store, kitchen) on its dark side and living rooms on the facade. A flat that
-reaches from facade to facade has its hall in the middle, as a little corridor, and rooms on both sides.
+A flat has an inner hall, small rooms (bath, store, kitchen) on its dark side and living rooms on the facade.
+A flat that reaches from facade to facade has its hall in the middle, as a little corridor, and rooms on both
+sides.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ import shapely
 from layoutexplore.maps.generator import bays
 from layoutexplore.maps.generator.bays import Bay
 from layoutexplore.maps.generator.config import DrawnConfig
-from layoutexplore.maps.generator.families import build_skeleton
-from layoutexplore.maps.generator.frame import Straight
+from layoutexplore.maps.generator.corridor_buildings import build_skeleton
 from layoutexplore.maps.generator.programme import LIFT, STAIRS, STORE, Programme, RoomType
-from layoutexplore.maps.generator.sketch import Sketch
+from layoutexplore.maps.generator.space_graph import Sketch
+from layoutexplore.maps.generator.wing_frame import Straight
 
 LARGEST_PAIR = 330.0
 """Gross area up to which a house is a pair of flats on a stair hall, m2."""
@@ -42,7 +43,11 @@ def flat(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
     large = _shares(0.0, w, 3.7, 2.5, rng)
     cut = _shortening(small, large, rng)
     end = w - cut
-    hall = sketch.room(bay.frame, bay.shape([(0, 0), (entry, 0), (entry, dark), (end, dark), (end, back), (0, back)]), "hallway")
+    hall = sketch.room(
+        bay.frame,
+        bay.shape([(0, 0), (entry, 0), (entry, dark), (end, dark), (end, back), (0, back)]),
+        "hallway",
+    )
     sketch.link(bay.corridor(0.0, entry), hall, near=bay.world(entry / 2, 0.0))
     labels = _dark_labels(len(small) - 1, rng)
     for k, name in enumerate(labels):
@@ -126,7 +131,9 @@ def _pair(gross: float, rng: np.random.Generator) -> Sketch:
     return sketch
 
 
-def _through_flat(sketch: Sketch, bay: Bay, strip: tuple[float, float], behind: float, rng: np.random.Generator) -> None:
+def _through_flat(
+    sketch: Sketch, bay: Bay, strip: tuple[float, float], behind: float, rng: np.random.Generator
+) -> None:
     """A flat from facade to facade; its entrance is at u = 0, its south side reaches `behind` metres behind the stair."""
     w, low, high = bay.width, *strip
     south, north = _shares(-behind, w, 3.8, 2.6, rng), _shares(0.0, w, 3.0, 2.0, rng)
@@ -140,7 +147,9 @@ def _through_flat(sketch: Sketch, bay: Bay, strip: tuple[float, float], behind: 
     for k, (u0, u1) in enumerate(pairwise(north)):
         shape = bay.box(u0, u1, high, bay.depth if k else pod)
         if k == 1 and pod < bay.depth:
-            shape = bay.shape([(u0, high), (u1, high), (u1, bay.depth), (0.0, bay.depth), (0.0, pod), (u0, pod)])
+            shape = bay.shape(
+                [(u0, high), (u1, high), (u1, bay.depth), (0.0, bay.depth), (0.0, pod), (u0, pod)]
+            )
         room = sketch.room(bay.frame, shape, names[min(k, 5)])
         sketch.link(hall, room, "narrow" if k == 0 else "door", near=bay.world(u0 + 0.2, high))
     ground = replace(bay, near=bay.y(low), far=bay.y(0.0))

@@ -1,7 +1,8 @@
 """Bands: filling the strips along the corridors with bays.
 
-The skeleton leaves a list of `Plot`s, stretches of a wing with a corridor on one side. Here the special rooms and the cores
-are dealt out to them, and the rest is divided into runs of equal rooms on the planning grid, as facades are.
+The skeleton leaves a list of `Plot`s, stretches of a wing with a corridor on one side. Here the special rooms
+and the cores are dealt out to them, and the rest is divided into runs of equal rooms on the planning grid, as
+facades are.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from layoutexplore.maps.generator.bays import Bay, Piece, plain
-from layoutexplore.maps.generator.frame import Frame
 from layoutexplore.maps.generator.programme import Programme, RoomType
-from layoutexplore.maps.generator.sketch import Sketch
+from layoutexplore.maps.generator.space_graph import Sketch
+from layoutexplore.maps.generator.wing_frame import Frame
 
 Slot = tuple[RoomType, float]
 """A kind of room and its width along the corridor, m."""
@@ -70,11 +71,21 @@ class Style:
 def draw_style(programme: Programme, scale: float, rng: np.random.Generator) -> Style:
     """A building's habits."""
     notch = float(rng.choice([0.0, 0.0, 0.12, 0.3]))
-    return Style(module=float(rng.uniform(*programme.module)), scale=scale, connecting=programme.connecting, notch=notch)
+    return Style(
+        module=float(rng.uniform(*programme.module)),
+        scale=scale,
+        connecting=programme.connecting,
+        notch=notch,
+    )
 
 
 def furnish_plots(
-    sketch: Sketch, plots: Sequence[Plot], programme: Programme, style: Style, area: float, rng: np.random.Generator
+    sketch: Sketch,
+    plots: Sequence[Plot],
+    programme: Programme,
+    style: Style,
+    area: float,
+    rng: np.random.Generator,
 ) -> None:
     """Fill all plots of a building of `area` m2 with rooms."""
     bright = [plot for plot in plots if not plot.dark]
@@ -88,7 +99,9 @@ def furnish_plots(
             _fill_bright(sketch, plot, programme, style, rng)
 
 
-def _deal_specials(plots: Sequence[Plot], programme: Programme, area: float, rng: np.random.Generator) -> None:
+def _deal_specials(
+    plots: Sequence[Plot], programme: Programme, area: float, rng: np.random.Generator
+) -> None:
     """Promise every special room that is not too large for the building to a plot, fronts first for deep ones."""
     for kind in programme.special:
         width = float(rng.uniform(*kind.width))
@@ -100,7 +113,11 @@ def _deal_specials(plots: Sequence[Plot], programme: Programme, area: float, rng
             if factor < 0.62:
                 continue
             width *= float(factor)
-        fitting = [p for p in plots if p.spare > width + 2.0 and (p.front or kind.depth is None or kind.depth[1] < 10.0)]
+        fitting = [
+            p
+            for p in plots
+            if p.spare > width + 2.0 and (p.front or kind.depth is None or kind.depth[1] < 10.0)
+        ]
         if not fitting or (kind is not programme.special[0] and rng.random() < 0.3):
             continue
         weights = np.array([p.spare for p in fitting])
@@ -124,7 +141,9 @@ def _deal_cores(plots: Sequence[Plot], programme: Programme, style: Style, rng: 
         host.wanted.append(group if rng.random() < 0.5 else group[::-1])
 
 
-def _fill_dark(sketch: Sketch, plot: Plot, programme: Programme, style: Style, turn: int, rng: np.random.Generator) -> int:
+def _fill_dark(
+    sketch: Sketch, plot: Plot, programme: Programme, style: Style, turn: int, rng: np.random.Generator
+) -> int:
     """Core rooms in turn, as many as fit; returns whose turn it is in the building's next dark zone."""
     slots: list[Slot] = []
     left, misses = plot.length, 0
@@ -141,7 +160,9 @@ def _fill_dark(sketch: Sketch, plot: Plot, programme: Programme, style: Style, t
     return turn
 
 
-def _fill_bright(sketch: Sketch, plot: Plot, programme: Programme, style: Style, rng: np.random.Generator) -> None:
+def _fill_bright(
+    sketch: Sketch, plot: Plot, programme: Programme, style: Style, rng: np.random.Generator
+) -> None:
     """Runs of facade rooms between the wanted groups."""
     groups = [plot.wanted[int(k)] for k in rng.permutation(len(plot.wanted))]
     shares = rng.dirichlet(np.full(len(groups) + 1, 2.0)) * max(plot.spare, 0.0)

@@ -1,8 +1,9 @@
 """Bays: the slots along a corridor, and how each kind of room is drawn into one.
 
-A `Bay` is a rectangle of a wing with the corridor on one side: `u` runs along the corridor, `v` from the corridor wall to
-the facade. Every function here takes a bay and puts its room, or its little group of rooms, on the sketch: a plain room, a
-room behind an alcove, a hotel room with its bathroom, toilets with cabins, a stair, a pair of rooms one behind the other.
+A `Bay` is a rectangle of a wing with the corridor on one side: `u` runs along the corridor, `v` from the
+corridor wall to the facade. Every function here takes a bay and puts its room, or its little group of rooms,
+on the sketch: a plain room, a room behind an alcove, a hotel room with its bathroom, toilets with cabins, a
+stair, a pair of rooms one behind the other.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from layoutexplore.maps.generator.frame import Frame
-from layoutexplore.maps.generator.sketch import OUTSIDE, Sketch
+from layoutexplore.maps.generator.space_graph import OUTSIDE, Sketch
+from layoutexplore.maps.generator.wing_frame import Frame
 
 CHASES = 0.2
 """Share of the plain rooms with a pipe chase in a corner."""
@@ -144,7 +145,9 @@ def alcove(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> in
     if bay.width < niche + 2.5:
         return plain(sketch, bay, label, rng)
     w, d = bay.width, bay.depth
-    room = sketch.room(bay.frame, bay.shape([(niche, 0), (w, 0), (w, d), (0, d), (0, back), (niche, back)]), label)
+    room = sketch.room(
+        bay.frame, bay.shape([(niche, 0), (w, 0), (w, d), (0, d), (0, back), (niche, back)]), label
+    )
     corridor = bay.corridor(0.0, niche)
     sketch.extend(corridor, bay.frame, bay.box(0.0, niche, 0.0, back))
     sketch.link(corridor, room, near=bay.world(niche / 2, back))
@@ -162,7 +165,9 @@ def with_bathroom(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator
     outline = [(0.0, 0.0), (w - wide, 0.0), (w - wide, deep), (w, deep), (w, d), (0.0, d)]
     room = sketch.room(bay.frame, bay.shape(outline), label)
     sketch.link(bay.corridor(0.0, w - wide), room)
-    sketch.link(room, bath, "narrow", near=bay.world(w - wide, deep / 2) if rng.random() < 0.7 else bay.world(w, deep))
+    sketch.link(
+        room, bath, "narrow", near=bay.world(w - wide, deep / 2) if rng.random() < 0.7 else bay.world(w, deep)
+    )
     return room
 
 
@@ -210,7 +215,9 @@ def beside(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> in
     side, deep = float(rng.uniform(1.8, 2.8)), float(rng.uniform(2.0, 3.2))
     if w - side < 3.0 or d - deep < 2.0:
         return plain(sketch, bay, label, rng)
-    room = sketch.room(bay.frame, bay.shape([(0, 0), (w - side, 0), (w - side, deep), (w, deep), (w, d), (0, d)]), label)
+    room = sketch.room(
+        bay.frame, bay.shape([(0, 0), (w - side, 0), (w - side, deep), (w, deep), (w, d), (0, d)]), label
+    )
     store = sketch.room(bay.frame, bay.box(w - side, w, 0.0, deep), "storage")
     sketch.link(bay.corridor(0.0, min(w - side, 3.0)), room, near=bay.world(0.0, 0.0))
     if rng.random() < 0.5:

@@ -1,8 +1,8 @@
 """What can be asked of the generator: one frozen dataclass, checked where it is made.
 
-Every knob that is left at None is drawn from the seed, so that a bare `generate("office", 7)` already varies in size, wall
-thickness and door width from seed to seed. Ranges follow common building practice: interior walls 0.10-0.20 m, exterior
-walls 0.30-0.40 m, door leaves 0.8-1.0 m.
+Every knob that is left at None is drawn from the seed, so that a bare `generate("office", 7)` already varies
+in size, wall thickness and door width from seed to seed. Ranges follow common building practice: interior
+walls 0.10-0.20 m, exterior walls 0.30-0.40 m, door leaves 0.8-1.0 m.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ class PlanConfig:
         door_width: Clear width of an ordinary door, m (0.7-1.4); double doors and toilet doors follow it.
         interior_wall: Thickness of the walls between rooms, m (0.08-0.3).
         exterior_wall: Thickness of the outer walls, m (0.15-0.6).
-        clutter: Share of a room's floor to cover with furniture (0-0.4); less where doors and ways must stay clear.
+        clutter: Share of a room's floor to cover with furniture (0-0.4); less where doors and ways must stay
+            clear.
         closed_doors: Share of the doors to shut (0-1); never cuts off more than the room behind the door.
         topology: Corridor skeleton, one of `TOPOLOGIES`, for office, school, apartment and hospital.
 
@@ -108,7 +109,9 @@ class PlanConfig:
         low, high = AREA_RANGES[family]
         area = float(np.exp(rng.uniform(np.log(low), np.log(high))))
         if self.rooms is not None:
-            area = min(max(area, self.rooms * MIN_ROOM_AREA * 2), self.rooms * MAX_ROOM_AREA / 2, LIMITS["area"][1])
+            area = min(
+                max(area, self.rooms * MIN_ROOM_AREA * 2), self.rooms * MAX_ROOM_AREA / 2, LIMITS["area"][1]
+            )
             area = max(area, LIMITS["area"][0])
         door, inner = rng.choice([0.8, 0.85, 0.9, 0.9, 0.95, 1.0]), rng.choice([0.1, 0.12, 0.15, 0.2])
         outer = rng.choice([0.3, 0.35, 0.4])

@@ -1,7 +1,8 @@
 """Construction: from a sketch on wall centre lines to walls with thickness, net rooms and doors in them.
 
-The outline grows by half an exterior wall, every space shrinks by half a wall, and what lies between is wall: so rooms and
-walls never overlap, and shafts are solid without being drawn. Everything is rounded to millimetres.
+The outline grows by half an exterior wall, every space shrinks by half a wall, and what lies between is wall:
+so rooms and walls never overlap, and shafts are solid without being drawn. Everything is rounded to
+millimetres.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.floorplan import Door, Room
+from layoutexplore.maps.floorplan import Door, Room
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.doors import choose_closed, door_components, place_doors
-from layoutexplore.maps.generator.sketch import Sketch, SketchError
+from layoutexplore.maps.generator.space_graph import Sketch, SketchError
 
 GRID = 0.001
 """Coordinates are whole millimetres."""
@@ -53,7 +54,9 @@ def net_polygons(sketch: Sketch, outline: Polygon, config: DrawnConfig) -> dict[
     return net
 
 
-def build(sketch: Sketch, outline: Polygon, config: DrawnConfig, closed_doors: float, rng: np.random.Generator) -> Built:
+def build(
+    sketch: Sketch, outline: Polygon, config: DrawnConfig, closed_doors: float, rng: np.random.Generator
+) -> Built:
     """Walls, rooms and doors of a sketch, of which the share `closed_doors` is shut.
 
     Raises:
@@ -64,7 +67,10 @@ def build(sketch: Sketch, outline: Polygon, config: DrawnConfig, closed_doors: f
     number = {key: k + 1 for k, key in enumerate(sorted(net))}
     rooms = [Room(id=number[key], polygon=net[key], label=sketch.labels[key]) for key in sorted(net)]
     number[0] = 0
-    doors = [Door(start=d.start, end=d.end, rooms=(number[d.rooms[0]], number[d.rooms[1]]), is_open=d.is_open) for d in doors]
+    doors = [
+        Door(start=d.start, end=d.end, rooms=(number[d.rooms[0]], number[d.rooms[1]]), is_open=d.is_open)
+        for d in doors
+    ]
     ids = [room.id for room in rooms]
     parts = door_components(ids, doors, np.zeros(len(doors), np.bool_))
     if parts.max(initial=0) > 0:
@@ -93,7 +99,11 @@ def openings(doors: Sequence[Door], rooms: Sequence[Room]) -> BaseGeometry:
 
 def _reach(line: LineString, room: Polygon) -> float:
     """How far the room's face lies from the door's line."""
-    return float(shapely.distance(shapely.points([*line.coords, line.interpolate(0.5, normalized=True).coords[0]]), room).max())
+    return float(
+        shapely.distance(
+            shapely.points([*line.coords, line.interpolate(0.5, normalized=True).coords[0]]), room
+        ).max()
+    )
 
 
 def rounded(geometry: BaseGeometry) -> BaseGeometry:

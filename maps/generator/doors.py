@@ -1,8 +1,8 @@
 """Doors: from the wish that two spaces be connected to an opening at a sensible place of the wall between them.
 
-The wall between two spaces is where the boundary of one runs within the tolerance of the other; it is cut at its corners into
-straight (or gently bent) runs. A door stands near the end that the wish names, half a door frame away from the corner.
-Closing doors later never cuts off more than the one room behind the door.
+The wall between two spaces is where the boundary of one runs within the tolerance of the other; it is cut at
+its corners into straight (or gently bent) runs. A door stands near the end that the wish names, half a door
+frame away from the corner. Closing doors later never cuts off more than the one room behind the door.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from scipy.sparse.csgraph import connected_components
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.floorplan import Door
+from layoutexplore.maps.floorplan import Door
 from layoutexplore.maps.generator.config import DrawnConfig
-from layoutexplore.maps.generator.sketch import OUTSIDE, TOLERANCE, Link, Sketch, SketchError
+from layoutexplore.maps.generator.space_graph import OUTSIDE, TOLERANCE, Link, Sketch, SketchError
 
 CORNER = math.radians(15.0)
 """A wall that turns by more than this has a corner there."""
@@ -70,7 +70,9 @@ def _length(points: NDArray[np.float64]) -> float:
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
-def place_doors(sketch: Sketch, outline: Polygon, config: DrawnConfig, rng: np.random.Generator) -> list[Door]:
+def place_doors(
+    sketch: Sketch, outline: Polygon, config: DrawnConfig, rng: np.random.Generator
+) -> list[Door]:
     """All doors of a sketch.
 
     Raises:
@@ -85,7 +87,9 @@ def place_doors(sketch: Sketch, outline: Polygon, config: DrawnConfig, rng: np.r
             if link.optional:
                 continue
             names = [sketch.labels.get(key, "outside") for key in (link.a, link.b)]
-            raise SketchError(f"no wall for a {link.kind} between {names[0]} {link.a} and {names[1]} {link.b}")
+            raise SketchError(
+                f"no wall for a {link.kind} between {names[0]} {link.a} and {names[1]} {link.b}"
+            )
         others.append(LineString(span).buffer(0.4))
         start, end = ((round(float(x), 3), round(float(y), 3)) for x, y in span)
         doors.append(Door(start=start, end=end, rooms=(link.a, link.b), is_open=link.a != OUTSIDE))
@@ -93,7 +97,12 @@ def place_doors(sketch: Sketch, outline: Polygon, config: DrawnConfig, rng: np.r
 
 
 def _span(
-    sketch: Sketch, outline: Polygon, link: Link, config: DrawnConfig, rng: np.random.Generator, taken: Sequence[BaseGeometry]
+    sketch: Sketch,
+    outline: Polygon,
+    link: Link,
+    config: DrawnConfig,
+    rng: np.random.Generator,
+    taken: Sequence[BaseGeometry],
 ) -> NDArray[np.float64] | None:
     """Both ends, float64 (2, 2), of the opening for a link; None where the wall has no room for it."""
     width = _wanted_width(link, config)
@@ -156,16 +165,24 @@ def _on_run(
     return None
 
 
-def door_components(rooms: Sequence[int], doors: Sequence[Door], shut: NDArray[np.bool_]) -> NDArray[np.int32]:
+def door_components(
+    rooms: Sequence[int], doors: Sequence[Door], shut: NDArray[np.bool_]
+) -> NDArray[np.int32]:
     """Component number int32 (n,) of every room when only the doors that are not shut connect."""
     index = {room: k for k, room in enumerate(rooms)}
-    pairs = [(index[d.rooms[0]], index[d.rooms[1]]) for d, s in zip(doors, shut, strict=True) if d.rooms[0] != OUTSIDE and not s]
+    pairs = [
+        (index[d.rooms[0]], index[d.rooms[1]])
+        for d, s in zip(doors, shut, strict=True)
+        if d.rooms[0] != OUTSIDE and not s
+    ]
     edges = np.array(pairs, np.int64).reshape(-1, 2)
     graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(rooms), len(rooms)))
     return np.asarray(connected_components(graph, directed=False)[1], np.int32)
 
 
-def choose_closed(rooms: Sequence[int], doors: Sequence[Door], share: float, rng: np.random.Generator) -> list[int]:
+def choose_closed(
+    rooms: Sequence[int], doors: Sequence[Door], share: float, rng: np.random.Generator
+) -> list[int]:
     """Indices of inner doors to shut so that whatever gets cut off is a single room each time.
 
     Args:

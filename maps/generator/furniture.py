@@ -1,8 +1,8 @@
 """Furniture: rectangles and circles that stand on the floor, and never in the way.
 
-Every room type has a small catalogue of pieces that stand against a wall or free in the room. A piece is kept only when a
-robot of 0.3 m radius can still go from every door of the room to everywhere else it could go before, which leaves a
-margin for rasterisation at 0.1 m around the promised 0.2 m.
+Every room type has a small catalogue of pieces that stand against a wall or free in the room. A piece is kept
+only when a robot of 0.3 m radius can still go from every door of the room to everywhere else it could go
+before, which leaves a margin for rasterisation at 0.1 m around the promised 0.2 m.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.floorplan import Door, Room
+from layoutexplore.maps.floorplan import Door, Room
 from layoutexplore.maps.generator.construction import Built, rounded
 
 CLEARANCE = 0.3
@@ -41,11 +41,18 @@ class Piece:
 
 
 DESK, SHELF, LOCKER = Piece(width=1.6, depth=0.8), Piece(width=1.2, depth=0.4), Piece(width=0.8, depth=0.5)
-CHAIR, STOOL = Piece(width=0.5, depth=0.5, wall=False, round=True), Piece(width=0.4, depth=0.4, wall=False, round=True)
+CHAIR, STOOL = (
+    Piece(width=0.5, depth=0.5, wall=False, round=True),
+    Piece(width=0.4, depth=0.4, wall=False, round=True),
+)
 TABLE, DINING = Piece(width=2.4, depth=1.1, wall=False), Piece(width=1.4, depth=0.9, wall=False)
 PUPIL = Piece(width=1.3, depth=0.6, wall=False)
 BENCH, SOFA, BED = Piece(width=1.8, depth=0.5), Piece(width=2.0, depth=0.9), Piece(width=1.0, depth=2.0)
-DOUBLE_BED, COUNTER, WARDROBE = Piece(width=1.7, depth=2.0), Piece(width=2.0, depth=0.6), Piece(width=1.5, depth=0.6)
+DOUBLE_BED, COUNTER, WARDROBE = (
+    Piece(width=1.7, depth=2.0),
+    Piece(width=2.0, depth=0.6),
+    Piece(width=1.5, depth=0.6),
+)
 ROUND = Piece(width=1.1, depth=1.1, wall=False, round=True)
 
 CATALOGUE: Mapping[str, Sequence[Piece]] = {
@@ -90,7 +97,11 @@ def _furnish_room(
     room: Room, doors: Sequence[Door], solid: BaseGeometry, share: float, rng: np.random.Generator
 ) -> list[BaseGeometry]:
     """Pieces for one room, tried one after the other until the share is reached."""
-    inside = shapely.difference(room.polygon, solid) if solid.intersects(room.polygon.buffer(-0.02)) else room.polygon
+    inside = (
+        shapely.difference(room.polygon, solid)
+        if solid.intersects(room.polygon.buffer(-0.02))
+        else room.polygon
+    )
     if room.polygon.area < 4.0 or inside.geom_type != "Polygon":
         return []
     clear = shapely.union_all([_swing(door) for door in doors])
@@ -139,7 +150,9 @@ def _edges(room: Polygon) -> NDArray[np.float64]:
     return edges[long] if long.any() else edges
 
 
-def _draw_piece(kind: Piece, room: Polygon, edges: NDArray[np.float64], rng: np.random.Generator) -> Polygon | None:
+def _draw_piece(
+    kind: Piece, room: Polygon, edges: NDArray[np.float64], rng: np.random.Generator
+) -> Polygon | None:
     """A piece at a random place: against a wall (often in its corner), or somewhere in the room, tables in rows."""
     lengths = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
     k = int(rng.choice(len(edges), p=lengths / lengths.sum()))

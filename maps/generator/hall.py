@@ -1,7 +1,7 @@
 """Open halls: large rooms with columns and cubicles, separated by core strips and lined with small rooms.
 
-The halls stand in a row. Between two of them runs a strip of stairs, toilets and stores with a passage through it; along
-one long side (or both) meeting rooms and offices open straight into the halls.
+The halls stand in a row. Between two of them runs a strip of stairs, toilets and stores with a passage
+through it; along one long side (or both) meeting rooms and offices open straight into the halls.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from layoutexplore.maps.generator import bays
 from layoutexplore.maps.generator.bands import Plot, draw_style, furnish_plots
 from layoutexplore.maps.generator.bays import Bay, Piece, columns
 from layoutexplore.maps.generator.config import DrawnConfig
-from layoutexplore.maps.generator.frame import Straight
 from layoutexplore.maps.generator.programme import CORE, Programme, RoomType
-from layoutexplore.maps.generator.sketch import Sketch
+from layoutexplore.maps.generator.space_graph import Sketch
+from layoutexplore.maps.generator.wing_frame import Straight
 
 OPEN_PLAN = Programme(
     facade=(
@@ -45,7 +45,11 @@ def hall(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
     """Halls in a row, with cubicles in most of them."""
     sketch = Sketch()
     count = (
-        1 if gross < 700.0 else int(rng.integers(1, 3)) if gross < 1600.0 else min(5, int(rng.integers(2, 4)) + int(gross > 4500))
+        1
+        if gross < 700.0
+        else int(rng.integers(1, 3))
+        if gross < 1600.0
+        else min(5, int(rng.integers(2, 4)) + int(gross > 4500))
     )
     band = float(rng.uniform(*OPEN_PLAN.depth))
     south = band if rng.random() < 0.35 and gross > 500.0 else 0.0
@@ -88,7 +92,10 @@ def _core_strip(sketch: Sketch, x: float, width: float, depth: float, rng: np.ra
     middle = float(rng.uniform(0.35, 0.65)) * depth
     sketch.room(frame, shapely.box(middle - way / 2, -width / 2, middle + way / 2, width / 2), "corridor")
     half = width / 2
-    return [Plot(frame, a, b, half, -half, [], dark=True) for a, b in ((0.0, middle - way / 2), (middle + way / 2, depth))]
+    return [
+        Plot(frame, a, b, half, -half, [], dark=True)
+        for a, b in ((0.0, middle - way / 2), (middle + way / 2, depth))
+    ]
 
 
 def _connect_strips(sketch: Sketch, plots: list[Plot], halls: list[Piece]) -> None:
@@ -140,7 +147,9 @@ def cubicles(area: Polygon, rng: np.random.Generator) -> list[Polygon]:
     return walls
 
 
-def _cluster(x: float, spine: float, count: int, size: float, deep: float, rng: np.random.Generator) -> list[Polygon]:
+def _cluster(
+    x: float, spine: float, count: int, size: float, deep: float, rng: np.random.Generator
+) -> list[Polygon]:
     """One block of back-to-back cubicles: a spine, side walls, and short returns at the entrances."""
     half = 0.05
     walls = [shapely.box(x - half, spine - half, x + count * size + half, spine + half)]

@@ -1,8 +1,8 @@
 """Programmes: which rooms a kind of building has, how wide they are, how often they come, as data.
 
-Widths and depths are in metres between wall centre lines. They follow common practice (planning grid of 1.2-1.5 m, cellular
-offices one window axis or two to three modules wide, classrooms of 50-70 m2, wards with their own bathroom), and were
-compared with the room sizes of real schools and campus floors.
+Widths and depths are in metres between wall centre lines. They follow common practice (planning grid of
+1.2-1.5 m, cellular offices one window axis or two to three modules wide, classrooms of 50-70 m2, wards with
+their own bathroom), and were compared with the room sizes of real schools and campus floors.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ class RoomType:
         run: How many equal ones stand in a row, from and to.
         weight: How often a run of it is drawn, relative to the others.
         build: Draws it into its bay.
-        depth: Own depth, m, when it differs from the band (halls stick out of the outline); None = the band's.
+        depth: Own depth, m, when it differs from the band (halls stick out of the outline); None = the
+            band's.
     """
 
     label: str

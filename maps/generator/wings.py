@@ -1,8 +1,9 @@
 """Wings: a corridor with a band of rooms on one or both sides, and the right-angled skeletons made of them.
 
-A skeleton is a spine with teeth: wings that stand on the spine's north or south side and whose corridors run through its
-band to the spine's corridor; a bar may close the teeth into courtyards. I, L, T, Z, U, H, comb, fishbone, ring
-and eight are choices of teeth. The parts of the spine's band beside such a passage have no facade: there the cores go.
+A skeleton is a spine with teeth: wings that stand on the spine's north or south side and whose corridors run
+through its band to the spine's corridor; a bar may close the teeth into courtyards. I, L, T, Z, U, H, comb,
+fishbone, ring and eight are choices of teeth. The parts of the spine's band beside such a passage have no
+facade: there the cores go.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ import shapely
 
 from layoutexplore.maps.generator.bands import Plot
 from layoutexplore.maps.generator.bays import Piece
-from layoutexplore.maps.generator.frame import Frame, Straight
 from layoutexplore.maps.generator.programme import Programme, RoomType
-from layoutexplore.maps.generator.sketch import Sketch, SketchError
+from layoutexplore.maps.generator.space_graph import Sketch, SketchError
+from layoutexplore.maps.generator.wing_frame import Frame, Straight
 
 COURT = 7.0
 """Least width of a courtyard or of the gap between two teeth, m."""
@@ -116,7 +117,9 @@ def draw_wing(
         raise SketchError("a wing is too short for its end rooms")
     half = section.corridor / 2
     cuts = _fire_doors(x0 - before, x1 + after, ports, rng)
-    pieces = [(a, b, sketch.room(frame, shapely.box(a, -half, b, half), "corridor")) for a, b in pairwise(cuts)]
+    pieces = [
+        (a, b, sketch.room(frame, shapely.box(a, -half, b, half), "corridor")) for a, b in pairwise(cuts)
+    ]
     for one, two in pairwise(pieces):
         sketch.link(one[2], two[2], "double")
     wing = Wing(frame, length, section, pieces)
@@ -143,7 +146,9 @@ def _fire_doors(x0: float, x1: float, ports: Sequence[Port], rng: np.random.Gene
     return [*cuts, x1]
 
 
-def _list_plots(wing: Wing, side: int, depth: float, ground: bool, ports: Sequence[Port], x0: float, x1: float) -> None:
+def _list_plots(
+    wing: Wing, side: int, depth: float, ground: bool, ports: Sequence[Port], x0: float, x1: float
+) -> None:
     """Cut one band into bright plots and, beside the passages, dark ones."""
     near = side * wing.section.corridor / 2
     far = near + side * depth
@@ -156,7 +161,9 @@ def _list_plots(wing: Wing, side: int, depth: float, ground: bool, ports: Sequen
         if x1 - high < 2.6:
             high = x1
         spans = ((x, low, False), (low, gap[0], True), (gap[1], high, True))
-        wing.plots += [Plot(wing.frame, a, b, near, far, wing.pieces, dark) for a, b, dark in spans if b - a > 0.01]
+        wing.plots += [
+            Plot(wing.frame, a, b, near, far, wing.pieces, dark) for a, b, dark in spans if b - a > 0.01
+        ]
         x = high
     if x1 - x > 0.01:
         wing.plots.append(Plot(wing.frame, x, x1, near, far, wing.pieces))
@@ -165,7 +172,9 @@ def _list_plots(wing: Wing, side: int, depth: float, ground: bool, ports: Sequen
             plot.front = ground and not ports
 
 
-def _end_rooms(sketch: Sketch, wing: Wing, kind: RoomType, span: tuple[float, float], rng: np.random.Generator) -> None:
+def _end_rooms(
+    sketch: Sketch, wing: Wing, kind: RoomType, span: tuple[float, float], rng: np.random.Generator
+) -> None:
     """A room, or two unequal ones, across the end of a wing; both lie on the corridor's end."""
     section, (x0, x1) = wing.section, span
     corridor = wing.piece_at((x0 + x1) / 2)
@@ -210,7 +219,9 @@ def teeth_of(topology: str, comb: int) -> tuple[tuple[float, ...], tuple[int, ..
     return table[topology]
 
 
-def plan_skeleton(topology: str, run: float, width: float, asked: bool, rng: np.random.Generator) -> Skeleton | None:
+def plan_skeleton(
+    topology: str, run: float, width: float, asked: bool, rng: np.random.Generator
+) -> Skeleton | None:
     """A skeleton of a topology whose wings together are `run` metres long, or None where it does not fit.
 
     Args:
@@ -239,8 +250,15 @@ def plan_skeleton(topology: str, run: float, width: float, asked: bool, rng: np.
     mix = np.ones(len(places)) if bar else rng.dirichlet(np.full(len(places), 6.0)) * len(places)
     lengths = shortest + room * (1 - share) / len(places) * mix
     flip = bool(rng.random() < 0.5)
-    spots = [1.0 - p if flip else p + float(rng.uniform(-0.15, 0.15)) * (0.0 < p < 1.0 and columns == 1) for p in places]
-    return Skeleton(spine=least + room * share / bars, teeth=tuple(zip(spots, sides, lengths.tolist(), strict=True)), bar=bar)
+    spots = [
+        1.0 - p if flip else p + float(rng.uniform(-0.15, 0.15)) * (0.0 < p < 1.0 and columns == 1)
+        for p in places
+    ]
+    return Skeleton(
+        spine=least + room * share / bars,
+        teeth=tuple(zip(spots, sides, lengths.tolist(), strict=True)),
+        bar=bar,
+    )
 
 
 def draw_skeleton(
@@ -249,17 +267,22 @@ def draw_skeleton(
     """Put all wings of a skeleton on the sketch, corridors joined; returns them with their plots."""
     low, high = -section.right, skeleton.spine - section.left
     outer = [
-        (low + (high - low) * spot if skeleton.spine > section.width else skeleton.spine / 2) for spot, _, _ in skeleton.teeth
+        (low + (high - low) * spot if skeleton.spine > section.width else skeleton.spine / 2)
+        for spot, _, _ in skeleton.teeth
     ]
     sections = [section if skeleton.bar else vary(section, rng) for _ in outer]
-    ports = [_port(side, x, own) for x, (_, side, _), own in zip(outer, skeleton.teeth, sections, strict=True)]
+    ports = [
+        _port(side, x, own) for x, (_, side, _), own in zip(outer, skeleton.teeth, sections, strict=True)
+    ]
     busy = {(spot < 0.02, spot > 0.98) for spot, _, _ in skeleton.teeth}
     ends = (
         None if any(b[0] for b in busy) else draw_end(programme, skeleton.spine, rng),
         None if any(b[1] for b in busy) else draw_end(programme, skeleton.spine, rng),
     )
     base = Straight()
-    spine = draw_wing(sketch, base, skeleton.spine, section, rng, ports=ports, ends=ends, front=_fronts(skeleton))
+    spine = draw_wing(
+        sketch, base, skeleton.spine, section, rng, ports=ports, ends=ends, front=_fronts(skeleton)
+    )
     wings = [spine]
     tops: list[tuple[float, Wing]] = []
     for x, (_, side, length), own in zip(outer, skeleton.teeth, sections, strict=True):
@@ -282,7 +305,15 @@ def draw_skeleton(
     if skeleton.bar:
         depth = section.left + skeleton.teeth[0][2] - section.right
         bar_ports = [_port(-1, x, section) for x in outer]
-        bar = draw_wing(sketch, base.aside(0.0, depth, 0.0), skeleton.spine, section, rng, ports=bar_ports, front=(False, True))
+        bar = draw_wing(
+            sketch,
+            base.aside(0.0, depth, 0.0),
+            skeleton.spine,
+            section,
+            rng,
+            ports=bar_ports,
+            front=(False, True),
+        )
         for x, tooth in tops:
             join(sketch, bar.piece_at(x), tooth.pieces[-1][2], rng)
         wings.append(bar)
@@ -296,7 +327,10 @@ def vary(section: Section, rng: np.random.Generator) -> Section:
         return section
     if choice < 0.6:
         return replace(section, **{str(rng.choice(["south", "north"])): 0.0})
-    south, north = section.south * float(rng.uniform(0.85, 1.1)), section.north * float(rng.uniform(0.85, 1.1))
+    south, north = (
+        section.south * float(rng.uniform(0.85, 1.1)),
+        section.north * float(rng.uniform(0.85, 1.1)),
+    )
     return replace(section, south=round(south, 2), north=round(north, 2))
 
 

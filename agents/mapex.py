@@ -1,0 +1,202 @@
+"""What one can expect to see from a frontier, by the probabilities of a predicted layout, per metre of way.
+
+After MapEx (Ho et al., "MapEx: Indoor Structure Exploration with Probabilistic Information Gain from Global
+Map Predictions", 2024): there an ensemble of image completions says how likely every unseen cell is free, a
+virtual sensor at the frontier looks through what is probably free, and the gain is divided by the distance.
+Here the probabilities are those of the predictor's trees, and the gain is the unknown area that one can
+expect to see.
+
+On a ray the cell at distance r is seen when nothing before it blocks the view. Predicted free cells along a
+ray stand or fall together (they are free because the wall is further away), so the probability is the
+smallest one on the way, not their product. Beyond what the trees judge, a frontier that leads on may show
+another room: its probability of being open, fading with the distance seen.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.agents.base import Heuristic, option, register
+from layoutexplore.agents.greedy import GreedyOptions, best_index, visible_areas
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.frontiers.decision import Choice, Decision, Frontier
+from layoutexplore.frontiers.tour_features import sizeable_frontiers
+from layoutexplore.frontiers.visible_area import ray_table
+from layoutexplore.grids.grid import FREE, OCCUPIED
+
+RAYS = 120
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProbabilisticOptions(GreedyOptions):
+    """Parameters of `ProbabilisticGain`."""
+
+    reach: float = option(
+        8.0, "metres that are looked into the unknown, the sensor's range at most", low=0.1, high=100.0
+    )
+    fade: float = option(4.0, "metres in which the hope to see into another room falls to a third", low=0.01)
+    rate: float = option(
+        0.0, "1/m: gain x exp(-rate x path length); 0: gain / path length, as in MapEx", low=0.0
+    )
+    predictor: str = option("layout", "where probabilities come from")
+
+
+class ProbabilisticGain(Heuristic[ProbabilisticOptions]):
+    """Expected new area in sight over path length; without a predicted layout the visible unknown area takes its place."""
+
+    @property
+    def predictor(self) -> str:
+        """The predictor that the simulation has to run for this agent."""
+        return self.options.predictor
+
+    def choose(self, decision: Decision) -> Choice:
+        """The index of the frontier with the best score."""
+        chosen = sizeable_frontiers(decision, self.options.min_size)
+        lengths = np.array([decision.frontiers[i].path_length for i in chosen], np.float64)
+        gains = self.gains(decision, chosen)
+        if self.options.rate > 0:
+            scores = gains * np.exp(-self.options.rate * (lengths - lengths.min()))
+        else:
+            scores = gains / np.maximum(lengths, decision.grid.resolution)
+        return int(chosen[best_index(scores, lengths)])
+
+    def gains(self, decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Expected new areas float64 (k,) of the chosen frontiers, in square metres."""
+        inside = getattr(decision.layout, "inside", None)
+        if inside is None:
+            return visible_areas(decision, chosen)
+        frontiers = [decision.frontiers[i] for i in chosen]
+        return expected_new_area(
+            decision.grid.cells,
+            inside,
+            np.array([f.viewpoint for f in frontiers], np.int32),
+            np.array([probability_open(f) for f in frontiers]),
+            resolution=decision.grid.resolution,
+            reach=min(self.options.reach, decision.sensor.range_max),
+            fade=self.options.fade,
+        )
+
+
+def probability_open(frontier: Frontier) -> float:
+    """The predictor's probability that a frontier leads on; a half where there is no prediction."""
+    if frontier.confidence is None:
+        return 0.5
+    return 1.0 - frontier.confidence if frontier.is_closed else frontier.confidence
+
+
+def expected_new_area(
+    cells: NDArray[np.int8],
+    inside: NDArray[np.float32],
+    viewpoints: NDArray[np.int32],
+    leads_on: NDArray[np.float64],
+    *,
+    resolution: float,
+    reach: float,
+    fade: float,
+    rays: int = RAYS,
+) -> NDArray[np.float64]:
+    """Unknown area that one can expect to see from viewpoints.
+
+    A piece of ring between the distances a and b of a ray through an unknown cell counts (b^2 - a^2) pi /
+    rays square metres, times the probability that it is seen: the least of p = max(inside, leads_on exp(-s /
+    fade)) on the way, with s the metres walked by the ray through the unknown.
+
+    Args:
+        cells: int8 (rows, cols).
+        inside: float32 (rows, cols), probability that an unknown cell is free, 0..1.
+        viewpoints: int32 (n, 2) as (row, col), inside the grid.
+        leads_on: float64 (n,), probability that what is not judged inside is open.
+        resolution: Metres per cell.
+        reach: How far to look, in metres.
+        fade: Metres in which the probability to see on falls to 1/e.
+        rays: Number of rays.
+
+    Returns:
+        float64 (n,) in square metres.
+
+    Raises:
+        MapError: Arrays whose shapes do not fit each other.
+        ConfigError: A viewpoint lies outside of the grid, or a number is not above 0.
+
+    Example:
+        >>> cells = np.full((101, 101), -1, np.int8)
+        >>> sure = np.ones((101, 101), np.float32)
+        >>> here = np.array([[50, 50]], np.int32)
+        >>> area = expected_new_area(cells, sure, here, np.zeros(1), resolution=0.1, reach=3.0, fade=1.0)
+        >>> area.round(1).tolist()  # pi * 3.0 ** 2
+        [28.3]
+    """
+    points = np.asarray(viewpoints, np.int64).reshape(-1, 2)
+    if cells.ndim != 2 or inside.shape != cells.shape or np.shape(leads_on) != (len(points),):
+        raise MapError(
+            f"cells {cells.shape}, inside {inside.shape} and leads_on {np.shape(leads_on)} do not fit"
+        )
+    if not (all(math.isfinite(v) and v > 0 for v in (resolution, reach, fade)) and rays >= 1):
+        raise ConfigError(
+            f"resolution, reach, fade and rays must be above 0, got {resolution}, {reach}, {fade}, {rays}"
+        )
+    if points.size and ((points < 0).any() or (points >= cells.shape).any()):
+        raise ConfigError(f"a viewpoint lies outside of the grid of shape {cells.shape}")
+    rows, cols, entered, starts = ray_table(int(rays), reach / resolution)
+    area = np.zeros(len(points), np.float64)
+    view = (
+        np.ascontiguousarray(cells),
+        np.ascontiguousarray(inside, dtype=np.float32),
+        points,
+        np.asarray(leads_on, np.float64),
+    )
+    _expect(*view, rows, cols, entered, starts, reach / resolution, fade / resolution, area)
+    return area * (math.pi / rays * resolution**2)
+
+
+@njit(cache=True, nogil=True)
+def _expect(
+    cells: NDArray[np.int8],
+    inside: NDArray[np.float32],
+    points: NDArray[np.int64],
+    leads_on: NDArray[np.float64],
+    rows: NDArray[np.int64],
+    cols: NDArray[np.int64],
+    entered: NDArray[np.float64],
+    starts: NDArray[np.int64],
+    reach: float,
+    fade: float,
+    area: NDArray[np.float64],
+) -> None:
+    """Sum over the rays of p (b^2 - a^2) over the unknown cells from a to b, in cells; `entered` holds squared distances."""
+    height, width = cells.shape
+    for k in range(len(points)):
+        for ray in range(len(starts) - 1):
+            chance, through = 1.0, 0.0
+            for n in range(starts[ray], starts[ray + 1]):
+                r, c = points[k, 0] + rows[n], points[k, 1] + cols[n]
+                if not (0 <= r < height and 0 <= c < width) or cells[r, c] == OCCUPIED:
+                    break
+                if cells[r, c] == FREE:
+                    continue
+                end = entered[n + 1] if n + 1 < starts[ray + 1] else reach * reach
+                hope = leads_on[k] * math.exp(-through / fade)
+                chance = min(chance, max(inside[r, c], hope))
+                if chance < 0.01:
+                    break
+                area[k] += chance * (end - entered[n])
+                through += math.sqrt(end) - math.sqrt(entered[n])
+
+
+register(
+    "mapex-gain",
+    "area one can expect to see, by the layout's probabilities / path length",
+    ProbabilisticGain,
+    ProbabilisticOptions(),
+)
+register(
+    "mapex-gain-exp",
+    "the same area x exp(-0.2 x path length)",
+    ProbabilisticGain,
+    ProbabilisticOptions(rate=0.2),
+)

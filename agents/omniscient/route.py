@@ -1,0 +1,99 @@
+"""A route on a known floor plan: its stops, the legs between them, and what is seen by when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.agents.omniscient.visibility import Bits
+from layoutexplore.grids.grid import Cell
+
+
+@dataclass(eq=False)
+class Stop:
+    """A place where the robot turns fully.
+
+    Attributes:
+        cell: Where it is.
+        index: Its number among the cells that may become stops; -1 when it is none of them.
+        lattice: float32 (n,), path lengths in metres to the cells that may become stops.
+        seen: What a full turn there shows.
+    """
+
+    cell: Cell
+    index: int
+    lattice: NDArray[np.float32]
+    seen: Bits
+
+
+@dataclass(eq=False)
+class Leg:
+    """The way between two stops: metres, and what the scans on it show."""
+
+    length: float
+    seen: Bits
+
+
+@dataclass(eq=False)
+class Route:
+    """Stops and the legs between them; stop 0 is the start, and the stop `mark` ends the early part."""
+
+    stops: list[Stop]
+    legs: list[Leg]
+    mark: int
+
+    def heads(self) -> list[Bits]:
+        """What is seen up to each stop, it included."""
+        sets = [self.stops[0].seen]
+        for leg, stop in zip(self.legs, self.stops[1:], strict=True):
+            sets.append(sets[-1] | leg.seen | stop.seen)
+        return sets
+
+    def tails(self, end: int | None = None) -> list[Bits]:
+        """What is seen from each stop on, it included, up to the stop `end` (the last one by default)."""
+        last = len(self.stops) - 1 if end is None else end
+        sets = [self.stops[last].seen]
+        for i in range(last - 1, -1, -1):
+            sets.append(sets[-1] | self.legs[i].seen | self.stops[i].seen)
+        return sets[::-1]
+
+
+def cheapest_gaps(
+    near: NDArray[np.float32], lengths: NDArray[np.float64], to: NDArray[np.float64], on: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Where each candidate for a stop is best inserted.
+
+    Args:
+        near: float32 (stops, n), metres from each stop of the route to each candidate.
+        lengths: float64 (stops - 1,) or more, metres of the legs between the stops.
+        to: float64 (gaps,), weight of the new leg from stop i to the candidate; gap i lies behind stop i, and
+            the last gap may lie behind the last stop.
+        on: float64 (gaps,), weight of the leg that is replaced, and of the one from the candidate to the next
+            stop.
+
+    Returns:
+        float64 (n,) weighted metres that it adds, and int64 (n,) the gap; of equal ones the first.
+    """
+    return _cheapest_gaps(near, lengths, to, on)
+
+
+@njit(cache=True, nogil=True)
+def _cheapest_gaps(
+    near: NDArray[np.float32], lengths: NDArray[np.float64], to: NDArray[np.float64], on: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    count = near.shape[1]
+    best = np.full(count, np.inf)
+    gaps = np.zeros(count, np.int64)
+    for i in range(len(to)):
+        inner = i + 1 < near.shape[0]
+        for k in range(count):
+            added = to[i] * near[i, k]
+            if inner:
+                added += on[i] * (near[i + 1, k] - lengths[i])
+            if added < best[k]:
+                best[k] = added
+                gaps[k] = i
+    return best, gaps

@@ -1,0 +1,388 @@
+"""A short route from which given shares of a known floor plan are seen: a watchman route with quotas.
+
+The route is a list of stops, with a full turn at each and scans on the way. Its first part, up to the *mark*,
+meets an early quota; the whole meets the final one. A metre before the mark counts more, since it delays
+both. Stops are inserted where they show most new cells per metre of detour until a quota is met, so what is
+dear to see is left out. Then stops that the rest makes needless are dropped, stops are moved to where the
+detour is shorter and the quotas are still met, the order is improved by 2-opt and Or-opt, and stretches are
+taken out and planned anew, keeping what costs less.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.agents.omniscient.route import Leg, Route, Stop, cheapest_gaps
+from layoutexplore.agents.omniscient.visibility import Bits, Sight, added_sizes, size
+from layoutexplore.frontiers.decision import Truth
+from layoutexplore.grids.grid import Cell
+from layoutexplore.planning.shortest_paths import descend, geodesic_distances
+from layoutexplore.planning.tours import improve_tour
+
+_SAVING = 1e-3
+"""A change of the route must save more than this many (weighted) metres."""
+_LEAST_DETOUR = 0.3
+"""Metres; a shorter detour counts as this long."""
+_SAMPLING_MARGIN = 3e-4
+"""What is planned for beyond a quota, because coverage is counted on a sample of the target."""
+_BATCH = 32
+_STOPS_PLANNED_ANEW = 1200
+_KEPT_LEGS, _KEPT_STOPS, _KEPT_FIELDS = 4000, 1000, 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class RouteConfig:
+    """How a route is planned.
+
+    Attributes:
+        coverage: Share of the target that the whole route must see, 0..1.
+        early_coverage: Share that the part up to the mark must see, 0..1; at most `coverage`.
+        early_weight: What a metre before the mark costs more than one after it.
+        lattice: Metres between the cells that may become stops.
+        scan_spacing: Metres between scans while walking.
+        rounds: How many stretches are planned anew; fewer where more than 40 stops make a round dear.
+        stretch: Greatest share of the stops that a round takes out.
+        noise: Standard deviation of the logarithm of a factor on each place's detours in a round, for
+            variety.
+    """
+
+    coverage: float = 0.99
+    early_coverage: float = 0.95
+    early_weight: float = 1.5
+    lattice: float = 0.8
+    scan_spacing: float = 0.5
+    rounds: int = 30
+    stretch: float = 0.3
+    noise: float = 0.2
+
+
+class WatchmanPlanner:
+    """Plans routes on a known floor plan.
+
+    Args:
+        truth: The floor plan, what is to be seen and from where, and the sensor.
+        config: How to plan.
+    """
+
+    def __init__(self, truth: Truth, config: RouteConfig | None = None) -> None:
+        self.config = config or RouteConfig()
+        self.sight = Sight(truth, self.config.scan_spacing)
+        self.resolution = truth.raster.resolution
+        self.traversable = np.ascontiguousarray(truth.reachable)
+        self.cells = _lattice(self.traversable, max(1, round(self.config.lattice / self.resolution)))
+        self.views = self.sight.turning(self.cells)
+        self._weight = 1.0 + self.config.early_weight
+        self._fields: OrderedDict[Cell, NDArray[np.float32]] = OrderedDict()
+        self._stops: OrderedDict[int, Stop] = OrderedDict()
+        self._legs: OrderedDict[tuple[Cell, Cell], Leg] = OrderedDict()
+
+    def plan(self, start: Cell) -> NDArray[np.int32]:
+        """The stops int32 (k, 2) of a short route from `start`, which is not one of them."""
+        rng = np.random.default_rng(0)
+        shares = (min(self.config.early_coverage, self.config.coverage), self.config.coverage)
+        self._quotas = [
+            min(self.sight.count, math.ceil((q + _SAMPLING_MARGIN) * self.sight.count)) for q in shares
+        ]
+        route = Route([self._stop(start, self.sight.turning(np.array([start], np.int32))[0])], [], 0)
+        self._complete(route)
+        # What no stop shows cannot be asked for.
+        self._quotas = [min(q, n) for q, n in zip(self._quotas, self._counts(route), strict=True)]
+        self._polish(route)
+        for _ in range(min(self.config.rounds, _STOPS_PLANNED_ANEW // len(route.stops))):
+            changed = self._ruined(route, rng)
+            self._complete(changed, np.exp(self.config.noise * rng.standard_normal(len(self.cells))))
+            if self._cost(changed) < 1.05 * self._cost(route):
+                self._polish(changed)
+            if self._is_better(changed, route):
+                route = changed
+        self._polish(route, fine=True)
+        return np.array([stop.cell for stop in route.stops[1:]], np.int32).reshape(-1, 2)
+
+    # Parts of a route.
+
+    def _stop(self, cell: Cell, seen: Bits) -> Stop:
+        return Stop(cell, -1, self._field(cell)[self.cells[:, 0], self.cells[:, 1]], seen)
+
+    def _lattice_stop(self, index: int) -> Stop:
+        """The stop in a cell of the lattice, kept: the same ones come and go."""
+        if index not in self._stops:
+            stop = self._stop(Cell(*map(int, self.cells[index])), self.views[index])
+            _keep(self._stops, index, dataclasses.replace(stop, index=index), _KEPT_STOPS)
+        return self._stops[index]
+
+    def _field(self, cell: Cell) -> NDArray[np.float32]:
+        """Path lengths float32 (rows, cols) from a cell in metres. They are large: only the last few are kept."""
+        if cell not in self._fields:
+            _keep(
+                self._fields, cell, geodesic_distances(self.traversable, cell, self.resolution), _KEPT_FIELDS
+            )
+        return self._fields[cell]
+
+    def _apart(self, a: Stop, b: Stop) -> float:
+        """Path length between two stops in metres."""
+        if b.index >= 0:
+            return float(a.lattice[b.index])
+        return float(b.lattice[a.index]) if a.index >= 0 else float(self._field(a.cell)[b.cell])
+
+    def _leg(self, start: Stop, end: Stop) -> Leg:
+        key = (start.cell, end.cell)
+        if key not in self._legs:
+            distances = self._fields.get(start.cell)
+            if distances is None:
+                stop_at = np.array([end.cell], np.int32)
+                distances = geodesic_distances(self.traversable, start.cell, self.resolution, stop_at=stop_at)
+            path = descend(distances, self.traversable, end.cell)
+            _keep(self._legs, key, Leg(float(distances[end.cell]), self.sight.walking(path)), _KEPT_LEGS)
+        return self._legs[key]
+
+    def _linked(self, stops: list[Stop], mark: int) -> Route:
+        return Route(stops, [self._leg(a, b) for a, b in itertools.pairwise(stops)], mark)
+
+    # The measure of a route.
+
+    def _cost(self, route: Route) -> float:
+        """Its length in metres, those up to the mark weighted."""
+        lengths = [leg.length for leg in route.legs]
+        return self._weight * sum(lengths[: route.mark]) + sum(lengths[route.mark :])
+
+    def _counts(self, route: Route) -> tuple[int, int]:
+        """How many cells are seen up to the mark and in all."""
+        heads = route.heads()
+        return size(heads[route.mark]), size(heads[-1])
+
+    def _is_better(self, changed: Route, route: Route) -> bool:
+        enough = all(n >= q for n, q in zip(self._counts(changed), self._quotas, strict=True))
+        return enough and self._cost(changed) < self._cost(route) - _SAVING
+
+    # Construction.
+
+    def _complete(self, route: Route, factors: NDArray[np.float64] | float = 1.0) -> None:
+        """Insert stops until both quotas are met or nothing adds; the detours to candidates are multiplied by factors."""
+        for early in (True, False):
+            while self._complete_part(route, factors, early=early):
+                pass
+
+    def _complete_part(self, route: Route, factors: NDArray[np.float64] | float, *, early: bool) -> bool:
+        """Insert stops until one quota is met, as far as one can tell without the legs that were replaced; whether any."""
+        seen = route.heads()[route.mark if early else -1]
+        quota = self._quotas[0 if early else 1]
+        if size(seen) >= quota:
+            return False
+        bounds = added_sizes(self.views, np.arange(len(self.cells)), seen)
+        inserted = False
+        while (needed := quota - size(seen)) > 0:
+            detours, gaps = self._detours(route, early=early)
+            best = self._best_candidate(bounds, np.maximum(detours, _LEAST_DETOUR) * factors, seen, needed)
+            if bounds[best] <= 0:
+                break
+            gap = int(gaps[best])
+            route.mark += early or gap < route.mark
+            seen = seen | self._insert(route, gap, self._lattice_stop(best))
+            inserted = True
+        return inserted
+
+    def _best_candidate(
+        self, bounds: NDArray[np.int64], detours: NDArray[np.float64], seen: Bits, needed: int
+    ) -> int:
+        """The candidate that adds most cells per metre; what one adds only shrinks, so old counts are upper bounds."""
+        values = np.minimum(bounds, needed) / detours
+        fresh = np.zeros(len(values), np.bool_)
+        while True:
+            top = np.argpartition(-values, min(_BATCH, len(values)) - 1)[:_BATCH]
+            best = int(top[np.lexsort((top, -values[top]))[0]])
+            if fresh[best]:
+                return best
+            stale = top[~fresh[top]]
+            bounds[stale] = added_sizes(self.views, stale, seen)
+            values[stale] = np.minimum(bounds[stale], needed) / detours[stale]
+            fresh[stale] = True
+
+    def _detours(self, route: Route, *, early: bool) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Weighted metres float64 (n,) that a stop in each lattice cell adds, and the gap int64 (n,) where it adds least.
+
+        Gap i lies behind stop i. An early stop comes before the mark or becomes the new mark.
+        """
+        gaps = route.mark + 1 if early else len(route.stops)
+        near = np.array([stop.lattice for stop in route.stops[: gaps + 1]])
+        lengths = np.array([leg.length for leg in route.legs[:gaps]])
+        to = np.where(np.arange(gaps) < route.mark + early, self._weight, 1.0)
+        on = np.where(np.arange(gaps) < route.mark, self._weight, 1.0)
+        return cheapest_gaps(near, lengths, to, on)
+
+    def _insert(self, route: Route, gap: int, stop: Stop) -> Bits:
+        """Put a stop into a gap; what it and the ways to and from it show."""
+        route.stops.insert(gap + 1, stop)
+        legs = [self._leg(a, b) for a, b in itertools.pairwise(route.stops[gap : gap + 3])]
+        route.legs[gap : gap + 1] = legs
+        # Beyond the mark nothing is seen early.
+        counted = legs[:1] if gap + 1 == route.mark else legs
+        seen: Bits = np.bitwise_or.reduce([stop.seen, *(leg.seen for leg in counted)], axis=0)
+        return seen
+
+    # Improvement.
+
+    def _polish(self, route: Route, *, fine: bool = False) -> None:
+        """Reorder, drop and move stops until that saves next to nothing."""
+        while True:
+            before = self._cost(route)
+            self._reorder(route)
+            self._drop(route)
+            self._shift(route, fine=fine)
+            if self._cost(route) > before - 0.1:
+                return
+
+    def _reorder(self, route: Route) -> None:
+        """Improve the order of the stops on each side of the mark, if that pays with what has to be added for the quotas."""
+        head = self._shortened(route.stops[: route.mark + 1])
+        tail = self._shortened([head[-1], *route.stops[route.mark + 1 :]])
+        changed = self._linked(head + tail[1:], route.mark)
+        self._complete(changed)
+        if self._is_better(changed, route):
+            route.stops, route.legs, route.mark = changed.stops, changed.legs, changed.mark
+
+    def _shortened(self, stops: list[Stop]) -> list[Stop]:
+        """The same stops from the same first one, in a short order."""
+        if len(stops) < 3:
+            return stops
+        matrix = np.array([[self._apart(a, b) for b in stops] for a in stops], np.float64)
+        return [stops[0], *(stops[i] for i in improve_tour(matrix, np.arange(1, len(stops))))]
+
+    def _drop(self, route: Route) -> None:
+        """Leave out stops, the most costly detour first, as long as the quotas are met without them."""
+        while len(route.stops) > 1 and (i := self._needless(route)) > 0:
+            stops = route.stops
+            route.legs[i - 1 : i + 1] = [self._leg(stops[i - 1], stops[i + 1])] if i + 1 < len(stops) else []
+            route.mark -= i <= route.mark
+            del stops[i]
+
+    def _needless(self, route: Route) -> int:
+        """The stop with the most costly detour among those without which the quotas are met; -1 when there is none."""
+        stops, mark = route.stops, route.mark
+        heads, early_tails, tails = route.heads(), route.tails(mark), route.tails()
+        savings = np.array([self._saving(route, i) for i in range(1, len(stops))])
+        for i in np.argsort(-savings, kind="stable") + 1:
+            if savings[i - 1] < 0:
+                break
+            seen = early = heads[i - 1]
+            if i + 1 < len(stops):
+                seen = seen | self._leg(stops[i - 1], stops[i + 1]).seen | tails[i + 1]
+            if size(seen) < self._quotas[1]:
+                continue
+            if i < mark:
+                early = early | self._leg(stops[i - 1], stops[i + 1]).seen | early_tails[i + 1]
+            if i > mark or size(early) >= self._quotas[0]:
+                return int(i)
+        return -1
+
+    def _saving(self, route: Route, i: int) -> float:
+        """Weighted metres saved by leaving out stop i."""
+        to = self._weight if i <= route.mark else 1.0
+        saved = to * route.legs[i - 1].length
+        if i + 1 < len(route.stops):
+            on = self._weight if i < route.mark else 1.0
+            saved += on * (route.legs[i].length - self._apart(route.stops[i - 1], route.stops[i + 1]))
+        return saved
+
+    def _shift(self, route: Route, *, fine: bool) -> None:
+        """Move every stop to the cell with the least costly detour from which the quotas are still met."""
+        early_tails, tails = route.tails(route.mark), route.tails()
+        head = route.stops[0].seen
+        for i in range(1, len(route.stops)):
+            total = head | tails[i + 1] if i + 1 < len(route.stops) else head
+            early = head | early_tails[i + 1] if i < route.mark else head
+            limits = [(total, self._quotas[1])] + ([(early, self._quotas[0])] if i <= route.mark else [])
+            ends = [route.stops[i - 1], *route.stops[i + 1 : i + 2]]
+            rows = self._cheaper(route, i, [stop.lattice for stop in ends])
+            if len(rows := _enough(self.views, rows, limits)):
+                self._replace(route, i, self._lattice_stop(int(rows[0])))
+            if fine:
+                self._shift_finely(route, i, ends, limits)
+            head = head | route.legs[i - 1].seen | route.stops[i].seen
+
+    def _shift_finely(self, route: Route, i: int, ends: list[Stop], limits: list[tuple[Bits, int]]) -> None:
+        """Move stop i between its neighbours `ends` to the best traversable cell within a lattice step."""
+        step = max(1, round(self.config.lattice / self.resolution))
+        row, col = (max(0, at - step) for at in route.stops[i].cell)
+        window = self.traversable[row : row + 2 * step + 1, col : col + 2 * step + 1]
+        cells = (np.argwhere(window) + np.array([row, col])).astype(np.int32)
+        near = [self._field(stop.cell)[cells[:, 0], cells[:, 1]] for stop in ends]
+        cells = cells[self._cheaper(route, i, near)]
+        views = self.sight.turning(cells)
+        if len(rows := _enough(views, np.arange(len(cells)), limits)):
+            self._replace(route, i, self._stop(Cell(*map(int, cells[rows[0]])), views[rows[0]]))
+
+    def _cheaper(self, route: Route, i: int, near: list[NDArray[np.float32]]) -> NDArray[np.int64]:
+        """The candidates that cost less than stop i in its place, int64 (k,), the one that costs least first.
+
+        `near` holds metres float32 (n,) to each candidate from the stop before and, if there is one, the stop
+        after.
+        """
+        weights = [self._weight if i <= route.mark else 1.0, self._weight if i < route.mark else 1.0]
+        costs = np.zeros(len(near[0]))
+        now = 0.0
+        for weight, lengths, leg in zip(weights, near, route.legs[i - 1 : i + 1], strict=False):
+            costs += weight * lengths.astype(np.float64)
+            now += weight * leg.length
+        rows = np.flatnonzero(costs < now - _SAVING)
+        return rows[np.argsort(costs[rows], kind="stable")]
+
+    def _replace(self, route: Route, i: int, stop: Stop) -> None:
+        """Put another stop in the place of stop i."""
+        route.stops[i] = stop
+        legs = [self._leg(a, b) for a, b in itertools.pairwise(route.stops[i - 1 : i + 2])]
+        route.legs[i - 1 : i + 1] = legs
+
+    def _ruined(self, route: Route, rng: np.random.Generator) -> Route:
+        """The route without a random stretch, or without the stops around a random one."""
+        count = len(route.stops) - 1
+        if count < 2:
+            return self._linked(route.stops[:1], 0)
+        few = int(rng.integers(1, max(2, math.ceil(self.config.stretch * count)) + 1))
+        middle = int(rng.integers(1, count + 1))
+        if rng.random() < 0.5:
+            gone = set(range(middle, middle + few))
+        else:
+            away = np.array([self._apart(route.stops[middle], stop) for stop in route.stops[1:]])
+            gone = {int(i) + 1 for i in np.argsort(away, kind="stable")[:few]}
+        kept = [i for i in range(count + 1) if i not in gone]
+        return self._linked([route.stops[i] for i in kept], sum(i <= route.mark for i in kept) - 1)
+
+
+def _enough(
+    views: NDArray[np.uint64], rows: NDArray[np.int64], limits: list[tuple[Bits, int]]
+) -> NDArray[np.int64]:
+    """Those of some rows int64 (k,) of the views that add enough, in their order.
+
+    `limits` holds pairs of what is seen without the stop and its ways, and how much must be seen with it.
+    """
+    for others, quota in limits:
+        rows = rows[added_sizes(views, rows, others) >= quota - size(others)]
+    return rows
+
+
+def _keep(store: OrderedDict[Any, Any], key: Any, value: Any, most: int) -> None:
+    """Put a value into a store that forgets its oldest one when there are too many."""
+    store[key] = value
+    if len(store) > most:
+        store.popitem(last=False)
+
+
+def _lattice(traversable: NDArray[np.bool_], step: int) -> NDArray[np.int32]:
+    """int32 (n, 2): one traversable cell, the one nearest the middle, of every step x step block that has any."""
+    cells = np.argwhere(traversable)
+    blocks = cells // step
+    off = np.abs(cells - blocks * step - (step - 1) / 2).max(axis=1)
+    order = np.lexsort((off, blocks[:, 1], blocks[:, 0]))
+    blocks = blocks[order]
+    first = np.ones(len(order), np.bool_)
+    first[1:] = (blocks[1:] != blocks[:-1]).any(axis=1)
+    chosen: NDArray[np.int32] = cells[order[first]].astype(np.int32)
+    return chosen

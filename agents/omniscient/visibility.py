@@ -1,0 +1,192 @@
+"""What can be seen from where on a known floor plan, as sets of target cells.
+
+A set is a row of 64-bit words, a bit for every sampled target cell, so that unions and counts cost next to
+nothing. At most a third of the target's cells are sampled, evenly; the share of the sample that has been seen
+is the coverage to a few hundredths of a per cent.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.bits import ones
+from layoutexplore.frontiers.decision import Path, Truth
+from layoutexplore.sensing.lidar import LidarConfig, around, beam_table
+
+Bits = NDArray[np.uint64]
+"""A set of sampled target cells: uint64 (words,)."""
+
+_SAMPLE = 40_000
+"""About how many cells a large sample has; a small target is sampled by a third."""
+_WALL, _FLOOR = -2, -1
+_BEAMS_TURNING, _BEAMS_WALKING = 720, 240
+"""Beams in 360 degrees that planning needs: what falls between two of them, the next scan shows."""
+
+
+class Sight:
+    """The sight of a robot on a known floor plan.
+
+    Args:
+        truth: The floor plan, the target and the sensor.
+        scan_spacing: Metres between scans while walking.
+
+    Attributes:
+        count: Number of sampled target cells.
+        words: Number of words of a set.
+    """
+
+    def __init__(self, truth: Truth, scan_spacing: float) -> None:
+        occupied = truth.raster.occupied
+        self.resolution = truth.raster.resolution
+        self.spacing = scan_spacing / self.resolution
+        # An odd stride and knight's moves: every row and column has its share of the sample.
+        stride = max(3, 2 * (int(np.count_nonzero(truth.target)) // (2 * _SAMPLE)) + 1)
+        steps = np.add.outer(np.arange(occupied.shape[0]), 2 * np.arange(occupied.shape[1]))
+        sampled = truth.target & (steps % stride == 0)
+        self.count = int(np.count_nonzero(sampled))
+        self.words = (self.count + 63) // 64
+        # A border of wall around the plan ends every ray.
+        self._labels = np.full((occupied.shape[0] + 2, occupied.shape[1] + 2), _WALL, np.int32)
+        inner = self._labels[1:-1, 1:-1]
+        inner[~occupied] = _FLOOR
+        inner[sampled] = np.arange(self.count)
+        self._range = truth.sensor.range_max / self.resolution
+        self._around = beam_table(_thinned(around(truth.sensor), _BEAMS_TURNING))
+        self._ahead = beam_table(_thinned(truth.sensor, _BEAMS_WALKING))
+
+    def turning(self, cells: NDArray[np.int32]) -> NDArray[np.uint64]:
+        """What a full turn in each of the cells int32 (n, 2) shows: uint64 (n, words)."""
+        seen = np.zeros((len(cells), self.words), np.uint64)
+        _look_around(self._labels, np.asarray(cells, np.int64), *self._around, self._range, seen)
+        return seen
+
+    def walking(self, path: Path) -> Bits:
+        """What the scans on the way along a path show (not those at its ends): uint64 (words,)."""
+        seen = np.zeros(self.words, np.uint64)
+        _look_ahead(
+            self._labels, np.asarray(path, np.int64), self.spacing - 1e-6, *self._ahead, self._range, seen
+        )
+        return seen
+
+
+def _thinned(sensor: LidarConfig, beams_around: int) -> LidarConfig:
+    """The sensor with no more beams than that in 360 degrees."""
+    return dataclasses.replace(
+        sensor, beams=min(sensor.beams, math.ceil(beams_around * sensor.fov / (2 * math.pi)))
+    )
+
+
+def size(bits: Bits) -> int:
+    """Number of cells in a set."""
+    return int(np.bitwise_count(bits).sum())
+
+
+def added_sizes(sets: NDArray[np.uint64], rows: NDArray[np.int64], other: Bits) -> NDArray[np.int64]:
+    """Number of cells int64 (k,) that each of some rows int64 (k,) of `sets` uint64 (n, words) adds to `other`."""
+    return _added(sets, rows, ~other)
+
+
+@njit(cache=True, nogil=True)
+def _added(
+    sets: NDArray[np.uint64], rows: NDArray[np.int64], missing: NDArray[np.uint64]
+) -> NDArray[np.int64]:
+    counts = np.zeros(len(rows), np.int64)
+    words = np.flatnonzero(missing)
+    for k in range(len(rows)):
+        for w in words:
+            counts[k] += ones(sets[rows[k], w] & missing[w])
+    return counts
+
+
+@njit(cache=True, nogil=True)
+def _look_around(
+    labels: NDArray[np.int32],
+    cells: NDArray[np.int64],
+    unit_x: NDArray[np.float64],
+    unit_y: NDArray[np.float64],
+    reach: float,
+    seen: NDArray[np.uint64],
+) -> None:
+    for k in range(len(cells)):
+        _look(labels, cells[k, 0] + 1, cells[k, 1] + 1, 1.0, 0.0, unit_x, unit_y, reach, seen[k])
+
+
+@njit(cache=True, nogil=True)
+def _look_ahead(
+    labels: NDArray[np.int32],
+    path: NDArray[np.int64],
+    spacing: float,
+    unit_x: NDArray[np.float64],
+    unit_y: NDArray[np.float64],
+    reach: float,
+    seen: NDArray[np.uint64],
+) -> None:
+    """Scan whenever `spacing` cells have been walked since the last scan, looking the way that was walked since."""
+    walked = 0.0
+    last = 0
+    for k in range(1, len(path) - 1):
+        walked += np.hypot(path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1])
+        if walked < spacing:
+            continue
+        d_row, d_col = path[k, 0] - path[last, 0], path[k, 1] - path[last, 1]
+        length = np.hypot(d_row, d_col)
+        _look(
+            labels,
+            path[k, 0] + 1,
+            path[k, 1] + 1,
+            d_col / length,
+            d_row / length,
+            unit_x,
+            unit_y,
+            reach,
+            seen,
+        )
+        walked = 0.0
+        last = k
+
+
+@njit(cache=True, nogil=True)
+def _look(
+    labels: NDArray[np.int32],
+    row: int,
+    col: int,
+    cos: float,
+    sin: float,
+    unit_x: NDArray[np.float64],
+    unit_y: NDArray[np.float64],
+    reach: float,
+    seen: NDArray[np.uint64],
+) -> None:
+    """Add what the beams of one scan cross, from the middle of a cell, to a set."""
+    field = labels.ravel()
+    cols = labels.shape[1]
+    start = row * cols + col
+    one = np.uint64(1)
+    for i in range(unit_x.size):
+        dx = unit_x[i] * cos - unit_y[i] * sin
+        dy = unit_x[i] * sin + unit_y[i] * cos
+        inverse_x = abs(1.0 / dx) if dx != 0.0 else np.inf
+        inverse_y = abs(1.0 / dy) if dy != 0.0 else np.inf
+        step_x = 1 if dx > 0.0 else -1
+        step_y = cols if dy > 0.0 else -cols
+        next_x, next_y = 0.5 * inverse_x, 0.5 * inverse_y
+        index = start
+        label = field[index]
+        here = 0.0
+        while label != -2 and here <= reach:
+            if label >= 0:
+                seen[label >> 6] |= one << np.uint64(label & 63)
+            if next_x <= next_y:
+                here = next_x
+                next_x += inverse_x
+                index += step_x
+            else:
+                here = next_y
+                next_y += inverse_y
+                index += step_y
+            label = field[index]

@@ -1,0 +1,251 @@
+"""What the robot knows as images for a network: a close view that turns with it, and the whole map.
+
+Both are uint8, channel first, 0 or 255 where a pixel is one cell and a share in between where it holds
+several.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.grids.boxes import known_box
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+
+CHANNELS = ("free", "occupied", "frontier", "trail")
+"""Known free floor (share of the pixel), then 255 where a pixel holds any occupied, frontier or visited cell."""
+
+LAYOUT_CHANNELS = ("predicted_room", "predicted_wall", "closed_room")
+"""255 where a pixel holds unknown cells of a predicted room, of its outline, or of a room that is closed."""
+
+FRONTIER, TRAIL, ROOM, WALL, CLOSED = 1, 2, 4, 8, 16
+"""Bits of a mark: the channels from "frontier" on, in this order."""
+
+_FIRST_MARK = 2
+"""The first channel that is a mark."""
+
+
+class MapFrame(NamedTuple):
+    """Where the image of the whole map lies.
+
+    Attributes:
+        row: Lowest row of the image, in cells (a fraction; may be negative).
+        col: Lowest column.
+        cells_per_pixel: Side of a pixel in cells, 1 or more.
+    """
+
+    row: float
+    col: float
+    cells_per_pixel: float
+
+
+class Trail:
+    """Where the robot believes it has been, as a mark in each cell that it passed.
+
+    Args:
+        grid: The grid whose cells are marked.
+
+    Attributes:
+        marks: uint8 (rows, cols), `TRAIL` in the cells passed.
+    """
+
+    def __init__(self, grid: OccupancyGrid) -> None:
+        self._grid = grid
+        self.marks = np.zeros(grid.shape, np.uint8)
+
+    def extend(self, track: NDArray[np.float64]) -> None:
+        """Mark the way along poses float64 (n, 3) as the robot believes them, the first one already marked before."""
+        origin, resolution = self._grid.origin, self._grid.resolution
+        _mark_way(self.marks, (track[:, 1] - origin.y) / resolution, (track[:, 0] - origin.x) / resolution)
+
+
+def draw_local_map(
+    grid: OccupancyGrid,
+    marks: NDArray[np.uint8],
+    pose: Pose,
+    *,
+    size: int,
+    span: float,
+    channels: int,
+    detect: bool = False,
+) -> NDArray[np.uint8]:
+    """A square around the robot, its heading up.
+
+    Args:
+        grid: What the robot knows.
+        marks: uint8 (rows, cols), bits as above.
+        pose: The middle of the image, and its upward direction.
+        size: Side in pixels.
+        span: Side in metres.
+        channels: Number of channels: those of `CHANNELS`, then `LAYOUT_CHANNELS`.
+        detect: Take every free cell beside an unknown one as a frontier instead of the marked ones.
+
+    Returns:
+        uint8 (channels, size, size).
+    """
+    image = np.zeros((channels, size, size), np.uint8)
+    pixel = span / size / grid.resolution
+    row, col = (pose.y - grid.origin.y) / grid.resolution, (pose.x - grid.origin.x) / grid.resolution
+    samples = max(1, math.ceil(pixel - 1e-9))
+    _draw_local(
+        grid.cells, marks, row, col, math.cos(pose.theta), math.sin(pose.theta), pixel, samples, detect, image
+    )
+    return image
+
+
+def draw_global_map(
+    grid: OccupancyGrid, marks: NDArray[np.uint8], *, size: int, min_span: float, channels: int
+) -> tuple[NDArray[np.uint8], MapFrame]:
+    """All that is known, north up: the square around the known cells, so that the image tells nothing of what is not known.
+
+    Args:
+        grid: What the robot knows.
+        marks: uint8 (rows, cols), bits as above.
+        size: Side in pixels.
+        min_span: Least side of the square in metres; it grows with the map.
+        channels: Number of channels: those of `CHANNELS`, then `LAYOUT_CHANNELS`.
+
+    Returns:
+        uint8 (channels, size, size), and where it lies.
+    """
+    image = np.zeros((channels, size, size), np.uint8)
+    row0, row1, col0, col1 = known_box(grid.cells)
+    span = max(row1 - row0, col1 - col0, min_span / grid.resolution, size)
+    frame = MapFrame((row0 + row1 - span) / 2, (col0 + col1 - span) / 2, span / size)
+    _draw_global(grid.cells, marks, frame.row, frame.col, 1.0 / frame.cells_per_pixel, image)
+    return image, frame
+
+
+@njit(cache=True, nogil=True)
+def _mark_way(marks: NDArray[np.uint8], rows: NDArray[np.float64], cols: NDArray[np.float64]) -> None:
+    """Mark the cells along straight lines from point to point (in cells), sampled every half cell."""
+    for k in range(len(rows)):
+        row, col = rows[max(0, k - 1)], cols[max(0, k - 1)]
+        d_row, d_col = rows[k] - row, cols[k] - col
+        samples = max(1, int(2 * np.hypot(d_row, d_col)))
+        for n in range(1, samples + 1):
+            r, c = int(row + d_row * n / samples), int(col + d_col * n / samples)
+            if 0 <= r < marks.shape[0] and 0 <= c < marks.shape[1]:
+                marks[r, c] |= TRAIL
+
+
+@njit(cache=True, nogil=True)
+def _draw_local(
+    cells: NDArray[np.int8],
+    marks: NDArray[np.uint8],
+    row: float,
+    col: float,
+    cos: float,
+    sin: float,
+    pixel: float,
+    samples: int,
+    detect: bool,
+    image: NDArray[np.uint8],
+) -> None:
+    """Sample each pixel `samples` x `samples` times; the robot is at (row, col) in cells, a pixel is `pixel` cells wide."""
+    rows, cols = cells.shape
+    channels, size = image.shape[0], image.shape[1]
+    step = pixel / samples
+    half = 0.5 * size * pixel - 0.5 * step
+    free = np.zeros(size, np.int32)
+    bits = np.zeros(size, np.int32)
+    for i in range(size):
+        free[:] = 0
+        bits[:] = 0
+        for k in range(i * samples, (i + 1) * samples):
+            ahead = half - k * step
+            y = row + ahead * sin + half * cos
+            x = col + ahead * cos - half * sin
+            for j in range(size):
+                for _ in range(samples):
+                    if 0.0 <= y < rows and 0.0 <= x < cols:
+                        r, c = int(y), int(x)
+                        value = cells[r, c]
+                        bits[j] |= marks[r, c]
+                        if value == 0:
+                            free[j] += 1
+                            if detect and _borders_unknown(cells, r, c):
+                                bits[j] |= FRONTIER
+                        elif value == 100:
+                            image[1, i, j] = 255
+                    y -= step * cos
+                    x += step * sin
+        for j in range(size):
+            image[0, i, j] = (255 * free[j]) // (samples * samples)
+            if bits[j]:
+                for channel in range(_FIRST_MARK, channels):
+                    if bits[j] & (1 << (channel - _FIRST_MARK)):
+                        image[channel, i, j] = 255
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _borders_unknown(cells: NDArray[np.int8], row: int, col: int) -> bool:
+    """Whether one of the four neighbours is unknown."""
+    rows, cols = cells.shape
+    return bool(
+        (row > 0 and cells[row - 1, col] == -1)
+        or (row + 1 < rows and cells[row + 1, col] == -1)
+        or (col > 0 and cells[row, col - 1] == -1)
+        or (col + 1 < cols and cells[row, col + 1] == -1)
+    )
+
+
+@njit(cache=True, nogil=True)
+def _draw_global(
+    cells: NDArray[np.int8],
+    marks: NDArray[np.uint8],
+    low_row: float,
+    low_col: float,
+    pixels_per_cell: float,
+    image: NDArray[np.uint8],
+) -> None:
+    """Gather cells and marks into the pixels that hold their centres: first down the columns of a band, then along it."""
+    channels, size = image.shape[0], image.shape[1]
+    rows, cols = (
+        _borders(low_row, pixels_per_cell, size, cells.shape[0]),
+        _borders(low_col, pixels_per_cell, size, cells.shape[1]),
+    )
+    first, width = cols[0], cols[size] - cols[0]
+    free_below, value_below, bits_below = (
+        np.empty(width, np.uint16),
+        np.empty(width, np.int8),
+        np.empty(width, np.uint8),
+    )
+    for i in range(size):
+        free_below[:] = 0
+        value_below[:] = 0
+        bits_below[:] = 0
+        height = rows[size - i] - rows[size - 1 - i]
+        for r in range(rows[size - 1 - i], rows[size - i]):
+            values, bits = cells[r, first : first + width], marks[r, first : first + width]
+            for c in range(width):
+                free_below[c] += np.uint16(values[c] == 0)
+                value_below[c] = max(value_below[c], values[c])
+                bits_below[c] |= bits[c]
+        for j in range(size):
+            free, highest, bit = 0, 0, 0
+            for c in range(cols[j] - first, cols[j + 1] - first):
+                free += free_below[c]
+                highest = max(highest, value_below[c])
+                bit |= bits_below[c]
+            if free:
+                image[0, i, j] = (255 * free) // (height * (cols[j + 1] - cols[j]))
+            if highest == 100:
+                image[1, i, j] = 255
+            if bit:
+                for channel in range(_FIRST_MARK, channels):
+                    if bit & (1 << (channel - _FIRST_MARK)):
+                        image[channel, i, j] = 255
+
+
+@njit(cache=True, nogil=True)
+def _borders(low: float, pixels_per_cell: float, size: int, count: int) -> NDArray[np.int64]:
+    """int64 (size + 1,): the first cell (of `count`) whose centre lies in each pixel or beyond, along one axis."""
+    borders = np.empty(size + 1, np.int64)
+    for k in range(size + 1):
+        borders[k] = min(max(0, int(np.ceil(low + k / pixels_per_cell - 0.5))), count)
+    return borders

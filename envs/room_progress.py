@@ -1,0 +1,132 @@
+"""What the floor plan's rooms tell of an episode: what is left to see in each, and how far it is between them.
+
+Only rewards and the critic's privileged view read it; policies do not.
+"""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers.decision import Truth
+from layoutexplore.frontiers.tour_features import LITTLE_LEFT
+from layoutexplore.grids.grid import Cell
+from layoutexplore.maps.floorplan import PlanRaster
+from layoutexplore.planning.shortest_paths import distances_between
+
+_BLOCK = 4
+"""Cells of the plan per cell of the kept distance fields, along each axis."""
+
+
+class RoomLedger:
+    """What is left to see in every room of an episode's floor plan, and how often the robot has been in it.
+
+    Args:
+        truth: The truth of the episode.
+
+    Attributes:
+        left: float64 (rooms + 1,), square metres of the target area in each room that have not been seen;
+            entry 0 lies in no room.
+        counted: bool (rooms + 1,), the rooms that had 1 m² or more to see at first: smaller ones are no rooms
+            to visit.
+        open: bool (rooms + 1,), those of them with 1 m² or more left to see.
+        visits: int64 (rooms + 1,), how often the robot has entered each room.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        self._raster = truth.raster
+        self._cell_area = truth.raster.resolution**2
+        ids = truth.raster.room_ids
+        counts = np.bincount(ids[truth.target], minlength=int(ids.max()) + 1)
+        self.left = np.asarray(counts * self._cell_area, np.float64)
+        self.counted = self.left >= LITTLE_LEFT
+        self.counted[0] = False
+        self.open = self.counted
+        self.visits = np.zeros(len(counts), np.int64)
+        self._room = self._walked = 0
+
+    def update(self, unseen: NDArray[np.int64], track: NDArray[np.float64] | None) -> int:
+        """Take note of what has happened since the last call.
+
+        Args:
+            unseen: int64 (rooms + 1,), how many cells of the target area have not been seen in each room.
+            track: float64 (n, 3), the robot's true poses since the episode began; None leaves the visits as
+                they are, which is quicker.
+
+        Returns:
+            Number of rooms that were finished (less than 1 m² left) before the robot came to them a second
+            time.
+        """
+        if track is not None:
+            self._follow(track)
+        open_before = self.open
+        self.left = np.asarray(unseen * self._cell_area, np.float64)
+        self.open = self.counted & (self.left >= LITTLE_LEFT)
+        return int(np.count_nonzero(open_before & ~self.open & (self.visits <= 1)))
+
+    def _follow(self, track: NDArray[np.float64]) -> None:
+        """Count the rooms that were entered."""
+        if len(track) > self._walked:
+            origin, resolution = self._raster.origin, self._raster.resolution
+            cols, rows = np.floor((track[self._walked :, :2] - origin[:2]) / resolution).astype(np.int64).T
+            rooms = self._raster.room_ids[rows, cols]
+            rooms = rooms[rooms > 0]
+            entered = rooms[np.diff(rooms, prepend=self._room) != 0]
+            np.add.at(self.visits, entered, 1)
+            self._room = int(rooms[-1]) if len(rooms) else self._room
+        self._walked = len(track)
+
+
+class RoomDistances:
+    """How far it is to the rooms of a floor plan, for one connected area of it.
+
+    Attributes:
+        rooms: int64 (n,), the ids of the rooms.
+        between: float64 (n, n), path lengths in metres between their middles.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        raster = truth.raster
+        ids = np.where(truth.target, raster.room_ids, 0)
+        self.rooms = np.flatnonzero(np.bincount(ids.ravel())[1:]) + 1
+        middles = [_middle(np.argwhere(ids == room), truth.reachable) for room in self.rooms.tolist()]
+        # One reachable cell stands for its block; it is what the fields are kept for.
+        cells = np.argwhere(truth.reachable)
+        width = -(-raster.shape[1] // _BLOCK)
+        blocks, first = np.unique(cells[:, 0] // _BLOCK * width + cells[:, 1] // _BLOCK, return_index=True)
+        self._place = np.zeros(-(-raster.shape[0] // _BLOCK) * width, np.int32)
+        self._place[blocks], self._width = np.arange(len(blocks)), width
+        targets = np.concatenate([np.array(middles, np.int64).reshape(-1, 2), cells[first]]).astype(np.int32)
+        fields = [
+            distances_between(truth.reachable, middle, targets, raster.resolution) for middle in middles
+        ]
+        table = np.array(fields, np.float32).reshape(len(middles), len(targets))
+        self.between = table[:, : len(middles)].astype(np.float64)
+        self._fields = table[:, len(middles) :].astype(np.float16)
+
+    def to_rooms(self, cell: Cell) -> NDArray[np.float64]:
+        """Path lengths float64 (n,) in metres from a reachable cell to the rooms' middles, to half a metre."""
+        place = self._place[cell.row // _BLOCK * self._width + cell.col // _BLOCK]
+        return self._fields[:, place].astype(np.float64)
+
+
+def room_distances(truth: Truth) -> RoomDistances:
+    """The distances of an episode's floor plan, shared by all episodes of the process in the same area of it."""
+    kept = _DISTANCES.setdefault(truth.raster, {})
+    key = (truth.robot_radius, int(np.argmax(truth.reachable)))
+    if key not in kept:
+        kept[key] = RoomDistances(truth)
+    return kept[key]
+
+
+_DISTANCES: WeakKeyDictionary[PlanRaster, dict[tuple[float, int], RoomDistances]] = WeakKeyDictionary()
+
+
+def _middle(cells: NDArray[np.int64], reachable: NDArray[np.bool_]) -> Cell:
+    """The reachable cell nearest to the middle of a room's cells int64 (n, 2): inside of the room if there is one."""
+    inside = cells[reachable[cells[:, 0], cells[:, 1]]]
+    candidates = inside if len(inside) else np.argwhere(reachable)
+    nearest = candidates[np.argmin(((candidates - cells.mean(axis=0)) ** 2).sum(axis=1))]
+    return Cell(int(nearest[0]), int(nearest[1]))

@@ -1,0 +1,341 @@
+"""Who steps the environments of a vector: this thread, a few threads, or worker processes with shared memory.
+
+A crew has one or more members, each with its own group of environments (`Lanes`). A command goes to all of
+them and the answers are collected; between the two the caller may do something else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import multiprocessing
+import pickle
+import signal
+import sys
+import types
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from functools import partial
+from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as wait_for
+from typing import Any, Protocol
+
+import cloudpickle  # type: ignore[import-untyped]  # gymnasium depends on it
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from layoutexplore.envs.base import ExplorationEnv
+from layoutexplore.envs.vector_buffers import Buffers, Lanes
+from layoutexplore.errors import WorkerError
+from layoutexplore.processes import single_threaded
+
+Make = Callable[[], ExplorationEnv[Any]]
+
+_STEP, _DONE = pickle.dumps(("step", ())), pickle.dumps(None)
+"""What travels most, packed once."""
+
+_PATIENCE = 5.0
+"""Seconds that a worker is given to end by itself."""
+
+
+class Crew(Protocol):
+    """Groups of environments that obey commands.
+
+    Attributes:
+        buffers: What all environments write, a row each.
+        groups: Half-open ranges of rows, one per member.
+    """
+
+    buffers: Buffers
+    groups: Sequence[tuple[int, int]]
+
+    def start(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> None:
+        """Send a command of `Lanes` to every member, with its arguments."""
+
+    def wait(self) -> list[Any]:
+        """The members' answers; raises what one of them raised."""
+
+    def start_one(self, k: int, command: str, arguments: tuple[Any, ...]) -> None:
+        """Send a command to one member, which must not be busy."""
+
+    def wait_one(self) -> int:
+        """A member that has answered its `start_one`; raises what it raised."""
+
+    def close(self) -> None:
+        """End it; never raises."""
+
+
+class LocalCrew:
+    """One group of environments in this thread, or several on threads.
+
+    Args:
+        make: Makes an environment.
+        template: One of them, for its spaces.
+        groups: Half-open ranges of rows, one per member.
+        autoreset: When the next episode begins.
+        limit: Steps after which an episode is truncated, or None.
+        threads: Whether each member has a thread of its own.
+    """
+
+    def __init__(
+        self,
+        make: Make,
+        template: ExplorationEnv[Any],
+        groups: Sequence[tuple[int, int]],
+        autoreset: AutoresetMode,
+        limit: int | None,
+        *,
+        threads: bool,
+    ) -> None:
+        self.groups = groups
+        self.buffers = Buffers.allocate(template, groups[-1][1], np.zeros)
+        self.members = [Lanes(make, self.buffers.rows(*group), autoreset, limit) for group in groups]
+        self._pool = ThreadPoolExecutor(len(groups), thread_name_prefix="lanes") if threads else None
+        self._answers: list[Any] = []
+        self._futures: list[Future[Any]] = []
+        self._single: dict[Future[Any], int] = {}
+        self._done: list[int] = []
+
+    def start(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> None:
+        """Send a command; without threads it is done at once."""
+        tasks = list(zip(self.members, arguments, strict=True))
+        if self._pool:
+            self._futures = [self._pool.submit(member.obey, command, *given) for member, given in tasks]
+        else:
+            self._answers = [member.obey(command, *given) for member, given in tasks]
+
+    def wait(self) -> list[Any]:
+        """The members' answers."""
+        if self._pool:
+            for future in self._futures:
+                future.exception()
+            self._answers = [future.result() for future in self._futures]
+        return self._answers
+
+    def start_one(self, k: int, command: str, arguments: tuple[Any, ...]) -> None:
+        """Send a command to one member; without threads it is done at once."""
+        obey = partial(self.members[k].obey, command, *arguments)
+        if self._pool:
+            self._single[self._pool.submit(obey)] = k
+        else:
+            obey()
+            self._done.append(k)
+
+    def wait_one(self) -> int:
+        """A member that has answered its `start_one`."""
+        if not self._pool:
+            return self._done.pop(0)
+        done = next(iter(wait(self._single, return_when=FIRST_COMPLETED).done))
+        k = self._single.pop(done)
+        done.result()
+        return k
+
+    def close(self) -> None:
+        """Close the environments and end the threads."""
+        if self._pool:
+            self._pool.shutdown()
+        for member in self.members:
+            member.close()
+
+
+class ProcessCrew:
+    """Groups of environments in worker processes that write into memory shared with this one.
+
+    The workers are spawned (threads and compiled kernels do not survive a fork), keep to one thread each, and
+    do not import the program's main module: what they need travels by value. They end with this process,
+    however it ends.
+
+    Args:
+        make: Makes an environment; functions and classes that it needs may come from the main module.
+        template: One of them, for its spaces.
+        groups: Half-open ranges of rows, one per worker.
+        autoreset: When the next episode begins.
+        limit: Steps after which an episode is truncated, or None.
+    """
+
+    def __init__(
+        self,
+        make: Make,
+        template: ExplorationEnv[Any],
+        groups: Sequence[tuple[int, int]],
+        autoreset: AutoresetMode,
+        limit: int | None,
+    ) -> None:
+        context = multiprocessing.get_context("spawn")
+        blocks: list[Any] = []
+
+        def shared(shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
+            blocks.append(context.RawArray(ctypes.c_uint8, max(1, int(np.prod(shape)) * dtype.itemsize)))
+            return _array(blocks[-1], shape, dtype)
+
+        self.groups = groups
+        self.buffers = Buffers.allocate(template, groups[-1][1], shared)
+        self._processes: list[Any] = []
+        self._pipes: list[Connection] = []
+        self._waiting = [False] * len(groups)
+        settings = cloudpickle.dumps((make, groups[-1][1], autoreset, limit))
+        try:
+            with single_threaded(), _blank_main():
+                for k, group in enumerate(groups):
+                    here, there = context.Pipe()
+                    process = context.Process(
+                        target=_work,
+                        args=(there, settings, blocks, group),
+                        daemon=True,
+                        name=f"layoutexplore-lanes-{k}",
+                    )
+                    process.start()
+                    there.close()
+                    self._processes.append(process)
+                    self._pipes.append(here)
+            self._waiting = [True] * len(groups)
+            self.wait()
+        except BaseException:
+            self.close()
+            raise
+
+    def start(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> None:
+        """Send a command; an answer that was never collected (the user pressed Ctrl-C) is thrown away first."""
+        if any(self._waiting):
+            self.wait()
+        for k, given in enumerate(arguments):
+            self.start_one(k, command, given)
+
+    def start_one(self, k: int, command: str, arguments: tuple[Any, ...]) -> None:
+        """Send a command to one worker."""
+        try:
+            self._pipes[k].send_bytes(_STEP if command == "step" else cloudpickle.dumps((command, arguments)))
+        except (BrokenPipeError, ConnectionError):
+            raise self._death(k) from None
+        self._waiting[k] = True
+
+    def wait(self) -> list[Any]:
+        """The workers' answers.
+
+        Raises:
+            WorkerError: A worker died.
+        """
+        answers = [self._answer_of(k) for k, waits in enumerate(self._waiting) if waits]
+        for answer in answers:
+            if isinstance(answer, _Failure):
+                raise answer.error
+        return answers
+
+    def wait_one(self) -> int:
+        """A worker that has answered.
+
+        Raises:
+            WorkerError: A worker died.
+        """
+        ready = wait_for([pipe for pipe, waits in zip(self._pipes, self._waiting, strict=True) if waits])
+        k = next(k for k, pipe in enumerate(self._pipes) if pipe in ready)
+        answer = self._answer_of(k)
+        if isinstance(answer, _Failure):
+            raise answer.error
+        return k
+
+    def _answer_of(self, k: int) -> Any:
+        try:
+            answer = pickle.loads(self._pipes[k].recv_bytes())
+        except (EOFError, ConnectionError):
+            raise self._death(k) from None
+        self._waiting[k] = False
+        return answer
+
+    def close(self) -> None:
+        """End the workers: by asking, then by force."""
+        for pipe in self._pipes:
+            with contextlib.suppress(OSError):
+                pipe.send_bytes(cloudpickle.dumps(("leave", ())))
+            pipe.close()
+        for process in self._processes:
+            process.join(_PATIENCE)
+            for end in (process.terminate, process.kill):
+                if process.is_alive():
+                    end()
+                    process.join(_PATIENCE)
+            process.close()
+        self._processes, self._pipes = [], []
+
+    def _death(self, k: int) -> WorkerError:
+        process, (begin, end) = self._processes[k], self.groups[k]
+        process.join(_PATIENCE)
+        code = process.exitcode
+        self.close()
+        cause = (
+            f"was killed by {signal.Signals(-code).name}"
+            if code and code < 0
+            else f"ended with exit code {code}"
+        )
+        return WorkerError(
+            f"worker {k} of {len(self.groups)} (environments {begin} to {end - 1}) {cause}; the vector environment is closed: "
+            "make a new one, with fewer workers if memory ran out"
+        )
+
+
+class _Failure:
+    """An error that a worker answers with."""
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+
+@contextlib.contextmanager
+def _blank_main() -> Iterator[None]:
+    """Spawned processes import the main module; here nothing of it is needed, and it may lack a `__main__` guard."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+def _array(block: Any, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
+    count = int(np.prod(shape))
+    return np.frombuffer(block, np.uint8)[: count * dtype.itemsize].view(dtype).reshape(shape)
+
+
+def _work(pipe: Connection, settings: bytes, blocks: list[Any], group: tuple[int, int]) -> None:
+    """The life of a worker: make its environments, then obey until told to leave or the pipe breaks."""
+    import cv2
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that owns the workers.
+    cv2.setNumThreads(1)
+    left = iter(blocks)
+    with contextlib.suppress(EOFError, OSError):
+        try:
+            make, count, autoreset, limit = pickle.loads(settings)
+            buffers = Buffers.allocate(make(), count, lambda shape, dtype: _array(next(left), shape, dtype))
+            lanes = Lanes(make, buffers.rows(*group), autoreset, limit)
+        except Exception as error:
+            _answer(pipe, _Failure(error))
+            return
+        _answer(pipe, None)
+        while True:
+            command, arguments = pickle.loads(pipe.recv_bytes())
+            if command == "leave":
+                break
+            try:
+                answer = lanes.obey(command, *arguments)
+            except Exception as error:
+                answer = _Failure(error)
+            _answer(pipe, answer)
+        lanes.close()
+
+
+def _answer(pipe: Connection, answer: Any) -> None:
+    """Send an answer; one that cannot travel becomes an error that says so."""
+    if answer is None:
+        pipe.send_bytes(_DONE)
+        return
+    try:
+        data = cloudpickle.dumps(answer)
+        pickle.loads(data)
+    except Exception as error:
+        what = answer.error if isinstance(answer, _Failure) else answer
+        data = cloudpickle.dumps(
+            _Failure(WorkerError(f"what a worker answers cannot be sent: {what!r} ({error})"))
+        )
+    pipe.send_bytes(data)

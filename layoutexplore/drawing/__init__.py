@@ -1,0 +1,1 @@
+"""Pictures of grids, plans, decisions and layouts; films of explorations."""

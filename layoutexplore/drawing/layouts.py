@@ -1,0 +1,174 @@
+"""Pictures of a layout and its stages, as in the first figures of the papers; numpy and OpenCV only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from layoutexplore.drawing.palette import Colour
+from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.layout.types import FaceKind, Layout
+
+Image = NDArray[np.uint8]
+
+INK: Colour = (30, 30, 36)
+PAPER: Colour = (250, 250, 250)
+UNSEEN: Colour = (205, 208, 212)
+LINE: Colour = (208, 48, 48)
+LOCAL: Colour = (232, 150, 60)
+FACES: dict[FaceKind, Colour] = {
+    FaceKind.EXTERNAL: (236, 238, 240),
+    FaceKind.PARTIAL: (190, 196, 205),
+    FaceKind.INTERNAL: (205, 226, 246),
+}
+
+WIDE = 1.6
+"""Width over height from which the panels stand below each other."""
+
+
+def draw_layout(layout: Layout, grid: OccupancyGrid | None = None, *, panel: int = 600) -> Image:
+    """Overview uint8 RGB (h, w, 3): map, clean map, lines, faces and rooms side by side, those of wide maps in a column, y up.
+
+    Args:
+        layout: The layout.
+        grid: The grid it was made from, for the first panel and the labels; the clean grid without it.
+        panel: Longer side of a panel, in pixels.
+    """
+    canvas = _Canvas(layout.clean_grid, panel)
+    panels: list[tuple[str, Callable[[], Image]]] = [
+        ("map", lambda: canvas.background(grid or layout.clean_grid)),
+        ("clean map", lambda: canvas.background(layout.clean_grid)),
+    ]
+    if layout.lines or len(layout.segments):
+        panels.append(("lines", lambda: _draw_lines(canvas, layout)))
+    if layout.faces:
+        panels.append(("faces", lambda: _draw_faces(canvas, layout)))
+    panels.append(("rooms", lambda: _draw_rooms(canvas, layout, grid)))
+    images = [_titled(draw(), title) for title, draw in panels]
+    width, height = canvas.size
+    return np.concatenate(images, axis=0 if width > WIDE * height else 1)
+
+
+def room_colours(count: int) -> NDArray[np.uint8]:
+    """RGB uint8 (count + 1, 3), white for 0: hues by the golden angle, so that close ids look different."""
+    hue = (np.arange(count + 1) * 137.508) % 360
+    level = np.arange(count + 1) % 3
+    hsv = np.stack(
+        (hue / 2, np.choose(level, (95, 150, 70)), np.choose(level, (245, 225, 205))), axis=1
+    ).astype(np.uint8)
+    colours: NDArray[np.uint8] = cv2.cvtColor(hsv[None], cv2.COLOR_HSV2RGB)[0]
+    colours[0] = PAPER
+    return colours
+
+
+class _Canvas:
+    """Maps the known part of a grid to a panel; pictures are drawn upside up, `finish` flips them."""
+
+    def __init__(self, grid: OccupancyGrid, panel: int) -> None:
+        known = np.argwhere(grid.cells >= 0)
+        low, high = (
+            (known.min(axis=0), known.max(axis=0) + 1)
+            if len(known)
+            else (np.zeros(2, int), np.array(grid.shape))
+        )
+        pad = 10
+        self.grid = grid
+        self.low = np.maximum(low - pad, 0)
+        self.high = np.minimum(high + pad, grid.shape)
+        rows, cols = (int(v) for v in self.high - self.low)
+        self.scale = panel / max(rows, cols)
+        self.size = max(round(cols * self.scale), 1), max(round(rows * self.scale), 1)
+
+    def resize(self, image: Image) -> Image:
+        shown = image[self.low[0] : self.high[0], self.low[1] : self.high[1]]
+        way = cv2.INTER_AREA if self.scale < 1 else cv2.INTER_NEAREST
+        return np.ascontiguousarray(cv2.resize(np.ascontiguousarray(shown), self.size, interpolation=way))
+
+    def background(self, grid: OccupancyGrid) -> Image:
+        image = np.empty((*grid.shape, 3), np.uint8)
+        image[:] = UNSEEN
+        image[grid.cells == FREE] = PAPER
+        image[grid.cells > FREE] = (150, 150, 155)
+        image[grid.cells == OCCUPIED] = INK
+        return self.resize(image)
+
+    def pixels(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
+        """Pixels int32 (n, 2) with 4 fractional bits of world points (n, 2)."""
+        origin = self.grid.origin
+        c, s = np.cos(origin.theta), np.sin(origin.theta)
+        local = (points - (origin.x, origin.y)) @ np.array([[c, -s], [s, c]])
+        at = (local / self.grid.resolution - self.low[::-1]) * self.scale - 0.5
+        return np.asarray(np.rint(at * 16), np.int32)
+
+    def line(
+        self, image: Image, start: NDArray[np.float64], end: NDArray[np.float64], colour: Colour, width: int
+    ) -> None:
+        a, b = self.pixels(np.stack((start, end))).tolist()
+        cv2.line(image, a, b, colour, width, cv2.LINE_AA, 4)
+
+    def fill(self, image: Image, polygon: shapely.Polygon, colour: Colour) -> None:
+        rings = [polygon.exterior, *polygon.interiors]
+        cv2.fillPoly(
+            image, [self.pixels(shapely.get_coordinates(r))[:, None] for r in rings], colour, cv2.LINE_AA, 4
+        )
+
+    def outline(self, image: Image, polygon: shapely.Polygon, colour: Colour, width: int) -> None:
+        for ring in (polygon.exterior, *polygon.interiors):
+            cv2.polylines(
+                image,
+                [self.pixels(shapely.get_coordinates(ring))[:, None]],
+                True,
+                colour,
+                width,
+                cv2.LINE_AA,
+                4,
+            )
+
+
+def _draw_lines(canvas: _Canvas, layout: Layout) -> Image:
+    image = canvas.background(layout.clean_grid)
+    image = np.asarray(255 - (255 - image.astype(np.int16)) // 3, np.uint8)
+    for line in layout.lines:
+        if not line.is_border:
+            colour, width = (LOCAL, 1) if line.is_local else (LINE, 1)
+            canvas.line(image, np.array(line.start), np.array(line.end), colour, width)
+    for x0, y0, x1, y1 in layout.segments:
+        canvas.line(image, np.array((x0, y0)), np.array((x1, y1)), (30, 110, 60), 2)
+    return image
+
+
+def _draw_faces(canvas: _Canvas, layout: Layout) -> Image:
+    image = canvas.background(layout.clean_grid)
+    for face in layout.faces:
+        if not face.polygon.is_empty:
+            canvas.fill(image, face.polygon, FACES[face.kind])
+    for face in layout.faces:
+        for edge in face.edges:
+            grey = round(200 - 180 * edge.weight)
+            width = 1 + 2 * (edge.weight > 0.5)
+            canvas.line(image, np.array(edge.start), np.array(edge.end), (grey, grey, grey), width)
+    return image
+
+
+def _draw_rooms(canvas: _Canvas, layout: Layout, grid: OccupancyGrid | None) -> Image:
+    labels = layout.room_labels(grid)
+    image = room_colours(int(labels.max(initial=0)))[labels]
+    shown = grid or layout.clean_grid
+    image[(labels == 0) & (shown.cells < FREE)] = UNSEEN
+    image[shown.cells == OCCUPIED] = INK
+    image = canvas.resize(image)
+    for room in layout.rooms:
+        if not room.polygon.is_empty:
+            canvas.outline(image, room.polygon, LINE if room.is_partial else (60, 60, 70), 1)
+    return image
+
+
+def _titled(image: Image, title: str) -> Image:
+    """The picture flipped so that y is up, with a title bar and a margin on its right."""
+    shown = np.pad(image[::-1], ((26, 0), (0, 8), (0, 0)), constant_values=255)
+    cv2.putText(shown, title, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.55, INK, 1, cv2.LINE_AA)
+    return shown

@@ -1,0 +1,324 @@
+"""Pictures of grids, floor plans and running simulations, with numpy and OpenCV only.
+
+Everything is drawn y up, in the colours of `layoutexplore.drawing.palette`. `draw_state` is one frame of a
+film: its size does not change during a run, and what the robot cannot know (the floor plan it has not seen)
+is only hinted at.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.drawing import palette
+from layoutexplore.drawing.dashboard import draw_dashboard, write
+from layoutexplore.errors import ConfigError
+from layoutexplore.frontiers.decision import Decision, Frontier
+from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
+from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.planning.shortest_paths import descend
+from layoutexplore.sensing.lidar import Lidar
+
+if TYPE_CHECKING:
+    from layoutexplore.simulation.simulation import Simulation
+
+Image = NDArray[np.uint8]
+"""uint8 (height, width, 3), red, green, blue."""
+
+_SHIFT = 4
+"""OpenCV's fixed-point bits: shapes are placed to a sixteenth of a pixel."""
+
+_WALL_DEPTH = 0.3
+"""Metres of solid ground beside free space that are drawn as wall; what lies farther in is left pale."""
+
+
+_UNSEEN, _PREDICTED, _MISTAKEN, _FRONTIER = 101, 102, 103, 104
+"""Codes for what is not a cell value: true floor that has not been seen, what is predicted to be the rest of a room and is
+such floor or not, and the first frontier class."""
+
+_CLASSES = (palette.FRONTIER, palette.CLOSED, palette.OPEN)
+"""Colours of frontiers without a class, closed ones and open ones."""
+
+
+def draw_grid(grid: OccupancyGrid, *, scale: int = 1) -> Image:
+    """A grid as a picture: white free, dark occupied, pale grey unknown; cells in between are shaded.
+
+    Args:
+        grid: What to draw.
+        scale: Pixels per cell.
+
+    Returns:
+        uint8 (rows * scale, cols * scale, 3) RGB; the top row is the highest y.
+    """
+    return _enlarge(_colours().take(grid.cells.view(np.uint8), axis=0), scale)
+
+
+def draw_plan(raster: PlanRaster, *, scale: int = 1) -> Image:
+    """A floor plan with its rooms in pale colours and its walls dark.
+
+    Args:
+        raster: What to draw.
+        scale: Pixels per cell.
+
+    Returns:
+        uint8 (rows * scale, cols * scale, 3) RGB; the top row is the highest y.
+    """
+    image = np.empty((*raster.shape, 3), np.uint8)
+    image[:] = palette.CANVAS
+    image[raster.free] = palette.FREE
+    rooms = raster.room_ids > 0
+    image[rooms] = np.array(palette.ROOMS, np.uint8)[(raster.room_ids[rooms] - 1) % len(palette.ROOMS)]
+    image[_walls(raster)] = palette.WALL
+    return _enlarge(image, scale)
+
+
+def draw_state(
+    simulation: Simulation,
+    *,
+    size: tuple[int, int] | None = None,
+    agent: str = "",
+    target: int | None = None,
+    frontiers: bool = True,
+    truth: bool = True,
+) -> Image:
+    """A frame that shows where a run stands.
+
+    The grid, what a predictor takes for the rest of rooms (strong where it is right), the frontiers with
+    their viewpoints (in the colours of their classes), the way walked (the older the paler), the robot with
+    what it sees, and below them a bar with the plan, the agent, the coverage and its curve over the distance.
+
+    Args:
+        simulation: A simulation that has been reset.
+        size: Width and height in pixels, 320 x 240 or more; None for 960 pixels and a height that suits the
+            plan.
+        agent: Name of the strategy for the caption.
+        target: Index of the frontier the robot is about to go to; the way there is drawn.
+        frontiers: Whether to draw frontiers; without them the decision that is due is not computed.
+        truth: Whether to hint at the floor that has not been seen, and at mistaken predictions.
+
+    Returns:
+        uint8 (height, width, 3) RGB.
+
+    Raises:
+        ConfigError: The size is too small.
+    """
+    width, height = size or _suitable_size(simulation.raster.shape)
+    if width < 320 or height < 240:
+        raise ConfigError(f"a frame is at least 320 x 240 pixels, got {width} x {height}")
+    bar = max(76, min(110, max(round(0.13 * height), round(0.09 * width))))
+    decision = simulation.decision if frontiers else None
+    view = _View.fit(
+        simulation.raster.shape, (width, height - bar), simulation.raster.resolution, simulation.raster.origin
+    )
+    image = view.place(_colours().take(_map_codes(simulation, decision, view.scale, truth), axis=0))
+    _draw_sight(image, view, simulation)
+    _draw_track(image, view, simulation.track)
+    if decision is not None and decision.frontiers:
+        if target is not None:
+            _draw_way(image, view, decision, target)
+        _draw_viewpoints(image, view, decision, target)
+    _draw_robot(image, view, simulation.pose, simulation.config.robot_radius)
+    if decision is not None and decision.layout is not None:
+        _draw_legend(image)
+    frame = np.empty((height, width, 3), np.uint8)
+    frame[: height - bar] = image
+    frame[height - bar :] = draw_dashboard(simulation, (width, bar), agent)
+    return frame
+
+
+def _suitable_size(shape: tuple[int, int], width: int = 960) -> tuple[int, int]:
+    """Width and height in even pixels (films need them even) for a map of (rows, cols)."""
+    high = round(width * shape[0] / shape[1] / 0.87 / 2) * 2
+    return width, min(max(high, 480), 1080)
+
+
+@dataclass(frozen=True)
+class _View:
+    """Where the cells of a grid lie in a picture."""
+
+    shape: tuple[int, int]
+    size: tuple[int, int]
+    scale: float
+    left: float
+    top: float
+    resolution: float
+    origin: Pose
+
+    @classmethod
+    def fit(cls, shape: tuple[int, int], size: tuple[int, int], resolution: float, origin: Pose) -> _View:
+        """The largest view of a grid that fits into (width, height) pixels, with a narrow border."""
+        (rows, cols), (width, height) = shape, size
+        border = 0.012 * width
+        scale = min((width - 2 * border) / cols, (height - 2 * border) / rows)
+        return cls(
+            shape, size, scale, (width - cols * scale) / 2, (height - rows * scale) / 2, resolution, origin
+        )
+
+    def place(self, cells: Image) -> Image:
+        """The picture (height, width, 3) of cells (rows, cols, 3) in grid order, smoothly scaled."""
+        rows, cols = self.shape
+        whole = max(1, math.ceil(self.scale))
+        wide, high = max(1, round(cols * self.scale)), max(1, round(rows * self.scale))
+        large = cells[::-1].repeat(whole, axis=0).repeat(whole, axis=1) if whole > 1 else cells[::-1]
+        image = np.empty((self.size[1], self.size[0], 3), np.uint8)
+        image[:] = palette.CANVAS
+        top, left = round(self.top), round(self.left)
+        image[top : top + high, left : left + wide] = cv2.resize(
+            large, (wide, high), interpolation=cv2.INTER_AREA
+        )
+        return image
+
+    def pixels(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pixel coordinates (x right, y down) of world points (n, 2)."""
+        cells = (points - np.array([self.origin.x, self.origin.y])) / self.resolution
+        xs = self.left + self.scale * cells[:, 0]
+        ys = self.top + self.scale * (self.shape[0] - cells[:, 1])
+        return np.stack([xs, ys], axis=1)
+
+    def fixed(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
+        """The same in OpenCV's fixed-point form, shifted by half a pixel to pixel centres."""
+        return np.round((self.pixels(points) - 0.5) * (1 << _SHIFT)).astype(np.int32)
+
+
+def _colours() -> Image:
+    """uint8 (256, 3): the colour of each code; codes 0..100 and 255 are cell values as unsigned bytes."""
+    table = np.empty((256, 3), np.uint8)
+    table[:] = palette.CANVAS
+    shares = np.linspace(0.0, 1.0, OCCUPIED + 1)[:, None]
+    table[: OCCUPIED + 1] = np.round((1 - shares) * np.array(palette.FREE) + shares * np.array(palette.WALL))
+    table[[_UNSEEN, _PREDICTED, _MISTAKEN]] = palette.UNSEEN, palette.PREDICTED, palette.MISTAKEN
+    table[_FRONTIER : _FRONTIER + len(_CLASSES)] = _CLASSES
+    return table
+
+
+def _enlarge(cells: Image, scale: int) -> Image:
+    if int(scale) != scale or scale < 1:
+        raise ConfigError(f"the scale is a whole number of pixels per cell, 1 or more, got {scale!r}")
+    return np.ascontiguousarray(cells[::-1].repeat(int(scale), axis=0).repeat(int(scale), axis=1))
+
+
+def _walls(raster: PlanRaster) -> NDArray[np.bool_]:
+    """The occupied cells that lie beside free space, bool (rows, cols)."""
+    reach = max(1, round(_WALL_DEPTH / raster.resolution))
+    near = cv2.dilate(raster.free.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+    return raster.occupied & (near > 0)
+
+
+def _map_codes(
+    simulation: Simulation, decision: Decision | None, scale: float, truth: bool
+) -> NDArray[np.uint8]:
+    """The grid with what is predicted and the frontiers as codes of `_colours`, in grid order."""
+    codes = simulation.mapper.grid.cells.view(np.uint8).copy()
+    known_wall = codes == OCCUPIED
+    unknown = codes == 255
+    if truth:
+        codes[unknown & simulation.truth.target] = _UNSEEN
+    if decision is not None and decision.layout is not None:
+        predicted = unknown & (decision.layout.labels > 0)
+        codes[predicted] = np.where(
+            simulation.truth.target[predicted] | (not truth), np.uint8(_PREDICTED), np.uint8(_MISTAKEN)
+        )
+    marks = np.zeros(codes.shape, np.uint8)
+    for frontier in decision.frontiers if decision else ():
+        marks[frontier.cells[:, 0], frontier.cells[:, 1]] = _FRONTIER + _class_of(frontier)
+    reach = max(0, round((4.0 / scale - 1) / 2))
+    if reach:
+        marks[:] = cv2.dilate(
+            marks, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+        )
+    marks[known_wall] = 0
+    return np.where(marks > 0, marks, codes)
+
+
+def _class_of(frontier: Frontier) -> int:
+    """0 for a frontier without a class, 1 for a closed one, 2 for an open one."""
+    return 0 if frontier.is_closed is None else 1 if frontier.is_closed else 2
+
+
+def _draw_sight(image: Image, view: _View, simulation: Simulation) -> None:
+    """Tint what the lidar sees from where the robot is."""
+    pose, lidar, raster = simulation.pose, simulation.lidar, simulation.raster
+    if lidar.config.noisy:
+        lidar = Lidar(
+            replace(lidar.config, range_noise_std=0.0, dropout=0.0),
+            raster.occupied,
+            raster.resolution,
+            raster.origin,
+        )
+    config = lidar.config
+    ranges = np.minimum(lidar.scan(pose), config.range_max).astype(np.float64)
+    angles = pose.theta + config.angles()
+    rim = np.stack([pose.x + ranges * np.cos(angles), pose.y + ranges * np.sin(angles)], axis=1)
+    outline = rim if config.full_turn else np.concatenate([[[pose.x, pose.y]], rim])
+    tint = image.copy()
+    cv2.fillPoly(tint, [view.fixed(outline).reshape(-1, 1, 2)], palette.SIGHT, cv2.LINE_AA, _SHIFT)
+    cv2.addWeighted(tint, 0.22, image, 0.78, 0.0, dst=image)
+
+
+def _draw_track(image: Image, view: _View, track: NDArray[np.float64], pieces: int = 24) -> None:
+    """The way walked, from pale to strong."""
+    points = view.fixed(track[:, :2]).reshape(-1, 1, 2)
+    borders = np.unique(np.linspace(0, len(points) - 1, pieces + 1).astype(int))
+    for first, last in itertools.pairwise(borders.tolist()):
+        colour = palette.mix(palette.TRACK_OLD, palette.TRACK_NEW, last / (len(points) - 1))
+        cv2.polylines(image, [points[first : last + 1]], False, colour, 2, cv2.LINE_AA, _SHIFT)
+
+
+def _draw_way(image: Image, view: _View, decision: Decision, target: int) -> None:
+    """The planned way to a frontier, dashed."""
+    cells = descend(decision.distances, decision.traversable, decision.frontiers[target].viewpoint)
+    points = view.fixed(decision.grid.cells_to_world(cells)).reshape(-1, 1, 2)
+    dash = max(2, round(7 / view.scale))
+    for first in range(0, len(points) - 1, 2 * dash):
+        cv2.polylines(
+            image, [points[first : first + dash + 1]], False, palette.PLANNED, 2, cv2.LINE_AA, _SHIFT
+        )
+
+
+def _draw_viewpoints(image: Image, view: _View, decision: Decision, target: int | None) -> None:
+    """A ring where each frontier would be looked at from."""
+    points = view.fixed(decision.grid.cells_to_world([frontier.viewpoint for frontier in decision.frontiers]))
+    for k, (point, frontier) in enumerate(zip(points.tolist(), decision.frontiers, strict=True)):
+        colour = _CLASSES[_class_of(frontier)]
+        _dot(image, point, 4.5, palette.PLANNED if k == target else colour)
+
+
+def _draw_robot(image: Image, view: _View, pose: Pose, radius: float) -> None:
+    """An arrowhead in the direction of travel, at least large enough to be found."""
+    size = max(11.0, 1.6 * radius / view.resolution * view.scale)
+    angles = np.array([pose.theta, pose.theta + 2.5, pose.theta + math.pi, pose.theta - 2.5])
+    reach = size * np.array([1.0, 0.95, 0.35, 0.95])
+    tip = np.stack([np.cos(angles), -np.sin(angles)], axis=1) * reach[:, None]
+    centre = view.pixels(np.array([[pose.x, pose.y]])) - 0.5
+    corners = np.round((centre + tip) * (1 << _SHIFT)).astype(np.int32).reshape(-1, 1, 2)
+    cv2.polylines(image, [corners], True, palette.WHITE, 5, cv2.LINE_AA, _SHIFT)
+    cv2.fillPoly(image, [corners], palette.ROBOT, cv2.LINE_AA, _SHIFT)
+    cv2.polylines(image, [corners], True, palette.INK, 1, cv2.LINE_AA, _SHIFT)
+
+
+def _dot(image: Image, point: list[int], radius: float, colour: palette.Colour) -> None:
+    """A dot with a white rim at a fixed-point pixel position."""
+    x, y = point
+    cv2.circle(
+        image, (x, y), round((radius + 1.5) * (1 << _SHIFT)), palette.WHITE, cv2.FILLED, cv2.LINE_AA, _SHIFT
+    )
+    cv2.circle(image, (x, y), round(radius * (1 << _SHIFT)), colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
+
+
+def _draw_legend(image: Image) -> None:
+    """What the colours of a prediction mean, in the upper left corner."""
+    left, height = round(0.02 * image.shape[1]), max(8, round(0.011 * image.shape[1]))
+    for colour, text in (
+        (palette.CLOSED, "closed"),
+        (palette.OPEN, "open"),
+        (palette.PREDICTED, "predicted"),
+    ):
+        _dot(image, [(left + height) << _SHIFT, 3 * height << _SHIFT], 0.6 * height, colour)
+        width = write(image, text, left + 2.5 * height, 3.5 * height, height, palette.FADED_INK)
+        left += width + 5 * height

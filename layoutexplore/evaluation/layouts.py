@@ -1,0 +1,137 @@
+"""Layouts of grid maps against floor plans that are not in the maps' frame (IAS-15, section IV-A).
+
+The true rooms are stretched so that the bounding box of all of them equals that of the wall segments that
+were found, as the authors do; then A_FC and A_BC pool the overlap of each room with its best counterpart by
+area.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from layoutexplore.errors import MapError
+from layoutexplore.layout.types import Layout
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayoutScores:
+    """Coverages in 0..1 and the number of rooms they are taken over.
+
+    Attributes:
+        a_fc: Forward accuracy: share of the layout's area inside the true room that each of its rooms
+            overlaps most.
+        a_bc: Backward accuracy: share of the true area inside the layout's room that each true room overlaps
+            most.
+        precision: Mean over the layout's rooms of the overlap share.
+        recall: Mean over the true rooms of the overlap share.
+        rooms: Rooms of the layout.
+        true_rooms: Rooms of the truth.
+    """
+
+    a_fc: float
+    a_bc: float
+    precision: float
+    recall: float
+    rooms: int
+    true_rooms: int
+
+
+def read_outlines(path: str | Path) -> list[shapely.Polygon]:
+    """The true rooms of a school's XML file, in its pixels; y points up in the grid maps that were made from these plans.
+
+    Raises:
+        MapError: The file cannot be read or holds no room.
+    """
+    path = Path(path)
+    try:
+        root = ElementTree.parse(path).getroot()
+        outlines = [
+            [_point(p.attrib) for p in outline.iter("point")] for outline in root.iter("bounding_polygon")
+        ]
+    except (OSError, ElementTree.ParseError, ValueError) as error:
+        raise MapError(f"{path}: cannot read the floor plan: {error}") from error
+    rooms = []
+    for points in outlines:
+        if len(points) >= 3:
+            rooms += [p for p in shapely.get_parts(shapely.Polygon(points).buffer(0)) if p.area > 0]
+    if not rooms:
+        raise MapError(f"{path}: the floor plan has no room")
+    return rooms
+
+
+def _point(attributes: Mapping[str, str]) -> tuple[float, float]:
+    x, y = (float(attributes.get(key, "nan")) for key in "xy")
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"a point needs two finite numbers x and y, got {dict(attributes)}")
+    return x, y
+
+
+def stretch(
+    rooms: Sequence[shapely.Polygon], box: tuple[float, float, float, float]
+) -> list[shapely.Polygon]:
+    """The rooms moved and scaled along x and y so that their common bounding box becomes `box` (x0, y0, x1, y1).
+
+    Example:
+        >>> stretch([shapely.box(0, 0, 1, 2)], (3, 0, 5, 1))[0].bounds
+        (3.0, 0.0, 5.0, 1.0)
+    """
+    x0, y0, x1, y1 = shapely.total_bounds(np.array(rooms, object))
+    low, size = np.array((x0, y0)), np.maximum((x1 - x0, y1 - y0), 1e-9)
+    scale = (np.array(box[2:]) - np.array(box[:2])) / size
+
+    def move(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray((points - low) * scale + np.array(box[:2]))
+
+    return [shapely.transform(room, move) for room in rooms]
+
+
+def wall_bounds(layout: Layout) -> tuple[float, float, float, float]:
+    """Bounding box (x0, y0, x1, y1) of the layout's wall segments, or of its rooms where the method has no segments."""
+    if len(layout.segments):
+        x, y = layout.segments[:, ::2], layout.segments[:, 1::2]
+        return float(x.min()), float(y.min()), float(x.max()), float(y.max())
+    x0, y0, x1, y1 = shapely.total_bounds(np.array([r.polygon for r in layout.rooms], object))
+    return float(x0), float(y0), float(x1), float(y1)
+
+
+def score_layout(layout: Layout, truth: Sequence[shapely.Polygon]) -> LayoutScores:
+    """Compare a layout's rooms with the true ones, whose frame is only known up to a stretch along the axes.
+
+    Args:
+        layout: The layout; one without rooms scores 0.
+        truth: The true rooms with y up, in any units.
+    """
+    if not layout.rooms:
+        return score_polygons([], truth)
+    return score_polygons([room.polygon for room in layout.rooms], stretch(truth, wall_bounds(layout)))
+
+
+def score_polygons(rooms: Sequence[shapely.Polygon], truth: Sequence[shapely.Polygon]) -> LayoutScores:
+    """Compare rooms with true rooms in the same frame; all 0 where either is missing.
+
+    Example:
+        >>> score_polygons([shapely.box(0, 0, 2, 1)], [shapely.box(0, 0, 1, 1), shapely.box(1, 0, 2, 1)]).a_fc
+        0.5
+    """
+    counts = {"rooms": len(rooms), "true_rooms": len(truth)}
+    if not len(rooms) or not len(truth):
+        return LayoutScores(a_fc=0.0, a_bc=0.0, precision=0.0, recall=0.0, **counts)
+    found, true = np.array(rooms, object), np.array(truth, object)
+    overlap = shapely.area(shapely.intersection(found[:, None], true[None, :]))
+    area, true_area = np.maximum(shapely.area(found), 1e-12), np.maximum(shapely.area(true), 1e-12)
+    forward, backward = overlap.max(axis=1), overlap.max(axis=0)
+    return LayoutScores(
+        a_fc=float(forward.sum() / area.sum()),
+        a_bc=float(backward.sum() / true_area.sum()),
+        precision=float((forward / area).mean()),
+        recall=float((backward / true_area).mean()),
+        **counts,
+    )

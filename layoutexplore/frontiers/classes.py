@@ -1,0 +1,226 @@
+"""Closed and open frontiers: is what lies behind the rest of a seen room, or does it lead on?
+
+The same rule serves the truth (with the floor plan's rooms) and every prediction (with the predicted rooms),
+after the definitions of the layout-based exploration papers (Luperto and Amigoni, AAMAS 2021): the room
+behind a frontier is the one with the most unknown free cells within 0.5 m behind it; the frontier is open
+when that room is hardly seen, or when the unknown behind it reaches a square metre of another room; else it
+is closed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassConfig:
+    """The numbers of the definition.
+
+    Attributes:
+        depth: How far behind a frontier its room is looked for, in metres.
+        entrance_share: A room of which less than this share has been seen is entered by an open frontier.
+        beyond_area: Square metres of another room, reached through the unknown, that make a frontier open.
+    """
+
+    depth: float = 0.5
+    entrance_share: float = 0.1
+    beyond_area: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class FrontierClasses:
+    """What lies behind each of k frontiers.
+
+    Attributes:
+        is_closed: bool (k,), the rest of a seen room and nothing else.
+        room: int32 (k,), id of the room behind; 0 when there is none.
+        remaining_area: float64 (k,), the unseen free area of that room in square metres.
+        seen_share: float64 (k,), the share of that room that has been seen, 0..1; 1 when there is no room.
+        area_beyond: float64 (k,), the unknown area in square metres that can be reached through the unknown.
+    """
+
+    is_closed: NDArray[np.bool_]
+    room: NDArray[np.int32]
+    remaining_area: NDArray[np.float64]
+    seen_share: NDArray[np.float64]
+    area_beyond: NDArray[np.float64]
+
+
+DEFAULT_CLASSES = ClassConfig()
+
+
+def classify_frontiers(
+    cells: NDArray[np.int8],
+    frontiers: Sequence[NDArray[np.int32]],
+    room_ids: NDArray[np.int32],
+    passable: NDArray[np.bool_],
+    resolution: float,
+    config: ClassConfig = DEFAULT_CLASSES,
+) -> FrontierClasses:
+    """Classify frontiers on a grid against rooms, true or predicted.
+
+    Args:
+        cells: int8 (rows, cols), what is known.
+        frontiers: Per frontier its cells int32 (n, 2).
+        room_ids: int32 (rows, cols), the room of each cell, 0 none (walls, doorways).
+        passable: bool (rows, cols), cells that are free, in truth or by prediction.
+        resolution: Metres per cell.
+        config: The numbers of the definition.
+
+    Example:
+        A room that is seen to the right of column 1, and an unseen one behind the door in row 1:
+
+        >>> cells = np.array([[-1, 0, 0, 100, -1], [-1, 0, 0, 0, -1], [-1, 0, 0, 100, -1]], np.int8)
+        >>> rooms = np.array([[1, 1, 1, 0, 2], [1, 1, 1, 0, 2], [1, 1, 1, 0, 2]], np.int32)
+        >>> left, door = np.array([[0, 1], [1, 1], [2, 1]], np.int32), np.array([[1, 3]], np.int32)
+        >>> classes = classify_frontiers(cells, [left, door], rooms, cells != 100, resolution=0.5)
+        >>> classes.is_closed.tolist(), classes.room.tolist(), classes.remaining_area.tolist()
+        ([True, False], [1, 2], [0.75, 0.75])
+    """
+    offsets = np.cumsum([0, *(len(f) for f in frontiers)])
+    members = np.concatenate(frontiers).astype(np.int32) if len(frontiers) else np.empty((0, 2), np.int32)
+    depth = max(1, round(config.depth / resolution))
+    total, seen = _count_rooms(cells, room_ids, passable)
+    component, components = _label(cells, members, passable)
+    by_room = _count_components(component, components, room_ids, len(total))
+    room = _rooms_behind(cells, members, offsets, room_ids, passable, depth, len(total))
+    other, beyond = _reached(component, members, offsets, by_room, room)
+    cell_area = resolution**2
+    share = np.where(total[room] > 0, seen[room] / np.maximum(total[room], 1), 1.0)
+    share[room == 0] = 1.0
+    remaining = np.where(room > 0, (total - seen)[room], beyond) * cell_area
+    is_open = (share < config.entrance_share) | (other * cell_area >= config.beyond_area)
+    return FrontierClasses(~is_open, room, remaining, share, (beyond * cell_area).astype(np.float64))
+
+
+@njit(cache=True, nogil=True)
+def _count_rooms(
+    cells: NDArray[np.int8], room_ids: NDArray[np.int32], passable: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Passable cells of each room: all, and those that are known."""
+    rooms = room_ids.max() + 1
+    total, seen = np.zeros(rooms, np.int64), np.zeros(rooms, np.int64)
+    for r in range(cells.shape[0]):
+        for c in range(cells.shape[1]):
+            if passable[r, c]:
+                total[room_ids[r, c]] += 1
+                seen[room_ids[r, c]] += cells[r, c] != -1
+    return total, seen
+
+
+@njit(cache=True, nogil=True)
+def _label(
+    cells: NDArray[np.int8], members: NDArray[np.int32], passable: NDArray[np.bool_]
+) -> tuple[NDArray[np.int32], int]:
+    """Number the 4-connected components of the unknown passable cells that touch a frontier, from 1."""
+    rows, cols = cells.shape
+    component = np.zeros((rows, cols), np.int32)
+    stack = np.empty((rows * cols, 2), np.int32)
+    count = 0
+    for n in range(len(members)):
+        for step in range(4):
+            r, c = members[n, 0] + (step == 0) - (step == 1), members[n, 1] + (step == 2) - (step == 3)
+            if not _unknown_at(cells, passable, r, c) or component[r, c]:
+                continue
+            count += 1
+            component[r, c] = count
+            stack[0] = r, c
+            size = 1
+            while size:
+                size -= 1
+                row, col = stack[size]
+                for turn in range(4):
+                    r, c = row + (turn == 0) - (turn == 1), col + (turn == 2) - (turn == 3)
+                    if _unknown_at(cells, passable, r, c) and component[r, c] == 0:
+                        component[r, c] = count
+                        stack[size] = r, c
+                        size += 1
+    return component, count
+
+
+@njit(cache=True, nogil=True)
+def _unknown_at(cells: NDArray[np.int8], passable: NDArray[np.bool_], r: int, c: int) -> bool:
+    return bool(0 <= r < cells.shape[0] and 0 <= c < cells.shape[1] and cells[r, c] == -1 and passable[r, c])
+
+
+@njit(cache=True, nogil=True)
+def _count_components(
+    component: NDArray[np.int32], components: int, room_ids: NDArray[np.int32], rooms: int
+) -> NDArray[np.int64]:
+    """int64 (components + 1, rooms): cells of each component in each room."""
+    by_room = np.zeros((components + 1, rooms), np.int64)
+    for r in range(component.shape[0]):
+        for c in range(component.shape[1]):
+            if component[r, c]:
+                by_room[component[r, c], room_ids[r, c]] += 1
+    return by_room
+
+
+@njit(cache=True, nogil=True)
+def _rooms_behind(
+    cells: NDArray[np.int8],
+    members: NDArray[np.int32],
+    offsets: NDArray[np.int64],
+    room_ids: NDArray[np.int32],
+    passable: NDArray[np.bool_],
+    depth: int,
+    rooms: int,
+) -> NDArray[np.int32]:
+    """Per frontier the room with the most unknown cells within `depth` steps behind it (the lowest id of equals); 0: none."""
+    stamp = np.zeros(cells.shape, np.int32)
+    queue = np.empty((cells.shape[0] * cells.shape[1], 2), np.int32)
+    room = np.zeros(len(offsets) - 1, np.int32)
+    for k in range(len(room)):
+        votes = np.zeros(rooms, np.int64)
+        first, last = 0, 0
+        for n in range(offsets[k], offsets[k + 1]):
+            queue[last] = members[n]
+            last += 1
+        for _ in range(depth):
+            ring = last
+            while first < ring:
+                row, col = queue[first]
+                first += 1
+                for step in range(4):
+                    r, c = row + (step == 0) - (step == 1), col + (step == 2) - (step == 3)
+                    if _unknown_at(cells, passable, r, c) and stamp[r, c] != k + 1:
+                        stamp[r, c] = k + 1
+                        votes[room_ids[r, c]] += 1
+                        queue[last] = r, c
+                        last += 1
+        votes[0] = 0
+        if votes.max() > 0:
+            room[k] = votes.argmax()
+    return room
+
+
+@njit(cache=True, nogil=True)
+def _reached(
+    component: NDArray[np.int32],
+    members: NDArray[np.int32],
+    offsets: NDArray[np.int64],
+    by_room: NDArray[np.int64],
+    room: NDArray[np.int32],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Per frontier the unknown cells it reaches: the most in any one other room, and all together."""
+    rows, cols = component.shape
+    other, beyond = np.zeros(len(room), np.int64), np.zeros(len(room), np.int64)
+    stamp = np.zeros(len(by_room), np.int32)
+    for k in range(len(room)):
+        reached = np.zeros(by_room.shape[1], np.int64)
+        for n in range(offsets[k], offsets[k + 1]):
+            for step in range(4):
+                r, c = members[n, 0] + (step == 0) - (step == 1), members[n, 1] + (step == 2) - (step == 3)
+                if 0 <= r < rows and 0 <= c < cols and component[r, c] and stamp[component[r, c]] != k + 1:
+                    stamp[component[r, c]] = k + 1
+                    reached += by_room[component[r, c]]
+        beyond[k] = reached.sum()
+        reached[0] = 0
+        reached[room[k]] = 0
+        other[k] = reached.max()
+    return other, beyond

@@ -1,0 +1,237 @@
+"""Frontiers: where what is known to be free borders the unknown (Yamauchi, 1997).
+
+A frontier cell is a free cell (value 0) with an unknown cell (-1) to its left, right, above or below.
+Frontier cells that touch, corners included, are one cluster. Clusters come in raster order of their first
+cells, their cells in raster order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.errors import MapError
+from layoutexplore.union_find import root_of
+
+
+@dataclass(frozen=True, eq=False)
+class FrontierClusters:
+    """Clusters of frontier cells.
+
+    Attributes:
+        cells: int32 (m, 2) as (row, col), cluster after cluster.
+        offsets: int64 (k + 1,): cluster i is `cells[offsets[i]:offsets[i + 1]]`.
+    """
+
+    cells: NDArray[np.int32]
+    offsets: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    @classmethod
+    def of(cls, clusters: Sequence[NDArray[np.int32]]) -> FrontierClusters:
+        """One or more clusters int32 (n, 2), put one behind the other."""
+        offsets = np.cumsum([0, *(len(cluster) for cluster in clusters)], dtype=np.int64)
+        return cls(np.ascontiguousarray(np.concatenate(clusters), np.int32), offsets)
+
+    def cluster(self, i: int) -> NDArray[np.int32]:
+        """Cells int32 (n, 2) as (row, col) of one cluster."""
+        return self.cells[self.offsets[i] : self.offsets[i + 1]]
+
+
+def find_frontiers(cells: NDArray[np.int8]) -> FrontierClusters:
+    """All frontier clusters of a grid.
+
+    Args:
+        cells: int8 (rows, cols); -1 unknown, 0 free, 100 occupied.
+
+    Example:
+        >>> clusters = find_frontiers(np.array([[0, 0, -1], [0, 100, 100], [0, 0, -1]], np.int8))
+        >>> len(clusters), clusters.cluster(1).tolist()
+        (2, [[2, 1]])
+    """
+    cells = check_grid(cells)
+    flat = _scan(cells, 0, cells.shape[0], 0, cells.shape[1])
+    return FrontierClusters(*_cluster(flat, cells.shape[1]))
+
+
+class FrontierDetector:
+    """Frontier clusters of a grid that changes, at the cost of what changed.
+
+    Args:
+        shape: (rows, cols) of the grid, which is taken to be all unknown at first.
+
+    Example:
+        >>> cells = np.full((4, 4), -1, np.int8)
+        >>> detector = FrontierDetector(cells.shape)
+        >>> cells[1, 2] = 0
+        >>> detector.update(cells, (1, 2, 2, 3)).cells.tolist()
+        [[1, 2]]
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape = (int(shape[0]), int(shape[1]))
+        self._flat = np.empty(0, np.int64)
+
+    def update(self, cells: NDArray[np.int8], box: tuple[int, int, int, int]) -> FrontierClusters:
+        """The clusters after cells inside the box have changed; the same as `find_frontiers(cells)`.
+
+        Args:
+            cells: int8 (rows, cols), the grid.
+            box: (row0, row1, col0, col1), half open, around all cells that changed since the last call; may
+                be empty.
+
+        Raises:
+            MapError: The grid has another shape than the detector.
+        """
+        cells = check_grid(cells)
+        if cells.shape != self.shape:
+            raise MapError(f"this detector follows a grid of shape {self.shape}, got {cells.shape}")
+        row0, row1, col0, col1 = box
+        if row1 > row0 and col1 > col0:
+            rows, cols = self.shape
+            # A cell next to a changed one may have become, or ceased to be, a frontier.
+            row0, row1 = max(row0 - 1, 0), min(row1 + 1, rows)
+            col0, col1 = max(col0 - 1, 0), min(col1 + 1, cols)
+            fresh = _scan(cells, row0, row1, col0, col1)
+            self._flat = _merge(self._flat, fresh, cols, row0, row1, col0, col1)
+        return FrontierClusters(*_cluster(self._flat, self.shape[1]))
+
+
+def check_grid(cells: NDArray[np.int8]) -> NDArray[np.int8]:
+    """The cells int8 (rows, cols), C-contiguous; raises `MapError` where they are anything else."""
+    if cells.ndim != 2 or cells.dtype != np.int8:
+        raise MapError(f"frontiers need int8 cells in two dimensions, got {cells.dtype} {cells.shape}")
+    return np.ascontiguousarray(cells)
+
+
+@njit(cache=True, nogil=True)
+def _mark_row(
+    here: NDArray[np.int8],
+    left: NDArray[np.int8],
+    right: NDArray[np.int8],
+    above: NDArray[np.int8],
+    below: NDArray[np.int8],
+    mark: NDArray[np.uint8],
+) -> None:
+    """Mark free cells beside an unknown one; without branches or other loops around, so that it compiles to SIMD."""
+    for c in range(here.size):
+        unknown = (left[c] == -1) | (right[c] == -1) | (above[c] == -1) | (below[c] == -1)
+        mark[c] = (here[c] == 0) & unknown
+
+
+@njit(cache=True, nogil=True)
+def _scan(cells: NDArray[np.int8], row0: int, row1: int, col0: int, col1: int) -> NDArray[np.int64]:
+    """Flat indices of the frontier cells in a box, in raster order."""
+    rows, cols = cells.shape
+    found = np.empty(
+        (row1 - row0) * (col1 - col0), np.int64
+    )  # Of which only the pages that are written cost anything.
+    count = 0
+    inner0, inner1 = max(col0, 1), min(col1, cols - 1)
+    # One byte a column, looked through eight at a time.
+    mark = np.zeros((cols + 7) // 8 * 8, np.uint8)
+    words = mark.view(np.uint64)
+    for r in range(row0, row1):
+        # A row beyond the edge is replaced by the row itself: next to itself no free cell is unknown.
+        above, below = cells[max(r - 1, 0)], cells[min(r + 1, rows - 1)]
+        if inner1 > inner0:
+            here, left, right = (
+                cells[r, inner0:inner1],
+                cells[r, inner0 - 1 : inner1 - 1],
+                cells[r, inner0 + 1 : inner1 + 1],
+            )
+            _mark_row(here, left, right, above[inner0:inner1], below[inner0:inner1], mark[inner0:inner1])
+        for c in (0, cols - 1):
+            if col0 <= c < col1:
+                beside = cells[r, max(c - 1, 0)] == -1 or cells[r, min(c + 1, cols - 1)] == -1
+                mark[c] = cells[r, c] == 0 and (beside or above[c] == -1 or below[c] == -1)
+        for w in range(col0 // 8, (col1 + 7) // 8):
+            if words[w] == 0:
+                continue
+            for c in range(8 * w, 8 * w + 8):
+                if mark[c]:
+                    found[count] = r * cols + c
+                    count += 1
+    return found[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _merge(
+    old: NDArray[np.int64], fresh: NDArray[np.int64], cols: int, row0: int, row1: int, col0: int, col1: int
+) -> NDArray[np.int64]:
+    """The old sorted indices outside of the box and the fresh ones inside, sorted."""
+    merged = np.empty(old.size + fresh.size, np.int64)
+    first, behind = int(np.searchsorted(old, row0 * cols)), int(np.searchsorted(old, row1 * cols))
+    merged[:first] = old[:first]
+    count, j = first, 0
+    for i in range(first, behind):
+        index = old[i]
+        if col0 <= index % cols < col1:
+            continue
+        while j < fresh.size and fresh[j] < index:
+            merged[count] = fresh[j]
+            count += 1
+            j += 1
+        merged[count] = index
+        count += 1
+    rest = fresh.size - j
+    merged[count : count + rest] = fresh[j:]
+    count += rest
+    rest = old.size - behind
+    merged[count : count + rest] = old[behind:]
+    return merged[: count + rest].copy()
+
+
+@njit(cache=True, nogil=True)
+def _cluster(flat: NDArray[np.int64], cols: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Group sorted flat indices into 8-connected clusters: cells (m, 2) and offsets (k + 1,)."""
+    m = flat.size
+    parent = np.arange(m)
+    row = np.empty(m, np.int32)
+    col = np.empty(m, np.int32)
+    # Entries [above, line) lie in the row above, from the current cell's upper left neighbour on; [line, i)
+    # in its own.
+    above, line, current, start = 0, 0, -1, -cols
+    for i in range(m):
+        if flat[i] >= start + cols:
+            r = flat[i] // cols
+            above = line if r == current + 1 else i
+            line, current, start = i, r, r * cols
+        row[i], col[i] = current, flat[i] - start
+        if i > line and col[i - 1] == col[i] - 1:
+            parent[i] = parent[i - 1]
+        while above < line and col[above] < col[i] - 1:
+            above += 1
+        k = above
+        while k < line and col[k] <= col[i] + 1:
+            a, b = root_of(parent, k), root_of(parent, i)
+            parent[max(a, b)] = min(a, b)
+            k += 1
+    # Roots are the first cells of their clusters, so numbering them in order puts the clusters in order.
+    label = np.empty(m, np.int64)
+    count = 0
+    for i in range(m):
+        r = root_of(parent, i)
+        if r == i:
+            label[i] = count
+            count += 1
+        else:
+            label[i] = label[r]
+    offsets = np.zeros(count + 1, np.int64)
+    for i in range(m):
+        offsets[label[i] + 1] += 1
+    for k in range(count):
+        offsets[k + 1] += offsets[k]
+    place = offsets[:-1].copy()
+    cells = np.empty((m, 2), np.int32)
+    for i in range(m):
+        k = place[label[i]]
+        cells[k, 0], cells[k, 1] = row[i], col[i]
+        place[label[i]] += 1
+    return cells, offsets

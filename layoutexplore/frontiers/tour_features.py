@@ -1,0 +1,184 @@
+"""Which frontiers a tour is planned over, and what each costs on top of it.
+
+A tour visits the sizeable frontiers that need not wait: a closed one with hardly anything left in its room is
+taken when no other is left. The tour agents go where it begins; policies are shown each frontier's place in
+it and what going there first would add. A `TourConfig` says how the tour weighs things; a policy may have
+learnt one of its own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.frontiers.decision import Decision, Frontier
+from layoutexplore.planning.latency_tours import latency_tour
+
+TOUR_SIZE = 1.0
+"""Metres; smaller frontiers wait until no other is left, where no layout tells what is behind them."""
+
+LAYOUT_TOUR_SIZE = 0.4
+"""The same where a layout tells: it leaves out what is small and near a finished room's wall."""
+
+LITTLE_LEFT = 1.0
+"""Square metres; closed frontiers with less left in their room wait."""
+
+MOST_AREA = 30.0
+"""Square metres; more than this in view counts as this much: walls that nobody has seen yet stand in the way."""
+
+SAME_GOAL = 2.0
+"""Metres; a frontier that is nearer to the middle of the one last gone to is what is left of it."""
+
+SURE = 0.7
+"""Probability of being right from which a class is relied on where nobody looks again: to stop."""
+
+BEGUN = 60.0
+"""Square metres of known floor from which a building can be finished: before, the robot has hardly left its first room."""
+
+_UNCONNECTED = 1e6
+
+
+@dataclass(frozen=True, kw_only=True)
+class TourConfig:
+    """How a tour weighs ways and areas. The defaults are the tour of the agents `layout-tour` and `latency-tour`.
+
+    A frontier's weight is min(area in view, most_area) ** area_exponent * (1 + expected area) **
+    expected_exponent.
+
+    Attributes:
+        patience: Weight of the tour's length against the mean way to a unit of weight.
+        most_area: Square metres; more than this in view counts as this much.
+        area_exponent: Of the area in view.
+        expected_exponent: Of 1 + the expected area in square metres, where a predictor tells one.
+        first_leg: By which share the way to the first stop counts more than the ways between stops: it is
+            walked as planned, the others may be planned anew.
+        hold: Metres by which the way to what is left of the last goal counts as shorter.
+        little_left: Square metres; closed frontiers with less left in their room wait.
+
+    Raises:
+        ConfigError: A value is not a finite number of 0 or more.
+    """
+
+    patience: float = 1.0
+    most_area: float = MOST_AREA
+    area_exponent: float = 1.0
+    expected_exponent: float = 0.0
+    first_leg: float = 0.0
+    hold: float = 0.0
+    little_left: float = LITTLE_LEFT
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if not number or not math.isfinite(value) or value < 0:
+                raise ConfigError(f"tour.{field.name} must be a finite number of 0 or more, got {value!r}")
+
+
+PLAIN_TOUR = TourConfig()
+
+
+class TourFeatures(NamedTuple):
+    """What a tour tells of each frontier of a decision.
+
+    Attributes:
+        rank: float64 (n,): 1 / its position in the tour, counted from 1; 0 when it is not in the tour.
+        detour: float64 (n,): metres by which the tour grows when this frontier is visited first.
+    """
+
+    rank: NDArray[np.float64]
+    detour: NDArray[np.float64]
+
+
+def area_left(frontier: Frontier) -> float:
+    """Expected area behind a frontier in square metres; behind an open one there is no end to it."""
+    return (frontier.expected_area or 0.0) if frontier.is_closed else np.inf
+
+
+def sizeable_frontiers(decision: Decision, min_size: float = TOUR_SIZE) -> NDArray[np.int64]:
+    """Indices int64 (k,) of the frontiers of at least that size in metres; of all when there is none."""
+    sizes = decision.columns[4]
+    large = np.flatnonzero(sizes >= min_size - 1e-6)
+    return large if len(large) else np.arange(len(sizes))
+
+
+def ready_frontiers(
+    decision: Decision, min_size: float = TOUR_SIZE, area: float = LITTLE_LEFT
+) -> NDArray[np.int64]:
+    """Indices int64 (k,) of the sizeable frontiers that need not wait; of all sizeable ones when all would wait.
+
+    Args:
+        decision: The decision.
+        min_size: Metres; smaller frontiers count only when all are smaller.
+        area: Square metres; closed frontiers with less left wait.
+    """
+    chosen = sizeable_frontiers(decision, min_size)
+    goes = (decision.columns[6, chosen] <= 0.0) | (decision.columns[7, chosen] >= area)
+    return chosen[goes] if goes.any() else chosen
+
+
+def tour_weights(
+    decision: Decision, chosen: NDArray[np.int64], config: TourConfig = PLAIN_TOUR
+) -> NDArray[np.float64]:
+    """What reaching each of some frontiers int64 (k,) is worth to a latency tour: float64 (k,)."""
+    visible, expected = np.minimum(decision.columns[5, chosen], config.most_area), decision.columns[7, chosen]
+    weights: NDArray[np.float64] = (
+        visible**config.area_exponent * (1.0 + expected) ** config.expected_exponent
+    )
+    return weights
+
+
+def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFeatures:
+    """Place in the latency tour over the frontiers that need not wait, and detour, of every frontier of a decision.
+
+    Visiting frontier i first costs d(robot, i) + d(i, first) - d(robot, first), less what is saved where it
+    is taken out of the tour. One matrix of distances between the frontiers of the tour serves it and their
+    detours; those of the others need only the distances from its first stop.
+    """
+    count = len(decision.frontiers)
+    if count == 0:
+        return TourFeatures(np.zeros(0), np.zeros(0))
+    judged = decision.columns[6, 0] != 0.0
+    ready = ready_frontiers(decision, LAYOUT_TOUR_SIZE if judged else TOUR_SIZE, config.little_left)
+    distances = np.minimum(decision.path_lengths(ready).astype(np.float64), _UNCONNECTED)
+    order = latency_tour(
+        _as_weighed(distances, decision, ready, config),
+        tour_weights(decision, ready, config),
+        config.patience,
+    )
+    first = int(order[0])
+    extra = distances[0] + distances[first] - distances[0, first]
+    extra[first] = 0.0
+    # What is saved where a stop behind the first is taken out; at the end of the tour nothing is bridged.
+    before, here, after = order[:-1], order[1:], order[2:]
+    extra[here] -= distances[before, here]
+    extra[here[:-1]] += distances[before[:-1], after] - distances[here[:-1], after]
+    rank, detour = np.zeros(count), np.zeros(count)
+    rank[ready[order - 1]] = 1.0 / np.arange(1, len(order) + 1)
+    detour[ready] = np.maximum(extra[1:], 0.0)
+    others = np.delete(np.arange(count), ready)
+    if len(others):
+        there = decision.path_lengths_from(int(ready[first - 1]), others).astype(np.float64)
+        detour[others] = np.maximum(
+            decision.columns[2, others] + np.minimum(there, _UNCONNECTED) - distances[0, first], 0.0
+        )
+    return TourFeatures(rank, detour)
+
+
+def _as_weighed(
+    distances: NDArray[np.float64], decision: Decision, chosen: NDArray[np.int64], config: TourConfig
+) -> NDArray[np.float64]:
+    """The distances float64 (k + 1, k + 1) with the ways from the robot, index 0, as the configuration counts them."""
+    ways = distances[0] * (1.0 + config.first_leg)
+    if config.hold and decision.goal is not None:
+        middles = decision.columns[:2, chosen].T
+        ways[1:] -= config.hold * (np.hypot(*(middles - decision.goal).T) < SAME_GOAL)
+    weighed = distances.copy()
+    weighed[0] = weighed[:, 0] = np.maximum(ways, 0.0)
+    return weighed

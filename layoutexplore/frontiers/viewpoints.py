@@ -1,0 +1,352 @@
+"""Where to stand to look at a frontier, and whether a frontier is still there.
+
+A viewpoint is the reachable cell nearest to the cluster's middle that sees it: standing on the frontier
+itself is rarely possible (it may lie closer to a wall than the robot's radius), and the nearest reachable
+cell as the crow flies may lie on the other side of a wall, so the line of sight through known free cells
+decides.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers.decision import FrontierList
+from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.frontiers.visible_area import OpenView
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.planning.traversability import DistanceField
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.coverage import Box
+
+MAX_REACH = 1.5
+"""How far from the frontier a viewpoint may lie, in metres: beyond it a gap is taken to be too narrow for the robot."""
+
+NOTHING_VAIN = np.empty(0, np.uint64)
+"""For a map that is looked at for the first time."""
+
+_MIX = np.uint64(0x9E3779B97F4A7C15)
+
+
+class Outlook:
+    """Lists the frontiers of a run as they are offered to the robot.
+
+    Args:
+        shape: (rows, cols) of the grid.
+        config: For the smallest size, and the range and rays of the visible area.
+    """
+
+    def __init__(self, shape: tuple[int, int], config: SimulationConfig) -> None:
+        self._cols, self._config = shape[1], config
+        gain_range = min(config.gain_range, config.lidar.range_max)
+        self._view = OpenView(shape, config.resolution, gain_range, config.gain_rays)
+        self._exhausted = np.empty(0, np.int64)
+        self._vain = NOTHING_VAIN
+
+    def exhaust(self, cells: NDArray[np.int32]) -> None:
+        """Never offer these frontier cells int32 (n, 2) again: they were looked at in vain."""
+        indices = cells.astype(np.int64) @ np.array([self._cols, 1])
+        self._exhausted = np.sort(np.concatenate([self._exhausted, indices]))
+
+    def frontiers(
+        self,
+        grid: OccupancyGrid,
+        here: Pose,
+        distances: DistanceField,
+        clusters: FrontierClusters,
+        changed: Box,
+    ) -> FrontierList:
+        """The frontiers that the robot can look at, nearest first by path length (ties in raster order).
+
+        Args:
+            grid: What the robot knows.
+            here: Where it believes it is.
+            distances: Path lengths from the robot.
+            clusters: All frontier clusters of the grid.
+            changed: Around all cells of the grid that changed since the last call.
+        """
+        clusters, config = self._without_exhausted(clusters), self._config
+        view, found, self._vain = choose_viewpoints(
+            grid.cells, distances.units, distances.settled, clusters, grid.resolution, self._vain
+        )
+        sizes = np.diff(clusters.offsets) * grid.resolution
+        usable = found & (sizes >= config.frontier_min_size - 1e-9)
+        kept = np.flatnonzero(usable if usable.any() else found)
+        lengths = distances.to_cells(view[kept])
+        order = np.argsort(lengths, kind="stable")
+        kept, lengths = kept[order], lengths[order]
+        areas = self._view.areas(grid.cells, view[kept], changed)
+        middles = grid.cells_to_world(_middles(clusters.cells, clusters.offsets)[kept])
+        columns = np.zeros((9, len(kept)))
+        columns[:2], columns[2], columns[4], columns[5] = middles.T, lengths, sizes[kept], areas
+        columns[3] = np.hypot(middles[:, 0] - here.x, middles[:, 1] - here.y)
+        return FrontierList(clusters, kept, columns, view[kept])
+
+    def _without_exhausted(self, clusters: FrontierClusters) -> FrontierClusters:
+        """The clusters without the cells that were looked at in vain."""
+        if len(self._exhausted) == 0:
+            return clusters
+        return FrontierClusters(*_without(clusters.cells, clusters.offsets, self._cols, self._exhausted))
+
+
+def choose_viewpoints(
+    cells: NDArray[np.int8],
+    distances: NDArray[np.int32],
+    farthest: int,
+    clusters: FrontierClusters,
+    resolution: float,
+    vain: NDArray[np.uint64],
+) -> tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.uint64]]:
+    """A viewpoint for every cluster.
+
+    The cluster's cells are tried from the one nearest the centroid outwards; the first that a reachable cell
+    within `MAX_REACH` sees decides, and the nearest such reachable cell is the viewpoint.
+
+    Args:
+        cells: int8 (rows, cols), the grid.
+        distances: int32 (rows + 2, cols + 2), geodesic distance from the robot in any unit.
+        farthest: The greatest of them that the robot can go.
+        clusters: The frontier clusters.
+        resolution: Metres per cell.
+        vain: uint64 (n,), what the last call on this map returned, or `NOTHING_VAIN`: clusters for which it
+            found none and around which nothing has changed are not searched again.
+
+    Returns:
+        int32 (k, 2) viewpoints, bool (k,) whether there is one, and the clusters without, for the next call.
+    """
+    offsets = _disc_offsets(math.ceil(MAX_REACH / resolution))
+    return _choose(cells, distances, farthest, clusters.cells, clusters.offsets, offsets, vain)
+
+
+def remaining_share(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> float:
+    """The share of a frontier's cells int32 (n, 2) that still border the unknown, 0..1."""
+    return float(count_remaining(cells, frontier)) / len(frontier)
+
+
+def looked_at(
+    cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tuple[int, int], resolution: float
+) -> NDArray[np.int32]:
+    """The cells int32 (m, 2) of a frontier that a viewpoint sees from within `MAX_REACH` metres."""
+    return frontier[_looked_at(cells, frontier, viewpoint[0], viewpoint[1], MAX_REACH / resolution)]
+
+
+def facing(cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tuple[int, int]) -> float:
+    """Heading in radians from a viewpoint (row, col) to the middle of the unknown cells along a frontier int32 (n, 2)."""
+    row, col = _unknown_middle(cells, frontier)
+    return math.atan2(row - viewpoint[0], col - viewpoint[1])
+
+
+@functools.lru_cache(maxsize=8)
+def _disc_offsets(radius: int) -> NDArray[np.int32]:
+    """int32 (n, 2): the offsets within a radius in cells, nearest first, ties by row and column."""
+    span = np.arange(-radius, radius + 1)
+    rows, cols = (a.ravel() for a in np.meshgrid(span, span, indexing="ij"))
+    squared = rows**2 + cols**2
+    order = np.lexsort((cols, rows, squared))
+    order = order[squared[order] <= radius**2]
+    return np.stack([rows[order], cols[order]], axis=1).astype(np.int32)
+
+
+@njit(cache=True, nogil=True)
+def _sees(cells: NDArray[np.int8], row: int, col: int, to_row: int, to_col: int) -> bool:
+    """Whether the line between two cell centres runs through known free cells only (a 4-connected traversal)."""
+    d_row, d_col = to_row - row, to_col - col
+    step_row, step_col = (1 if d_row > 0 else -1), (1 if d_col > 0 else -1)
+    n_row, n_col = abs(d_row), abs(d_col)
+    i, j = 0, 0
+    while i < n_row or j < n_col:
+        # The next border crossed: compare (i + 1/2) / n_row with (j + 1/2) / n_col without a division.
+        if j >= n_col or (i < n_row and (1 + 2 * i) * n_col < (1 + 2 * j) * n_row):
+            row += step_row
+            i += 1
+        else:
+            col += step_col
+            j += 1
+        if cells[row, col] != 0:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _without(
+    cells: NDArray[np.int32], offsets: NDArray[np.int64], cols: int, left_out: NDArray[np.int64]
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Clusters without the cells of some sorted flat indices (of a grid of `cols` columns); those without any cell fall away."""
+    kept, starts = np.empty_like(cells), np.empty_like(offsets)
+    least, most = left_out[0], left_out[-1]
+    count, clusters = 0, 0
+    starts[0] = 0
+    for k in range(len(offsets) - 1):
+        for n in range(offsets[k], offsets[k + 1]):
+            index = np.int64(cells[n, 0]) * cols + cells[n, 1]
+            if least <= index <= most and left_out[np.searchsorted(left_out, index)] == index:
+                continue
+            kept[count] = cells[n]
+            count += 1
+        if count > starts[clusters]:
+            clusters += 1
+            starts[clusters] = count
+    return kept[:count], starts[: clusters + 1]
+
+
+@njit(cache=True, nogil=True)
+def _middles(cells: NDArray[np.int32], offsets: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The mean cell float64 (k, 2) of each cluster."""
+    middles = np.empty((len(offsets) - 1, 2))
+    for k in range(len(middles)):
+        middles[k] = _middle(cells[offsets[k] : offsets[k + 1]])
+    return middles
+
+
+@njit(cache=True, nogil=True)
+def _middle(cells: NDArray[np.int32]) -> tuple[float, float]:
+    """The mean of cells int32 (n, 2)."""
+    rows, cols = 0, 0
+    for n in range(len(cells)):
+        rows += cells[n, 0]
+        cols += cells[n, 1]
+    return rows / len(cells), cols / len(cells)
+
+
+@njit(cache=True, nogil=True)
+def _choose(
+    cells: NDArray[np.int8],
+    distances: NDArray[np.int32],
+    farthest: int,
+    members: NDArray[np.int32],
+    starts: NDArray[np.int64],
+    offsets: NDArray[np.int32],
+    vain: NDArray[np.uint64],
+) -> tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.uint64]]:
+    """Viewpoints, whether there are any, and the digests of the clusters that have none; those in `vain` are not searched."""
+    count = len(starts) - 1
+    view = np.zeros((count, 2), np.int32)
+    found = np.zeros(count, np.bool_)
+    still_vain, failures = np.empty(count, np.uint64), 0
+    for k in range(count):
+        cluster = members[starts[k] : starts[k + 1]]
+        middle_row, middle_col = _middle(cluster)
+        # Hardly ever is more than the nearest cell tried, so only then are they sorted.
+        first = 0
+        nearest = np.inf
+        for n in range(len(cluster)):
+            away = (cluster[n, 0] - middle_row) ** 2 + (cluster[n, 1] - middle_col) ** 2
+            if away < nearest:
+                first, nearest = n, away
+        found[k] = _look_around(
+            cells, distances, farthest, cluster[first, 0], cluster[first, 1], offsets, view[k]
+        )
+        if found[k]:
+            continue
+        digest = _digest(cells, distances, farthest, cluster, offsets[-1, 0])
+        if not (vain == digest).any():
+            order = np.argsort(
+                (cluster[:, 0] - middle_row) ** 2 + (cluster[:, 1] - middle_col) ** 2, kind="mergesort"
+            )
+            stride = max(1, len(cluster) // 16)
+            for rank in range(stride, len(cluster), stride):
+                row, col = cluster[order[rank]]
+                found[k] = _look_around(cells, distances, farthest, row, col, offsets, view[k])
+                if found[k]:
+                    break
+        if not found[k]:
+            still_vain[failures] = digest
+            failures += 1
+    return view, found, still_vain[:failures]
+
+
+@njit(cache=True, nogil=True)
+def _look_around(
+    cells: NDArray[np.int8],
+    distances: NDArray[np.int32],
+    farthest: int,
+    row: int,
+    col: int,
+    offsets: NDArray[np.int32],
+    view: NDArray[np.int32],
+) -> bool:
+    """Whether a reachable cell at one of the offsets sees a cell; the first one is written into `view` (2,)."""
+    rows, cols = cells.shape
+    for n in range(len(offsets)):
+        r, c = row + offsets[n, 0], col + offsets[n, 1]
+        if (
+            0 <= r < rows
+            and 0 <= c < cols
+            and distances[r + 1, c + 1] <= farthest
+            and _sees(cells, row, col, r, c)
+        ):
+            view[0], view[1] = r, c
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _digest(
+    cells: NDArray[np.int8],
+    distances: NDArray[np.int32],
+    farthest: int,
+    cluster: NDArray[np.int32],
+    reach: int,
+) -> np.uint64:
+    """64 bits of all that the search for a cluster's viewpoint reads: its cells, and what is free and reachable around them."""
+    code = np.uint64(len(cluster))
+    for n in range(len(cluster)):
+        code = (code ^ np.uint64(cluster[n, 0] * cells.shape[1] + cluster[n, 1])) * _MIX
+    row0, row1 = max(cluster[:, 0].min() - reach, 0), min(cluster[:, 0].max() + reach + 1, cells.shape[0])
+    col0, col1 = max(cluster[:, 1].min() - reach, 0), min(cluster[:, 1].max() + reach + 1, cells.shape[1])
+    for r in range(row0, row1):
+        for c in range(col0, col1):
+            kind = 2 * np.int64(cells[r, c] == 0) + np.int64(distances[r + 1, c + 1] <= farthest)
+            code = (code ^ np.uint64(kind)) * _MIX
+            code ^= code >> np.uint64(29)
+    return code
+
+
+@njit(cache=True, nogil=True)
+def _looked_at(
+    cells: NDArray[np.int8], frontier: NDArray[np.int32], row: int, col: int, reach: float
+) -> NDArray[np.bool_]:
+    seen = np.zeros(len(frontier), np.bool_)
+    for n in range(len(frontier)):
+        r, c = frontier[n]
+        # From the frontier to the viewpoint, as `_choose` looked: a traversal is not symmetric at corners.
+        seen[n] = (r - row) ** 2 + (c - col) ** 2 <= reach**2 and _sees(cells, r, c, row, col)
+    return seen
+
+
+@njit(cache=True, nogil=True)
+def count_remaining(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> int:
+    """How many of a frontier's cells int32 (n, 2) still border the unknown."""
+    rows, cols = cells.shape
+    count = 0
+    for n in range(len(frontier)):
+        r, c = frontier[n]
+        if cells[r, c] == 0 and (
+            (r > 0 and cells[r - 1, c] == -1)
+            or (r + 1 < rows and cells[r + 1, c] == -1)
+            or (c > 0 and cells[r, c - 1] == -1)
+            or (c + 1 < cols and cells[r, c + 1] == -1)
+        ):
+            count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _unknown_middle(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> tuple[float, float]:
+    """Mean (row, col) of the unknown 4-neighbours of the frontier's cells; of the cells themselves when there is none."""
+    rows, cols = cells.shape
+    sum_row, sum_col, count = 0.0, 0.0, 0
+    for n in range(len(frontier)):
+        for d_row, d_col in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+            r, c = frontier[n, 0] + d_row, frontier[n, 1] + d_col
+            if 0 <= r < rows and 0 <= c < cols and cells[r, c] == -1:
+                sum_row += r
+                sum_col += c
+                count += 1
+    if count == 0:
+        return frontier[:, 0].mean(), frontier[:, 1].mean()
+    return sum_row / count, sum_col / count

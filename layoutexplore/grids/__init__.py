@@ -1,0 +1,1 @@
+"""The bottom drawer: occupancy grids and the primitives on them, each once."""

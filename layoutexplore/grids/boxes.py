@@ -1,0 +1,48 @@
+"""The box around what is known of a grid."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.grids.grid import UNKNOWN
+
+
+def known_box(cells: NDArray[np.int8], margin: int = 0) -> tuple[int, int, int, int]:
+    """Half-open box (row0, row1, col0, col1) of the known cells with a margin, clipped to the grid; all 0 when none is known.
+
+    Args:
+        cells: int8 (rows, cols), -1 unknown.
+        margin: In cells.
+
+    Example:
+        >>> known_box(np.array([[-1, -1, -1], [-1, 0, 100], [-1, -1, -1]], np.int8))
+        (1, 2, 1, 3)
+    """
+    row0, row1, col0, col1 = _known_box(np.ascontiguousarray(cells, np.int8))
+    if row1 == 0:
+        return 0, 0, 0, 0
+    return (
+        max(row0 - margin, 0),
+        min(row1 + margin, cells.shape[0]),
+        max(col0 - margin, 0),
+        min(col1 + margin, cells.shape[1]),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _known_box(cells: NDArray[np.int8]) -> tuple[int, int, int, int]:
+    rows, cols = cells.shape
+    row0, row1 = rows, 0
+    seen = np.zeros(cols, np.bool_)  # columns with a known cell
+    for r in range(rows):
+        known = False
+        for c in range(cols):
+            known |= cells[r, c] != UNKNOWN
+        if known:
+            row0, row1 = min(row0, r), r + 1
+            for c in range(cols):
+                seen[c] |= cells[r, c] != UNKNOWN
+    found = np.flatnonzero(seen)
+    return (row0, row1, found[0], found[-1] + 1) if len(found) else (0, 0, 0, 0)

@@ -1,0 +1,181 @@
+"""From a grey image to an occupancy grid, with the unknown level found in the image itself.
+
+Maps on disk agree on little: free is almost white, but the unknown is 153, 178, 180, 205, 230 ... from map to
+map, walls may be grey, furniture is a mid-grey that lies a few steps from the unknown, edges are antialiased,
+and some maps have two levels only. So the unknown is recognised by where it is, not by its value:
+
+1. Free is brighter than 230 (or, where nothing is, than halfway between the brightest common level and the
+  next).
+2. Unknown levels are the mid-greys that make up a good part of the image's border; all their pixels are
+  unknown. Other flat
+   mid-greys are unknown only where they fill a thick area of many square metres (a courtyard), not as walls
+   or furniture.
+3. What is left is occupied, except blends between free and unknown on an antialiased edge, and stray mid-grey
+  pixels
+   that touch no free space.
+4. Where that leaves next to nothing occupied along the free space, or no unknown level exists, the map has
+  two
+   levels: solid masses are unknown inside and occupied along the free space.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import MapError
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
+
+FREE_ABOVE = 230
+"""Grey level above which a pixel is free in the maps of the room segmentation survey and of ROS."""
+
+DARK_BELOW = 90
+"""Grey level below which a pixel is occupied in ROS maps (occupancy of at least 0.65)."""
+
+BORDER_SHARE = 0.1
+COURTYARD_AREA, COURTYARD_RADIUS = 25.0, 0.4
+SOLID_RADIUS, SOLID_SKIN = 0.75, 0.15
+"""Square metres and metres: what counts as a courtyard, what as the inside of a solid mass and as its surface."""
+
+WALL_SHARE = 0.02
+"""Share of the free space's outline that is occupied at least, in a map that tells walls from the unknown."""
+
+_AROUND = np.ones((3, 3), np.uint8)
+
+
+def grid_from_image(
+    grey: NDArray[np.uint8],
+    resolution: float,
+    *,
+    free_threshold: int | None = None,
+    transparent: NDArray[np.bool_] | None = None,
+    origin: Pose | None = None,
+) -> OccupancyGrid:
+    """The trinary grid that an image shows.
+
+    Args:
+        grey: uint8 (h, w) in image orientation (row 0 at the top).
+        resolution: Metres a pixel.
+        free_threshold: Grey level above which a pixel is free; found in the image when None.
+        transparent: bool (h, w), pixels that are unknown whatever their grey.
+        origin: Pose of the lower left corner; (0, 0, 0) when None.
+
+    Raises:
+        MapError: Not a two-dimensional uint8 image, or the resolution is unusable.
+
+    Example:
+        >>> image = np.full((40, 40), 205, np.uint8)
+        >>> image[10:30, 10:30] = 0
+        >>> image[11:29, 11:29] = 254
+        >>> np.unique(grid_from_image(image, 0.05).cells).tolist()
+        [-1, 0, 100]
+    """
+    check_resolution(resolution)
+    if grey.ndim != 2 or grey.dtype != np.uint8 or grey.size == 0:
+        raise MapError(f"a grey image must be a non-empty uint8 array (h, w), got {grey.dtype} {grey.shape}")
+    hidden = np.zeros(grey.shape, np.bool_) if transparent is None else transparent
+    free = (grey > (_free_threshold(grey) if free_threshold is None else free_threshold)) & ~hidden
+    unknown = _unknown(grey, free, hidden, resolution)
+    if not unknown.any() or not _has_walls(free, ~free & ~unknown):
+        unknown = hidden | _inside_of_background(grey, free, resolution)
+    cells = np.where(free, FREE, np.where(unknown, UNKNOWN, OCCUPIED)).astype(np.int8)
+    return OccupancyGrid(np.ascontiguousarray(cells[::-1]), resolution, origin or Pose(0.0, 0.0, 0.0))
+
+
+def _free_threshold(grey: NDArray[np.uint8]) -> int:
+    """230, or halfway below the brightest level that covers 1 % of an image without anything brighter."""
+    counts = np.bincount(grey.ravel(), minlength=256)
+    common = np.flatnonzero(counts >= 0.01 * grey.size)
+    if counts[FREE_ABOVE + 1 :].sum() >= 0.001 * grey.size or len(common) < 2:
+        return FREE_ABOVE
+    return int(common[-1] + common[-2]) // 2
+
+
+def _unknown(
+    grey: NDArray[np.uint8], free: NDArray[np.bool_], hidden: NDArray[np.bool_], resolution: float
+) -> NDArray[np.bool_]:
+    """The unknown pixels, bool (h, w): steps 2 and 3 of the module's rule."""
+    levels = _border_levels(grey, free)
+    unknown = hidden | (np.isin(grey, levels) & ~free)
+    unknown |= _courtyards(grey, free | unknown, resolution)
+    if not unknown.any():
+        return unknown
+    near_free, near_unknown = (cv2.dilate(mask.astype(np.uint8), _AROUND) > 0 for mask in (free, unknown))
+    blend = ~free & ~unknown & near_free & near_unknown & (grey > max(levels, default=FREE_ABOVE))
+    unknown |= blend
+    rest = ~free & ~unknown
+    count, parts = cv2.connectedComponents(rest.astype(np.uint8), connectivity=8, ltype=cv2.CV_32S)
+    anchored = np.zeros(count, np.bool_)
+    anchored[np.unique(parts[near_free | (grey < DARK_BELOW)])] = True
+    return np.asarray(unknown | (rest & ~anchored[parts]), np.bool_)
+
+
+def _has_walls(free: NDArray[np.bool_], occupied: NDArray[np.bool_]) -> bool:
+    """Whether anything but a speck borders the free space."""
+    edge = (cv2.dilate(free.astype(np.uint8), _AROUND) > 0) & ~free
+    return bool(np.count_nonzero(edge & occupied) >= WALL_SHARE * np.count_nonzero(edge))
+
+
+def _border_levels(grey: NDArray[np.uint8], free: NDArray[np.bool_]) -> list[int]:
+    """Mid-grey levels of the background, each with its two neighbours.
+
+    Those that hold a tenth of the border; where the border shows none (a map cropped to its walls), the most
+    common.
+    """
+    edge = np.ones(grey.shape, np.bool_)
+    edge[1:-1, 1:-1] = False
+    border = grey[edge & ~free]
+    length = 2 * sum(grey.shape)
+    counts = np.bincount(border, minlength=256)
+    counts[:DARK_BELOW] = 0
+    peaks = np.flatnonzero(counts >= BORDER_SHARE * length)
+    if not len(peaks):
+        counts = np.bincount(grey[~free], minlength=256)
+        if (
+            counts[:DARK_BELOW].sum() > 0.05 * grey.size
+            and np.bincount(border, minlength=256)[:DARK_BELOW].sum() > length / 2
+        ):
+            return []  # two levels: a dark background
+        counts[:DARK_BELOW] = 0
+        peaks = np.flatnonzero(counts == counts.max())[:1] if counts.max() >= 0.05 * grey.size else peaks
+    return sorted({int(level) + step for level in peaks for step in (-1, 0, 1)})
+
+
+def _courtyards(grey: NDArray[np.uint8], known: NDArray[np.bool_], resolution: float) -> NDArray[np.bool_]:
+    """The pixels, bool (h, w), of thick areas of one flat mid-grey and many square metres."""
+    found = np.zeros(grey.shape, np.bool_)
+    counts = np.bincount(grey[~known], minlength=256)
+    counts[:DARK_BELOW] = 0
+    disc = _disc(COURTYARD_RADIUS, resolution)
+    for level in np.flatnonzero(counts * resolution**2 >= COURTYARD_AREA):
+        flat = (grey == level) & ~known
+        _, parts, stats, _ = cv2.connectedComponentsWithStats(flat.astype(np.uint8), connectivity=4)
+        large = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] * resolution**2 >= COURTYARD_AREA)
+        for part in large[large > 0]:
+            mask = (parts == part).astype(np.uint8)
+            thick = cv2.morphologyEx(np.pad(mask, disc.shape[0]), cv2.MORPH_OPEN, disc)
+            if thick.sum() >= 0.5 * mask.sum():
+                found |= mask > 0
+    return found
+
+
+def _inside_of_background(
+    grey: NDArray[np.uint8], free: NDArray[np.bool_], resolution: float
+) -> NDArray[np.bool_]:
+    """The pixels, bool (h, w), inside thick masses of the most common level that is not free, deeper than a wall's skin."""
+    if free.all():
+        return np.zeros(free.shape, np.bool_)
+    level = int(np.bincount(grey[~free], minlength=256).argmax())
+    mass = ~free & (np.abs(grey.astype(np.int16) - level) <= 1)
+    disc = _disc(SOLID_RADIUS, resolution)
+    reach = disc.shape[0]
+    padded = np.pad(mass, reach, constant_values=True).astype(np.uint8)
+    thick = cv2.morphologyEx(padded, cv2.MORPH_OPEN, disc) > 0
+    depth = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * resolution
+    return np.asarray((thick & (depth > SOLID_SKIN))[reach:-reach, reach:-reach], np.bool_)
+
+
+def _disc(radius: float, resolution: float) -> NDArray[np.uint8]:
+    cells = max(1, round(radius / resolution))
+    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * cells + 1, 2 * cells + 1)), np.uint8)

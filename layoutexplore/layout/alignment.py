@@ -1,0 +1,231 @@
+"""Turning a grid so that its walls run along rows and columns, and labels back again.
+
+A map is first laid down in one of eight ways, by where its free cells lie: what follows breaks ties in raster
+order, so a map and its mirror image would else differ wherever a decision is close.
+
+The main direction is the peak of ROSE's profile of the walls' surfaces, modulo 90 degrees. Turned occupied
+cells are splatted besides being looked up, so that thin walls stay closed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.grids.boxes import known_box
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.layout.frame import undirected
+
+_TRINARY = np.full(256, UNKNOWN, np.int8)
+_TRINARY[FREE] = FREE
+_TRINARY[51:128] = OCCUPIED
+
+STRAIGHT = math.radians(0.6)
+"""A map whose walls lie closer to the axes than this is left as it is: turning costs more than it brings."""
+
+
+T = TypeVar("T", np.int8, np.int32, np.bool_, np.float32)
+
+
+@dataclass(frozen=True)
+class Posture:
+    """How a part of a grid is laid down: mirrored first, then rows and columns swapped.
+
+    Attributes:
+        mirror_rows: The order of the rows is reversed.
+        mirror_cols: The order of the columns is reversed.
+        swap: Rows become columns.
+    """
+
+    mirror_rows: bool = False
+    mirror_cols: bool = False
+    swap: bool = False
+
+    def lay(self, cells: NDArray[T]) -> NDArray[T]:
+        """The cells (rows, cols) laid down."""
+        laid = self._mirrored(np.ascontiguousarray(cells))
+        return _transposed(laid) if self.swap else laid
+
+    def lift(self, cells: NDArray[T]) -> NDArray[T]:
+        """What was laid down, as it lay in the grid."""
+        return self._mirrored(_transposed(cells) if self.swap else np.ascontiguousarray(cells))
+
+    def _mirrored(self, cells: NDArray[T]) -> NDArray[T]:
+        if not (self.mirror_rows or self.mirror_cols):
+            return cells
+        code = -1 if self.mirror_rows and self.mirror_cols else int(self.mirror_cols)
+        return np.asarray(cv2.flip(_plain(cells), code)).view(cells.dtype)
+
+    def lift_angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Directions (n,) of what was laid down as directions in the grid, in the same order, radians in [0, pi)."""
+        if self.swap:
+            angles = np.pi / 2 - angles
+        return undirected(-angles if self.mirror_rows != self.mirror_cols else angles)
+
+
+def _transposed(cells: NDArray[T]) -> NDArray[T]:
+    return np.asarray(cv2.transpose(_plain(np.ascontiguousarray(cells)))).view(cells.dtype)
+
+
+def _plain(cells: NDArray[T]) -> Any:
+    """Cells of a type that OpenCV knows."""
+    return cells.view(np.uint8) if cells.dtype == np.bool_ else cells
+
+
+def posture_of(cells: NDArray[np.int8]) -> Posture:
+    """The posture in which the cells are wider than high, and most free cells lie low and left of the middle."""
+    free = (cells == FREE).view(np.uint8)
+    high, wide = (np.arange(1 - n, n, 2) for n in cells.shape)  # twice the distance from the middle
+    rows, cols = (
+        cv2.reduce(free, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S).reshape(-1).astype(np.int64)
+        for axis in (1, 0)
+    )
+    spread = (rows @ high**2, cols @ wide**2)
+    swap = cells.shape[0] > cells.shape[1] or (cells.shape[0] == cells.shape[1] and spread[0] > spread[1])
+    return Posture(mirror_rows=bool(rows @ high > 0), mirror_cols=bool(cols @ wide > 0), swap=bool(swap))
+
+
+@dataclass(frozen=True, eq=False)
+class Turned:
+    """A part of a grid in a frame that is aligned with its walls.
+
+    Attributes:
+        cells: int8 (rows, cols), trinary.
+        angle: Counter-clockwise angle of the frame's column axis in the grid, in radians, in (-pi/4, pi/4].
+        corner: Row and column of the part in the grid.
+        shape: Rows and columns of the part as it was laid down.
+        posture: How it was laid down.
+    """
+
+    cells: NDArray[np.int8]
+    angle: float
+    corner: tuple[int, int]
+    shape: tuple[int, int]
+    posture: Posture = Posture()
+
+
+def main_direction(profile: NDArray[np.float64]) -> float:
+    """Angle in radians in (-pi/4, pi/4] by which the walls are turned against the axes; 0 for a flat profile.
+
+    Args:
+        profile: float64 (n,), ROSE's amplitude of the wall directions 0 <= angle < pi at n equal steps, n
+            even.
+    """
+    quarter = len(profile) // 2
+    folded = profile[:quarter] + profile[quarter:]
+    if not folded.max(initial=0.0) > folded.min(initial=0.0):
+        return 0.0
+    peak = int(folded.argmax())
+    left, middle, right = folded[peak - 1], folded[peak], folded[(peak + 1) % quarter]
+    bend = left - 2 * middle + right
+    angle = (peak + (0.5 * (left - right) / bend if bend < 0 else 0.0)) / quarter * np.pi / 2
+    angle = float(angle - np.pi / 2 if angle > np.pi / 4 else angle)
+    return 0.0 if abs(angle) < STRAIGHT else angle
+
+
+@njit("int8[:,::1](int8[:,::1], float64, int64, int64)", cache=True, nogil=True)
+def _turn(cells: NDArray[np.int8], angle: float, rows: int, cols: int) -> NDArray[np.int8]:
+    c, s = np.cos(angle), np.sin(angle)
+    r0, c0 = 0.5 * (cells.shape[0] - 1), 0.5 * (cells.shape[1] - 1)
+    r1, c1 = 0.5 * (rows - 1), 0.5 * (cols - 1)
+    out = np.full((rows, cols), UNKNOWN, np.int8)
+    for i in range(rows):
+        for j in range(cols):
+            x = int(np.floor(c0 + c * (j - c1) - s * (i - r1) + 0.5))
+            y = int(np.floor(r0 + s * (j - c1) + c * (i - r1) + 0.5))
+            if 0 <= y < cells.shape[0] and 0 <= x < cells.shape[1]:
+                out[i, j] = cells[y, x]
+    for y in range(cells.shape[0]):
+        for x in range(cells.shape[1]):
+            if cells[y, x] == OCCUPIED:
+                j = int(np.floor(c1 + c * (x - c0) + s * (y - r0) + 0.5))
+                i = int(np.floor(r1 - s * (x - c0) + c * (y - r0) + 0.5))
+                if 0 <= i < rows and 0 <= j < cols:
+                    out[i, j] = OCCUPIED
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _turn_back(labels: NDArray[Any], angle: float, rows: int, cols: int, out: NDArray[Any]) -> None:
+    c, s = np.cos(angle), np.sin(angle)
+    r0, c0 = 0.5 * (rows - 1), 0.5 * (cols - 1)
+    r1, c1 = 0.5 * (labels.shape[0] - 1), 0.5 * (labels.shape[1] - 1)
+    for y in range(rows):
+        for x in range(cols):
+            j = int(np.floor(c1 + c * (x - c0) + s * (y - r0) + 0.5))
+            i = int(np.floor(r1 - s * (x - c0) + c * (y - r0) + 0.5))
+            if 0 <= i < labels.shape[0] and 0 <= j < labels.shape[1]:
+                out[y, x] = labels[i, j]
+
+
+def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:
+    """The known part of a grid as -1, 0 and 100 (above 50 is occupied, 1 to 50 unknown), and its first row and column.
+
+    Args:
+        cells: int8 (rows, cols), -1 unknown, 0 free ... 100 occupied.
+    """
+    row0, row1, col0, col1 = known_box(cells, margin=2)
+    part = np.ascontiguousarray(cells[row0:row1, col0:col1])
+    return cv2.LUT(part.view(np.uint8), _TRINARY.view(np.uint8)).view(np.int8), (row0, col0)
+
+
+@njit("boolean[:,::1](int8[:,::1])", cache=True, nogil=True)
+def _surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
+    rows, cols = cells.shape
+    out = np.empty((rows, cols), np.bool_)
+    near = np.zeros(cols + 2, np.bool_)  # a free cell in the column, at most one row away
+    for r in range(rows):
+        here, below, above = cells[r], cells[max(r - 1, 0)], cells[min(r + 1, rows - 1)]
+        for c in range(cols):
+            near[c + 1] = (here[c] == FREE) | (below[c] == FREE) | (above[c] == FREE)
+        for c in range(cols):
+            out[r, c] = (here[c] == OCCUPIED) & (near[c] | near[c + 1] | near[c + 2])
+    return out
+
+
+def surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
+    """Bool (rows, cols): occupied cells with a free 8-neighbour; a solid block counts by its sides only."""
+    return np.asarray(_surfaces(np.ascontiguousarray(cells)))
+
+
+def turn(
+    cells: NDArray[np.int8], angle: float, corner: tuple[int, int], posture: Posture | None = None
+) -> Turned:
+    """Turn a trinary part of a grid so that the direction `angle` runs along its rows.
+
+    Args:
+        cells: int8 (rows, cols), trinary, laid down.
+        angle: In radians, counter-clockwise from the column axis.
+        corner: Where the part lies in the grid.
+        posture: How the part was laid down.
+    """
+    h, w = cells.shape
+    if angle:
+        c, s = abs(math.cos(angle)), abs(math.sin(angle))
+        cells = _turn(cells, angle, math.ceil(h * c + w * s) + 2, math.ceil(w * c + h * s) + 2)
+    return Turned(cells, angle, corner, (h, w), posture or Posture())
+
+
+def turn_back(labels: NDArray[T], turned: Turned, shape: tuple[int, int]) -> NDArray[T]:
+    """Labels of the turned part as labels of the whole grid, looked up cell by cell; 0 outside the part.
+
+    Args:
+        labels: int32 or bool, of the shape of `turned.cells`.
+        turned: What `turn` returned.
+        shape: Rows and columns of the whole grid.
+    """
+    if turned.angle:
+        straight = np.zeros(turned.shape, labels.dtype)
+        _turn_back(np.ascontiguousarray(labels), turned.angle, *turned.shape, straight)
+        labels = straight
+    part = turned.posture.lift(labels)
+    out = np.zeros(shape, labels.dtype)
+    row, col = turned.corner
+    out[row : row + part.shape[0], col : col + part.shape[1]] = part
+    return out

@@ -1,0 +1,158 @@
+"""Running a method on a map that is laid down first, so that the map turned or mirrored has the same rooms.
+
+What decides close calls in raster order, or by the order of directions, judges a map and its mirror image
+differently. Laid down by where their free cells lie (`layoutexplore.layout.alignment.posture_of`), both are
+one map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, wraps
+from itertools import chain
+from typing import Any, TypeVar
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.layout.alignment import Posture, posture_of, trinary_part
+from layoutexplore.layout.frame import angles_to_world, extent, ranks, to_world
+from layoutexplore.layout.types import BORDER, Details, Face, FaceEdge, Layout, Line, Point, Wall
+
+ConfigT = TypeVar("ConfigT")
+Side = TypeVar("Side", Line, Wall)
+
+
+def laid_down(run: Callable[[OccupancyGrid, ConfigT], Layout]) -> Callable[[OccupancyGrid, ConfigT], Layout]:
+    """Decorate `run(grid, config)`: it sees the grid laid down, at the origin, and its layout is lifted again."""
+
+    @wraps(run)
+    def run_laid_down(grid: OccupancyGrid, config: ConfigT) -> Layout:
+        posture = posture_of(trinary_part(grid.cells)[0]) if grid.free.any() else Posture()
+        if posture == Posture():
+            return run(grid, config)
+        found = run(OccupancyGrid(posture.lay(grid.cells), grid.resolution), config)
+        return Lifting(posture, extent(grid), grid.origin, found.directions).layout(found)
+
+    return run_laid_down
+
+
+@dataclass(frozen=True, eq=False)
+class Lifting:
+    """From a grid that was laid down at the origin back to the grid.
+
+    Attributes:
+        posture: How it was laid down.
+        size: Width and height of the grid in metres.
+        origin: Of the grid.
+        laid_directions: float64 (k,), the directions found in what was laid down.
+    """
+
+    posture: Posture
+    size: tuple[float, float]
+    origin: Pose
+    laid_directions: NDArray[np.float64]
+
+    def points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """World points float64 (n, 2) of points of what was laid down."""
+        x, y = points[:, ::-1].T if self.posture.swap else points.T
+        width, height = self.size
+        x = width - x if self.posture.mirror_cols else x
+        y = height - y if self.posture.mirror_rows else y
+        return to_world(np.stack([x, y], axis=1), self.origin)
+
+    def angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Directions float64 (n,) in the world of directions of what was laid down, in the same order, in [0, pi)."""
+        return angles_to_world(self.posture.lift_angles(angles), self.origin)
+
+    def pairs(self, points: Iterable[Point]) -> list[Point]:
+        """The world points of points."""
+        flat = np.fromiter(chain.from_iterable(points), np.float64).reshape(-1, 2)
+        return [(x, y) for x, y in self.points(flat).tolist()]
+
+    @cached_property
+    def mirrors(self) -> bool:
+        """Whether what ran counter-clockwise runs clockwise once it is lifted."""
+        return self.posture.swap ^ self.posture.mirror_rows ^ self.posture.mirror_cols
+
+    def polygons(self, polygons: Iterable[shapely.Polygon]) -> list[shapely.Polygon]:
+        """The polygons in the world, their rings running as before."""
+        lifted: Any = shapely.transform(np.array([*polygons], object), self.points)
+        return list((shapely.reverse(lifted) if self.mirrors else lifted).tolist())
+
+    @cached_property
+    def rank(self) -> NDArray[np.int64]:
+        """int64 (k,): the new index of each direction, for directions rise."""
+        return ranks(self.angles(self.laid_directions))
+
+    def sides(self, sides: Sequence[Side]) -> tuple[Side, ...]:
+        """Walls or lines."""
+        angles = self.angles(np.array([side.angle for side in sides])).tolist()
+        starts, ends = self.pairs(side.start for side in sides), self.pairs(side.end for side in sides)
+        rank = [*self.rank.tolist(), BORDER]  # the border's is -1
+        return tuple(
+            replace(side, direction=rank[side.direction], angle=angle, start=start, end=end)
+            for side, angle, start, end in zip(sides, angles, starts, ends, strict=True)
+        )
+
+    def face(self, face: Face) -> Face:
+        """A face; its sides run counter-clockwise again."""
+        ends = zip(
+            self.pairs(edge.start for edge in face.edges),
+            self.pairs(edge.end for edge in face.edges),
+            strict=True,
+        )
+        edges = [FaceEdge(start, end, *edge[2:]) for (start, end), edge in zip(ends, face.edges, strict=True)]
+        if self.mirrors:
+            edges = [FaceEdge(edge.end, edge.start, *edge[2:]) for edge in reversed(edges)]
+        return replace(face, polygon=self.polygons([face.polygon])[0], edges=tuple(edges))
+
+    def layout(self, found: Layout) -> Layout:
+        """The layout of the grid."""
+        details = LiftedDetails(found.details, self)
+        polygons = self.polygons(room.polygon for room in found.rooms)
+        return replace(
+            found,
+            clean_grid=OccupancyGrid(
+                self.posture.lift(found.clean_grid.cells), found.clean_grid.resolution, self.origin
+            ),
+            labels=self.posture.lift(found.labels),
+            rooms=tuple(
+                replace(r, polygon=p, details=details) for r, p in zip(found.rooms, polygons, strict=True)
+            ),
+            directions=np.sort(self.angles(found.directions)),
+            segments=self.points(found.segments.reshape(-1, 2)).reshape(-1, 4),
+            walls=self.sides(found.walls),
+            details=details,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class LiftedDetails(Details):
+    """Details of what was laid down, lifted when they are asked for."""
+
+    laid: Details
+    lifting: Lifting
+
+    @cached_property
+    def lines(self) -> tuple[Line, ...]:
+        """Representative lines, the box's border last."""
+        return self.lifting.sides(self.laid.lines)
+
+    @cached_property
+    def faces(self) -> tuple[Face, ...]:
+        """The faces, by id."""
+        return tuple(self.lifting.face(face) for face in self.laid.faces)
+
+    @property
+    def cell_scores(self) -> NDArray[np.float32] | None:
+        """ROSE's score of the occupied cells."""
+        scores = self.laid.cell_scores
+        return None if scores is None else self.lifting.posture.lift(scores)
+
+    def faces_of(self, room: int) -> tuple[int, ...]:
+        """Indices of the faces of a room, rising."""
+        return self.laid.faces_of(room)

@@ -1,0 +1,352 @@
+"""ROSE: dominant directions, structure score and decluttering in the frequency domain.
+
+Follows "Robust frequency-based structure extraction" (ICRA 2021), section III. Walls along a direction make a
+ridge through the centre of the amplitude spectrum of the occupied cells; the ridges' directions are the
+dominant directions, and the inverse transform of the spectrum inside the ridges scores how well each occupied
+cell agrees with the structure.
+
+Occupied cells are cropped to their bounding box and padded with zeros to a square, so that the answer depends
+neither on where the building lies in the grid nor on how much unknown space surrounds it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import scipy.fft
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.layout.frame import undirected
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclutterConfig:
+    """How ROSE finds directions and scores cells.
+
+    Attributes:
+        prominence: Least prominence of a direction's peak, as a share of the profile's range (ROSE: 0.5,
+            ROSE2's code: 0.2).
+        angle_step: Sampling of the profile, in degrees.
+        wavelength_min: Shortest wavelength that counts for the directions, in metres: below it lies the
+            raster's staircase.
+        wavelength_max: Longest wavelength that counts for the directions, in metres: above it lies the
+            building's outline.
+        floor: Amplitudes below this share of the largest (the number of occupied cells) do not count for the
+            directions; the authors' code drops those below 1 / 255 by rounding.
+        wall_length: Length over which a wall's cells support each other, in metres: the inverse of the width
+            of the ridges that are kept (the authors keep 5 frequencies of some 1000 cells of 0.05 m: 10 m).
+        max_directions: At most this many directions, the strongest.
+    """
+
+    prominence: float = 0.2
+    angle_step: float = 0.25
+    wavelength_min: float = 0.2
+    wavelength_max: float = 20.0
+    floor: float = 0.01
+    wall_length: float = 10.0
+    max_directions: int = 12
+
+    def __post_init__(self) -> None:
+        if not 0 < self.prominence < 1:
+            raise ConfigError(f"prominence must lie between 0 and 1, got {self.prominence}")
+        if not 0 < self.angle_step <= 5:
+            raise ConfigError(f"angle_step must lie in (0, 5] degrees, got {self.angle_step}")
+        if not 0 < self.wavelength_min < self.wavelength_max:
+            raise ConfigError("wavelength_min must be above 0 and below wavelength_max")
+        if not 0 <= self.floor < 1:
+            raise ConfigError(f"floor must lie in [0, 1), got {self.floor}")
+        if self.wall_length <= 0 or self.max_directions < 1:
+            raise ConfigError("wall_length and max_directions must be above 0")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Directions:
+    """The directions of a map's walls.
+
+    Attributes:
+        directions: float64 (k,), dominant directions of walls in the grid's frame, radians in [0, pi),
+            rising.
+        score: W (equation 2): near 0 is structured, near 1 is not; 1.0 where there is no direction.
+        profile: float64 (n,), cumulative amplitude for wall directions 0 <= angle < pi at equal steps.
+    """
+
+    directions: NDArray[np.float64]
+    score: float
+    profile: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Structure(Directions):
+    """What ROSE knows of a map.
+
+    Attributes:
+        cell_scores: float32 (rows, cols), score of the occupied cells over the largest one; 0 elsewhere.
+    """
+
+    cell_scores: NDArray[np.float32]
+
+
+def find_directions(occupied: NDArray[np.bool_], resolution: float, config: DeclutterConfig) -> Directions:
+    """What `find_structure` finds, without the cells' scores.
+
+    Args:
+        occupied: bool (rows, cols).
+        resolution: Metres a cell.
+        config: The options.
+    """
+    box = bounding_box(occupied)
+    if box is None:
+        return Directions(directions=np.zeros(0), score=1.0, profile=np.zeros(_steps(config)))
+    crop = occupied[box]
+    side = _fast_side(crop)
+    rows = np.asarray(scipy.fft.rfft(crop.astype(np.float32), n=side, axis=1), np.complex64)
+    columns = scipy.fft.fft(rows[:, : _reach(side, resolution, config) + 1], n=side, axis=0)
+    profile = _angle_profile(np.asarray(columns, np.complex64), side, resolution, config)
+    directions, score = dominant_directions(profile, config)
+    return Directions(directions=directions, score=score, profile=profile)
+
+
+def find_structure(occupied: NDArray[np.bool_], resolution: float, config: DeclutterConfig) -> Structure:
+    """Directions, structure score and cell scores of a map's occupied cells.
+
+    Args:
+        occupied: bool (rows, cols).
+        resolution: Metres a cell.
+        config: The options.
+    """
+    scores = np.zeros(occupied.shape, np.float32)
+    box = bounding_box(occupied)
+    if box is None:
+        return Structure(
+            directions=np.zeros(0), score=1.0, cell_scores=scores, profile=np.zeros(_steps(config))
+        )
+    crop = occupied[box]
+    side = _fast_side(crop)
+    spectrum = np.asarray(scipy.fft.rfft2(crop.astype(np.float32), s=(side, side)), np.complex64)
+    profile = _angle_profile(spectrum, side, resolution, config)
+    directions, score = dominant_directions(profile, config)
+    if len(directions):
+        image = _ridges_only(spectrum, side, directions, max(side * resolution / config.wall_length, 2.0))
+        values = np.abs(image[: crop.shape[0], : crop.shape[1]]) * crop
+        scores[box] = values / max(float(values.max()), 1e-9)
+    return Structure(directions=directions, score=score, cell_scores=scores, profile=profile)
+
+
+def _steps(config: DeclutterConfig) -> int:
+    return round(180 / config.angle_step)
+
+
+def _fast_side(crop: NDArray[np.bool_]) -> int:
+    """Side of the square that occupied cells are padded to: even, and fast to transform."""
+    side = int(scipy.fft.next_fast_len(max(*crop.shape, 8), real=True))
+    return side + side % 2
+
+
+def _radii(side: int, resolution: float, config: DeclutterConfig) -> tuple[float, float]:
+    """Lowest and highest frequency that count for the directions."""
+    extent = side * resolution
+    highest = min(extent / config.wavelength_min, side / 2 - 1)
+    return min(max(extent / config.wavelength_max, 1.0), highest), highest
+
+
+def _reach(side: int, resolution: float, config: DeclutterConfig) -> int:
+    """No frequency above this is looked at for the directions."""
+    return min(math.ceil(_radii(side, resolution, config)[1]) + 2, side // 2)
+
+
+def wall_surface(grid: OccupancyGrid, depth: float) -> NDArray[np.bool_]:
+    """Occupied cells within `depth` metres of free space, bool (rows, cols): of solid masses, the surface.
+
+    Args:
+        grid: The grid.
+        depth: In metres; at least the cells next to free space count.
+    """
+    occupied = grid.cells == OCCUPIED
+    free = (grid.cells == FREE).view(np.uint8)
+    reach = max(round(depth / grid.resolution), 1)
+    near = cv2.dilate(free, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+    return np.asarray(occupied & near.view(np.bool_))
+
+
+def bounding_box(mask: NDArray[np.bool_]) -> tuple[slice, slice] | None:
+    """The smallest box (rows, cols) that holds every true cell; None when there is none."""
+    rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return None
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
+
+
+def dominant_directions(
+    profile: NDArray[np.float64], config: DeclutterConfig
+) -> tuple[NDArray[np.float64], float]:
+    """Peaks of the circular profile and the structure score W (equations 1 and 2).
+
+    Returns:
+        Directions in radians in [0, pi), rising, and W; no direction and 1.0 for a flat profile.
+    """
+    low, high = float(profile.min()), float(profile.max())
+    if not high > low:
+        return np.zeros(0), 1.0
+    scaled = (profile - low) / (high - low)
+    n = len(scaled)
+    peaks, prominences = _circular_peaks(np.ascontiguousarray(scaled), config.prominence)
+    if not len(peaks):
+        return np.zeros(0), 1.0
+    strongest = np.sort(np.argsort(-prominences, kind="stable")[: config.max_directions])
+    peaks = peaks[strongest]
+    left, top, right = scaled[peaks - 1], scaled[peaks], scaled[(peaks + 1) % n]
+    shift = 0.5 * (left - right) / np.minimum(left - 2 * top + right, -1e-12)
+    angles = undirected((peaks + np.clip(shift, -0.5, 0.5)) * np.pi / n)
+    return np.sort(angles), float(scaled.mean() / top.mean())
+
+
+@njit(cache=True, nogil=True)
+def _circular_peaks(
+    profile: NDArray[np.float64], least: float
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Peaks of a circular profile, rising, and their prominences, at least `least`; of a flat top, its middle.
+
+    A peak's prominence is its height above the higher of the two lowest points on the ways, left and right,
+    to a higher value.
+    """
+    n = len(profile)
+    peaks, prominences = np.empty(n, np.int64), np.empty(n)
+    count = 0
+    for first in range(n):
+        top = profile[first]
+        if profile[first - 1] >= top:  # index -1 is the last one
+            continue
+        width = 1
+        while width < n and profile[(first + width) % n] == top:
+            width += 1
+        if width == n or profile[(first + width) % n] > top:
+            continue
+        lowest = np.array((top, top))
+        for side in range(2):
+            for step in range(1, n):
+                value = profile[(first - step if side == 0 else first + step) % n]
+                if value > top:
+                    break
+                lowest[side] = min(lowest[side], value)
+        prominence = top - lowest.max()
+        if prominence >= least:
+            peaks[count], prominences[count] = (first + (width - 1) // 2) % n, prominence
+            count += 1
+    order = np.argsort(peaks[:count])
+    return peaks[:count][order], prominences[:count][order]
+
+
+@lru_cache(maxsize=8)
+def _polar_maps(
+    side: int, steps: int, radius_min: float, radius_max: float, reach: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Sampling positions (cols, rows) float32 (steps, radii) among the frequencies from -reach, by wall direction."""
+    normal = np.arange(steps) * np.pi / steps + np.pi / 2
+    radii = np.arange(radius_min, radius_max + 1e-9)
+    u, v = np.cos(normal)[:, None] * radii, np.sin(normal)[:, None] * radii
+    flip = np.where(u < 0, -1.0, 1.0)
+    return (u * flip).astype(np.float32), (v * flip + side // 2).astype(np.float32) - np.float32(
+        side // 2 - reach
+    )
+
+
+def _angle_profile(
+    spectrum: NDArray[np.complex64], side: int, resolution: float, config: DeclutterConfig
+) -> NDArray[np.float64]:
+    """Cumulative amplitude by wall direction: the spectrum unfolded about its centre and summed over the radius.
+
+    Args:
+        spectrum: complex64 (side, at least reach + 1), the half spectrum.
+        side: Of the transformed square.
+        resolution: Metres a cell.
+        config: The options.
+    """
+    reach = _reach(side, resolution, config)
+    amplitude = np.empty((2 * reach, reach + 1), np.float32)
+    np.abs(spectrum[-reach:, : reach + 1], out=amplitude[:reach])
+    np.abs(spectrum[:reach, : reach + 1], out=amplitude[reach:])
+    if config.floor:
+        amplitude *= amplitude >= config.floor * float(spectrum[0, 0].real)
+    cols, rows = _polar_maps(side, _steps(config), *_radii(side, resolution, config), reach)
+    polar = cv2.remap(amplitude, cols, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(polar.sum(axis=1, dtype=np.float64))
+
+
+def _ridges_only(
+    spectrum: NDArray[np.complex64], side: int, directions: NDArray[np.float64], width: float
+) -> NDArray[np.float32]:
+    """Inverse transform of the bands of `width` frequencies through the centre, normal to each wall direction."""
+    kept = np.zeros_like(spectrum)
+    half = width / 2
+    signed = scipy.fft.fftfreq(side, 1 / side)
+    us = np.arange(spectrum.shape[1], dtype=np.float64)
+    for angle in directions:
+        # A wall along `angle` has its ridge along the normal: |u cos + v sin| <= half holds along the ridge.
+        c, s = float(np.cos(angle)), float(np.sin(angle))
+        if abs(s) >= abs(c):
+            rows, cols = _band(-us * c / s, half / abs(s), side), us
+            index_v, index_u = rows, np.broadcast_to(cols[:, None], rows.shape)
+        else:
+            cols2 = _band(-signed * s / c, half / abs(c), side)
+            index_u, index_v = cols2, np.broadcast_to(signed[:, None], cols2.shape)
+        inside = (index_u >= 0) & (index_u < spectrum.shape[1]) & (np.abs(index_v) < side / 2)
+        inside &= np.abs(index_u * c + index_v * s) <= half
+        at = np.mod(index_v[inside].astype(np.int64), side), index_u[inside].astype(np.int64)
+        kept[at] = spectrum[at]
+    return np.asarray(scipy.fft.irfft2(kept, s=(side, side)))
+
+
+def _band(centre: NDArray[np.float64], half: float, side: int) -> NDArray[np.float64]:
+    """Whole numbers (n, m) around each centre that cover centre +- half."""
+    reach = min(int(np.ceil(half)) + 1, side)
+    return np.asarray(np.rint(centre)[:, None] + np.arange(-reach, reach + 1))
+
+
+def mixture_threshold(scores: NDArray[np.float32], *, bins: int = 256, iterations: int = 200) -> float:
+    """The score at which two Gaussians fitted to the scores cross (ROSE, section III-C).
+
+    Expectation maximisation on the histogram, started from the two halves split at the mean; the crossing
+    between the two means where the weighted densities are equal.
+
+    Args:
+        scores: Scores in 0..1 of the occupied cells, any shape.
+        bins: Of the histogram.
+        iterations: At most so many.
+
+    Returns:
+        The threshold in 0..1; 0.0 (keep everything) when the scores do not fall into two groups.
+    """
+    counts, edges = np.histogram(scores, bins=bins, range=(0.0, 1.0))
+    if np.count_nonzero(counts) < 2:
+        return 0.0
+    x = (edges[:-1] + edges[1:]) / 2
+    total = counts.sum()
+    split = float((counts * x).sum() / total)
+    high = (x > split).astype(np.float64)
+    for _ in range(iterations):
+        previous = high
+        densities, means = _maximise(counts, x, high, 1 / bins)
+        high = densities[1] / np.maximum(densities.sum(axis=0), 1e-300)
+        if np.abs(high - previous).max() < 1e-6:
+            break
+    between = np.flatnonzero((x >= means[0]) & (x <= means[1]) & (densities[1] >= densities[0]))
+    return float(x[between[0]]) if len(between) else 0.0
+
+
+def _maximise(
+    counts: NDArray[np.int64], x: NDArray[np.float64], high: NDArray[np.float64], floor: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Weighted densities (2, bins) and means (2,) of the two Gaussians, given each bin's share in the high one."""
+    weights = counts * np.stack((1 - high, high))
+    mass = np.maximum(weights.sum(axis=1), 1e-9)
+    means = (weights * x).sum(axis=1) / mass
+    spread = np.sqrt((weights * (x - means[:, None]) ** 2).sum(axis=1) / mass + floor**2)
+    densities = (mass / spread)[:, None] * np.exp(-0.5 * ((x - means[:, None]) / spread[:, None]) ** 2)
+    return densities, means

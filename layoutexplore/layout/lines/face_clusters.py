@@ -1,0 +1,151 @@
+"""From faces to rooms (IAS-15, section III; ROSE2, section III-C).
+
+Adjacent faces have an affinity that falls with the covered share of their common edge; DBSCAN with one point
+a cluster on one minus the normalised affinity is the same as the connected components of the pairs above a
+threshold, which is what is computed here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.layout.lines.faces import Arrangement
+from layoutexplore.layout.lines.walls import sums
+from layoutexplore.union_find import components
+
+Number = TypeVar("Number", np.int32, np.int64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FaceGraph:
+    """Which faces touch, and how much wall lies between them; p pairs.
+
+    Attributes:
+        first: int64 (p,), the smaller face index of each pair.
+        second: int64 (p,), the larger one.
+        length: float64 (p,), metres of common boundary.
+        covered: float64 (p,), metres of it that seen wall covers.
+    """
+
+    first: NDArray[np.int64]
+    second: NDArray[np.int64]
+    length: NDArray[np.float64]
+    covered: NDArray[np.float64]
+
+    @property
+    def weight(self) -> NDArray[np.float64]:
+        """float64 (p,): covered share of the common boundary."""
+        return self.covered / np.maximum(self.length, 1e-9)
+
+
+def dissolve(arrangement: Arrangement, open_edge: NDArray[np.bool_]) -> tuple[NDArray[np.int64], int]:
+    """Unite the faces on both sides of the open edges, bool (e,).
+
+    Returns:
+        Group of each face, int64 (f,), numbered by the first member, and the number of groups.
+    """
+    left, right = arrangement.sides.T
+    joined = open_edge & (left >= 0) & (right >= 0)
+    group = components(left[joined], right[joined], len(arrangement))
+    return group, int(group.max()) + 1 if len(group) else 0
+
+
+def face_graph(
+    arrangement: Arrangement, covered: NDArray[np.float64], group: NDArray[np.int64], count: int
+) -> FaceGraph:
+    """Pairs of different groups with a common edge; `covered` float64 (e,) in metres, `group` int64 (f,)."""
+    left, right = arrangement.sides.T
+    between = (left >= 0) & (right >= 0)
+    a, b = group[left[between]], group[right[between]]
+    differ = a != b
+    low, high = np.minimum(a, b)[differ], np.maximum(a, b)[differ]
+    pair, inverse = np.unique(low * count + high, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    length = sums(inverse, arrangement.edge_length[between][differ], len(pair))
+    return FaceGraph(
+        first=pair // max(count, 1),
+        second=pair % max(count, 1),
+        length=length,
+        covered=sums(inverse, covered[between][differ], len(pair)),
+    )
+
+
+def cluster_faces(
+    graph: FaceGraph, inside: NDArray[np.bool_], sigma: float, affinity_min: float
+) -> NDArray[np.int64]:
+    """Room of each face, int64 (count,), -1 for faces that are not inside.
+
+    Args:
+        graph: The faces' neighbourhood.
+        inside: bool (count,), the faces that can belong to a room.
+        sigma: Scale of the covered share in the affinity exp(-w / sigma).
+        affinity_min: Least normalised affinity of faces of one room (1 - eps of DBSCAN).
+    """
+    count = len(inside)
+    both = inside[graph.first] & inside[graph.second]
+    first, second = graph.first[both], graph.second[both]
+    affinity = np.exp(-graph.weight[both] / sigma)
+    degree = 1.0 + np.bincount(first, affinity, count) + np.bincount(second, affinity, count)
+    normalised = affinity * (1 / degree[first] + 1 / degree[second]) / 2
+    near = normalised >= affinity_min
+    room = components(first[near], second[near], count)
+    return renumber(np.where(inside, room, -1))
+
+
+def renumber(group: NDArray[Number], first: int = 0) -> NDArray[Number]:
+    """The same grouping (n,) numbered `first`, `first` + 1, ... by first appearance; smaller members become `first` - 1."""
+    return np.asarray(_renumber(np.ascontiguousarray(group), first))
+
+
+@njit(cache=True, nogil=True)
+def _renumber(group: NDArray[Any], first: int) -> NDArray[Any]:
+    out = np.full_like(group, first - 1)
+    number = np.full(group.max() + 1 if len(group) else 0, first - 1, group.dtype)
+    fresh = first
+    for k in range(len(group)):
+        if group[k] >= first:
+            if number[group[k]] < first:
+                number[group[k]] = fresh
+                fresh += 1
+            out[k] = number[group[k]]
+    return out
+
+
+def merge_small(
+    room: NDArray[np.int64], graph: FaceGraph, area: NDArray[np.float64], least: float
+) -> NDArray[np.int64]:
+    """Give rooms of less than `least` square metres to the neighbour with the longest open boundary, smallest first.
+
+    Args:
+        room: int64 (count,), room of each face, -1 for none.
+        graph: The faces' neighbourhood.
+        area: float64 (count,), free square metres of each face.
+        least: Smallest room.
+
+    Returns:
+        The new rooms; a small room without an open boundary to another one becomes none.
+    """
+    room = room.copy()
+    while True:
+        count = int(room.max(initial=-1)) + 1
+        inside = room >= 0
+        size = np.bincount(room[inside], area[inside], count)
+        small = np.flatnonzero(size < least)
+        if not len(small):
+            return renumber(room)
+        victim = small[np.argmin(size[small])]
+        room[room == victim] = _most_open_neighbour(room, graph, int(victim))
+        room = renumber(room)
+
+
+def _most_open_neighbour(room: NDArray[np.int64], graph: FaceGraph, victim: int) -> int:
+    a, b = room[graph.first], room[graph.second]
+    other = np.where(a == victim, b, np.where(b == victim, a, -1))
+    usable = (other >= 0) & (other != victim)
+    opening = np.bincount(other[usable], (graph.length - graph.covered)[usable])
+    return int(opening.argmax()) if opening.max(initial=0.0) > 1e-6 else -1

@@ -1,0 +1,128 @@
+"""Unions of faces: polygons from the half-edges, and cells from the polygons.
+
+A *grouping* gives each bounded face of an arrangement a group number, or -1 for none.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.layout.lines.faces import Arrangement
+
+
+def paint_faces(arrangement: Arrangement, shape: tuple[int, int], resolution: float) -> NDArray[np.int32]:
+    """The face that holds each cell's centre, int32 (rows, cols); -1 outside the box. Every centre is in one face only."""
+    corners, offsets = arrangement.rings()
+    image = np.full(shape, -1, np.int32)
+    _paint_convex(corners / resolution - 0.5, offsets, image)
+    return image
+
+
+@njit(cache=True, nogil=True)
+def _paint_convex(corners: NDArray[np.float64], offsets: NDArray[np.int64], image: NDArray[np.int32]) -> None:
+    rows, cols = image.shape
+    left = np.empty(rows, np.int64)
+    right = np.empty(rows, np.int64)
+    for face in range(len(offsets) - 1):
+        first, last = offsets[face], offsets[face + 1]
+        low, high = rows, 0
+        for i in range(first, last):
+            j = i + 1 if i + 1 < last else first
+            rising = corners[j, 1] > corners[i, 1]
+            a, b = (i, j) if rising else (j, i)
+            from_row = max(int(np.ceil(corners[a, 1])), 0)
+            to_row = min(int(np.ceil(corners[b, 1])), rows)
+            if from_row >= to_row:
+                continue
+            slope = (corners[b, 0] - corners[a, 0]) / (corners[b, 1] - corners[a, 1])
+            for row in range(from_row, to_row):
+                col = int(np.ceil(corners[a, 0] + (row - corners[a, 1]) * slope))
+                if rising:
+                    right[row] = min(max(col, 0), cols)
+                else:
+                    left[row] = min(max(col, 0), cols)
+            low, high = min(low, from_row), max(high, to_row)
+        for row in range(low, high):
+            for col in range(left[row], right[row]):
+                image[row, col] = face
+
+
+def outline(arrangement: Arrangement, group: NDArray[np.int64], count: int) -> list[shapely.Polygon]:
+    """Polygons of the groups 0 ... count - 1 in metres of the local frame, holes included, without needless corners.
+
+    Args:
+        arrangement: The faces.
+        group: int64 (f,), each group connected through the faces' edges.
+        count: Number of groups.
+    """
+    rings, owner, area = _boundary_rings(arrangement, group)
+    shells: list[NDArray[np.float64] | None] = [None] * count
+    holes: list[list[NDArray[np.float64]]] = [[] for _ in range(count)]
+    best = np.zeros(count)
+    for ring, index, size in zip(rings, owner, area, strict=True):
+        if size <= 0:
+            holes[index].append(ring)
+        elif size > best[index]:
+            shells[index], best[index] = ring, size
+    groups = [k for k in range(count) if shells[k] is not None]
+    polygons = np.array([shapely.Polygon()] * count, object)
+    if groups:
+        corners = [ring for k in groups for ring in (shells[k], *holes[k]) if ring is not None]
+        of_group = np.repeat(np.arange(len(groups)), [1 + len(holes[k]) for k in groups])
+        of_ring = np.repeat(np.arange(len(corners)), [len(ring) for ring in corners])
+        polygons[groups] = shapely.polygons(
+            shapely.linearrings(np.concatenate(corners), indices=of_ring), indices=of_group
+        )
+    for k in np.flatnonzero(~shapely.is_valid(polygons)):
+        polygons[k] = _mended(polygons[k])
+    found: list[shapely.Polygon] = polygons.tolist()
+    return found
+
+
+def _mended(polygon: shapely.Polygon) -> shapely.Polygon:
+    """The largest valid part of a polygon whose boundary touches itself."""
+    parts = shapely.get_parts(shapely.make_valid(polygon, method="structure", keep_collapsed=False))
+    polygons = [p for p in parts if isinstance(p, shapely.Polygon)]
+    return max(polygons, key=lambda p: p.area, default=shapely.Polygon())
+
+
+def _boundary_rings(
+    arrangement: Arrangement, group: NDArray[np.int64]
+) -> tuple[list[NDArray[np.float64]], NDArray[np.int64], NDArray[np.float64]]:
+    """Closed boundaries of all groups: corners (n, 2), the group each bounds on its left, and signed area."""
+    of_half = np.where(arrangement.face >= 0, group[arrangement.face], -1)
+    twin = np.arange(len(of_half)) ^ 1
+    outer = (of_half >= 0) & (of_half != of_half[twin])
+    after = arrangement.following.copy()
+    while (inner := ~outer[after] & outer).any():
+        after[inner] = arrangement.following[twin[after[inner]]]
+    line = arrangement.line[np.arange(len(of_half)) // 2].tolist()
+    origin = arrangement.vertices[arrangement.edges.reshape(-1)]
+    successor, waiting = after.tolist(), outer.tolist()
+    rings, owner = [], []
+    for first in np.flatnonzero(outer).tolist():
+        if not waiting[first]:
+            continue
+        walk, here = [], first
+        while waiting[here]:
+            waiting[here] = False
+            walk.append(here)
+            here = successor[here]
+        corners = [h for before, h in zip([walk[-1], *walk], walk, strict=False) if line[before] != line[h]]
+        rings.append(origin[corners if len(corners) > 2 else walk])
+        owner.append(int(of_half[first]))
+    return rings, np.array(owner, np.int64), _signed_areas(rings)
+
+
+def _signed_areas(rings: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Area of each ring of corners (n, 2), above 0 where it runs counter-clockwise."""
+    if not rings:
+        return np.zeros(0)
+    x, y = np.concatenate(rings).T
+    begin = np.cumsum([0, *(len(ring) for ring in rings)])
+    following = np.arange(1, len(x) + 1)
+    following[begin[1:] - 1] = begin[:-1]
+    return np.asarray(np.add.reduceat(x * y[following] - y * x[following], begin[:-1])) / 2

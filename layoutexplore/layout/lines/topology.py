@@ -1,0 +1,293 @@
+"""Splitting rooms by the topology of the free space (ROSE2, section III-D).
+
+ROSE2 asks whether the nodes of the free space's Voronoi graph that lie in one room are connected inside that
+room. The Voronoi graph is a deformation retract of the free space, so they are exactly if the free space of
+the room is connected; passages too narrow for the blurred skeleton are those that vanish when the free space
+is eroded. So no skeleton is needed: the connected parts of the eroded free space, room by room, are the
+components of the graph.
+
+A room of several parts is cut by the representative line that separates them best, and where there is none by
+a line of a dominant direction through the widest gap between the parts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.grids.grid import FREE, OccupancyGrid
+from layoutexplore.layout.lines.face_clusters import merge_small, renumber
+from layoutexplore.layout.lines.face_model import (
+    FaceConfig,
+    FaceModel,
+    WallModel,
+    arrange_lines,
+    face_model,
+    line_weights,
+    with_lines,
+)
+from layoutexplore.layout.lines.faces import Arrangement
+from layoutexplore.union_find import components, join, number_sets
+
+
+@dataclass(frozen=True, kw_only=True)
+class TopologyConfig:
+    """When and how a room is split.
+
+    Attributes:
+        split: Whether rooms are split at all.
+        split_clearance: Passages narrower than twice this, in metres, do not connect.
+        split_area: Parts with less eroded free space, in square metres, do not count.
+        split_overlap: Parts that overlap by more than this, in metres, along every direction are not
+            separated: one lies within the other, behind furniture.
+        split_rounds: A room is cut at most so often in a row.
+    """
+
+    split: bool = True
+    split_clearance: float = 0.2
+    split_area: float = 1.0
+    split_overlap: float = 0.5
+    split_rounds: int = 4
+
+    def __post_init__(self) -> None:
+        if self.split_clearance < 0 or self.split_area < 0 or self.split_rounds < 0:
+            raise ConfigError("split_clearance, split_area and split_rounds must not be negative")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cut:
+    """A room and the line that cuts it, by the index of its direction and its offset."""
+
+    room: int
+    direction: int
+    offset: float
+
+
+def split_rooms(
+    grid: OccupancyGrid,
+    model: WallModel,
+    faces: FaceModel,
+    room: NDArray[np.int64],
+    options: TopologyConfig,
+    config: FaceConfig,
+) -> tuple[WallModel, FaceModel, NDArray[np.int64]]:
+    """Split the rooms whose free space falls into parts.
+
+    Args:
+        grid: The grid.
+        model: Its lines.
+        faces: Their faces.
+        room: int64 (n,), room of each face, -1 for none.
+        options: When to split.
+        config: How faces become rooms.
+
+    Returns:
+        The lines with those added that were needed, the faces cut by them, and the room of each face.
+    """
+    free = (grid.cells == FREE).astype(np.uint8)
+    distance = cv2.distanceTransform(np.pad(free, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
+    open_cells = np.flatnonzero(distance * grid.resolution > options.split_clearance)
+    for _ in range(options.split_rounds):
+        cuts = _find_cuts(grid, model, faces, room, open_cells, options)
+        if not cuts:
+            break
+        model, faces, room = _apply(grid, model, faces, room, cuts, config)
+    return model, faces, room
+
+
+def _find_cuts(
+    grid: OccupancyGrid,
+    model: WallModel,
+    faces: FaceModel,
+    room: NDArray[np.int64],
+    open_cells: NDArray[np.int64],
+    options: TopologyConfig,
+) -> list[Cut]:
+    # Only the open cells are looked at: they are a small part of most grids.
+    labels = np.full(grid.shape, -1, np.int32)
+    labels.reshape(-1)[open_cells] = np.append(room[faces.group], -1)[faces.painted.reshape(-1)[open_cells]]
+    part, size = label_components(labels)
+    part_of = part.reshape(-1)[open_cells]
+    large = np.append(size * grid.resolution**2 >= options.split_area, False)
+    at = open_cells[large[part_of]]
+    part_of, room_of = part.reshape(-1)[at].astype(np.int64), labels.reshape(-1)[at]
+    owner = np.full(len(size), -1, np.int64)
+    owner[part_of] = room_of
+    parts_in_room = np.bincount(owner[owner >= 0], minlength=1)
+    wanted = np.flatnonzero(parts_in_room >= 2)
+    if not len(wanted):
+        return []
+    chosen = np.isin(room_of, wanted)
+    at, part_of = at[chosen], part_of[chosen]
+    points = np.stack((at % grid.shape[1] + 0.5, at // grid.shape[1] + 0.5), axis=1) * grid.resolution
+    cuts = [
+        _best_cut(int(r), model, points, part_of, np.flatnonzero(owner == r), options.split_overlap)
+        for r in wanted
+    ]
+    return [cut for cut in cuts if cut is not None]
+
+
+def _best_cut(
+    room: int,
+    model: WallModel,
+    points: NDArray[np.float64],
+    part_of: NDArray[np.int64],
+    parts: NDArray[np.int64],
+    overlap: float,
+) -> Cut | None:
+    """The line that separates the parts of a room: a representative line, else one in the widest gap; None if none does."""
+    inside = np.isin(part_of, parts)
+    points, rank = points[inside], np.searchsorted(parts, part_of[inside])
+    fallback, widest = None, -overlap
+    best, most = None, 0.0
+    for direction, angle in enumerate(model.aligned.directions):
+        offset = points[:, 1] * np.cos(angle) - points[:, 0] * np.sin(angle)
+        low, high = spread(offset, rank, len(parts), 0.05)
+        order = np.argsort(low + high, kind="stable")
+        reach = np.maximum.accumulate(high[order])[:-1]
+        begin = np.minimum.accumulate(low[order][::-1])[::-1][1:]
+        gap = begin - reach
+        k = int(gap.argmax())
+        if gap[k] > widest:
+            widest, fallback = (
+                float(gap[k]),
+                Cut(room=room, direction=direction, offset=float((begin[k] + reach[k]) / 2)),
+            )
+        mine = np.flatnonzero(model.lines.direction == direction)
+        for line in mine:
+            between = np.flatnonzero(
+                (reach <= model.lines.offset[line]) & (model.lines.offset[line] <= begin)
+            )
+            if len(between) and model.lines.length[line] > most:
+                most = float(model.lines.length[line])
+                best = Cut(room=room, direction=direction, offset=float(model.lines.offset[line]))
+    return best or fallback
+
+
+def spread(
+    values: NDArray[np.float64], rank: NDArray[np.int64], count: int, share: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The quantiles `share` and 1 - `share`, float64 (count,), of the values of each rank; no rank is empty.
+
+    Example:
+        >>> low, high = spread(np.arange(10.0), np.zeros(10, np.int64), 1, 0.2)
+        >>> low.tolist(), high.tolist()
+        ([1.0], [7.0])
+    """
+    order = np.lexsort((values, rank))
+    values, first = values[order], np.searchsorted(rank[order], np.arange(count + 1))
+    size = np.diff(first)
+    low, high = (values[first[:-1] + (q * (size - 1)).astype(np.int64)] for q in (share, 1 - share))
+    return low, high
+
+
+def _apply(
+    grid: OccupancyGrid,
+    model: WallModel,
+    faces: FaceModel,
+    room: NDArray[np.int64],
+    cuts: list[Cut],
+    config: FaceConfig,
+) -> tuple[WallModel, FaceModel, NDArray[np.int64]]:
+    added = np.array([c.direction for c in cuts], np.int64), np.array([c.offset for c in cuts])
+    model = replace(model, lines=with_lines(model.lines, *added))
+    arrangement = arrange_lines(grid, model, config.margin)
+    covered, weight = line_weights(arrangement, model)
+    centre, parent = _centres(arrangement), _parents(arrangement, faces.arrangement)
+    group = faces.group[parent]
+    of_cell = room[group]
+    count = int(room.max()) + 1
+    for cut in cuts:
+        angle = model.aligned.directions[cut.direction]
+        offset = centre[:, 1] * np.cos(angle) - centre[:, 0] * np.sin(angle)
+        of_cell[(of_cell == cut.room) & (offset > cut.offset)] = count
+        count += 1
+    group, of_cell = _connected(arrangement, group, of_cell)
+    faces = face_model(grid, arrangement, covered, weight, group, faces.region, config)
+    room = np.full(len(faces), -1, np.int64)
+    room[group] = of_cell
+    return model, faces, merge_small(renumber(room), faces.graph, faces.free_area, config.room_area)
+
+
+def _centres(arrangement: Arrangement) -> NDArray[np.float64]:
+    """A point float64 (f, 2) inside each cell: the mean of its corners."""
+    corners, offsets = arrangement.rings()
+    return np.asarray(np.add.reduceat(corners, offsets[:-1]) / np.diff(offsets)[:, None])
+
+
+def _parents(fine: Arrangement, coarse: Arrangement) -> NDArray[np.int64]:
+    """The cell of the coarse arrangement that holds each cell of the fine one, by the sides of all coarse lines."""
+    lines = coarse.lines
+    normal = np.stack((-np.sin(lines.angle), np.cos(lines.angle)))
+    codes = [np.packbits(_centres(a) @ normal > lines.offset, axis=1) for a in (coarse, fine)]
+    _, key = np.unique(np.concatenate(codes), axis=0, return_inverse=True)
+    key = key.reshape(-1)
+    owner = np.full(int(key.max()) + 1, 0, np.int64)
+    owner[key[: len(coarse)]] = np.arange(len(coarse))
+    return owner[key[len(coarse) :]]
+
+
+def _connected(
+    arrangement: Arrangement, group: NDArray[np.int64], of_cell: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Faces and rooms that are connected: groups split by room, rooms split into their connected pieces; both (f,)."""
+    left, right = arrangement.sides.T
+    inner = (left >= 0) & (right >= 0)
+    left, right = left[inner], right[inner]
+    same_room = of_cell[left] == of_cell[right]
+    piece = components(left[same_room], right[same_room], len(arrangement))
+    same_face = same_room & (group[left] == group[right])
+    face = components(left[same_face], right[same_face], len(arrangement))
+    return face, np.where(of_cell < 0, -1, piece)
+
+
+def label_components(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """4-connected components of cells of equal label.
+
+    Args:
+        labels: int32 (rows, cols), negative for none.
+
+    Returns:
+        Component of each cell int32 (rows, cols), in raster order, -1 for none; and the components' sizes in
+        cells.
+    """
+    part = np.full(labels.shape, -1, np.int32)
+    parent = np.empty(labels.size + 1, np.int32)
+    size = np.zeros(labels.size + 1, np.int64)
+    count = _label_components(np.ascontiguousarray(labels, np.int32), part, parent, size)
+    return part, size[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _label_components(
+    labels: NDArray[np.int32], part: NDArray[np.int32], parent: NDArray[np.int32], size: NDArray[np.int64]
+) -> int:
+    rows, cols = labels.shape
+    used = 0
+    for row in range(rows):
+        for col in range(cols):
+            label = labels[row, col]
+            if label < 0:
+                continue
+            up = part[row - 1, col] if row > 0 and labels[row - 1, col] == label else -1
+            left = part[row, col - 1] if col > 0 and labels[row, col - 1] == label else -1
+            if up < 0 and left < 0:
+                parent[used] = used
+                part[row, col] = used
+                used += 1
+            else:
+                part[row, col] = max(up, left)
+                if up >= 0 and left >= 0 and up != left:
+                    join(parent, up, left)
+    number = number_sets(parent[:used])
+    for row in range(rows):
+        for col in range(cols):
+            if part[row, col] >= 0:
+                part[row, col] = number[part[row, col]]
+                size[part[row, col]] += 1
+    return int(number.max()) + 1 if used else 0

@@ -1,0 +1,197 @@
+"""Walls and representative lines (ROSE2, section III-B; IAS-15, section III).
+
+Aligned segments of one direction that touch or nearly touch make a wall. Walls of one direction that lie
+closer to each other than a doorway is wide share a representative line: the heaviest wall takes in the
+lighter ones around it, so that two far walls are never chained together by the walls between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.layout.lines.segments import AlignedSegments
+from layoutexplore.union_find import join, number_sets
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WallGroups:
+    """Groups of aligned segments, m groups of n segments.
+
+    Attributes:
+        group: int64 (n,), the group of each segment.
+        direction: int64 (m,), index of each group's direction.
+        offset: float64 (m,), lateral median of the segments' midpoints, weighted by length, in metres.
+        start: float64 (m,), smallest coordinate along the direction.
+        end: float64 (m,), largest coordinate along the direction.
+        length: float64 (m,), summed length of the segments.
+    """
+
+    group: NDArray[np.int64]
+    direction: NDArray[np.int64]
+    offset: NDArray[np.float64]
+    start: NDArray[np.float64]
+    end: NDArray[np.float64]
+    length: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.direction)
+
+
+def find_walls(segments: AlignedSegments, gap: float) -> WallGroups:
+    """Chains of segments of one direction, each within `gap` metres of the next (DBSCAN with one point a cluster)."""
+    key = segments.direction * 1e6 + segments.offset
+    order = np.argsort(key, kind="stable")
+    return summarise(
+        segments, _chains(order, key, segments.offset, segments.start, segments.end, gap, gap**2)
+    )
+
+
+@njit(
+    "int64[::1](int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64, float64)",
+    cache=True,
+    nogil=True,
+)
+def _chains(
+    order: NDArray[np.int64],
+    key: NDArray[np.float64],
+    offset: NDArray[np.float64],
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    gap: float,
+    gap_squared: float,
+) -> NDArray[np.int64]:
+    """Chain of each segment; `order` sorts `key`, which rises with the direction first and the offset then."""
+    parent = np.arange(len(order)).astype(np.int32)
+    for n in range(len(order)):
+        i = order[n]
+        for m in range(n + 1, len(order)):
+            j = order[m]
+            if key[j] > key[i] + gap:
+                break
+            apart = max(max(start[i], start[j]) - min(end[i], end[j]), 0.0)
+            aside = offset[i] - offset[j]
+            if apart * apart + aside * aside <= gap_squared:
+                join(parent, i, j)
+    return number_sets(parent)
+
+
+def merge_walls(segments: AlignedSegments, walls: WallGroups, distance: float) -> WallGroups:
+    """Groups of walls of one direction whose lines are closer than `distance` metres to the heaviest among them."""
+    heaviest = np.argsort(-walls.length.round(9), kind="stable")
+    key = walls.direction * 1e6 + walls.offset
+    by_key = np.argsort(key, kind="stable")
+    return summarise(segments, _lines_of_walls(heaviest, by_key, key[by_key], distance)[walls.group])
+
+
+@njit("int64[::1](int64[::1], int64[::1], float64[::1], float64)", cache=True, nogil=True)
+def _lines_of_walls(
+    heaviest: NDArray[np.int64], by_key: NDArray[np.int64], key: NDArray[np.float64], distance: float
+) -> NDArray[np.int64]:
+    """Line of each wall; `heaviest` sorts the walls by falling length and `by_key` by place, where they have the rising `key`."""
+    count = len(heaviest)
+    place = np.empty(count, np.int64)
+    place[by_key] = np.arange(count)
+    leader = np.full(count, -1, np.int64)
+    for wall in heaviest:
+        if leader[wall] < 0:
+            at = key[place[wall]]
+            for n in range(np.searchsorted(key, at - distance), np.searchsorted(key, at + distance)):
+                if leader[by_key[n]] < 0:
+                    leader[by_key[n]] = wall
+            leader[wall] = wall
+    rank = np.zeros(count + 1, np.int64)
+    for wall in range(count):
+        rank[wall + 1] = rank[wall] + (leader[wall] == wall)
+    return rank[leader]
+
+
+def chain_lines(segments: AlignedSegments, distance: float) -> WallGroups:
+    """Groups of segments of one direction by single linkage of their lines' distances (IAS-15's spatial clusters)."""
+    order = np.lexsort((segments.offset, segments.direction))
+    direction, offset = segments.direction[order], segments.offset[order]
+    breaks = (np.diff(direction) != 0) | (np.diff(offset) >= distance)
+    group = np.empty(len(order), np.int64)
+    group[order] = np.concatenate(([0], np.cumsum(breaks))) if len(order) else 0
+    return summarise(segments, group)
+
+
+def summarise(segments: AlignedSegments, group: NDArray[np.int64]) -> WallGroups:
+    """The groups' directions, offsets and extents, given the group of each segment (0 ... m - 1, none empty)."""
+    count = int(group.max()) + 1 if len(group) else 0
+    direction, start, end, length = _extents(group, count, segments.direction, segments.start, segments.end)
+    return WallGroups(
+        group=group,
+        direction=direction,
+        offset=grouped_median(segments.offset, segments.length, group, count),
+        start=start,
+        end=end,
+        length=length,
+    )
+
+
+@njit(cache=True, nogil=True)
+def _extents(
+    group: NDArray[np.int64],
+    count: int,
+    direction: NDArray[np.int64],
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Direction, start, end and summed length of each group."""
+    directions, starts, ends, lengths = (
+        np.zeros(count, np.int64),
+        np.full(count, np.inf),
+        np.full(count, -np.inf),
+        np.zeros(count),
+    )
+    for n in range(len(group)):
+        k = group[n]
+        directions[k] = direction[n]
+        starts[k], ends[k] = min(starts[k], start[n]), max(ends[k], end[n])
+        lengths[k] += end[n] - start[n]
+    return directions, starts, ends, lengths
+
+
+def grouped_median(
+    values: NDArray[np.float64], weights: NDArray[np.float64], group: NDArray[np.int64], count: int
+) -> NDArray[np.float64]:
+    """Weighted lower median float64 (count,) of the values of each group; no group is empty.
+
+    Example:
+        >>> grouped_median(np.array([3.0, 1.0, 2.0]), np.array([1.0, 5.0, 1.0]), np.array([0, 0, 0]), 1).tolist()
+        [1.0]
+    """
+    return np.asarray(_medians(np.lexsort((values, group)), values, weights, group, count))
+
+
+@njit(cache=True, nogil=True)
+def _medians(
+    order: NDArray[np.int64],
+    values: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    group: NDArray[np.int64],
+    count: int,
+) -> NDArray[np.float64]:
+    """The medians; `order` sorts by group first and value then."""
+    total = np.zeros(count)
+    for n in order:
+        total[group[n]] += max(weights[n], 1e-9)
+    before = np.zeros(count + 1)
+    before[1:] = np.cumsum(total)
+    out = np.full(count, np.nan)
+    running = 0.0
+    for n in order:
+        running += max(weights[n], 1e-9)
+        k = group[n]
+        if np.isnan(out[k]) and running - before[k] >= total[k] / 2 - 1e-9:
+            out[k] = values[n]
+    return out
+
+
+def sums(index: NDArray[np.int64], weights: NDArray[np.float64], count: int = 0) -> NDArray[np.float64]:
+    """Sum of the weights (n,) of each index (n,), float64 (count or more,)."""
+    return np.asarray(np.bincount(index, weights, count), np.float64)

@@ -1,0 +1,1 @@
+"""The learnt method: watershed regions merged over their adjacency graph."""

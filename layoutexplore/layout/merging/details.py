@@ -1,0 +1,180 @@
+"""What the default method's layouts tell when they are asked: scores of the cells, lines, and faces that follow the rooms.
+
+The rooms come from pieces of free space and not from lines, so nothing of this is needed to find them. The
+representative lines are those of the walls of the map without its clutter (ROSE2, section III-B), and where a
+room ends far from all of them, a line of its own. A cell of their arrangement belongs to the room that most
+of its labelled grid cells have; cells of one room make one face where the line between them is hardly
+covered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid
+from layoutexplore.layout.alignment import surfaces
+from layoutexplore.layout.lines.assemble import FaceDetails
+from layoutexplore.layout.lines.declutter import DeclutterConfig, find_structure
+from layoutexplore.layout.lines.face_clusters import dissolve
+from layoutexplore.layout.lines.face_model import (
+    FaceConfig,
+    WallModel,
+    arrange_lines,
+    face_model,
+    open_edges,
+    seen_region,
+    with_lines,
+)
+from layoutexplore.layout.lines.face_outlines import paint_faces
+from layoutexplore.layout.lines.segments import angle_between
+from layoutexplore.layout.lines.topology import spread
+from layoutexplore.layout.types import Details, Face, Line
+
+LINE_DISTANCE = 0.4
+"""A room that ends farther than this from every line gets a line of its own [m]."""
+
+SAMPLE = 0.1
+"""Distance of the cells that a room's extent is measured on [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class DefaultDetails(Details):
+    """Lines, faces and scores of a layout of the default method, computed when they are first asked for.
+
+    Attributes:
+        clean_grid: The grid without its clutter.
+        clutter: int64 (n,), flat indices of the cells that the clutter occupies.
+        labels: int32 (rows, cols), the rooms.
+        model: Walls and lines of the clean grid; None where there is no wall.
+        config: When a line parts two faces.
+    """
+
+    clean_grid: OccupancyGrid
+    clutter: NDArray[np.int64]
+    labels: NDArray[np.int32]
+    model: WallModel | None
+    config: FaceConfig
+
+    @cached_property
+    def cell_scores(self) -> NDArray[np.float32]:
+        """ROSE's score of the surfaces of everything occupied, clutter too; 0 elsewhere."""
+        cells = self.clean_grid.cells.copy()
+        cells.reshape(-1)[self.clutter] = OCCUPIED
+        return find_structure(surfaces(cells), self.clean_grid.resolution, DeclutterConfig()).cell_scores
+
+    @cached_property
+    def _found(self) -> Details:
+        if self.model is None:
+            return Details()
+        model = with_room_lines(self.clean_grid, self.model, self.labels, LINE_DISTANCE)
+        return faces_of_labels(self.clean_grid, model, self.labels, self.config)
+
+    @property
+    def lines(self) -> tuple[Line, ...]:
+        """Representative lines, the box's border last."""
+        return self._found.lines
+
+    @property
+    def faces(self) -> tuple[Face, ...]:
+        """The faces, by id."""
+        return self._found.faces
+
+    def faces_of(self, room: int) -> tuple[int, ...]:
+        """Indices of the faces of a room, rising."""
+        return self._found.faces_of(room)
+
+
+def with_room_lines(
+    grid: OccupancyGrid, model: WallModel, labels: NDArray[np.int32], distance: float
+) -> WallModel:
+    """The lines, and those along the sides of the smallest box around each room that lie farther than this from all others.
+
+    Args:
+        grid: The grid.
+        model: Its lines; the boxes have their directions.
+        labels: int32 (rows, cols), rooms from 1, 0 for none.
+        distance: Between parallel lines [m].
+    """
+    step = max(round(SAMPLE / grid.resolution), 1)
+    rows, cols = np.nonzero(labels[::step, ::step])
+    if not len(rows):
+        return model
+    x, y = (cols * step + 0.5) * grid.resolution, (rows * step + 0.5) * grid.resolution
+    names, rank = np.unique(labels[::step, ::step][rows, cols], return_inverse=True)
+    angles = model.aligned.directions
+    extents = [spread(y * np.cos(a) - x * np.sin(a), rank.reshape(-1), len(names), 0.01) for a in angles]
+    low, high = (np.stack([extent[i] for extent in extents]) for i in (0, 1))
+    across = angle_between(angles[:, None] + np.pi / 2, angles[None, :])
+    partner = across.argmin(axis=1)
+    best = ((high - low) * (high - low)[partner]).argmin(axis=0)
+    direction, offset = model.lines.direction.tolist(), model.lines.offset.tolist()
+    for room, first in enumerate(best.tolist()):
+        for d in (first, int(partner[first])):
+            for t in (float(low[d, room]), float(high[d, room])):
+                if all(
+                    other != d or abs(at - t) > distance for other, at in zip(direction, offset, strict=True)
+                ):
+                    direction.append(d)
+                    offset.append(t)
+    count = len(model.lines)
+    new = np.array(direction[count:], np.int64), np.array(offset[count:], np.float64)
+    return replace(model, lines=with_lines(model.lines, *new))
+
+
+def faces_of_labels(
+    grid: OccupancyGrid, model: WallModel, labels: NDArray[np.int32], config: FaceConfig
+) -> FaceDetails:
+    """The faces of a map's lines, each in the room that most of its labelled cells have.
+
+    Args:
+        grid: The grid without clutter.
+        model: Its lines.
+        labels: int32 (rows, cols), rooms from 1, 0 for none.
+        config: Which edges part faces, and which faces are external: those are in no room.
+    """
+    arrangement = arrange_lines(grid, model, config.margin)
+    painted = paint_faces(arrangement, grid.shape, grid.resolution)
+    owner = _owners(
+        painted,
+        np.ascontiguousarray(labels),
+        len(arrangement),
+        int(labels.max(initial=0)) + 1,
+        config.inside_share,
+    )
+    covered, weight, is_open = open_edges(arrangement, model, config)
+    left, right = arrangement.sides.T
+    group, count = dissolve(arrangement, is_open & (owner[left] == owner[right]))
+    faces = face_model(
+        grid, arrangement, covered, weight, group, seen_region(grid, config.region_area), config
+    )
+    room = np.zeros(count, np.int64)
+    room[group] = owner
+    return FaceDetails(model, faces, np.where(faces.kind > 0, room, 0) - 1, grid.origin)
+
+
+@njit("int64[::1](int32[:,::1], int32[:,::1], int64, int64, float64)", cache=True, nogil=True)
+def _owners(
+    painted: NDArray[np.int32], labels: NDArray[np.int32], count: int, rooms: int, least: float
+) -> NDArray[np.int64]:
+    """The commonest label of each cell of the arrangement, 0 where less than a share `least` of it is labelled."""
+    total = np.zeros(count, np.int64)
+    table = np.zeros((count, rooms), np.int32)
+    for r in range(painted.shape[0]):
+        for c in range(painted.shape[1]):
+            if painted[r, c] >= 0:
+                total[painted[r, c]] += 1
+                table[painted[r, c], labels[r, c]] += 1
+    out = np.zeros(count, np.int64)
+    for k in range(count):
+        if total[k] > 0 and total[k] - table[k, 0] >= least * total[k]:
+            best = 1
+            for room in range(2, rooms):
+                if table[k, room] > table[k, best]:
+                    best = room
+            out[k] = best
+    return out

@@ -1,0 +1,74 @@
+"""The rooms of the lines fall apart where the pieces in them do.
+
+Lines without a wall seen between them leave two rooms in one: a wall that was never looked at, or one that
+furniture hides. ROSE2 splits a room whose topological graph is not connected inside it (section III-D). Here
+the graph is that of the pieces: the pieces that lie mostly in one room of the lines stay together only as far
+as wide passes between them reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.layout.merging.adjacency_graph import OPEN, PASS, PEAK, PieceGraph
+from layoutexplore.union_find import join, root_of
+
+
+@njit(
+    "float64[:,::1](float64[:,::1], int32[:,::1], float64[:,::1], float64[:,::1], float64)",
+    cache=True,
+    nogil=True,
+)
+def _split(
+    nodes: NDArray[np.float64],
+    ends: NDArray[np.int32],
+    edges: NDArray[np.float64],
+    rooms: NDArray[np.float64],
+    share: float,
+) -> NDArray[np.float64]:
+    count = len(nodes)
+    own = np.empty(count, np.int64)
+    for k in range(count):
+        own[k] = rooms[k].argmax()
+    parent = np.arange(count).astype(np.int32)
+    for e in range(len(ends)):
+        a, b = ends[e, 0], ends[e, 1]
+        if (
+            own[a] == own[b]
+            and edges[e, OPEN] > 0
+            and edges[e, PASS] >= share * min(nodes[a, PEAK], nodes[b, PEAK])
+        ):
+            join(parent, a, b)
+    column = np.zeros(count, np.int64)
+    parts = 0
+    for k in range(1, count):
+        root = root_of(parent, k)  # no member of its set comes before it
+        if own[k] > 0 and root == k:
+            parts += 1
+            column[k] = parts
+        else:
+            column[k] = column[root]
+    out = np.zeros((count, parts + 1))
+    for k in range(1, count):
+        for room in range(rooms.shape[1]):
+            out[k, column[k] if room == own[k] else 0] += rooms[k, room]
+    return out
+
+
+def split_line_rooms(graph: PieceGraph, share: float) -> PieceGraph:
+    """Part the rooms of the lines where no wide pass connects the pieces in them.
+
+    Args:
+        graph: The pieces; not changed.
+        share: A pass is wide if it is at least this share of the smaller of the two pieces' largest distances
+            to obstacles.
+
+    Returns:
+        The graph with other `rooms`: each piece counts for the part of the room it mostly lies in, its other
+            cells in none.
+    """
+    return replace(graph, rooms=_split(graph.nodes, graph.ends, graph.edges, graph.rooms, share))

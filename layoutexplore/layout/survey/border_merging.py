@@ -1,0 +1,165 @@
+"""Merging of the Voronoi method's pieces by the share of their border (Bormann et al. 2016)."""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+class Borders:
+    """Who borders on whom: cells along each piece's border by the label they belong to.
+
+    Attributes:
+        area: Cells of each piece, by label.
+        shares: For each piece, cells next to it by label, 0 for walls.
+        perimeter: The sum of each piece's shares.
+    """
+
+    def __init__(self, labels: NDArray[np.int32]) -> None:
+        count = int(labels.max(initial=0)) + 1
+        self.area: list[int] = np.bincount(labels.ravel(), minlength=count).tolist()
+        self.shares: list[dict[int, int]] = [{} for _ in range(count)]
+        for label, other, cells in _border_cells(np.ascontiguousarray(np.pad(labels, 1)), count).tolist():
+            self.shares[label][other] = cells
+        self.perimeter = [sum(shares.values()) for shares in self.shares]
+
+    def merge(self, gone: int, into: int) -> None:
+        """Make one piece of two; their common border vanishes."""
+        self.area[into] += self.area[gone]
+        self.area[gone] = 0
+        for other, cells in self.shares[gone].items():
+            if other != into:
+                self.shares[into][other] = self.shares[into].get(other, 0) + cells
+            if other > 0:
+                theirs = self.shares[other].pop(gone)
+                if other != into:
+                    self.shares[other][into] = self.shares[other].get(into, 0) + theirs
+        self.shares[gone], self.perimeter[gone] = {}, 0
+        self.perimeter[into] = sum(self.shares[into].values())
+
+    def around(self, piece: int) -> set[int]:
+        """The piece, its neighbours and theirs: all whose merging depends on the shares of the piece or its neighbours."""
+        near = {piece, *self.shares[piece]} - {0}
+        return near.union(*(self.shares[k] for k in near)) - {0}
+
+
+@njit(cache=True, nogil=True)
+def _border_cells(padded: NDArray[np.int32], count: int) -> NDArray[np.int64]:
+    """Rows (label, other label, distinct cells of the other that touch the label by an 8-neighbour)."""
+    rows, cols = padded.shape
+    pairs = np.empty((1024, 2), np.int64)
+    n = 0
+    seen = np.empty(8, np.int64)
+    for r in range(1, rows - 1):
+        for c in range(1, cols - 1):
+            mine = padded[r, c]
+            same = (padded[r, c - 1] == mine) & (padded[r, c + 1] == mine)
+            for cc in range(c - 1, c + 2):
+                same &= (padded[r - 1, cc] == mine) & (padded[r + 1, cc] == mine)
+            if same:
+                continue
+            m = 0
+            for rr in range(r - 1, r + 2):
+                for cc in range(c - 1, c + 2):
+                    other = padded[rr, cc]
+                    if other == mine or other == 0:
+                        continue
+                    known = False
+                    for k in range(m):
+                        known = known or seen[k] == other
+                    if not known:
+                        seen[m] = other
+                        m += 1
+                        if n >= len(pairs):
+                            pairs = np.concatenate((pairs, np.empty_like(pairs)))
+                        pairs[n, 0] = other
+                        pairs[n, 1] = mine
+                        n += 1
+    keys = np.sort(pairs[:n, 0] * count + pairs[:n, 1])
+    out = np.empty((n, 3), np.int64)
+    k = 0
+    for i in range(n):
+        if i == 0 or keys[i] != keys[i - 1]:
+            out[k, 0] = keys[i] // count
+            out[k, 1] = keys[i] % count
+            out[k, 2] = 0
+            k += 1
+        out[k - 1, 2] += 1
+    return out[:k]
+
+
+def _target(borders: Borders, piece: int, area: float, merge_area: float) -> int:
+    """The neighbour a piece merges into, 0 for none: rules (a) to (e) of the authors, in their order."""
+    shares, perimeter = borders.shares[piece], borders.perimeter[piece]
+    neighbours = sorted((k for k in shares if k > 0), key=lambda k: (-shares[k], k))
+    if not neighbours or perimeter == 0:
+        return 0
+    wall = shares.get(0, 0) / perimeter
+    largest = neighbours[0]
+    border = shares[largest] / perimeter
+    their_wall = borders.shares[largest].get(0, 0) / max(borders.perimeter[largest], 1)
+    if len(neighbours) == 1 and area < merge_area and wall <= 0.75:
+        return largest
+    if area < 2.0 and border > 0.2 and their_wall <= 0.8:
+        return largest
+    if (
+        (len(neighbours) == 1 or wall + border > 0.98)
+        and wall > 0.5
+        and border > 0.15
+        and not _crossroads(borders, largest)
+    ):
+        return largest
+    for other in neighbours:
+        mine = shares[other] / perimeter
+        theirs = borders.shares[other].get(piece, 0) / max(borders.perimeter[other], 1)
+        # counted, not divided: a room with one neighbour has exactly 1 - border of wall
+        between = 0.95 - 2 * mine < wall and shares.get(0, 0) < perimeter - shares[other]
+        if (mine > 0.2 or (mine > 0.1 and between)) and theirs > 0.1:
+            return other
+    return largest if border > 0.4 else 0
+
+
+def _crossroads(borders: Borders, piece: int) -> bool:
+    """More than two neighbours, and the wall and the two largest of them are not nearly all of its border."""
+    shares = borders.shares[piece]
+    sizes = sorted((v for k, v in shares.items() if k > 0), reverse=True)
+    return len(sizes) > 2 and (shares.get(0, 0) + sum(sizes[:2])) < 0.95 * borders.perimeter[piece]
+
+
+def merge_by_borders(labels: NDArray[np.int32], resolution: float, *, merge_area: float) -> NDArray[np.int32]:
+    """Merge pieces until no rule applies, always the smallest first to which one does; ties by label.
+
+    Pieces without a target wait outside the queue until a merge changes something around them.
+
+    Args:
+        labels: int32 (rows, cols), 0 for walls.
+        resolution: Metres a cell.
+        merge_area: A piece with one neighbour merges with it below this area [m2].
+    """
+    borders = Borders(labels)
+    into = np.arange(len(borders.area), dtype=np.int32)
+    queue = [(area, piece) for piece, area in enumerate(borders.area) if piece > 0 and area > 0]
+    queued = set(queue)
+    heapq.heapify(queue)
+    while queue:
+        entry = heapq.heappop(queue)
+        queued.discard(entry)
+        area, piece = entry
+        if borders.area[piece] != area:
+            continue
+        target = _target(borders, piece, area * resolution**2, merge_area)
+        if target == 0:
+            continue
+        borders.merge(piece, target)
+        into[piece] = target
+        for other in borders.around(target):
+            entry = borders.area[other], other
+            if entry not in queued:
+                queued.add(entry)
+                heapq.heappush(queue, entry)
+    while (into[into] != into).any():
+        into = into[into]
+    return np.asarray(into[labels])

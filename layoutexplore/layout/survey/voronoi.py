@@ -1,0 +1,77 @@
+"""Room segmentation by critical lines of the Voronoi graph (Thrun and Bücken; Bormann et al. 2016).
+
+Cells of the Voronoi graph where the free space is narrowest are critical points; the lines from them to the
+walls cut the free space into pieces, and pieces that share much of their border merge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.grids.flood import grow_labels
+from layoutexplore.layout.survey.border_merging import merge_by_borders
+from layoutexplore.layout.survey.critical_lines import critical_lines
+from layoutexplore.layout.survey.voronoi_graph import contour_cells, critical_points, voronoi_graph
+
+
+@dataclass(frozen=True, kw_only=True)
+class VoronoiConfig:
+    """Options of the Voronoi method (Bormann et al., Table I).
+
+    Attributes:
+        neighbourhood: A critical point is the narrowest of 280 / D cells of the graph, D its distance to the
+            walls in cells.
+        iterations: A neighbourhood grows so many times at most.
+        spacing: Of two critical points closer than this share of their distance to the walls one is dropped.
+        area_min: Smallest piece [m2].
+        merge_area: A room with one neighbour merges with it below this area [m2].
+    """
+
+    neighbourhood: int = 280
+    iterations: int = 150
+    spacing: float = 0.5
+    area_min: float = 0.1
+    merge_area: float = 12.5
+
+    def __post_init__(self) -> None:
+        if (
+            min(self.neighbourhood, self.iterations) < 1
+            or min(self.spacing, self.area_min, self.merge_area) < 0
+        ):
+            raise ConfigError(
+                "neighbourhood and iterations must be above 0, spacing, area_min and merge_area not below"
+            )
+
+
+def voronoi_labels(free: NDArray[np.bool_], resolution: float, config: VoronoiConfig) -> NDArray[np.int32]:
+    """Rooms of the Voronoi method, int32 (rows, cols), 0 outside the free space."""
+    pieces = grow_labels(voronoi_pieces(free, resolution, config), free)
+    return merge_by_borders(pieces, resolution, merge_area=config.merge_area)
+
+
+def voronoi_pieces(free: NDArray[np.bool_], resolution: float, config: VoronoiConfig) -> NDArray[np.int32]:
+    """What the critical lines leave of the free space, int32 (rows, cols): pieces from 1, 0 on the lines and elsewhere."""
+    distance = np.minimum(
+        np.rint(cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)), 255
+    )
+    distance = np.ascontiguousarray(distance[1:-1, 1:-1].astype(np.uint8))
+    walls = contour_cells(free)
+    points = critical_points(voronoi_graph(free, walls), distance, config.neighbourhood, config.iterations)
+    cut = free.astype(np.uint8, order="C")
+    for point, *ends in critical_lines(points, walls, distance, config.spacing)[:, :, ::-1].tolist():
+        for end in ends:
+            cv2.line(cut, point, end, 0, 2)
+    contours, _ = cv2.findContours(cut, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    count, parts = cv2.connectedComponents(cut, connectivity=8)
+    areas = np.zeros(count)
+    for contour in contours:
+        col, row = contour[0, 0]
+        areas[parts[row, col]] = cv2.contourArea(contour) * resolution**2
+    keep = areas >= config.area_min
+    keep[0] = False
+    return np.where(keep[parts], parts, 0).astype(np.int32)

@@ -1,0 +1,1 @@
+"""Scores of explorations and segmentations, and the statistics of comparisons."""

@@ -1,0 +1,165 @@
+"""How well segments fit the true rooms: the measures of the room segmentation literature, in cells.
+
+With S the segments (their free cells), G the true rooms and O their overlaps (Bormann et al. 2016; ROSE2 and
+IAS-15, section V):
+
+- precision: mean over s of max_g O / |s|; recall: mean over g of max_s O / |g|;
+- iou_s: mean over s of the IoU with the room of largest overlap; iou_g the same from the rooms to the
+  segments;
+- one_to_one: sum of IoU over the best one-to-one matching, divided by max(#S, #G): it forgives neither over-
+  nor under-segmentation;
+- a_fc, a_bc: the same overlaps as precision and recall, pooled by area (forward and backward coverage).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from layoutexplore.errors import ConfigError, MapError
+
+PROTOCOLS: dict[str, int] = {"rose2": 0, "bormann": 100}
+"""Segments and rooms of at most so many cells are dropped, by protocol."""
+
+MIN_TRUTH_CELLS = 200
+"""A colour of a truth image on at most so many pixels is noise of its antialiased borders."""
+
+MEASURES = ("precision", "recall", "iou_s", "iou_g", "one_to_one", "a_fc", "a_bc")
+"""The measures, in the order of the tables."""
+
+HEADINGS = dict(zip(MEASURES, ("P", "R", "IoU_s", "IoU_g", "1-1", "A_FC", "A_BC"), strict=True))
+"""Names of the measures in tables."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SegmentationScores:
+    """Measures in 0..1 and the number of segments and rooms they are taken over."""
+
+    precision: float
+    recall: float
+    iou_s: float
+    iou_g: float
+    one_to_one: float
+    a_fc: float
+    a_bc: float
+    segments: int
+    rooms: int
+
+
+def score_segmentation(
+    predicted: NDArray[np.integer[Any]],
+    truth: NDArray[np.integer[Any]],
+    free: NDArray[np.bool_],
+    *,
+    protocol: str = "rose2",
+) -> SegmentationScores:
+    """Compare the free cells of a segmentation with the true rooms.
+
+    Args:
+        predicted: int (rows, cols), segment of each cell, 0 for none.
+        truth: int (rows, cols), true room of each cell, 0 for none. A room counts whole, with what is not
+            free in it (the footprint of furniture), as in the published tables.
+        free: bool (rows, cols), the cells on which a segment counts. Free cells that no room claims are not a
+            room, but a segment that claims them pays for it.
+        protocol: One of `PROTOCOLS`.
+
+    Raises:
+        MapError: The arrays differ in shape.
+        ConfigError: No such protocol.
+
+    Example:
+        >>> truth = np.array([[1, 1, 1, 1, 2, 2]])
+        >>> scores = score_segmentation(np.array([[1, 1, 2, 2, 2, 2]]), truth, truth > 0)
+        >>> scores.precision, scores.recall, scores.one_to_one
+        (0.75, 0.75, 0.5)
+    """
+    if protocol not in PROTOCOLS:
+        raise ConfigError(f"unknown protocol {protocol!r}: known are {', '.join(PROTOCOLS)}")
+    if not predicted.shape == truth.shape == free.shape:
+        raise MapError(f"segments {predicted.shape}, truth {truth.shape} and map {free.shape} differ in size")
+    found = np.where(free, predicted, 0)
+    return scores_of_overlaps(*overlap_table(found.ravel(), truth.ravel(), min_cells=PROTOCOLS[protocol]))
+
+
+def overlap_table(
+    predicted: NDArray[np.integer[Any]], truth: NDArray[np.integer[Any]], *, min_cells: int = 0
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Cells that each segment shares with each room.
+
+    Args:
+        predicted: int (n,), segment of each cell, 0 for none.
+        truth: int (n,), room of each cell, 0 for none.
+        min_cells: Segments and rooms of at most so many cells are left out.
+
+    Returns:
+        overlaps int64 (segments, rooms), sizes of the segments int64 (segments,), of the rooms int64
+        (rooms,), by rising label.
+    """
+    s, g = predicted.astype(np.int64), truth.astype(np.int64)
+    rows, cols = int(s.max(initial=0)) + 1, int(g.max(initial=0)) + 1
+    table = np.bincount(s * cols + g, minlength=rows * cols).reshape(rows, cols)
+    segment_sizes, room_sizes = table.sum(1)[1:], table.sum(0)[1:]
+    keep_s, keep_g = segment_sizes > min_cells, room_sizes > min_cells
+    return table[1:, 1:][keep_s][:, keep_g], segment_sizes[keep_s], room_sizes[keep_g]
+
+
+def scores_of_overlaps(
+    overlaps: NDArray[np.int64], segment_sizes: NDArray[np.int64], room_sizes: NDArray[np.int64]
+) -> SegmentationScores:
+    """The measures from the cells that segments and rooms share; all 0 where there is no segment or no room.
+
+    Args:
+        overlaps: int64 (segments, rooms).
+        segment_sizes: int64 (segments,), at least 1.
+        room_sizes: int64 (rooms,), at least 1.
+    """
+    n_segments, n_rooms = overlaps.shape
+    if n_segments == 0 or n_rooms == 0:
+        zeros = dict.fromkeys(MEASURES, 0.0)
+        return SegmentationScores(**zeros, segments=n_segments, rooms=n_rooms)
+    iou = overlaps / (segment_sizes[:, None] + room_sizes[None, :] - overlaps)
+    rows, cols = linear_sum_assignment(iou, maximize=True)
+    best_s, best_g = overlaps.max(1), overlaps.max(0)
+    return SegmentationScores(
+        precision=float((best_s / segment_sizes).mean()),
+        recall=float((best_g / room_sizes).mean()),
+        iou_s=float(iou[np.arange(n_segments), overlaps.argmax(1)].mean()),
+        iou_g=float(iou[overlaps.argmax(0), np.arange(n_rooms)].mean()),
+        one_to_one=float(iou[rows, cols].sum() / max(n_segments, n_rooms)),
+        a_fc=float(best_s.sum() / segment_sizes.sum()),
+        a_bc=float(best_g.sum() / room_sizes.sum()),
+        segments=n_segments,
+        rooms=n_rooms,
+    )
+
+
+def truth_labels(image: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Room ids of a truth image: one colour a room, black none; rare colours are noise of the borders and count as none.
+
+    Args:
+        image: uint8 (h, w) or (h, w, 3) or (h, w, 4); of four channels the last is ignored.
+
+    Returns:
+        int32 (h, w), 1-based by rising colour value.
+
+    Raises:
+        MapError: The image is neither grey nor colour of 8 bit.
+    """
+    if image.dtype != np.uint8 or image.ndim not in (2, 3):
+        raise MapError(
+            f"a truth image has 8 bit and one to four channels, got {image.dtype} of shape {image.shape}"
+        )
+    channels = image[..., None] if image.ndim == 2 else image[..., :3]
+    codes = np.zeros(image.shape[:2], np.int64)
+    for k in range(channels.shape[2]):
+        codes = codes * 256 + channels[..., k]
+    counts = np.bincount(codes.ravel())
+    rooms = counts > MIN_TRUTH_CELLS
+    rooms[0] = False
+    ids = np.zeros(len(counts), np.int32)
+    ids[rooms] = np.arange(1, int(rooms.sum()) + 1, dtype=np.int32)
+    return ids[codes]

@@ -1,0 +1,174 @@
+"""Statistics for paired comparisons over floor plans: interquartile mean, cluster bootstrap, probability of improvement.
+
+Runs on one floor plan resemble each other, so the floor plan, not the run, is what is resampled: every draw
+takes as many plans as there are, with replacement, and all runs of each plan drawn. A draw is then nothing
+but integer weights on the runs, which makes ten thousand draws a few array operations.
+
+References:
+    Agarwal et al. 2021, "Deep Reinforcement Learning at the Edge of the Statistical Precipice" (interquartile
+    mean, probability of improvement); Field and Welsh 2007, "Bootstrapping clustered data".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from layoutexplore.errors import ConfigError
+
+DRAWS = 10_000
+"""Bootstrap draws."""
+
+CONFIDENCE = 0.95
+"""Coverage of the intervals."""
+
+_BLOCK = 2_000_000  # weights held at a time, in numbers
+
+Floats = NDArray[np.float64]
+WeightedStatistic = Callable[[Floats, Floats], Floats]
+"""(values (n,), weights (m, n)) -> (m,): the statistic of the values under each row of weights."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate with its confidence interval; the ends are NaN where there are fewer than two clusters."""
+
+    estimate: float
+    low: float
+    high: float
+
+    def map(self, function: Callable[[float], float]) -> Interval:
+        """The interval under a rising function, such as `math.exp`."""
+        return Interval(function(self.estimate), function(self.low), function(self.high))
+
+
+def interquartile_mean(values: ArrayLike) -> float:
+    """Mean of the middle half of the values; the values at the quartiles count by the part that lies inside.
+
+    Example:
+        >>> interquartile_mean([1, 2, 3, 100])
+        2.5
+        >>> interquartile_mean([1.0, 4.0])
+        2.5
+    """
+    sample = _sample(values)
+    return float(weighted_interquartile_mean(sample, np.ones((1, len(sample))))[0])
+
+
+def weighted_interquartile_mean(values: Floats, weights: Floats) -> Floats:
+    """Interquartile mean under each row of weights.
+
+    Args:
+        values: float64 (n,).
+        weights: float64 (m, n), not negative, no row all zero. A weight of 2 is the value twice.
+
+    Returns:
+        float64 (m,).
+    """
+    order = np.argsort(values, kind="stable")
+    upper = np.cumsum(weights[:, order], axis=1)
+    low, high = 0.25 * upper[:, -1:], 0.75 * upper[:, -1:]
+    np.clip(upper, low, high, out=upper)
+    inside = np.diff(upper, axis=1, prepend=low)
+    return np.asarray(inside @ values[order] / (high - low)[:, 0])
+
+
+def weighted_mean(values: Floats, weights: Floats) -> Floats:
+    """Mean under each row of weights, float64 (m,)."""
+    return np.asarray(weights @ values / weights.sum(axis=1))
+
+
+def cluster_bootstrap(
+    values: ArrayLike,
+    clusters: ArrayLike,
+    statistic: WeightedStatistic = weighted_interquartile_mean,
+    *,
+    draws: int = DRAWS,
+    confidence: float = CONFIDENCE,
+    seed: int = 0,
+) -> Interval:
+    """A statistic of the values with a percentile interval from resampling whole clusters.
+
+    Args:
+        values: float (n,), one a run.
+        clusters: (n,), anything that tells clusters apart: the floor plans' names.
+        statistic: What is estimated.
+        draws: Number of bootstrap draws.
+        confidence: Of the interval, 0..1.
+        seed: Of the draws.
+
+    Raises:
+        ConfigError: No values, or values and clusters of different length.
+
+    Example:
+        >>> cluster_bootstrap([0.0, 0.0, 1.0, 1.0], ["a", "a", "b", "b"], seed=1)
+        Interval(estimate=0.5, low=0.0, high=1.0)
+    """
+    sample = _sample(values)
+    names, member = np.unique(np.asarray(clusters), return_inverse=True)
+    if len(member) != len(sample):
+        raise ConfigError(f"{len(sample)} values need as many clusters, got {len(member)}")
+    estimate = float(statistic(sample, np.ones((1, len(sample))))[0])
+    if len(names) < 2:
+        return Interval(estimate, float("nan"), float("nan"))
+    counts = np.random.default_rng(seed).multinomial(
+        len(names), np.full(len(names), 1 / len(names)), size=draws
+    )
+    block = max(1, _BLOCK // len(sample))
+    drawn = np.concatenate(
+        [
+            statistic(sample, counts[k : k + block][:, member].astype(np.float64))
+            for k in range(0, draws, block)
+        ]
+    )
+    tail = (1 - confidence) / 2
+    low, high = np.quantile(drawn, [tail, 1 - tail])
+    return Interval(estimate, float(low), float(high))
+
+
+def cluster_means(values: ArrayLike, clusters: ArrayLike) -> tuple[Floats, NDArray[np.generic]]:
+    """Mean of the values of each cluster, float64 (k,), and the clusters' names, sorted.
+
+    Example:
+        >>> cluster_means([1.0, 3.0, 5.0], ["b", "b", "a"])[0].tolist()
+        [5.0, 2.0]
+    """
+    names, member = np.unique(np.asarray(clusters), return_inverse=True)
+    return np.bincount(member, weights=_sample(values)) / np.bincount(member), names
+
+
+def log_ratios(values: ArrayLike, baseline: ArrayLike) -> Floats:
+    """ln(value / baseline) of pairs, float64 (n,): below 0 where the value is smaller.
+
+    Raises:
+        ConfigError: Different lengths, or a number that is not above 0.
+    """
+    a, b = np.asarray(values, np.float64), np.asarray(baseline, np.float64)
+    if a.shape != b.shape:
+        raise ConfigError(f"pairs need as many values as baselines, got {a.shape} and {b.shape}")
+    if not (np.all(a > 0) and np.all(b > 0)):
+        raise ConfigError("ratios need numbers above 0")
+    return np.log(a) - np.log(b)
+
+
+def improvements(differences: ArrayLike) -> Floats:
+    """1 where a paired difference is below 0 (better), 0.5 where it is 0, else 0.
+
+    Its mean is the probability of improvement: the chance of beating the baseline on a cell drawn at random.
+
+    Example:
+        >>> improvements([-0.1, 0.0, 0.2]).tolist()
+        [1.0, 0.5, 0.0]
+    """
+    sample = np.asarray(differences, np.float64)
+    return np.asarray((sample < 0) + 0.5 * (sample == 0), np.float64)
+
+
+def _sample(values: ArrayLike) -> Floats:
+    sample = np.asarray(values, np.float64)
+    if sample.ndim != 1 or len(sample) == 0 or not np.all(np.isfinite(sample)):
+        raise ConfigError("statistics need a non-empty list of finite numbers")
+    return sample

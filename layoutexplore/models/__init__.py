@@ -1,0 +1,1 @@
+"""Tree ensembles and small networks: evaluation in numpy and numba, and their files."""

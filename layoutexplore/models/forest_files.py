@@ -1,0 +1,121 @@
+"""Files of trees: JSON, a line a tree.
+
+A node is [feature, threshold, left, right] with the next nodes counted from the tree's first, a leaf is
+[value].
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.grids.ros_map import write_atomically
+from layoutexplore.models.forest import Forest
+
+
+def save_forests(
+    path: Path, forests: dict[str, Forest], features: Sequence[str], note: str = "", *, double: bool = False
+) -> None:
+    """Write forests that look at the same features.
+
+    Args:
+        path: The file.
+        forests: By name.
+        features: Names of the features, in their order.
+        note: What they were trained on.
+        double: Keep all digits; otherwise those of thresholds that float32 holds, and five of each value.
+
+    Raises:
+        MapError: The file cannot be written.
+    """
+    data: dict[str, Any] = {"note": note, "features": list(features)}
+    parts = []
+    for name, forest in forests.items():
+        bounds = [*forest.roots.tolist(), len(forest.feature)]
+        trees = [_tree(forest, begin, end, double) for begin, end in itertools.pairwise(bounds)]
+        lines = ",\n".join(json.dumps(tree, separators=(",", ":")) for tree in trees)
+        parts.append(f'"{name}": {{"bias": {json.dumps(forest.bias)}, "trees": [\n{lines}\n]}}')
+    text = f'{json.dumps(data)[:-1]}, "forests": {{\n{",".join(parts)}\n}}}}\n'
+    write_atomically(path, text.encode())
+
+
+def _tree(forest: Forest, begin: int, end: int, double: bool) -> list[list[float]]:
+    threshold_digits, value_digits = (17, 17) if double else (9, 5)
+    feature, left, right = (
+        column[begin:end].tolist() for column in (forest.feature, forest.left, forest.right)
+    )
+    return [
+        [f, float(f"{x:.{threshold_digits}g}"), a - begin, b - begin]
+        if f >= 0
+        else [float(f"{x:.{value_digits}g}")]
+        for f, x, a, b in zip(feature, forest.threshold[begin:end].tolist(), left, right, strict=True)
+    ]
+
+
+def load_forests(
+    path: Path, features: tuple[str, ...], names: Sequence[str] = (), *, double: bool = False
+) -> dict[str, Forest]:
+    """Read forests.
+
+    Args:
+        path: A file that `save_forests` wrote.
+        features: What the forests have to be trained on.
+        names: Forests that must be there.
+        double: As they were saved; otherwise numbers are what float32 holds, as the samples are.
+
+    Raises:
+        ConfigError: The file cannot be read, holds no such forests, or they were trained on other features.
+    """
+    try:
+        forests = _read(path, path.stat().st_mtime_ns, features, double)
+    except OSError as error:
+        raise ConfigError(f"{path}: no model can be read here: {error.strerror or error}") from error
+    missing = [name for name in names if name not in forests]
+    if missing:
+        raise ConfigError(f"{path}: the forest {missing[0]!r} is missing: train it again")
+    return forests
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, _changed: int, features: tuple[str, ...], double: bool) -> dict[str, Forest]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        trained_on, parts = tuple(data["features"]), dict(data["forests"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise ConfigError(f"{path}: not a model of decision trees ({error})") from error
+    if trained_on != features:
+        raise ConfigError(f"{path} looks at other features than this version computes: train it again")
+    try:
+        return {name: _forest(part, len(features), double) for name, part in parts.items()}
+    except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
+        raise ConfigError(f"{path}: damaged trees ({error})") from error
+
+
+def _forest(data: dict[str, Any], features: int, double: bool) -> Forest:
+    """A forest from its numbers; every way down a tree ends, and asks only for features there are."""
+    nodes: list[list[float]] = []
+    roots = []
+    for tree in data["trees"]:
+        base = len(nodes)
+        roots.append(base)
+        for k, n in enumerate(tree):
+            if len(n) == 4 and not (0 <= n[0] < features and k < n[2] < len(tree) and k < n[3] < len(tree)):
+                raise ValueError(f"node {k} of tree {len(roots)} leads nowhere")
+            nodes.append([n[0], n[1], n[2] + base, n[3] + base] if len(n) == 4 else [-1, n[0], 0, 0])
+        if base == len(nodes):
+            raise ValueError(f"tree {len(roots)} is empty")
+    table = np.array(nodes, np.float64).reshape(-1, 4)
+    if np.isnan(table).any():
+        raise ValueError("a number is missing")
+    feature, left, right = (np.ascontiguousarray(table[:, k], np.int32) for k in (0, 2, 3))
+    threshold = (
+        np.ascontiguousarray(table[:, 1]) if double else table[:, 1].astype(np.float32).astype(np.float64)
+    )
+    return Forest(feature, threshold, left, right, np.array(roots, np.int32), float(data["bias"]))

@@ -1,0 +1,87 @@
+"""Weights of networks in files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import safetensors.numpy
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.grids.ros_map import write_atomically
+
+Layers = Mapping[str, tuple[int, int, int, int]]
+"""Channels in and out, side of the kernel and stride of each layer."""
+
+Weights = Mapping[str, NDArray[np.floating]]
+"""By name: "LAYER.weight" (side * side * channels in, channels out) and "LAYER.bias" (channels out,) for every layer."""
+
+
+def shapes_of(layers: Layers) -> dict[str, tuple[int, ...]]:
+    """The shapes of the weights of layers.
+
+    Example:
+        >>> shapes_of({"show": (5, 8, 3, 1)})
+        {'show.weight': (45, 8), 'show.bias': (8,)}
+    """
+    shapes: dict[str, tuple[int, ...]] = {}
+    for name, (inputs, outputs, side, _) in layers.items():
+        shapes |= {f"{name}.weight": (side * side * inputs, outputs), f"{name}.bias": (outputs,)}
+    return shapes
+
+
+def save_weights(path: Path, weights: Mapping[str, NDArray[np.generic]], note: str) -> None:
+    """Write weights.
+
+    Args:
+        path: The file (safetensors).
+        weights: By name, in the types in which they are to be kept.
+        note: What the network was trained on.
+
+    Raises:
+        MapError: The file cannot be written.
+    """
+    arrays = {name: np.ascontiguousarray(values) for name, values in weights.items()}
+    write_atomically(path, safetensors.numpy.save(arrays, metadata={"note": note}))
+
+
+def load_weights(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Weights:
+    """Read weights; a file that has been read is kept until it changes.
+
+    Args:
+        path: The file.
+        shapes: What it must hold.
+
+    Returns:
+        All as float32.
+
+    Raises:
+        ConfigError: There is no such file, it is damaged, or it is none that this version can run.
+    """
+    try:
+        changed = path.stat().st_mtime_ns
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read as a network of the predictor layout: {error}") from error
+    weights = _read(path, changed)
+    for name, shape in shapes.items():
+        values = weights.get(name)
+        if values is None or values.shape != shape or not np.isfinite(values).all():
+            found = "is missing" if values is None else f"has shape {values.shape} or is not finite"
+            raise ConfigError(f"{path}: {name} {found}, expected {shape}: train it again with this version")
+    return weights
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, _changed: int) -> Weights:
+    try:
+        weights = safetensors.numpy.load(path.read_bytes())
+    except (OSError, SafetensorError) as error:
+        raise ConfigError(f"{path}: cannot be read as a network of the predictor layout: {error}") from error
+    return MappingProxyType(
+        {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}
+    )

@@ -1,0 +1,382 @@
+"""Exact octile distances on a grid by a wavefront in canonical order: the kernels behind `layoutexplore.planning.shortest_paths`.
+
+Of the many shortest paths to a cell one is followed: diagonal moves first, then straight ones, with another
+diagonal only at a corner that forces it (canonical ordering as in jump point search, Harabor and Grastien
+2011, in the variant without corner cutting). A straight run therefore writes the cells it passes in one go;
+only diagonal steps and forced corners wait in a queue, a few thousand for a floor of half a million cells.
+The queue is Dial's ("Algorithm 360", 1969): buckets one cell wide, in a ring. No move is shorter than a
+bucket, so cells of one bucket cannot improve each other.
+
+Distances are whole numbers, 5741 for a straight and 8119 for a diagonal move (8119 / 5741 is a convergent of
+the square root of 2, off by 8e-9): sums are exact, symmetric and free of the order in which they are made.
+Paths longer than about 370 000 cells do not fit and count as none.
+
+Many searches on one grid share an array of distances that is not cleared in between: each search counts from
+an origin below all that the earlier ones have written, so that what these left behind is farther than
+anything it can reach itself.
+
+Arrays are padded by one cell that nothing enters, and flat. Moves are bits: N 0, S 1, W 2, E 3, NW 4, NE 5,
+SW 6, SE 7, where north is the next row.
+"""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+STRAIGHT = 5741
+DIAGONAL = 8119
+FAR = 2**31 - 1
+"""Distance of a cell that cannot be reached."""
+
+_SPAN = (FAR // 16) // STRAIGHT * STRAIGHT
+"""How far apart the origins of searches that share an array lie: 15 searches for one time of clearing it."""
+
+_TOO_FAR = -2
+
+_FREE_ENTRY, _USED, _WAITING, _OVERFLOW = range(4)  # What the numbers of a queue's state mean.
+
+
+class _Queue:
+    """What a search needs besides its grid, kept from search to search because fresh memory costs more than the search.
+
+    `scheduled` holds the moves that will be, or have been, followed out of a cell at its present distance:
+    what arrives at the same distance by another way adds only the moves that are missing, so that ties do not
+    multiply.
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape = shape
+        self.scheduled = np.empty(shape[0] * shape[1], np.uint8)
+        self.heads = np.empty(1 << (max(shape) + 2).bit_length(), np.int32)
+        self.resize(4096)
+
+    def resize(self, size: int) -> None:
+        """Make room for so many entries."""
+        self.items = np.empty(size, np.int64)
+        self.links = np.empty(size, np.int32)
+
+
+class Search:
+    """Searches on one grid, one after the other.
+
+    Args:
+        shape: (rows, cols) of the grid, nowhere traversable at first.
+
+    Attributes:
+        moves: uint8 (rows + 2, cols + 2), the moves out of every cell, as bits.
+        distance: int32, flat, padded.
+        origin: What the last search has written at its source: subtract it.
+        count: Number of searches so far.
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.moves = np.zeros((shape[0] + 2, shape[1] + 2), np.uint8)
+        self.distance = np.empty(self.moves.size, np.int32)
+        self.origin = 0
+        self.count = 0
+
+    @property
+    def cols(self) -> int:
+        """Columns of the padded grid."""
+        return int(self.moves.shape[1])
+
+    @property
+    def queue(self) -> _Queue:
+        """This thread's queue for grids of this shape."""
+        kept: _Queue | None = getattr(_threads, "queue", None)
+        if kept is None or kept.shape != self.moves.shape:
+            kept = _threads.queue = _Queue((self.moves.shape[0], self.moves.shape[1]))
+        return kept
+
+    def spread(self, source: int, stops: NDArray[np.int64]) -> int:
+        """Search from a padded flat cell; with `stops`, until all of those are settled.
+
+        Returns:
+            The greatest value of `distance` that is exact; above it lie cells that were not reached.
+        """
+        self.count += 1
+        fresh = self.origin <= _SPAN
+        self.origin = 15 * _SPAN if fresh else self.origin - _SPAN
+        settled = self._search(source, stops, fresh)
+        if settled == _TOO_FAR:
+            self.origin = 0
+            return min(self._search(source, stops, True), FAR - 1)
+        return min(settled, self.origin + _SPAN - 1)
+
+    def spread_again(self, source: int, stops: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The distances to the stops alone, int64 (n,), `FAR` where there is no way."""
+        settled = self.spread(source, stops)
+        lengths = self.distance[stops].astype(np.int64)
+        return np.where(lengths > settled, FAR, lengths - self.origin)
+
+    def _search(self, source: int, stops: NDArray[np.int64], clear: bool) -> int:
+        if clear:
+            self.distance[:] = FAR
+        queue = self.queue
+        while True:
+            arrays = (self.distance, queue.scheduled, queue.heads, queue.items, queue.links)
+            settled = int(_spread(self.moves, source, stops, self.origin, *arrays))
+            if settled >= 0 or settled == _TOO_FAR:
+                return settled
+            queue.resize(4 * queue.items.size)
+            self.distance[:] = FAR
+
+
+class Workspace(Search):
+    """A search on masks of one shape.
+
+    Attributes:
+        world: uint8 (rows + 2, cols + 2), the mask.
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        super().__init__(shape)
+        self.world = np.zeros(self.moves.shape, np.uint8)
+
+    def load(self, traversable: NDArray[np.bool_]) -> None:
+        """Take a mask bool (rows, cols) as the grid to search."""
+        self.world[1:-1, 1:-1] = traversable
+        find_moves(self.world, self.moves, 0, 0)
+
+
+_threads = threading.local()
+
+
+def workspace(traversable: NDArray[np.bool_]) -> Workspace:
+    """This thread's workspace for a mask bool (rows, cols), loaded with it."""
+    rows, cols = traversable.shape
+    kept: Workspace | None = getattr(_threads, "kept", None)
+    if kept is None or kept.world.shape != (rows + 2, cols + 2):
+        kept = _threads.kept = Workspace((rows, cols))
+    kept.load(traversable)
+    return kept
+
+
+@njit(cache=True, nogil=True)
+def find_moves(world: NDArray[np.uint8], moves: NDArray[np.uint8], row: int, col: int) -> None:
+    """Write the moves out of each inner cell of a padded mask of 0 and 1, traversable or not.
+
+    The mask is a window of the padded grid that `moves` is of; its corner lies at (row, col) there.
+    """
+    for r in range(1, world.shape[0] - 1):
+        behind, here, ahead = world[r - 1], world[r], world[r + 1]
+        written = moves[row + r, col + 1 : col + world.shape[1] - 1]
+        for c in range(written.size):
+            south, west, east, north = behind[c + 1], here[c], here[c + 2], ahead[c + 1]
+            written[c] = (
+                north
+                | south << 1
+                | west << 2
+                | east << 3
+                | (north & west & ahead[c]) << 4
+                | (north & east & ahead[c + 2]) << 5
+                | (south & west & behind[c]) << 6
+                | (south & east & behind[c + 2]) << 7
+            )
+
+
+@njit(cache=True, nogil=True)
+def _push(
+    cell: int,
+    move: int,
+    distance: int,
+    heads: NDArray[np.int32],
+    items: NDArray[np.int64],
+    links: NDArray[np.int32],
+    state: NDArray[np.int64],
+) -> None:
+    """Queue a cell from which a diagonal move, and the two runs beside it, go on."""
+    entry = state[_FREE_ENTRY]
+    if entry >= 0:
+        state[_FREE_ENTRY] = links[entry]
+    else:
+        entry = state[_USED]
+        if entry == items.size:
+            state[_OVERFLOW] = 1
+            return
+        state[_USED] = entry + 1
+    bucket = (distance // STRAIGHT) & (heads.size - 1)
+    items[entry] = cell * 8 + move
+    links[entry] = heads[bucket]
+    heads[bucket] = entry
+    state[_WAITING] += 1
+
+
+@njit(cache=True, nogil=True)
+def _run(
+    cell: int,
+    here: int,
+    step: int,
+    move: int,
+    side_a: int,
+    side_b: int,
+    corner_a: int,
+    corner_b: int,
+    moves: NDArray[np.uint8],
+    distance: NDArray[np.int32],
+    scheduled: NDArray[np.uint8],
+    heads: NDArray[np.int32],
+    items: NDArray[np.int64],
+    links: NDArray[np.int32],
+    state: NDArray[np.int64],
+) -> None:
+    """Go straight until a wall or a cell that is reached as well without; queue the corners that force a turn."""
+    ahead = 1 << move
+    sides = 1 << side_a | 1 << side_b
+    at, stride = (
+        np.uint64(cell),
+        np.uint64(step),
+    )  # Unsigned, so that indexing need not look out for negative numbers.
+    allowed = moves[at]
+    while allowed & ahead:
+        at += stride
+        here += STRAIGHT
+        known = distance[at]
+        if known > here:
+            distance[at] = here
+            scheduled[at] = ahead
+        elif known < here or scheduled[at] & ahead:
+            return
+        else:
+            scheduled[at] |= ahead
+        # A side that is open here and was shut one cell before can only be reached by turning here.
+        opened = moves[at] & ~allowed & sides
+        allowed = moves[at]
+        if opened >> side_a & 1:
+            scheduled[at] |= 1 << corner_a | 1 << side_a
+            _push(int(at), corner_a, here, heads, items, links, state)
+        if opened >> side_b & 1:
+            scheduled[at] |= 1 << corner_b | 1 << side_b
+            _push(int(at), corner_b, here, heads, items, links, state)
+
+
+@njit(cache=True, nogil=True)
+def _begin(
+    source: int,
+    origin: int,
+    distance: NDArray[np.int32],
+    scheduled: NDArray[np.uint8],
+    heads: NDArray[np.int32],
+    items: NDArray[np.int64],
+    links: NDArray[np.int32],
+) -> NDArray[np.int64]:
+    """Queue the four diagonal moves out of the source; the queue's state."""
+    heads[:] = -1
+    state = np.array([-1, 0, 0, 0])
+    distance[source] = origin
+    scheduled[source] = 255
+    for move in range(4, 8):
+        _push(source, move, origin, heads, items, links, state)
+    return state
+
+
+@njit(cache=True, nogil=True)
+def _spread(
+    padded_moves: NDArray[np.uint8],
+    source: int,
+    stops: NDArray[np.int64],
+    origin: int,
+    distance: NDArray[np.int32],
+    scheduled: NDArray[np.uint8],
+    heads: NDArray[np.int32],
+    items: NDArray[np.int64],
+    links: NDArray[np.int32],
+) -> int:
+    """Lower `distance` from `origin` on; return up to where it is exact.
+
+    It is -1 when the queue's memory is too small, and `_TOO_FAR` when cells lie too far from an origin above
+    0.
+    """
+    moves = padded_moves.ravel()
+    cols = padded_moves.shape[1]
+    longest = (FAR if origin == 0 else origin + _SPAN) - STRAIGHT * (max(padded_moves.shape[0], cols) + 2)
+    state, level, settled = (
+        _begin(source, origin, distance, scheduled, heads, items, links),
+        origin // STRAIGHT,
+        0,
+    )
+    while state[_WAITING] > 0:
+        bucket = level & (heads.size - 1)
+        base = level * STRAIGHT
+        while settled < stops.size and distance[stops[settled]] <= base:
+            settled += 1
+        if stops.size > 0 and settled == stops.size:
+            return base
+        entry, heads[bucket] = heads[bucket], -1
+        while entry >= 0:
+            cell, move = items[entry] >> 3, items[entry] & 7
+            links[entry], state[_FREE_ENTRY], entry = (
+                state[_FREE_ENTRY],
+                entry,
+                links[entry],
+            )  # Freed; on to the next one.
+            state[_WAITING] -= 1
+            here = distance[cell]
+            if here < base:
+                continue  # Improved since it was queued.
+            if here > longest:
+                if origin > 0:
+                    return _TOO_FAR
+                continue
+            north, east = move < 6, move & 1 == 1
+            up, right = (cols if north else -cols), (1 if east else -1)
+            vertical, horizontal = (0 if north else 1), (3 if east else 2)
+            (a, b), (c, d) = (
+                ((4, 5) if north else (6, 7)),
+                ((5, 7) if east else (4, 6)),
+            )  # The corners on these sides.
+            _run(cell, here, up, vertical, 2, 3, a, b, moves, distance, scheduled, heads, items, links, state)
+            _run(
+                cell,
+                here,
+                right,
+                horizontal,
+                0,
+                1,
+                c,
+                d,
+                moves,
+                distance,
+                scheduled,
+                heads,
+                items,
+                links,
+                state,
+            )
+            if not moves[cell] >> move & 1:
+                continue
+            target, there = cell + up + right, here + DIAGONAL
+            follow = 1 << move | 1 << vertical | 1 << horizontal
+            if there < distance[target]:
+                distance[target] = there
+                scheduled[target] = follow
+            elif there == distance[target] and follow & ~scheduled[target]:
+                scheduled[target] |= follow
+            else:
+                continue
+            _push(target, move, there, heads, items, links, state)
+        if state[_OVERFLOW]:
+            return -1
+        level += 1
+    return FAR
+
+
+@njit(cache=True, nogil=True)
+def to_metres(
+    distance: NDArray[np.int32], origin: float, metres: float, settled: int, lengths: NDArray[np.float32]
+) -> None:
+    """Write padded flat distances as metres (rows, cols); beyond what is settled they are infinite."""
+    rows, cols = lengths.shape
+    for r in range(rows):
+        start = (r + 1) * (cols + 2) + 1
+        units, written = distance[start : start + cols], lengths[r]
+        for c in range(cols):
+            written[c] = (
+                np.float32((np.float64(units[c]) - origin) * metres)
+                if units[c] <= settled
+                else np.float32(np.inf)
+            )

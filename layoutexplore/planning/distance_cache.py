@@ -1,0 +1,159 @@
+"""Shortest path lengths between places on a map that changes little from one time to the next.
+
+Lengths are kept where the change cannot matter. A path that touches a changed cell, or squeezes past one,
+leads from its one end to there and on to its other end; where even the straight ways together are longer than
+the kept length, neither the old nor the new map has a path of that length through the change, so the length
+stays exact. What is unknown then is searched from as few places as a greedy choice finds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.planning.canonical_search import DIAGONAL, FAR, STRAIGHT, workspace
+from layoutexplore.planning.shortest_paths import check_cells, check_mask, entrances, flat_indices
+
+_UNKNOWN = -1
+_MOST_CHANGES = 20_000
+"""Changed cells from which everything is forgotten: looking at them all would take longer than searching."""
+_MOST_PLACES = 256
+"""Places that are kept in store; beyond it only those that are asked for are kept."""
+
+
+class PathTable:
+    """Path lengths between the places that are asked for, kept from call to call.
+
+    Example:
+        >>> table = PathTable()
+        >>> open_floor = np.ones((3, 9), bool)
+        >>> table.lengths(open_floor, np.array([[0, 0], [0, 8]]), 1.0)[0].tolist()
+        [0.0, 8.0]
+    """
+
+    def __init__(self) -> None:
+        self._mask = np.zeros((0, 0), np.bool_)
+        self._cells = np.empty((0, 2), np.int64)
+        self._units = np.empty((0, 0), np.int64)
+        self.searches = 0
+
+    def lengths(
+        self, traversable: NDArray[np.bool_], cells: NDArray[np.integer], resolution: float
+    ) -> NDArray[np.float32]:
+        """The same as `layoutexplore.planning.shortest_paths.distance_matrix`: float32 (n, n) in metres."""
+        world = check_mask(traversable)
+        wanted = check_cells(cells, world.shape)
+        self._adapt(world)
+        rows = self._rows(wanted, world.shape[1])
+        units = self._units[np.ix_(rows, rows)]
+        if (units == _UNKNOWN).any():
+            self._search(world, wanted, units)
+            self._units[np.ix_(rows, rows)] = units
+        return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
+
+    def _adapt(self, world: NDArray[np.bool_]) -> None:
+        """Forget the lengths that may differ on this map, and remember it."""
+        if world.shape != self._mask.shape:
+            self._cells, self._units = np.empty((0, 2), np.int64), np.empty((0, 0), np.int64)
+            self._mask = world.copy()
+            return
+        changes = _take_over(world.ravel().view(np.uint8), self._mask.ravel().view(np.uint8))
+        if len(changes) == 0:
+            return
+        if len(changes) > _MOST_CHANGES:
+            self._units[:] = _UNKNOWN
+        elif len(self._cells):
+            near = _nearest_change(self._cells, changes, world.shape[1])
+            touched = near[:, None] + near[None, :] - 2 * STRAIGHT <= self._units
+            self._units[touched] = _UNKNOWN
+        np.fill_diagonal(self._units, 0)
+
+    def _rows(self, wanted: NDArray[np.int64], cols: int) -> NDArray[np.int64]:
+        """The rows int64 (n,) of places in the table, which are added where they are new."""
+        keys, asked = self._cells @ np.array([cols, 1]), wanted @ np.array([cols, 1])
+        if len(keys) + len(asked) > _MOST_PLACES:
+            kept = np.flatnonzero(np.isin(keys, asked))
+            self._cells, self._units, keys = self._cells[kept], self._units[np.ix_(kept, kept)], keys[kept]
+        known = {int(key): k for k, key in enumerate(keys)}
+        rows = np.array([known.setdefault(int(key), len(known)) for key in asked], np.int64)
+        old, count = len(keys), len(known)
+        if count > old:
+            units = np.full((count, count), _UNKNOWN, np.int64)
+            units[:old, :old] = self._units
+            np.fill_diagonal(units, 0)
+            self._units = units
+            self._cells = np.array([divmod(key, cols) for key in known], np.int64)
+        return rows
+
+    def _search(self, world: NDArray[np.bool_], places: NDArray[np.int64], units: NDArray[np.int64]) -> None:
+        """Fill the unknown entries of units int64 (n, n) in place."""
+        space = workspace(world)
+        flat = flat_indices(places, space)
+        doors, steps = entrances(flat, space)
+        first = -1
+        while True:
+            # The outermost place first: what remains lies ever closer together, and searches stop ever
+            # sooner.
+            source = int(_next_source(units, first))
+            if source < 0:
+                return
+            first = source if first < 0 else first
+            targets = np.flatnonzero(units[source] == _UNKNOWN)
+            ahead = doors[targets]
+            reached = (
+                space.spread_again(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + steps[targets]
+            ).min(axis=1)
+            units[source, targets] = units[targets, source] = np.minimum(reached, FAR)
+            self.searches += 1
+
+
+@njit(cache=True, nogil=True)
+def _take_over(world: NDArray[np.uint8], mask: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Make a mask (n,) like the world (n,); the cells where it was not. Eight cells are compared at once."""
+    whole = world.size // 8
+    new, old = world[: 8 * whole].view(np.uint64), mask[: 8 * whole].view(np.uint64)
+    changes = np.empty(world.size, np.int64)
+    count = 0
+    for w in range(whole + 1):
+        if w < whole and new[w] == old[w]:
+            continue
+        for k in range(8 * w, min(8 * w + 8, world.size)):
+            if world[k] != mask[k]:
+                mask[k] = world[k]
+                changes[count] = k
+                count += 1
+    return changes[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _nearest_change(places: NDArray[np.int64], changes: NDArray[np.int64], cols: int) -> NDArray[np.int64]:
+    """Length int64 (n,) of the straight way (without walls) from each place (n, 2) to the nearest changed cell, flat (m,)."""
+    nearest = np.empty(len(places), np.int64)
+    # Half words, of which many fit a register; lengths that do not fit come out shorter, and a length too
+    # many is forgotten.
+    rows, columns = np.empty(len(changes), np.int32), np.empty(len(changes), np.int32)
+    for n in range(len(changes)):
+        rows[n], columns[n] = changes[n] // cols, changes[n] % cols
+    straight, more = np.int32(STRAIGHT), np.int32(DIAGONAL - STRAIGHT)
+    for k in range(len(places)):
+        row, column, best = np.int32(places[k, 0]), np.int32(places[k, 1]), np.int32(FAR)
+        for n in range(len(changes)):
+            one, other = np.int32(abs(rows[n] - row)), np.int32(abs(columns[n] - column))
+            best = min(best, np.int32(straight * max(one, other) + more * min(one, other)))
+        nearest[k] = best
+    return nearest
+
+
+@njit(cache=True, nogil=True)
+def _next_source(units: NDArray[np.int64], first: int) -> int:
+    """The place from which most lengths are unknown, of equals the one farthest from `first` (if that is one); -1 if none is."""
+    source, most = -1, 0
+    for k in range(len(units)):
+        missing = 0
+        for length in units[k]:
+            missing += length == _UNKNOWN
+        farther = first >= 0 and most > 0 and missing == most and units[first, k] > units[first, source]
+        if missing > most or farther:
+            source, most = k, missing
+    return source

@@ -1,0 +1,341 @@
+"""Shortest ways on a grid: obstacle inflation, exact octile distances, paths, and distances between many places.
+
+A robot moves from a cell to one of its eight neighbours; a diagonal move needs both cells that it squeezes
+past to be traversable, so no path cuts a corner. Straight moves cost 1 and diagonal ones the square root of
+2, in cells. The search itself lies in `layoutexplore.planning.canonical_search`.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grids.grid import Cell, check_resolution
+from layoutexplore.planning.canonical_search import (
+    DIAGONAL,
+    FAR,
+    STRAIGHT,
+    Search,
+    Workspace,
+    to_metres,
+    workspace,
+)
+
+
+def inflate(occupied: NDArray[np.bool_], radius: float, resolution: float) -> NDArray[np.bool_]:
+    """Cells whose centre is closer than the radius to the centre of an occupied cell.
+
+    Args:
+        occupied: bool (rows, cols).
+        radius: In metres; 0 gives a copy.
+        resolution: Side of a cell in metres.
+
+    Returns:
+        bool (rows, cols). Outside of the array there is nothing.
+
+    Example:
+        >>> inflate(np.array([[False, False, False, True]]), radius=0.2, resolution=0.1).tolist()
+        [[False, False, True, True]]
+    """
+    check_resolution(resolution)
+    if not (math.isfinite(radius) and radius >= 0):
+        raise ConfigError(f"the radius must be metres, 0 or more, got {radius}")
+    world = check_mask(occupied)
+    reach = radius / resolution
+    near = _disc(reach)
+    if near.size == 1:
+        return world.copy()
+    if reach <= 8:
+        return cv2.dilate(world.view(np.uint8), near).view(np.bool_)
+    distance = cv2.distanceTransform((~world).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return distance.astype(np.float64) ** 2 < _squared(reach) if world.any() else world.copy()
+
+
+def geodesic_distances(
+    traversable: NDArray[np.bool_],
+    source: Cell,
+    resolution: float,
+    *,
+    stop_at: NDArray[np.int32] | None = None,
+) -> NDArray[np.float32]:
+    """Length of the shortest path from a cell to every cell.
+
+    Args:
+        traversable: bool (rows, cols).
+        source: Where the robot is; it need not be traversable itself (paths may start in it, not pass through
+            it).
+        resolution: Side of a cell in metres.
+        stop_at: int32 (n, 2) cells; stop as soon as the distances of all of them are known. Cells that are
+            farther than the farthest of them may then be infinite; what is finite is exact.
+
+    Returns:
+        float32 (rows, cols) in metres, inf where there is no path.
+
+    Raises:
+        ConfigError: The source or a cell of `stop_at` lies outside of the grid.
+
+    Example:
+        >>> geodesic_distances(np.ones((2, 3), bool), Cell(0, 0), 1.0).round(1).tolist()
+        [[0.0, 1.0, 2.0], [1.0, 1.399999976158142, 2.4000000953674316]]
+    """
+    world = check_mask(traversable)
+    check_resolution(resolution)
+    start = check_cells(np.array([source]), world.shape)
+    stops = check_cells(np.empty((0, 2)) if stop_at is None else stop_at, world.shape)
+    space = workspace(world)
+    settled = space.spread(flat_indices(start, space)[0], flat_indices(stops, space))
+    lengths = np.empty(world.shape, np.float32)
+    to_metres(space.distance, float(space.origin), resolution / STRAIGHT, settled, lengths)
+    return lengths
+
+
+def descend(
+    distances: NDArray[np.float32], traversable: NDArray[np.bool_], target: Cell
+) -> NDArray[np.int32]:
+    """The shortest path to a cell, walking down a distance field.
+
+    Args:
+        distances: float32 (rows, cols) from `geodesic_distances`.
+        traversable: The bool (rows, cols) it was computed on.
+        target: Where to go.
+
+    Returns:
+        int32 (k, 2): cells as (row, col) from the source to the target, both included. Ties are broken the
+            same way
+        every time.
+
+    Raises:
+        ConfigError: The target lies outside or cannot be reached.
+    """
+    world = check_mask(traversable)
+    goal = check_cells(np.array([target]), world.shape)[0]
+    if not np.isfinite(distances[goal[0], goal[1]]):
+        raise ConfigError(f"cell ({goal[0]}, {goal[1]}) cannot be reached: its distance is infinite")
+    path = walk_down(
+        np.ascontiguousarray(distances, np.float32),
+        0,
+        0.0,
+        1.0,
+        np.inf,
+        workspace(world).moves,
+        goal[0],
+        goal[1],
+    )
+    if path.size == 0:
+        raise ConfigError("the distance field does not lead to a source: was it computed on another grid?")
+    return path
+
+
+def distances_between(
+    traversable: NDArray[np.bool_], source: Cell, cells: NDArray[np.int32], resolution: float
+) -> NDArray[np.float32]:
+    """Lengths of the shortest paths from a cell to some others; like `geodesic_distances`, without the field.
+
+    Args:
+        traversable: bool (rows, cols).
+        source: Where to begin; it need not be traversable.
+        cells: int32 (n, 2) as (row, col), traversable.
+        resolution: Side of a cell in metres.
+
+    Returns:
+        float32 (n,) in metres, inf where there is no path.
+
+    Raises:
+        ConfigError: A cell lies outside of the grid.
+    """
+    world = check_mask(traversable)
+    check_resolution(resolution)
+    start, places = check_cells(np.array([source]), world.shape), check_cells(cells, world.shape)
+    space = workspace(world)
+    units = space.spread_again(int(flat_indices(start, space)[0]), flat_indices(places, space))
+    return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
+
+
+def check_path(path: NDArray[np.integer], start: Cell) -> NDArray[np.int32]:
+    """The path int (k, 2) as int32, if it leads from a cell from neighbour to neighbour.
+
+    Raises:
+        ConfigError: It does not.
+    """
+    if path.ndim != 2 or path.shape[1] != 2 or len(path) == 0 or not np.issubdtype(path.dtype, np.integer):
+        raise ConfigError(f"a path is an integer array (k, 2) of cells, got {path.dtype} {path.shape}")
+    if tuple(path[0]) != start:
+        raise ConfigError(f"the path starts at {tuple(path[0])}, but the robot is in cell {tuple(start)}")
+    jumps = np.flatnonzero(np.abs(np.diff(path, axis=0)).max(axis=1, initial=0) > 1)
+    if len(jumps):
+        k = int(jumps[0])
+        raise ConfigError(
+            f"the path jumps from {tuple(path[k])} to {tuple(path[k + 1])}: cells must be neighbours"
+        )
+    return path.astype(np.int32)
+
+
+def distance_matrix(
+    traversable: NDArray[np.bool_], cells: NDArray[np.int32], resolution: float
+) -> NDArray[np.float32]:
+    """Shortest path lengths between all pairs of cells.
+
+    Args:
+        traversable: bool (rows, cols).
+        cells: int32 (n, 2) as (row, col); they need not be traversable (paths may start or end in them).
+        resolution: Side of a cell in metres.
+
+    Returns:
+        float32 (n, n) in metres, symmetric, 0 on the diagonal, inf where there is no path.
+
+    Raises:
+        ConfigError: A cell lies outside of the grid.
+    """
+    world = check_mask(traversable)
+    check_resolution(resolution)
+    places = check_cells(cells, world.shape)
+    n = len(places)
+    units = np.full((n, n), FAR, np.int64)
+    np.fill_diagonal(units, 0)
+    if n > 1:
+        space = workspace(world)
+        flat = flat_indices(places, space)
+        doors, lengths = entrances(flat, space)
+        waiting = np.arange(n)
+        source = 0
+        while len(waiting) > 1:
+            waiting = waiting[waiting != source]
+            ahead = doors[waiting]
+            reached = (
+                space.spread_again(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + lengths[waiting]
+            )
+            reached = np.where(reached >= FAR, FAR, reached).min(axis=1)
+            reached[flat[waiting] == flat[source]] = 0
+            units[source, waiting] = units[waiting, source] = reached
+            # The outermost place next: what remains lies ever closer together, and searches stop ever sooner.
+            source = int(waiting[np.argmax(units[0, waiting])])
+    return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
+
+
+def check_mask(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The mask, C-contiguous; raises `MapError` unless it is bool (rows, cols) and not empty."""
+    if mask.ndim != 2 or mask.dtype != np.bool_ or mask.size == 0:
+        raise MapError(
+            f"planning needs a non-empty bool array in two dimensions, got {mask.dtype} {mask.shape}"
+        )
+    return np.ascontiguousarray(mask)
+
+
+def check_cells(cells: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """The cells as int64 (n, 2); raises `ConfigError` where one lies outside of a grid of that shape."""
+    places = np.asarray(cells, np.int64).reshape(-1, 2)
+    outside = ((places < 0) | (places >= np.array(shape))).any(axis=1)
+    if outside.any():
+        row, col = places[outside][0]
+        raise ConfigError(f"cell ({row}, {col}) lies outside of the grid of shape {tuple(shape)}")
+    return places
+
+
+def _squared(reach: float) -> float:
+    """The square of a reach in cells; centres at exactly the radius are not closer, whatever the rounding of the division."""
+    return reach * reach - 1e-9
+
+
+@lru_cache(maxsize=16)
+def _disc(reach: float) -> NDArray[np.uint8]:
+    """uint8 (n, n): 1 where a cell's centre is closer than `reach` cells to that of the middle one, and in the middle."""
+    span = np.arange(-math.ceil(reach), math.ceil(reach) + 1)
+    near = (span[:, None] ** 2 + span[None, :] ** 2) < _squared(reach)
+    near[near.shape[0] // 2, near.shape[1] // 2] = True
+    rows = np.flatnonzero(near.any(axis=1))
+    disc = near[rows[0] : rows[-1] + 1, rows[0] : rows[-1] + 1].astype(np.uint8)
+    disc.setflags(write=False)
+    return disc
+
+
+def flat_indices(places: NDArray[np.int64], space: Search) -> NDArray[np.int64]:
+    """Padded flat indices (n,) of cells (n, 2)."""
+    return (places[:, 0] + 1) * space.cols + places[:, 1] + 1
+
+
+def entrances(flat: NDArray[np.int64], space: Workspace) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """For each place the cells (n, 8) by which it is entered and the lengths (n, 8) of those moves.
+
+    A traversable place is entered "by itself"; one that is not, by the moves that lead out of it, which no
+    search follows. Where all are traversable, both are (n, 1).
+    """
+    if space.world.ravel()[flat].all():
+        return flat[:, None], np.zeros((len(flat), 1), np.int64)
+    cells = np.repeat(flat[:, None], 8, axis=1)
+    lengths = np.zeros(cells.shape, np.int64)
+    north, east = space.cols, 1
+    offsets = np.array([north, -north, -east, east, north - east, north + east, -north - east, -north + east])
+    moves = np.array([STRAIGHT] * 4 + [DIAGONAL] * 4)
+    shut = space.world.ravel()[flat] == 0
+    allowed = (space.moves.ravel()[flat, None] >> np.arange(8)) & 1 == 1
+    cells[shut] = np.where(allowed[shut], cells[shut] + offsets, cells[shut])
+    lengths[shut] = np.where(allowed[shut], moves, FAR)
+    return cells, lengths
+
+
+@njit(cache=True, nogil=True)
+def walk_down(
+    lengths: NDArray[np.generic],
+    border: int,
+    origin: float,
+    scale: float,
+    farthest: float,
+    moves: NDArray[np.uint8],
+    row: int,
+    col: int,
+) -> NDArray[np.int32]:
+    """Cells (k, 2) from the source to (row, col), which has a length; empty when the field has no way down.
+
+    Args:
+        lengths: float32 (rows, cols) or int32 (rows + 2, cols + 2); minus the origin, times the scale and
+            rounded to float32 it is metres.
+        border: Of `lengths`, 0 or 1.
+        origin: See `lengths`.
+        scale: See `lengths`.
+        farthest: What lies above is not reached.
+        moves: uint8 (rows + 2, cols + 2), the moves out of every cell, as bits.
+        row: Of the target; likewise `col`.
+        col: See `row`.
+    """
+    rows, cols = moves.shape[0] - 2, moves.shape[1] - 2
+    found = np.empty((rows + cols, 2), np.int32)
+    count = 0
+    here = np.float32((np.float64(lengths[row + border, col + border]) - origin) * scale)
+    while True:
+        if count == found.shape[0]:
+            larger = np.empty((2 * count, 2), np.int32)
+            larger[:count] = found
+            found = larger
+        found[count, 0], found[count, 1] = row, col
+        count += 1
+        if here == 0.0:
+            return found[:count][::-1].copy()
+        best_row, best_col, best, steepest = -1, -1, here, 0.0
+        for k in range(8):
+            d_row, d_col = _STEPS[k]
+            r, c = row + d_row, col + d_col
+            if not (0 <= r < rows and 0 <= c < cols) or lengths[r + border, c + border] > farthest:
+                continue
+            there = np.float32((np.float64(lengths[r + border, c + border]) - origin) * scale)
+            if there >= here:
+                continue
+            sides = 1 << (0 if d_row > 0 else 1) | 1 << (2 if d_col < 0 else 3)
+            if k >= 4 and moves[row + 1, col + 1] & sides != sides:
+                continue
+            # Down the steepest slope: the neighbour before this cell on a shortest path loses a whole move's
+            # length.
+            slope = float(here - there) / (1.0 if k < 4 else math.sqrt(2.0))
+            if slope > steepest:
+                best_row, best_col, best, steepest = r, c, there, slope
+        if best_row < 0:
+            return found[:0].copy()
+        row, col, here = best_row, best_col, best
+
+
+_STEPS = ((1, 0), (-1, 0), (0, -1), (0, 1), (1, -1), (1, 1), (-1, -1), (-1, 1))

@@ -1,0 +1,136 @@
+"""What is known, drawn for probing: a byte a cell, with the unknown for a margin, so that probes need not mind the border.
+
+The margin also keeps predictors from learning anything from where the array ends: it is unknown like all the
+rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.grids.boxes import known_box
+from layoutexplore.predictors.seen_rooms import Regions
+
+FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT = 1, 2, 4, 8
+"""What a cell is known to be, and whether it lies in a gap that may be a door."""
+
+ALONG_ROWS, ALONG_COLS = 16, 32
+"""The cell is unknown and continues a wall that runs along its row, along its column."""
+
+WALL_MIN, EXTENSION_REACH = 0.4, 10.0
+"""Metres: walls from this length on are thought to go on, and how far."""
+
+_BLOCK = 16
+"""Cells of a row that are passed over at once where no wall is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """A grid with a margin.
+
+    Attributes:
+        code: uint8 (rows + 2 margin, cols + 2 margin), the bits of each cell.
+        margin: Cells around the grid.
+    """
+
+    code: NDArray[np.uint8]
+    margin: int
+
+
+def draw_chart(cells: NDArray[np.int8], regions: Regions, resolution: float, margin: float) -> Chart:
+    """Draw what is known.
+
+    Args:
+        cells: int8 (rows, cols), -1 unknown, 0 free, 100 occupied.
+        regions: The seen rooms, for their doors.
+        resolution: Metres per cell.
+        margin: Metres around the grid.
+
+    Example:
+        >>> cells = np.full((3, 9), -1, np.int8)
+        >>> cells[1, :3] = 100
+        >>> regions = Regions(np.zeros((3, 9), np.int32), 0, np.zeros((3, 9), np.float32))
+        >>> draw_chart(cells, regions, 0.2, 0.2).code[2].tolist()
+        [20, 2, 2, 2, 20, 20, 20, 20, 20, 20, 20]
+    """
+    border = max(round(margin / resolution), 1)
+    rows, cols = cells.shape
+    code = np.full((rows + 2 * border, cols + 2 * border), UNKNOWN_BIT, np.uint8)
+    row0, row1, col0, col1 = known_box(cells)
+    box = np.array([row0, col0, row1, col1], np.int64)
+    _draw(cells, regions.door_width, box, border, code)
+    box += border
+    _extend_walls(code, box, max(round(WALL_MIN / resolution), 1), round(EXTENSION_REACH / resolution))
+    return Chart(code, border)
+
+
+def continued_walls(chart: Chart) -> NDArray[np.bool_]:
+    """The unknown cells of the grid, without the margin, that continue a wall."""
+    inner = slice(chart.margin, -chart.margin)
+    return np.asarray(chart.code[inner, inner] & (ALONG_ROWS | ALONG_COLS) > 0)
+
+
+@njit(cache=True, nogil=True)
+def _draw(
+    cells: NDArray[np.int8],
+    door_width: NDArray[np.float32],
+    box: NDArray[np.int64],
+    margin: int,
+    code: NDArray[np.uint8],
+) -> None:
+    low, high = box[1], box[3]
+    for r in range(box[0], box[2]):
+        values, widths, bits = (
+            cells[r, low:high],
+            door_width[r, low:high],
+            code[r + margin, low + margin : high + margin],
+        )
+        for c in range(values.size):
+            known = WALL_BIT if values[c] == 100 else FREE_BIT
+            bits[c] = (UNKNOWN_BIT if values[c] == -1 else known) | (DOOR_BIT if widths[c] > 0 else 0)
+
+
+@njit(cache=True, nogil=True)
+def _extend_walls(code: NDArray[np.uint8], box: NDArray[np.int64], shortest: int, reach: int) -> None:
+    """Mark the unknown cells that continue a wall straight on, up to the next known cell."""
+    first, last = box[1], min(box[3] + 1, code.shape[1])
+    runs = np.zeros(code.shape[1], np.int64)
+    above = np.zeros((last - first) // _BLOCK + 1, np.bool_)  # Blocks of the row before that hold some wall.
+    for r in range(box[0], min(box[2] + 1, code.shape[0])):
+        run, line = 0, code[r]
+        for k in range(len(above)):
+            begin, end = first + k * _BLOCK, min(first + (k + 1) * _BLOCK, last)
+            bits = np.uint8(0)
+            for c in range(begin, end):
+                bits |= line[np.uint64(c)]
+            if not (run or bits & WALL_BIT or above[k]):
+                continue
+            above[k] = bits & WALL_BIT > 0
+            for c in range(begin, end):
+                if code[r, c] & WALL_BIT:
+                    run += 1
+                    runs[c] += 1
+                    if run == shortest:
+                        _extend(code, r, c - run, 0, -1, reach, ALONG_ROWS)
+                    if runs[c] == shortest:
+                        _extend(code, r - runs[c], c, -1, 0, reach, ALONG_COLS)
+                    continue
+                if run >= shortest:
+                    _extend(code, r, c, 0, 1, reach, ALONG_ROWS)
+                if runs[c] >= shortest:
+                    _extend(code, r, c, 1, 0, reach, ALONG_COLS)
+                run = runs[c] = 0
+
+
+@njit(cache=True, nogil=True)
+def _extend(code: NDArray[np.uint8], r: int, c: int, dr: int, dc: int, reach: int, bit: int) -> None:
+    for _ in range(reach):
+        if not (0 <= r < code.shape[0] and 0 <= c < code.shape[1] and code[r, c] & UNKNOWN_BIT):
+            return
+        code[r, c] |= bit
+        r += dr
+        c += dc

@@ -1,0 +1,1 @@
+"""What unknown cells belong to: features, network and shapes of rooms (inference)."""

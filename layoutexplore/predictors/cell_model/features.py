@@ -1,0 +1,383 @@
+"""What is known about unknown cells near a seen region, as numbers for the trees that say whether they belong to its room."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.predictors.bit_map import (
+    ALONG_COLS,
+    ALONG_ROWS,
+    FREE_BIT,
+    UNKNOWN_BIT,
+    WALL_BIT,
+    Chart,
+    draw_chart,
+)
+from layoutexplore.predictors.seen_rooms import Regions
+
+STRIDE = 0.3
+"""Metres on a side of the squares of which one cell is judged for all."""
+
+REACH, RIVAL = 10.0, 2.0
+"""Metres of way through the unknown up to which a cell can belong to a region, and by how much more to a second one."""
+
+SIGHT = 8.0
+"""Metres that a cell looks around."""
+
+_SEEN: tuple[str, ...] = (
+    "way", "crossed", "outside_long", "outside_short", "box_long", "box_short", "area", "fill",
+    *(f"{side}_{what}" for side in ("inward", "outward", "left", "right") for what in ("distance", "kind", "crossed", "line")),
+    *(f"diagonal{k}_{what}" for k in range(4) for what in ("distance", "kind")),
+    "rank", "other_way", "region_doors", "typical_area", "typical_long", "typical_short", "rooms",
+)  # fmt: skip
+_JUDGED = (
+    "self",
+    "near",
+    "wide",
+    "total",
+    "mean",
+    "grown_long",
+    "grown_short",
+    "beyond_long",
+    "beyond_short",
+)
+
+FEATURES: tuple[str, ...] = (*_SEEN, *(f"judged_{what}" for what in _JUDGED))
+"""Names of the features. `long` is the axis along which the cell lies further outside of the region's box. The judged ones
+say what a first judgement, made without them, thinks of the neighbourhood and of the whole room."""
+
+NEAR, WIDE = 3, 7
+"""Lattice cells on a side of the neighbourhoods whose first judgement is averaged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Unknown cells and the rooms that they may belong to.
+
+    Attributes:
+        cells: int32 (n, 2), one of every square that holds an unknown cell.
+        region: int32 (n,), one of the two regions that reach each first; a cell that two reach is there
+            twice.
+        rank: int32 (n,), 0 for the first of the two.
+        features: float32 (n, len(FEATURES)).
+        stride: Cells on a side of the squares.
+        boxes: int64 (regions + 1, 5), of `Regions`.
+    """
+
+    cells: NDArray[np.int32]
+    region: NDArray[np.int32]
+    rank: NDArray[np.int32]
+    features: NDArray[np.float32]
+    stride: int
+    boxes: NDArray[np.int64]
+
+
+def find_candidates(
+    cells: NDArray[np.int8],
+    regions: Regions,
+    resolution: float,
+    *,
+    wanted: NDArray[np.bool_] | None = None,
+    spacing: float = STRIDE,
+    reach: float = REACH,
+) -> Candidates:
+    """The unknown cells of a lattice that a region reaches through the unknown, with nothing judged yet.
+
+    Args:
+        cells: int8 (rows, cols), what is known.
+        regions: The seen rooms.
+        resolution: Metres per cell.
+        wanted: bool (regions + 1,), the regions to look at; all when None.
+        spacing: Metres on a side of the squares.
+        reach: Metres of way through the unknown up to which a cell is a candidate.
+    """
+    stride = max(round(spacing / resolution), 1)
+    chart = draw_chart(cells, regions, resolution, SIGHT + resolution)
+    owner, way, crossed = _reach(chart.code, chart.margin, regions.labels, round(reach / resolution))
+    first: NDArray[np.int32] = _one_each(owner[0], chart.margin, cells.shape, stride)
+    found, rank = np.concatenate([first, first]), np.repeat(np.array([0, 1], np.int32), len(first))
+    at = rank, found[:, 0] + chart.margin, found[:, 1] + chart.margin
+    kept = (owner[at] > 0) & ((rank == 0) | (way[at] <= way[0][at[1:]] + round(RIVAL / resolution)))
+    if wanted is not None:
+        kept &= wanted[owner[at]]
+    found, rank, at = found[kept], rank[kept], (rank[kept], at[1][kept], at[2][kept])
+    region = owner[at]
+    features = np.zeros((len(found), len(FEATURES)), np.float32)
+    sight = round(SIGHT / resolution)
+    _describe(chart.code, chart.margin, regions.labels, regions.boxes, found, region, sight, features)
+    end = len(_SEEN)
+    features[:, 0], features[:, 1], features[:, end - 7] = way[at], crossed[at], rank
+    features[:, end - 6] = way[1 - rank, at[1], at[2]]
+    for k, name in enumerate(_SEEN):
+        if not name.endswith(("crossed", "kind", "fill", "rank")):
+            features[:, k] *= resolution**2 if name == "area" else resolution
+    features[:, end - 5] = regions.doors[region]
+    features[:, end - 4 : end] = _typical_room(chart, regions, resolution)
+    return Candidates(found, region, rank, features, stride, regions.boxes)
+
+
+def add_judgement(
+    candidates: Candidates, inside: NDArray[np.float64], resolution: float
+) -> NDArray[np.float32]:
+    """The features of the candidates with those that tell what a first judgement thinks.
+
+    Args:
+        candidates: The cells.
+        inside: float64 (n,), the probability that each belongs to its region's room.
+        resolution: Metres per cell.
+    """
+    features, region, stride = candidates.features.copy(), candidates.region, candidates.stride
+    if not len(features):
+        return features
+    end, square = len(_SEEN), (stride * resolution) ** 2
+    at = candidates.cells // stride
+    shape = (2, *(at.max(0) + 1).tolist())
+    owner, judged = np.zeros(shape, np.int32), np.zeros(shape, np.float32)
+    owner[candidates.rank, at[:, 0], at[:, 1]] = region
+    judged[candidates.rank, at[:, 0], at[:, 1]] = inside
+    features[:, end] = inside
+    for k, size in enumerate((NEAR, WIDE)):
+        features[:, end + 1 + k] = _own_mean(owner, judged, region, at, size // 2)
+    total = np.bincount(region, weights=inside, minlength=len(candidates.boxes))
+    count = np.bincount(region, minlength=len(candidates.boxes))
+    features[:, end + 3] = total[region] * square
+    features[:, end + 4] = (total / np.maximum(count, 1))[region]
+    features[:, end + 5 :] = _grown_boxes(candidates, inside > 0.5) * resolution
+    return features
+
+
+@njit(cache=True, nogil=True)
+def _one_each(owner: NDArray[np.int32], margin: int, shape: tuple[int, int], size: int) -> NDArray[np.int32]:
+    """Of every square of the grid that holds cells with an owner the one next to its middle: int32 (n, 2)."""
+    out = np.empty(((shape[0] // size + 1) * (shape[1] // size + 1), 2), np.int32)
+    count = 0
+    for row in range(0, shape[0], size):
+        for col in range(0, shape[1], size):
+            nearest = 2 * size * size
+            for r in range(row, min(row + size, shape[0])):
+                for c in range(col, min(col + size, shape[1])):
+                    away = (r - row - size // 2) ** 2 + (c - col - size // 2) ** 2
+                    if away < nearest and owner[r + margin, c + margin]:
+                        nearest = away
+                        out[count, 0], out[count, 1] = r, c
+            count += nearest < 2 * size * size
+    return out[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _own_mean(
+    owner: NDArray[np.int32],
+    judged: NDArray[np.float32],
+    region: NDArray[np.int32],
+    at: NDArray[np.int32],
+    reach: int,
+) -> NDArray[np.float32]:
+    """Mean judgement float32 (n,) of the squares within `reach` of each that the same region may own."""
+    out = np.zeros(len(at), np.float32)
+    for k in range(len(at)):
+        row, col = at[k]
+        total, count = 0.0, 0
+        for r in range(max(row - reach, 0), min(row + reach + 1, owner.shape[1])):
+            for c in range(max(col - reach, 0), min(col + reach + 1, owner.shape[2])):
+                for rank in range(2):
+                    if owner[rank, r, c] == region[k]:
+                        total += judged[rank, r, c]
+                        count += 1
+        out[k] = total / max(count, 1)
+    return out
+
+
+def _grown_boxes(candidates: Candidates, inside: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Per candidate float64 (n, 4): sides of its region's box with all that is judged inside, and how far it lies outside it.
+
+    The first of either pair belongs to the axis along which the cell lies further outside of the box of what
+    is seen.
+    """
+    boxes = _grow_boxes(candidates.boxes, candidates.region[inside], candidates.cells[inside])[
+        candidates.region
+    ]
+    low, high = boxes[:, 1:3], boxes[:, 3:5]
+    beyond = np.maximum(np.maximum(low - candidates.cells, candidates.cells - high + 1), 0)
+    first = _first_axis(candidates)[:, None]
+    pairs = [np.take_along_axis(part, np.hstack([first, 1 - first]), 1) for part in (high - low, beyond)]
+    return np.hstack(pairs).astype(np.float64)
+
+
+@njit(cache=True, nogil=True)
+def _grow_boxes(
+    boxes: NDArray[np.int64], region: NDArray[np.int32], cells: NDArray[np.int32]
+) -> NDArray[np.int64]:
+    """Boxes that also hold some cells of each region."""
+    grown = boxes.copy()
+    for k in range(len(region)):
+        box = grown[region[k]]
+        box[1], box[2] = min(box[1], cells[k, 0]), min(box[2], cells[k, 1])
+        box[3], box[4] = max(box[3], cells[k, 0] + 1), max(box[4], cells[k, 1] + 1)
+    return grown
+
+
+def _first_axis(candidates: Candidates) -> NDArray[np.int64]:
+    """0 where a candidate lies further outside of its region's box along the rows, 1 along the columns."""
+    box = candidates.boxes[candidates.region]
+    over = np.maximum(np.maximum(box[:, 1:3] - candidates.cells, candidates.cells - box[:, 3:5] + 1), 0)
+    sides = box[:, 3:5] - box[:, 1:3]
+    rows = (over[:, 0] > over[:, 1]) | ((over[:, 0] == over[:, 1]) & (sides[:, 0] >= sides[:, 1]))
+    return np.where(rows, 0, 1)
+
+
+def _typical_room(chart: Chart, regions: Regions, resolution: float) -> tuple[float, float, float, float]:
+    """Median area, longer and shorter side of the rooms that are seen whole, and how many there are."""
+    inner = slice(chart.margin, -chart.margin)
+    beside = cv2.dilate(chart.code & UNKNOWN_BIT, np.ones((3, 3), np.uint8))[inner, inner] > 0
+    boxes = regions.boxes
+    edge = np.bincount(regions.labels[beside], minlength=regions.count + 1)
+    area = boxes[:, 0] * resolution**2
+    whole = (area > 2.0) & (edge * resolution < 0.3)
+    whole[0] = False
+    if not whole.any():
+        return 0.0, 0.0, 0.0, 0.0
+    sides = np.sort(boxes[whole, 3:5] - boxes[whole, 1:3], axis=1) * resolution
+    return (
+        float(np.median(area[whole])),
+        float(np.median(sides[:, 1])),
+        float(np.median(sides[:, 0])),
+        float(whole.sum()),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _reach(
+    code: NDArray[np.uint8], margin: int, labels: NDArray[np.int32], depth: int
+) -> tuple[NDArray[np.int32], NDArray[np.int16], NDArray[np.int16]]:
+    """Flood the unknown from all regions: who comes first, how long the way is, how many continued walls it crosses.
+
+    Each is (2, rows, cols): for the region that comes first, and for the second.
+    """
+    rows, cols = code.shape
+    flat, extended = code.ravel(), ALONG_ROWS | ALONG_COLS
+    owner = np.zeros((2, rows * cols), np.int32)
+    way, crossed = np.zeros((2, rows * cols), np.int16), np.zeros((2, rows * cols), np.int16)
+    queue = np.empty(2 * rows * cols, np.int64)
+    last = 0
+    for r in range(labels.shape[0]):
+        for c in range(labels.shape[1]):
+            if labels[r, c] == 0:
+                continue
+            for step in (cols, -cols, 1, -1):
+                k = (r + margin) * cols + c + margin + step
+                rank = _place(flat, owner, k, labels[r, c])
+                if rank >= 0:
+                    way[rank, k], crossed[rank, k] = 1, (flat[k] & extended) != 0
+                    queue[last] = 2 * k + rank
+                    last += 1
+    first = 0
+    while first < last:
+        i, own = queue[first] // 2, queue[first] % 2
+        first += 1
+        if (
+            way[own, i] >= depth
+            or i % cols == 0
+            or i % cols == cols - 1
+            or i < cols
+            or i >= (rows - 1) * cols
+        ):
+            continue
+        for step in (cols, -cols, 1, -1):
+            k = i + step
+            rank = _place(flat, owner, k, owner[own, i])
+            if rank >= 0:
+                way[rank, k] = way[own, i] + 1
+                crossed[rank, k] = crossed[own, i] + ((flat[k] & extended) != 0 and (flat[i] & extended) == 0)
+                queue[last] = 2 * k + rank
+                last += 1
+    return owner.reshape(2, rows, cols), way.reshape(2, rows, cols), crossed.reshape(2, rows, cols)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _place(flat: NDArray[np.uint8], owner: NDArray[np.int32], k: int, region: int) -> int:
+    """Make a region the first or the second owner of an unknown cell; which of them, or -1."""
+    if not flat[k] & UNKNOWN_BIT or owner[0, k] == region:
+        return -1
+    if owner[0, k] == 0:
+        owner[0, k] = region
+        return 0
+    if owner[1, k] == 0:
+        owner[1, k] = region
+        return 1
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _describe(
+    code: NDArray[np.uint8],
+    margin: int,
+    labels: NDArray[np.int32],
+    boxes: NDArray[np.int64],
+    found: NDArray[np.int32],
+    region: NDArray[np.int32],
+    reach: int,
+    out: NDArray[np.float32],
+) -> None:
+    """Where each cell lies to the box of its region, and what is first known in the four directions."""
+    seen = np.zeros(4, np.float32)
+    for k in range(len(found)):
+        r, c = found[k]
+        box = boxes[region[k]]
+        over_row, over_col = max(box[1] - r, r - box[3] + 1, 0), max(box[2] - c, c - box[4] + 1, 0)
+        height, width = box[3] - box[1], box[4] - box[2]
+        row_first = over_row > over_col or (over_row == over_col and height >= width)
+        sign_row, sign_col = (1 if 2 * r < box[1] + box[3] else -1), (1 if 2 * c < box[2] + box[4] else -1)
+        ur, uc, vr, vc = (sign_row, 0, 0, sign_col) if row_first else (0, sign_col, sign_row, 0)
+        out[k, 2], out[k, 3] = (over_row, over_col) if row_first else (over_col, over_row)
+        out[k, 4], out[k, 5] = (height, width) if row_first else (width, height)
+        out[k, 6], out[k, 7] = box[0], box[0] / max(height * width, 1)
+        for side in range(4):
+            dr, dc = (ur, uc) if side < 2 else (vr, vc)
+            if side % 2:
+                dr, dc = -dr, -dc
+            _look(code, margin, labels, r, c, dr, dc, region[k], reach, out[k, 8 + 4 * side : 12 + 4 * side])
+        for turn in range(4):
+            dr, dc = ur + vr * (1 - 2 * (turn % 2)), uc + vc * (1 - 2 * (turn % 2))
+            if turn >= 2:
+                dr, dc = -dr, -dc
+            _look(code, margin, labels, r, c, dr, dc, region[k], reach, seen)
+            out[k, 24 + 2 * turn], out[k, 25 + 2 * turn] = seen[0], seen[1]
+
+
+@njit(cache=True, nogil=True)
+def _look(
+    code: NDArray[np.uint8],
+    margin: int,
+    labels: NDArray[np.int32],
+    row: int,
+    col: int,
+    dr: int,
+    dc: int,
+    region: int,
+    reach: int,
+    out: NDArray[np.float32],
+) -> None:
+    """Steps to the first known cell, its kind (0 none, 1 own room, 2 other room, 3 wall), lines crossed, steps to the first."""
+    across = ALONG_ROWS | ALONG_COLS if dr != 0 and dc != 0 else (ALONG_COLS if dc != 0 else ALONG_ROWS)
+    kind, crossings, inside, distance, line = 0, 0, False, 0, reach
+    while distance < reach:
+        distance += 1
+        row, col = row + dr, col + dc
+        bits = code[row + margin, col + margin]
+        if bits & WALL_BIT:
+            kind = 3
+            break
+        if bits & FREE_BIT:
+            kind = 1 if labels[row, col] == region else 2
+            break
+        extended = bits & across != 0
+        if extended and not inside:
+            crossings += 1
+            line = min(line, distance)
+        inside = extended
+    out[0], out[1], out[2], out[3] = distance, kind, crossings, line

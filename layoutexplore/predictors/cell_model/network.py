@@ -1,0 +1,90 @@
+"""The convolutional network that judges squares, run with numpy: a small U-Net over the planes of a `Scene`.
+
+It sees what the trees see of each square, and what they see of all squares around it.
+`layoutexplore.training.cell_network` makes it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from layoutexplore.models.network_files import Layers, Weights
+from layoutexplore.predictors.cell_model.network_input import PLANES, Planes, Scene, draw_planes
+
+WIDTHS = (32, 48, 64, 64)
+"""Channels at full, half, fourth and eighth resolution."""
+
+_A, _B, _C, _D = WIDTHS
+
+LAYERS: Layers = {
+    "show": (PLANES, _A, 1, 1), "at_full": (_A, _A, 3, 1),
+    "to_half": (_A, _B, 3, 2), "at_half": (_B, _B, 3, 1),
+    "to_fourth": (_B, _C, 3, 2), "at_fourth": (_C, _C, 3, 1),
+    "to_eighth": (_C, _D, 3, 2), "at_eighth": (_D, _D, 3, 1), "wide": (_D, _D, 3, 1),
+    "up_to_fourth": (_D + _C, _C, 3, 1), "up_to_half": (_C + _B, _B, 3, 1), "up_to_full": (_B + _A, _A, 3, 1),
+    "end": (_A, _A, 3, 1), "judge": (_A, 2, 1, 1),
+}  # fmt: skip
+"""All but the last are followed by a ReLU."""
+
+
+class RoomNetwork:
+    """A trained network.
+
+    Args:
+        weights: Of `LAYERS`.
+    """
+
+    def __init__(self, weights: Weights) -> None:
+        self._weights = {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}
+
+    def judge(self, scene: Scene) -> NDArray[np.float32]:
+        """Log-odds float32 (n,) that each square that a scene asks for belongs to the room of the region that asks."""
+        if len(scene.squares) == 0:
+            return np.zeros(0, np.float32)
+        planes = draw_planes(scene)
+        row, col = scene.squares[:, 0] - planes.row, scene.squares[:, 1] - planes.col
+        return self._forward(planes)[row, col, scene.rank]
+
+    def _forward(self, planes: Planes) -> NDArray[np.float32]:
+        """Log-odds float32 (rows, cols, 2) for the two ranks of every square."""
+        full = self._layer("at_full", self._layer("show", planes.values))
+        half = self._layer("at_half", self._layer("to_half", full))
+        fourth = self._layer("at_fourth", self._layer("to_fourth", half))
+        low = self._layer("wide", self._layer("at_eighth", self._layer("to_eighth", fourth)))
+        for name, skipped in (("up_to_fourth", fourth), ("up_to_half", half), ("up_to_full", full)):
+            rows, cols = skipped.shape[:2]
+            larger = low.repeat(2, axis=0)[:rows].repeat(2, axis=1)[:, :cols]
+            low = self._layer(name, np.concatenate([larger, skipped], axis=2))
+        return self._layer("judge", self._layer("end", low), last=True)
+
+    def _layer(self, name: str, values: NDArray[np.float32], last: bool = False) -> NDArray[np.float32]:
+        """One convolution of values (rows, cols, channels), padded with zeros."""
+        _, _, side, stride = LAYERS[name]
+        weight, convolved = self._weights[f"{name}.weight"], _dense if stride == 1 else _strided
+        found = values @ weight if side == 1 else convolved(values, weight)
+        found += self._weights[f"{name}.bias"]
+        return found if last else np.maximum(found, 0.0, out=found)
+
+
+def _dense(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A convolution with a kernel of 3 x 3, as nine products: in rows with a common margin a shift is an offset."""
+    rows, cols, inputs = values.shape
+    padded = np.zeros((rows + 3, cols + 2, inputs), np.float32)
+    padded[1 : rows + 1, 1 : cols + 1] = values
+    flat, count = padded.reshape(-1, inputs), rows * (cols + 2)
+    found = flat[:count] @ weight[:inputs]
+    part = np.empty_like(found)
+    for k in range(1, 9):
+        begin = k // 3 * (cols + 2) + k % 3
+        found += np.matmul(flat[begin : begin + count], weight[k * inputs : (k + 1) * inputs], out=part)
+    return found.reshape(rows, cols + 2, -1)[:, :cols]
+
+
+def _strided(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The same for every other row and column, as one product over windows."""
+    windows = sliding_window_view(np.pad(values, ((1, 1), (1, 1), (0, 0))), (3, 3), axis=(0, 1))[::2, ::2]
+    rows, cols = windows.shape[:2]
+    found: NDArray[np.float32] = windows.transpose(0, 1, 3, 4, 2).reshape(rows * cols, -1) @ weight
+    return found.reshape(rows, cols, -1)

@@ -1,0 +1,187 @@
+"""What a network is shown of a decision: the squares of `cell_features` with all that is known of each, as planes.
+
+A square near a region asks whether its cells belong to the region's room. At most two regions ask for one
+square, so that one pass over the map answers for all regions: the planes of a rank hold what the trees know
+of the square and the region that is the first (or second) to reach it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.predictors.bit_map import (
+    ALONG_COLS,
+    ALONG_ROWS,
+    DOOR_BIT,
+    FREE_BIT,
+    UNKNOWN_BIT,
+    WALL_BIT,
+    draw_chart,
+)
+from layoutexplore.predictors.cell_model.features import FEATURES, SIGHT, Candidates
+from layoutexplore.predictors.seen_rooms import Regions
+
+_BITS = (FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT, ALONG_ROWS, ALONG_COLS)
+
+_SIDES = ("inward", "outward", "left", "right")
+_RAYS = (*_SIDES, *(f"diagonal{k}" for k in range(4)))
+
+_SCALES: dict[str, float] = {
+    "way": 10.0, "crossed": 2.0, "outside_long": 6.0, "outside_short": 3.0, "box_long": 10.0, "box_short": 10.0, "area": 40.0,
+    "fill": 1.0, **{f"{side}_{what}": scale for side in _SIDES for what, scale in (("crossed", 2.0), ("line", 8.0))},
+    **{f"{ray}_distance": 8.0 for ray in _RAYS}, "other_way": 10.0, "region_doors": 20.0, "typical_area": 40.0,
+    "typical_long": 10.0, "typical_short": 6.0, "rooms": 10.0,
+}  # fmt: skip
+"""Features that are shown as numbers, and what each is divided by."""
+
+_MOST = 3.0
+"""Numbers are shown up to this."""
+
+_KINDS = (1, 2, 3)
+"""What a ray meets (see `cell_features`), each shown by a plane of its own."""
+
+_NUMBERED = np.array([FEATURES.index(name) for name in _SCALES])
+_DIVISORS = np.array(list(_SCALES.values()), np.float32)
+_KINDED = np.array([FEATURES.index(f"{ray}_kind") for ray in _RAYS])
+
+SHOWN = len(_SCALES) + len(_KINDS) * len(_RAYS)
+"""Planes that tell what is known of a square and one of its regions."""
+
+PLANES = len(_BITS) + 2 * (SHOWN + 1 + 4)
+"""All planes: shares of the bits of a `Chart`; then, for either rank, what is known, whether a region asks, and whether the
+squares above, below, to the left and to the right have the same one."""
+
+
+_Number = TypeVar("_Number", np.uint8, np.int32)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A decision in squares.
+
+    Attributes:
+        bits: float16 (6, rows, cols), share of each square that has a bit of the chart.
+        labels: int16 (rows, cols), the highest region in each square, 0 for none.
+        squares: int16 (n, 2), row and column of the squares that are asked for.
+        region: int16 (n,), the region that asks.
+        rank: int8 (n,), 0 for the first region of a square, 1 for the second.
+        features: float16 (n, features), of `Candidates`.
+    """
+
+    bits: NDArray[np.float16]
+    labels: NDArray[np.int16]
+    squares: NDArray[np.int16]
+    region: NDArray[np.int16]
+    rank: NDArray[np.int8]
+    features: NDArray[np.float16]
+
+
+def make_scene(cells: NDArray[np.int8], regions: Regions, candidates: Candidates, resolution: float) -> Scene:
+    """A decision in squares.
+
+    Args:
+        cells: int8 (rows, cols), what is known.
+        regions: The seen rooms of these cells.
+        candidates: All squares of these regions.
+        resolution: Metres per cell.
+    """
+    chart, stride = draw_chart(cells, regions, resolution, SIGHT + resolution), candidates.stride
+    inner = slice(chart.margin, -chart.margin)
+    code = _in_squares(chart.code[inner, inner], stride)
+    bits = np.stack([((code & bit) > 0).mean(axis=(1, 3), dtype=np.float32) for bit in _BITS])
+    return Scene(
+        bits=bits.astype(np.float16),
+        labels=_in_squares(regions.labels, stride).max(axis=(1, 3)).astype(np.int16),
+        squares=(candidates.cells // stride).astype(np.int16),
+        region=candidates.region.astype(np.int16),
+        rank=candidates.rank.astype(np.int8),
+        features=candidates.features.astype(np.float16),
+    )
+
+
+def _in_squares(cells: NDArray[_Number], stride: int) -> NDArray[_Number]:
+    """Cells (rows, stride, cols, stride) by square; those beyond the last row and column are 0."""
+    rows, cols = (-(-size // stride) for size in cells.shape)
+    whole = np.zeros((rows * stride, cols * stride), cells.dtype)
+    whole[: cells.shape[0], : cells.shape[1]] = cells
+    return whole.reshape(rows, stride, cols, stride)
+
+
+def turned(scene: Scene, way: int) -> Scene:
+    """The scene as one of the 8 ways to lay it down: bit 0 of `way` turns the rows round, bit 1 the columns, bit 2 swaps them."""
+    bits, labels, squares = scene.bits, scene.labels, scene.squares.copy()
+    if way & 1:
+        bits, labels, squares[:, 0] = bits[:, ::-1], labels[::-1], labels.shape[0] - 1 - squares[:, 0]
+    if way & 2:
+        bits, labels, squares[:, 1] = bits[:, :, ::-1], labels[:, ::-1], labels.shape[1] - 1 - squares[:, 1]
+    if way & 4:
+        swapped = [_BITS.index(ALONG_ROWS), _BITS.index(ALONG_COLS)]
+        bits, labels, squares = bits.transpose(0, 2, 1).copy(), labels.T, squares[:, ::-1]
+        bits[swapped] = bits[swapped[::-1]]
+    return replace(scene, bits=bits, labels=labels, squares=squares)
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """A window of a scene as planes.
+
+    Attributes:
+        values: float32 (rows, cols, PLANES).
+        row, col: First square of the window.
+        asked: int64 (m,), the entries of the scene that lie in it.
+    """
+
+    values: NDArray[np.float32]
+    row: int
+    col: int
+    asked: NDArray[np.int64]
+
+
+def draw_planes(scene: Scene, corner: tuple[int, int] | None = None, size: int = 0) -> Planes:
+    """The window around all squares that are asked for, with a rim of one square, or one of `size` squares from a corner on."""
+    squares = scene.squares.astype(np.int64)
+    low, high = (
+        np.maximum(squares.min(axis=0) - 1, 0),
+        np.minimum(squares.max(axis=0) + 2, scene.labels.shape),
+    )
+    if corner is not None:
+        low = np.array(corner)
+        high = np.minimum(low + size, scene.labels.shape)
+    asked = np.flatnonzero(((squares >= low) & (squares < high)).all(axis=1))
+    (row, col), (rows, cols) = low.tolist(), (high - low).tolist()
+    at = (scene.rank[asked], *(squares[asked] - low).T)
+    window = np.s_[row : row + rows, col : col + cols]
+    values = np.zeros((rows, cols, PLANES), np.float32)
+    values[..., : len(_BITS)] = scene.bits[:, *window].transpose(1, 2, 0)
+    owner = np.zeros((2, rows, cols), np.int32)
+    owner[at] = scene.region[asked]
+    shown = _shown(scene.features[asked])
+    for rank in range(2):
+        mine, first = at[0] == rank, len(_BITS) + rank * (SHOWN + 5)
+        here = at[1][mine], at[2][mine]
+        values[*here, first : first + SHOWN] = shown[mine]
+        values[*here, first + SHOWN] = 1.0
+        known = np.where(owner[rank] == 0, scene.labels[window], owner[rank]) if rank == 0 else owner[rank]
+        _mark_same(known, values[..., first + SHOWN + 1 : first + SHOWN + 5])
+    return Planes(values, row, col, asked)
+
+
+def _shown(features: NDArray[np.float16]) -> NDArray[np.float32]:
+    """Features float32 (n, SHOWN) as they are shown."""
+    numbers = np.clip(features[:, _NUMBERED].astype(np.float32) / _DIVISORS, 0.0, _MOST)
+    kinds = features[:, _KINDED, None] == np.array(_KINDS, np.float16)
+    return np.hstack([numbers, kinds.reshape(len(features), len(_KINDED) * len(_KINDS)).astype(np.float32)])
+
+
+def _mark_same(owner: NDArray[np.int32], planes: NDArray[np.float32]) -> None:
+    """Mark where the square above, below, to the left or to the right has the same region."""
+    rows, cols = (
+        (owner[1:] == owner[:-1]) & (owner[1:] > 0),
+        (owner[:, 1:] == owner[:, :-1]) & (owner[:, 1:] > 0),
+    )
+    planes[1:, :, 0], planes[:-1, :, 1] = rows, rows
+    planes[:, 1:, 2], planes[:, :-1, 3] = cols, cols

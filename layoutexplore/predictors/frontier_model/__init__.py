@@ -1,0 +1,1 @@
+"""What lies behind a frontier: features and network (inference)."""

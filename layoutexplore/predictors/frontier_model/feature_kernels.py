@@ -1,0 +1,292 @@
+"""Kernels that probe the surroundings of one frontier: rays, floods through the unknown, walls in line, doors.
+
+A frontier has a frame: `forward` is the grid axis that points most into the unknown, `sideways` the other
+axis, turned so that the frontier's normal leans towards it. Mirrored situations look the same in this frame.
+All kernels read the bits of a `Chart` whose margin is wider than they look.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
+
+RAYS = 16
+_SIN, _COS = np.sin(np.arange(RAYS) * 2 * np.pi / RAYS), np.cos(np.arange(RAYS) * 2 * np.pi / RAYS)
+
+AHEAD, ASIDE, BESIDE = 16, 8, 12
+"""Slices in which walls are looked for: ahead, as far to either side; and to either side, along the way."""
+
+BACK, FORTH = 6, 10
+"""Slices back and ahead that walls beside a frontier's way are measured over."""
+
+TOUCHED = 24
+"""Free cells kept of those that a flood touches."""
+
+
+@njit(cache=True, nogil=True)
+def frontier_frame(code: NDArray[np.uint8], members: NDArray[np.int32]) -> NDArray[np.float64]:
+    """The frame of a frontier int32 (n, 2).
+
+    Returns:
+        float64 (8,): row and column of its middle cell, forward (row, col), sideways (row, col), slant of the
+            normal
+        (0 straight on, 1 diagonal), number of sides that border the unknown.
+    """
+    normal_row, normal_col, sides = 0, 0, 0
+    sum_row, sum_col, count = 0, 0, len(members)
+    for i in range(count):
+        sum_row += members[i, 0]
+        sum_col += members[i, 1]
+        for dr, dc in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            if code[members[i, 0] + dr, members[i, 1] + dc] & UNKNOWN_BIT:
+                normal_row += dr
+                normal_col += dc
+                sides += 1
+    # In whole numbers, so that of equally near cells it is the first one wherever the grid lies.
+    middle, nearest = 0, np.int64(2**62)
+    for i in range(count):
+        away = (count * members[i, 0] - sum_row) ** 2 + (count * members[i, 1] - sum_col) ** 2
+        if away < nearest:
+            middle, nearest = i, away
+    frame = np.zeros(8)
+    frame[0], frame[1] = members[middle, 0], members[middle, 1]
+    row_sign, col_sign = (1.0 if normal_row >= 0 else -1.0), (1.0 if normal_col >= 0 else -1.0)
+    if abs(normal_row) >= abs(normal_col):
+        frame[2], frame[5] = row_sign, col_sign
+    else:
+        frame[3], frame[4] = col_sign, row_sign
+    frame[6] = min(abs(normal_row), abs(normal_col)) / max(abs(normal_row), abs(normal_col), 1)
+    frame[7] = sides
+    return frame
+
+
+@njit(cache=True, nogil=True)
+def cast_rays(
+    code: NDArray[np.uint8], frame: NDArray[np.float64], reach: int, out: NDArray[np.float32]
+) -> None:
+    """Per ray: length of the first unknown stretch, what ends it, distance to the first wall, unknown cells before that.
+
+    What ends it: 0 wall, 1 free, 2 nothing within reach, 3 there is no unknown on the ray. Lengths in cells.
+    """
+    for ray in range(RAYS):
+        dr, dc = _COS[ray] * frame[2] + _SIN[ray] * frame[4], _COS[ray] * frame[3] + _SIN[ray] * frame[5]
+        first, end, hit, unknown = 0, 3, reach, 0
+        for t in range(1, reach):
+            bits = code[int(frame[0] + dr * t + 0.5), int(frame[1] + dc * t + 0.5)]
+            if bits & WALL_BIT:
+                hit = t
+                if end == 2:
+                    end = 0
+                break
+            if bits & UNKNOWN_BIT:
+                unknown += 1
+                if end == 3:
+                    end = 2
+                if end == 2:
+                    first += 1
+            elif end == 2:
+                end = 1
+        out[4 * ray], out[4 * ray + 1], out[4 * ray + 2], out[4 * ray + 3] = first, end, hit, unknown
+
+
+@njit(cache=True, nogil=True)
+def _start_flood(
+    code: NDArray[np.uint8],
+    barrier: int,
+    members: NDArray[np.int32],
+    stamp: NDArray[np.int32],
+    mark: int,
+    queue: NDArray[np.int32],
+) -> tuple[int, int, int]:
+    """How many unknown cells lie beside a frontier, how many of them no barrier takes, and their bits; these are queued."""
+    cols = code.shape[1]
+    flat = code.ravel()
+    started = queued = met = 0
+    for n in range(len(members)):
+        i = members[n, 0] * cols + members[n, 1]
+        for step in (cols, -cols, 1, -1):
+            k = i + step
+            if flat[k] & UNKNOWN_BIT and stamp[k] != mark:
+                stamp[k] = mark
+                started += 1
+                met |= int(flat[k])
+                if not flat[k] & barrier:
+                    queue[queued] = k
+                    queued += 1
+    return started, queued, met
+
+
+@njit(cache=True, nogil=True)
+def _thin_out(touched: NDArray[np.int32]) -> None:
+    """Keep every other cell."""
+    for j in range(TOUCHED // 2):
+        touched[j] = touched[2 * j]
+    touched[TOUCHED // 2 :] = -1
+
+
+@njit(cache=True, nogil=True)
+def flood_unknown(
+    code: NDArray[np.uint8],
+    barrier: int,
+    members: NDArray[np.int32],
+    depths: NDArray[np.int64],
+    stamp: NDArray[np.int32],
+    mark: int,
+    queue: NDArray[np.int32],
+    out: NDArray[np.float32],
+    touched: NDArray[np.int32],
+) -> int:
+    """Flood the unknown behind a frontier, ring by ring, not into cells with one of the bits of a barrier.
+
+    Writes the number of cells within each depth, then the sides at which the flood touches walls, free space
+    and the barrier, the share of its starting cells that the barrier takes, and whether it came to an end
+    before the last depth. `stamp` int32 (cells of the chart,) must not hold `mark`. `touched` int32
+    (TOUCHED,) receives the free cells that the flood touches, evenly thinned out, as indices into the flat
+    chart; -1 for none.
+
+    Returns:
+        All bits of the unknown cells that the flood meets.
+    """
+    cols = code.shape[1]
+    flat = code.ravel()
+    started, last, met = _start_flood(code, barrier, members, stamp, mark, queue)
+    stopped = started - last
+    first = walls = free = barred = 0
+    touched[:] = -1
+    stride, kept = 1, 0
+    depth = 1
+    for d in range(len(depths)):
+        while depth < depths[d] and first < last:
+            depth += 1
+            ring = last
+            while first < ring:
+                i = queue[first]
+                first += 1
+                for step in (cols, -cols, 1, -1):
+                    k = np.uint64(i + step)
+                    bits = flat[k]
+                    if bits & UNKNOWN_BIT:
+                        if stamp[k] == mark:
+                            continue
+                        met |= bits
+                        if bits & barrier:
+                            barred += 1
+                            continue
+                        stamp[k] = mark
+                        queue[np.uint64(last)] = k
+                        last += 1
+                    elif bits & WALL_BIT:
+                        walls += 1
+                    else:
+                        if free % stride == 0:
+                            if kept == TOUCHED:
+                                _thin_out(touched)
+                                kept, stride = TOUCHED // 2, 2 * stride
+                            if free % stride == 0:
+                                touched[kept] = k
+                                kept += 1
+                        free += 1
+        out[d] = last
+    end = len(depths)
+    out[end], out[end + 1], out[end + 2] = walls, free, barred
+    out[end + 3], out[end + 4] = stopped / max(started, 1), first == last
+    return met
+
+
+@njit(cache=True, nogil=True)
+def _bits_on_lines(
+    code: NDArray[np.uint8],
+    along_rows: bool,
+    row: int,
+    col: int,
+    lines: tuple[int, int, int],
+    cells: tuple[int, int, int],
+    other: int,
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Cells with the bit of a wall, and with one of the other bits, on each of some lines along the rows or the columns.
+
+    `lines` and `cells` say where, from (row, col), the lines and the cells of each begin, the step (1 or -1),
+    and how many.
+    """
+    walls, others = np.zeros(lines[2], np.int32), np.zeros(lines[2], np.int32)
+    at = cells[0] + min(0, cells[1] * (cells[2] - 1))
+    if along_rows:
+        for n in range(lines[2]):
+            r = row + lines[0] + n * lines[1]
+            hit, met = np.int32(0), np.int32(0)
+            for bits in code[r, col + at : col + at + cells[2]]:
+                hit += np.int32((bits & WALL_BIT) != 0)
+                met += np.int32((bits & other) != 0)
+            walls[n], others[n] = hit, met
+        return walls, others
+    # Cells of lines along the columns are taken row by row, as they lie in memory; lines that run down come
+    # out backwards.
+    left = col + lines[0] + min(0, lines[1] * (lines[2] - 1))
+    for r in range(row + at, row + at + cells[2]):
+        line = code[r, left : left + lines[2]]
+        for n in range(lines[2]):
+            walls[n] += np.int32((line[n] & WALL_BIT) != 0)
+            others[n] += np.int32((line[n] & other) != 0)
+    return walls[:: lines[1]], others[:: lines[1]]
+
+
+@njit(cache=True, nogil=True)
+def walls_in_line(
+    code: NDArray[np.uint8], frame: NDArray[np.float64], unit: int, out: NDArray[np.float32]
+) -> None:
+    """The longest walls across the frontier's way, and beside it.
+
+    `AHEAD` slices of `unit` cells forward: most wall cells on a line across the way within `ASIDE` units to
+    either side; the same for extensions of walls; `BESIDE` slices to either side: most wall cells on a line
+    along the way.
+    """
+    row, col, forward_row, side_row = int(frame[0]), int(frame[1]), int(frame[2]), int(frame[4])
+    upright = forward_row != 0
+    forward, side = (forward_row, int(frame[5])) if upright else (int(frame[3]), side_row)
+    across = ALONG_ROWS if upright else ALONG_COLS
+    aside, length = ASIDE * unit, AHEAD * unit
+    walls, extended = _bits_on_lines(
+        code, upright, row, col, (0, forward, length), (-aside, 1, 2 * aside + 1), across
+    )
+    for k in range(AHEAD):
+        out[k] = walls[k * unit : (k + 1) * unit].max()
+        out[AHEAD + k] = extended[k * unit : (k + 1) * unit].max()
+    beside, back, width = BESIDE * unit, BACK * unit, (BACK + FORTH) * unit
+    walls, _ = _bits_on_lines(
+        code, not upright, row, col, (-beside * side, side, 2 * beside), (-back * forward, forward, width), 0
+    )
+    for k in range(2 * BESIDE):
+        out[2 * AHEAD + k] = walls[k * unit : (k + 1) * unit].max()
+
+
+@njit(cache=True, nogil=True)
+def doors_near(
+    code: NDArray[np.uint8],
+    members: NDArray[np.int32],
+    frame: NDArray[np.float64],
+    reach: int,
+    out: NDArray[np.float32],
+) -> None:
+    """Share of the frontier's cells that lie in doors, cells to the nearest door from its middle, and door cells near it."""
+    inside = 0
+    for i in range(len(members)):
+        inside += (code[members[i, 0], members[i, 1]] & DOOR_BIT) != 0
+    row, col = int(frame[0]), int(frame[1])
+    nearest, free, unknown = reach * reach, 0, 0
+    for dr in range(-reach, reach + 1):
+        line = code[row + dr, col - reach : col + reach + 1]
+        some = np.uint8(0)
+        for bits in line:
+            some |= bits
+        if not some & DOOR_BIT:
+            continue
+        for dc in range(-reach, reach + 1):
+            bits = line[dc + reach]
+            if bits & DOOR_BIT and dr * dr + dc * dc <= reach * reach:
+                nearest = min(nearest, dr * dr + dc * dc)
+                free += (bits & FREE_BIT) != 0
+                unknown += (bits & UNKNOWN_BIT) != 0
+    out[0], out[1], out[2], out[3] = inside / len(members), np.sqrt(nearest), free, unknown

@@ -1,0 +1,185 @@
+"""What a network is shown of a frontier: the squares around it as planes, laid down so that the unknown is ahead.
+
+A chart's margin is wider than a window reaches, so that nothing tells where the array ends: beyond it all is
+unknown.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
+from layoutexplore.predictors.frontier_model.features import Surroundings
+
+SQUARE = 0.3
+"""Metres: side of a square."""
+
+SIDE = 32
+"""Squares of a window's side."""
+
+BEHIND = 10
+"""Squares of it that lie behind the middle of the frontier; half of all lie to either side."""
+
+_BITS = np.array([FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT, ALONG_ROWS, ALONG_COLS], np.uint8)
+
+PLANES = len(_BITS) + 4
+"""Shares of a square that have a bit of a `Chart` (walls that go on: across the way ahead, then along it), that are of the
+frontier's region and of other regions; whether it holds cells of the frontier, and of any."""
+
+
+_WIDTH = 10
+"""Bits in which cells with a bit of a chart are counted, side by side in one number."""
+
+_COUNTERS = np.zeros(int(_BITS.sum()) + 1, np.int64)
+for _code in range(len(_COUNTERS)):
+    _COUNTERS[_code] = sum(1 << _WIDTH * k for k, bit in enumerate(_BITS.tolist()) if _code & bit)
+
+_MOST_CELLS = 31
+"""Cells of a square that are counted along either of its sides, lest the counters overflow."""
+
+ROOM_BEHIND, OTHER_ROOM, DOORWAY, SOLID, KNOWN = range(5)
+"""What `draw_truth` says of a square: floor of the room behind the frontier, of another room, of none, no floor, or no riddle."""
+
+
+def draw_windows(around: Surroundings, wanted: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
+    """The windows uint8 (k, SIDE, SIDE, PLANES) of k frontiers: rows from behind to ahead, columns from one side to the other.
+
+    Args:
+        around: What lies around frontiers.
+        wanted: int64 (k,), which of them; all when None.
+    """
+    chart, frontiers = around.chart, around.frontiers
+    which = np.arange(len(frontiers)) if wanted is None else wanted
+    members = frontiers.cells + np.int32(chart.margin)
+    out = np.zeros((len(which), SIDE, SIDE, PLANES), np.uint8)
+    grids = chart.code, chart.margin, around.regions.labels
+    ahead, aside = _bounds(BEHIND, around.resolution), _bounds(SIDE // 2, around.resolution)
+    _draw(grids, members, frontiers.offsets, which, around.frames, around.homes, ahead, aside, out)
+    return out
+
+
+def draw_truth(
+    around: Surroundings, behind: NDArray[np.int32], room_ids: NDArray[np.int32], free: NDArray[np.bool_]
+) -> NDArray[np.uint8]:
+    """What the unknown in the windows of k frontiers is in truth: uint8 (k, SIDE, SIDE), by the cells in the squares' middles.
+
+    Args:
+        around: What lies around frontiers.
+        behind: int32 (k,), the true room behind each frontier, 0 for none.
+        room_ids: int32 (rows, cols), the true room of each cell, 0 for none.
+        free: bool (rows, cols), true floor.
+    """
+    margin, code = around.chart.margin, around.chart.code
+    rooms = np.pad(np.where(free, room_ids, np.int32(-1)), margin, constant_values=-1)
+    ahead, aside = _bounds(BEHIND, around.resolution), _bounds(SIDE // 2, around.resolution)
+    i, j = (((bounds[:-1] + bounds[1:] - 1) // 2) for bounds in (ahead, aside))
+    out = np.empty((len(behind), SIDE, SIDE), np.uint8)
+    for k, frame in enumerate(around.frames[:, :6].astype(np.int64)):
+        at = tuple(frame[n] + i[:, None] * frame[2 + n] + j * frame[4 + n] for n in (0, 1))
+        room, unknown = rooms[at], code[at] & UNKNOWN_BIT > 0
+        is_behind = (room == behind[k]) & (room > 0)
+        out[k] = np.select(
+            [~unknown, room < 0, room == 0, is_behind], [KNOWN, SOLID, DOORWAY, ROOM_BEHIND], OTHER_ROOM
+        )
+    return out
+
+
+def _bounds(before: int, resolution: float) -> NDArray[np.int64]:
+    """First cells int64 (SIDE + 1,) of squares of which so many come before the one that has cell 0 in its middle."""
+    edges = (np.arange(SIDE + 1) - 0.5 - before) * SQUARE / resolution
+    return np.asarray(np.floor(edges + 0.5 + 1e-6), np.int64)  # Edges between cells are not exact numbers.
+
+
+@njit(cache=True, nogil=True)
+def _draw(
+    grids: tuple[NDArray[np.uint8], int, NDArray[np.int32]],
+    members: NDArray[np.int32],
+    offsets: NDArray[np.int64],
+    wanted: NDArray[np.int64],
+    frames: NDArray[np.float64],
+    homes: NDArray[np.int64],
+    ahead: NDArray[np.int64],
+    aside: NDArray[np.int64],
+    out: NDArray[np.uint8],
+) -> None:
+    """Draw the wanted frontiers' windows; `ahead` and `aside` are the first cells of the squares in its frame.
+
+    `grids` are a chart's code and margin, and the labels of regions.
+    """
+    (code, margin, labels), (rows, cols) = grids, (_square_of(ahead), _square_of(aside))
+    flat = code.ravel(), labels.ravel()
+    for at in range(len(wanted)):
+        k = wanted[at]
+        frame = frames[k, :6].astype(np.int64)
+        first = frame[0] * code.shape[1] + frame[1], (frame[0] - margin) * labels.shape[1] + frame[1] - margin
+        forward = frame[2] * code.shape[1] + frame[3], frame[2] * labels.shape[1] + frame[3]
+        sideways = frame[4] * code.shape[1] + frame[5], frame[4] * labels.shape[1] + frame[5]
+        _draw_squares(flat, first, forward, sideways, homes[k], ahead, aside, out[at])
+        if frame[2] == 0:  # The way ahead runs along a row.
+            for a in range(SIDE):
+                for s in range(SIDE):
+                    out[at, a, s, 4], out[at, a, s, 5] = out[at, a, s, 5], out[at, a, s, 4]
+        for n in range(len(members)):
+            r, c = members[n, 0] - frame[0], members[n, 1] - frame[1]
+            i, j = r * frame[2] + c * frame[3] - ahead[0], r * frame[4] + c * frame[5] - aside[0]
+            if 0 <= i < len(rows) and 0 <= j < len(cols):
+                out[at, rows[i], cols[j], 9] = 255
+                if offsets[k] <= n < offsets[k + 1]:
+                    out[at, rows[i], cols[j], 8] = 255
+
+
+@njit(cache=True, nogil=True)
+def _square_of(bounds: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The square of each cell from the first bound up to the last."""
+    found = np.zeros(bounds[-1] - bounds[0], np.int64)
+    for k in range(len(bounds) - 1):
+        found[bounds[k] - bounds[0] : bounds[k + 1] - bounds[0]] = k
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _draw_squares(
+    flat: tuple[NDArray[np.uint8], NDArray[np.int32]],
+    first: tuple[int, int],
+    forward: tuple[int, int],
+    sideways: tuple[int, int],
+    home: int,
+    ahead: NDArray[np.int64],
+    aside: NDArray[np.int64],
+    out: NDArray[np.uint8],
+) -> None:
+    """Count the cells of each square; one that is smaller than a cell has one.
+
+    `flat` are a chart's code and the labels of regions; `first` is where the middle of the frontier lies in
+    either, and `forward` and `sideways` are what lies between there and the next cells.
+    """
+    (code, labels), squares = flat, out.reshape(SIDE * SIDE, PLANES)
+    for a in range(SIDE):
+        step_ahead = (ahead[a + 1] - ahead[a]) // (_MOST_CELLS + 1) + 1
+        for s in range(SIDE):
+            step_aside = (aside[s + 1] - aside[s]) // (_MOST_CELLS + 1) + 1
+            counts, total, mine, others = 0, 0, 0, 0
+            for i in range(ahead[a], max(ahead[a + 1], ahead[a] + 1), step_ahead):
+                for j in range(aside[s], max(aside[s + 1], aside[s] + 1), step_aside):
+                    bits = code[np.uint64(first[0] + i * forward[0] + j * sideways[0])]
+                    counts += _COUNTERS[bits]
+                    total += 1
+                    if bits & FREE_BIT:
+                        is_home = labels[np.uint64(first[1] + i * forward[1] + j * sideways[1])] == home
+                        mine += is_home
+                        others += not is_home
+            at = np.uint64(a * SIDE + s)
+            for b in range(len(_BITS)):
+                squares[at, np.uint64(b)] = _share(counts & (1 << _WIDTH) - 1, total)
+                counts >>= _WIDTH
+            squares[at, np.uint64(6)], squares[at, np.uint64(7)] = _share(mine, total), _share(others, total)
+
+
+@njit(cache=True, nogil=True)
+def _share(count: int, total: int) -> int:
+    """A share times 255."""
+    if count == 0:
+        return 0
+    return 255 if count == total else (255 * count + total // 2) // total

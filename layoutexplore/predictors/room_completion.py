@@ -1,0 +1,109 @@
+"""Seen regions and the shapes they are thought to have, made into a map of rooms.
+
+A shape is a mask over a window of the grid. Unknown cells of a region's shape become part of the room where a
+flood from the region's own free cells reaches them: not through walls, and not through cells of other
+regions. A cell that several rooms claim goes to the one that reaches it first. Nothing that is seen is ever
+taken from a room.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.grids.grid import OCCUPIED, UNKNOWN
+from layoutexplore.predictors.protocol import RoomMap
+from layoutexplore.predictors.seen_rooms import Regions
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Where a room is thought to reach.
+
+    Attributes:
+        row: First row of the window.
+        col: First column of the window.
+        mask: bool (rows, cols) of the window.
+    """
+
+    row: int
+    col: int
+    mask: NDArray[np.bool_]
+
+
+def complete_regions(cells: NDArray[np.int8], regions: Regions, shapes: Mapping[int, Shape]) -> RoomMap:
+    """The rooms that regions and their shapes make.
+
+    What no room claims is one more room of its own, the unseen rest of the building; between it and what is
+    claimed there are walls, a cell thick.
+
+    Args:
+        cells: int8 (rows, cols), what is known.
+        regions: The seen rooms.
+        shapes: By region; a region without one is left as it is seen.
+    """
+    starts = np.zeros(regions.count + 2, np.int64)
+    windows = np.zeros((regions.count + 1, 4), np.int64)
+    flat = []
+    for region in range(1, regions.count + 1):
+        shape = shapes.get(region)
+        if shape is not None and shape.mask.size:
+            windows[region] = shape.row, shape.col, *shape.mask.shape
+            flat.append(shape.mask.ravel())
+        starts[region + 1] = starts[region] + windows[region, 2] * windows[region, 3]
+    masks = np.concatenate(flat) if flat else np.zeros(0, np.bool_)
+    rooms = _spread_shapes(cells, regions.labels, windows, masks, starts)
+    unknown = cells == UNKNOWN
+    claimed = (unknown & (rooms > 0)).astype(np.uint8)
+    wall = unknown & (claimed == 0) & (cv2.dilate(claimed, np.ones((3, 3), np.uint8)) > 0)
+    rooms[unknown & (rooms == 0) & ~wall] = regions.count + 1
+    return RoomMap(rooms, (cells != OCCUPIED) & ~wall)
+
+
+@njit(cache=True, nogil=True)
+def _spread_shapes(
+    cells: NDArray[np.int8],
+    labels: NDArray[np.int32],
+    windows: NDArray[np.int64],
+    masks: NDArray[np.bool_],
+    starts: NDArray[np.int64],
+) -> NDArray[np.int32]:
+    """Labels int32 (rows, cols) after the flood of all regions at once into the unknown cells of their shapes."""
+    rows, cols = cells.shape
+    out = labels.copy()
+    queue = np.empty((rows * cols, 2), np.int32)
+    last = 0
+    for r in range(rows):
+        for c in range(cols):
+            label = labels[r, c]
+            if label and windows[label, 2]:
+                for step in range(4):
+                    row, col = r + (step == 0) - (step == 1), c + (step == 2) - (step == 3)
+                    if 0 <= row < rows and 0 <= col < cols and cells[row, col] == -1:
+                        queue[last] = r, c
+                        last += 1
+                        break
+    first = 0
+    while first < last:
+        r, c = queue[first]
+        first += 1
+        label = out[r, c]
+        for step in range(4):
+            row, col = r + (step == 0) - (step == 1), c + (step == 2) - (step == 3)
+            if not (0 <= row < rows and 0 <= col < cols) or cells[row, col] != -1 or out[row, col]:
+                continue
+            i, j = row - windows[label, 0], col - windows[label, 1]
+            if (
+                0 <= i < windows[label, 2]
+                and 0 <= j < windows[label, 3]
+                and masks[starts[label] + i * windows[label, 3] + j]
+            ):
+                out[row, col] = label
+                queue[last] = row, col
+                last += 1
+    return out

@@ -1,0 +1,351 @@
+"""The seen part of every room: known free space with the doors shut.
+
+A door is a short gap in a wall behind which the space widens on both sides. With the doors shut, what lies
+further than `CORE` from walls and doors falls into cores, and every free cell goes to the core it can be
+walked to soonest. Shadows do not matter: the distance is measured to walls alone, not to what is unknown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.grids.boxes import known_box
+from layoutexplore.grids.components import label_components
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.layout.merging.door_gaps import next_blocked
+
+DOOR_WIDTHS = (0.45, 2.2)
+"""Metres: narrowest and widest gap that counts as a door."""
+
+DOOR_WALL = 0.3
+"""Metres of wall in line with a door, on one side at least."""
+
+WIDENING, WIDENING_DEPTH = 0.4, 0.6
+"""Metres: beside a door the space is wider by this much within this distance, on both sides."""
+
+CORE = 0.5
+"""Metres: two regions are one where the way between them is wider than twice this."""
+
+
+@dataclass(frozen=True, eq=False)
+class Regions:
+    """The seen rooms of a grid.
+
+    Attributes:
+        labels: int32 (rows, cols), region of each known free cell, from 1; 0 elsewhere.
+        count: Number of regions.
+        door_width: float32 (rows, cols), width in metres of the gap that a cell lies in, 0 elsewhere.
+    """
+
+    labels: NDArray[np.int32]
+    count: int
+    door_width: NDArray[np.float32]
+
+    @property
+    def boxes(self) -> NDArray[np.int64]:
+        """int64 (count + 1, 5): number of cells, and the half-open box (row0, col0, row1, col1) around them."""
+        return self._sums[0]
+
+    @property
+    def doors(self) -> NDArray[np.float64]:
+        """float64 (count + 1,): cells of doors in each region, each divided by the width of its door in metres."""
+        return self._sums[1]
+
+    @cached_property
+    def _sums(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        return _sum_up(self.labels, self.door_width, self.count)
+
+
+def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
+    """Divide the known free space into the seen parts of rooms.
+
+    Args:
+        cells: int8 (rows, cols), -1 unknown, 0 free, 100 occupied.
+        resolution: Metres per cell.
+
+    Example:
+        >>> rows = ["#########", "#...#...#", "#.......#", "#...#...#", "#########"]
+        >>> cells = np.array([[100 if c == "#" else 0 for c in row] for row in rows], np.int8)
+        >>> regions = seen_regions(np.kron(cells, np.ones((8, 8), np.int8)), 0.1)
+        >>> regions.count, round(float(regions.door_width.max()), 1)
+        (2, 0.8)
+    """
+    labels, door_width = np.zeros(cells.shape, np.int32), np.zeros(cells.shape, np.float32)
+    row0, row1, col0, col1 = known_box(cells)
+    box = slice(row0, row1), slice(col0, col1)
+    margin = round((DOOR_WIDTHS[1] + WIDENING) / resolution) + 1
+    inner = slice(margin, -margin), slice(margin, -margin)
+    part = np.full((row1 - row0 + 2 * margin, col1 - col0 + 2 * margin), UNKNOWN, np.int8)
+    part[inner] = cells[box]
+    occupied, free = part == OCCUPIED, part == FREE
+    doors = find_doors(occupied, resolution)
+    shut = cv2.dilate((occupied | (doors > 0)).view(np.uint8), _disc(CORE / resolution))
+    grown, count = _grow(*label_components(free & (shut == 0)), free)
+    labels[box], door_width[box] = grown[inner], doors[inner]
+    return Regions(labels, count, door_width)
+
+
+@lru_cache(maxsize=8)
+def _disc(radius: float) -> NDArray[np.uint8]:
+    """Cells no further than a radius from the middle one."""
+    reach = np.arange(-int(radius), int(radius) + 1)
+    return (np.hypot(reach[:, None], reach) <= radius).astype(np.uint8)
+
+
+def find_doors(occupied: NDArray[np.bool_], resolution: float) -> NDArray[np.float32]:
+    """Gaps along rows and columns that may be doors: float32 (rows, cols), their width in metres, 0 elsewhere.
+
+    Where two gaps cross, the narrower one counts.
+    """
+    lengths = (*DOOR_WIDTHS, DOOR_WALL, WIDENING, WIDENING_DEPTH)
+    sizes = np.array([max(round(length / resolution), 1) for length in lengths], np.int64)
+    occupied = np.ascontiguousarray(occupied)
+    width = np.zeros(occupied.shape, np.float32)
+    _paint(_gaps(occupied, sizes), resolution, width)
+    _paint(_gaps(cv2.transpose(occupied.view(np.uint8)).view(np.bool_), sizes), resolution, width.T)
+    return width
+
+
+@njit(cache=True, nogil=True)
+def _paint(gaps: NDArray[np.int32], resolution: float, width: NDArray[np.float32]) -> None:
+    """Write the width of gaps (row, first column, cells) in metres where none is or a wider one."""
+    for k in range(len(gaps)):
+        row, col, n = gaps[k]
+        metres = np.float32(n * resolution)
+        for c in range(col, col + n):
+            if width[row, c] == 0 or width[row, c] > metres:
+                width[row, c] = metres
+
+
+@njit(cache=True, nogil=True)
+def _gaps(occupied: NDArray[np.bool_], sizes: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Doors along the rows int32 (n, 3): row, first column and width in cells."""
+    narrowest, widest, wall, widening, depth = (
+        int(sizes[0]),
+        int(sizes[1]),
+        int(sizes[2]),
+        int(sizes[3]),
+        int(sizes[4]),
+    )
+    rows, cols = occupied.shape
+    gaps = np.empty((rows * cols // (narrowest + 1) + 1, 3), np.int32)
+    count = 0
+    for r in range(rows):
+        line = occupied[r]
+        before = next_blocked(line, 0)
+        while before < cols:
+            c, behind = before + 1, next_blocked(line, before + 1)
+            n = behind - c
+            if narrowest <= n <= widest and behind < cols:
+                middle = c + n // 2
+                if (
+                    (_wall_run(occupied, r, before, -1, wall) or _wall_run(occupied, r, behind, 1, wall))
+                    and _widens(occupied, r, middle, -1, depth, n + widening)
+                    and _widens(occupied, r, middle, 1, depth, n + widening)
+                ):
+                    gaps[count, 0], gaps[count, 1], gaps[count, 2] = r, c, n
+                    count += 1
+            before = behind
+    return gaps[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _widens(occupied: NDArray[np.bool_], r: int, c: int, step: int, depth: int, wanted: int) -> bool:
+    """Whether the cells above (`step` -1) or below (1) one are free up to one, within `depth` rows, whose run is that long."""
+    for k in range(1, depth + 1):
+        rr = r + step * k
+        if not 0 <= rr < occupied.shape[0] or occupied[rr, c]:
+            return False
+        first, last = c, c + 1
+        while first > 0 and last - first < wanted and not occupied[rr, first - 1]:
+            first -= 1
+        while last < occupied.shape[1] and last - first < wanted and not occupied[rr, last]:
+            last += 1
+        if last - first >= wanted:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _wall_run(occupied: NDArray[np.bool_], r: int, c: int, step: int, wanted: int) -> bool:
+    """Whether a wall that may step aside by a cell goes on for so many cells."""
+    for _ in range(wanted):
+        if not 0 <= c < occupied.shape[1]:
+            return False
+        if not (
+            occupied[r, c] or occupied[max(r - 1, 0), c] or occupied[min(r + 1, occupied.shape[0] - 1), c]
+        ):
+            return False
+        c += step
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _grow(labels: NDArray[np.int32], count: int, free: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
+    """Spread `count` labels over free 4-neighbours in rings; free space without any core becomes regions of its own.
+
+    The border of both arrays is not free.
+    """
+    rows, cols = labels.shape
+    width = (cols + 7) // 8 * 8
+    # A byte a cell, in rows of whole words, so that eight cells are passed over at once: free and without a
+    # label yet.
+    bare = np.zeros((rows, width), np.uint8)
+    for r in range(rows):
+        _mark_bare(labels[r], free[r], bare[r])
+    mark = np.zeros(width, np.uint8)
+    queue = np.empty(rows * cols, np.int64)
+    last = 0
+    for r in range(1, rows - 1):
+        inner = bare[r - 1, 1 : cols - 1], bare[r + 1, 1 : cols - 1], bare[r, : cols - 2], bare[r, 2:cols]
+        _mark_edge(labels[r, 1 : cols - 1], *inner, mark[1 : cols - 1])
+        last = _queue_marked(mark, r, queue, last)
+    flat, left = labels.ravel(), bare.ravel()
+    first = _spread(flat, left, cols, width, queue, 0, last)
+    words = left.view(np.uint64)
+    for w in range(words.size):
+        while words[w] != 0:
+            k = 8 * w
+            while left[k] == 0:
+                k += 1
+            count += 1
+            flat[k // width * cols + k % width] = count
+            left[k] = 0
+            queue[first] = k
+            first = _spread(flat, left, cols, width, queue, first, first + 1)
+    return flat.reshape(rows, cols), count
+
+
+@njit(cache=True, nogil=True)
+def _mark_bare(labels: NDArray[np.int32], free: NDArray[np.bool_], bare: NDArray[np.uint8]) -> None:
+    for c in range(labels.size):
+        bare[c] = free[c] & (labels[c] == 0)
+
+
+@njit(cache=True, nogil=True)
+def _mark_edge(
+    labels: NDArray[np.int32],
+    above: NDArray[np.uint8],
+    below: NDArray[np.uint8],
+    left: NDArray[np.uint8],
+    right: NDArray[np.uint8],
+    mark: NDArray[np.uint8],
+) -> None:
+    """Mark cells with a label beside one that is free and has none."""
+    for c in range(labels.size):
+        mark[c] = (labels[c] != 0) & ((above[c] | below[c] | left[c] | right[c]) != 0)
+
+
+@njit(cache=True, nogil=True)
+def _queue_marked(mark: NDArray[np.uint8], row: int, queue: NDArray[np.int64], last: int) -> int:
+    """Queue the marked cells of a row (in whole words) from `last` on; where the queue ends then."""
+    words = mark.view(np.uint64)
+    for w in range(words.size):
+        if words[w] != 0:
+            for c in range(8 * w, 8 * w + 8):
+                if mark[c]:
+                    queue[last] = row * mark.size + c
+                    last += 1
+    return last
+
+
+@njit(cache=True, nogil=True)
+def _spread(
+    labels: NDArray[np.int32],
+    bare: NDArray[np.uint8],
+    cols: int,
+    width: int,
+    queue: NDArray[np.int64],
+    first: int,
+    last: int,
+) -> int:
+    """Give bare cells the labels of their neighbours in the queue, ring by ring; where the queue ends then.
+
+    `labels` is flat with rows of `cols` cells; `bare` and the queue's numbers with rows of `width`.
+    """
+    spare = width - cols
+    while first < last:
+        i = queue[first]
+        first += 1
+        row = i // width
+        label = labels[np.uint64(i - row * spare)]
+        for k, at in ((i - width, row - 1), (i + width, row + 1), (i - 1, row), (i + 1, row)):
+            if bare[np.uint64(k)]:
+                bare[np.uint64(k)] = 0
+                labels[np.uint64(k - at * spare)] = label
+                queue[last] = k
+                last += 1
+    return last
+
+
+@njit(cache=True, nogil=True)
+def _run_end(row: NDArray[np.int32], c: int, label: int) -> int:
+    """Where the run of a label that column `c` lies in ends; eight cells are compared at once."""
+    while c + 8 <= row.size:
+        differ = np.int32(0)
+        for k in range(8):
+            differ |= row[np.uint64(c + k)] ^ label
+        if differ:
+            break
+        c += 8
+    while c < row.size and row[c] == label:
+        c += 1
+    return c
+
+
+@njit(cache=True, nogil=True)
+def _sum_up(
+    labels: NDArray[np.int32], door_width: NDArray[np.float32], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Boxes and doors of all regions."""
+    boxes, doors = np.zeros((count + 1, 5), np.int64), np.zeros(count + 1)
+    cols = labels.shape[1]
+    for r in range(labels.shape[0]):
+        row, widths = labels[r], door_width[r]
+        c = 0
+        while c < cols:
+            label, begin = row[c], c
+            c = _run_end(row, c, label)
+            if label == 0:
+                continue
+            some = False
+            for k in range(begin, c):
+                some |= widths[np.uint64(k)] > 0
+            if some:
+                for k in range(begin, c):
+                    if widths[k] > 0:
+                        doors[label] += 1.0 / widths[k]
+            box = boxes[label]
+            if box[0] == 0:
+                box[1], box[2] = r, begin
+            box[0] += c - begin
+            box[2] = min(box[2], begin)
+            box[3], box[4] = r + 1, max(box[4], c)
+    return boxes, doors
+
+
+def home_regions(regions: Regions, frontiers: FrontierClusters) -> NDArray[np.int64]:
+    """The region int64 (k,) that holds most cells of each frontier; the lowest of equals."""
+    rows, cols = frontiers.cells.T
+    return _most_common(regions.labels[rows, cols].astype(np.int64), frontiers.offsets)
+
+
+@njit(cache=True, nogil=True)
+def _most_common(owners: NDArray[np.int64], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Per group the most common value, the lowest of equals."""
+    out = np.zeros(len(offsets) - 1, np.int64)
+    for k in range(len(out)):
+        group = np.sort(owners[offsets[k] : offsets[k + 1]])
+        run, best = 0, 0
+        for n in range(len(group)):
+            run = run + 1 if n and group[n] == group[n - 1] else 1
+            if run > best:
+                best, out[k] = run, group[n]
+    return out

@@ -1,0 +1,293 @@
+"""The page of an evaluation of half-seen rooms: every predictor by stratum, calibration, areas, the best and the worst rooms."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.drawing import palette
+from layoutexplore.evaluation.partial_rooms import Item, RoomScore, Scores, predicted_hidden
+from layoutexplore.grids.grid import FREE, OCCUPIED
+from layoutexplore.grids.ros_map import encode_png, write_atomically
+from layoutexplore.metrics.statistics import Interval
+from layoutexplore.predictors.protocol import RoomMap
+from layoutexplore.predictors.snapshot import Snapshot
+from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
+from layoutexplore.report.page import png_uri, render
+
+PICTURES = 6
+"""Rooms drawn of the best, and of the worst."""
+
+LEAST_HIDDEN = 2.0
+"""Square metres: rooms with less left are not drawn."""
+
+MARGIN = 1.5
+"""Metres around a room in its picture."""
+
+BOUNDS = ("none", "oracle")
+"""Predictors that are no competitors."""
+
+SEEN, RIGHT, WRONG, MISSED = (225, 236, 246), (86, 180, 140), (230, 120, 80), (120, 170, 220)
+"""Colours of a room's parts: seen, predicted rightly, wrongly, and not predicted."""
+
+
+@dataclass(frozen=True, eq=False)
+class RoomPicture:
+    """A scored room and its picture, uint8 (h, w, 3) RGB."""
+
+    score: RoomScore
+    image: NDArray[np.uint8]
+
+    @property
+    def uri(self) -> str:
+        """The picture as a data URI."""
+        return png_uri(self.image)
+
+
+class Gallery:
+    """Keeps the pictures of the best and the worst predicted rooms of one predictor; a `Watch`.
+
+    Args:
+        predictor: Whose rooms.
+        count: How many of each.
+    """
+
+    def __init__(self, predictor: str, count: int = PICTURES) -> None:
+        self.predictor = predictor
+        self._count = count
+        self._best: list[RoomPicture] = []
+        self._worst: list[RoomPicture] = []
+
+    def __call__(self, snapshot: Snapshot, item: Item, rooms: RoomMap, score: RoomScore) -> None:
+        """Keep a room if it is among the best or the worst so far."""
+        if score.predictor != self.predictor or score.true_remaining < LEAST_HIDDEN:
+            return
+        for kept, sign in ((self._best, -1), (self._worst, 1)):
+            key = sign * score.hidden_iou
+            same = next((p for p in kept if (p.score.plan, p.score.room) == (score.plan, score.room)), None)
+            rival = same or (kept[-1] if len(kept) == self._count else None)
+            if rival and sign * rival.score.hidden_iou <= key:
+                continue
+            if rival:
+                kept.remove(rival)
+            kept.append(RoomPicture(score, draw_room(snapshot, item, rooms)))
+            kept.sort(key=lambda p: sign * p.score.hidden_iou)
+
+    @property
+    def best(self) -> list[RoomPicture]:
+        """The best rooms, the very best first."""
+        return list(self._best)
+
+    @property
+    def worst(self) -> list[RoomPicture]:
+        """The worst rooms that are not among the best, the very worst first."""
+        taken = {(p.score.plan, p.score.room) for p in self._best}
+        return [p for p in self._worst if (p.score.plan, p.score.room) not in taken]
+
+
+def draw_room(snapshot: Snapshot, item: Item, rooms: RoomMap) -> NDArray[np.uint8]:
+    """A half-seen room with its prediction, uint8 (h, w, 3) RGB, y up.
+
+    The map as it was known; of the room what was seen, what is predicted rightly, wrongly, and not at all;
+    its true outline as a dark line, the frontiers coloured.
+    """
+    cells, resolution = snapshot.decision.grid.cells, snapshot.truth.raster.resolution
+    found = predicted_hidden(cells, item, rooms)
+    hidden = item.mask & ~item.seen
+    rows, cols = np.nonzero(item.mask | found)
+    spare = math.ceil(MARGIN / resolution)
+    part = np.s_[
+        max(rows.min() - spare, 0) : rows.max() + spare + 1,
+        max(cols.min() - spare, 0) : cols.max() + spare + 1,
+    ]
+    image = np.empty((*cells.shape, 3), np.uint8)
+    image[:] = palette.CANVAS
+    image[cells == FREE] = palette.FREE
+    for mask, colour in (
+        (item.seen, SEEN),
+        (found & hidden, RIGHT),
+        (found & ~item.mask, WRONG),
+        (hidden & ~found, MISSED),
+    ):
+        image[mask] = colour
+    image[cells == OCCUPIED] = palette.WALL
+    for frontier in snapshot.decision.frontiers:
+        image[frontier.cells[:, 0], frontier.cells[:, 1]] = palette.PURPLE
+    scale = max(1, round(420 / max(image[part].shape[:2])))
+    large, outline = (
+        np.asarray(cv2.resize(a, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST), np.uint8)
+        for a in (image[part], item.mask[part].astype(np.uint8))
+    )
+    contours, _ = cv2.findContours(outline, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(large, contours, -1, palette.INK, max(1, scale // 3))
+    return np.ascontiguousarray(large[::-1])
+
+
+def write_report(
+    out: Path, scores: Scores, summary: Mapping[str, Any], gallery: Gallery, *, command: str
+) -> list[Path]:
+    """Write report.html, rooms.csv, frontiers.csv, summary.csv and pictures/*.png into a folder.
+
+    Args:
+        out: The folder; made when missing.
+        scores: Every score.
+        summary: What `summarise` made of them.
+        gallery: The rooms to show.
+        command: Noted on the page.
+
+    Returns:
+        The files written, the page first.
+    """
+    (out / "pictures").mkdir(parents=True, exist_ok=True)
+    tables = {
+        "rooms.csv": [dataclasses.asdict(row) for row in scores.rooms],
+        "frontiers.csv": [dataclasses.asdict(row) for row in scores.frontiers],
+        "summary.csv": _flat(summary),
+    }
+    written = [out / "report.html"]
+    for name, rows in tables.items():
+        write_atomically(out / name, _to_csv(rows).encode())
+        written.append(out / name)
+    for kind, pictures in (("best", gallery.best), ("worst", gallery.worst)):
+        for k, shown in enumerate(pictures, 1):
+            path = out / "pictures" / f"{kind}_{k}.png"
+            write_atomically(path, encode_png(shown.image))
+            written.append(path)
+    page = render("partial_rooms.html", **_view(scores, summary, gallery), command=command)
+    write_atomically(written[0], page.encode())
+    return written
+
+
+def _view(scores: Scores, summary: Mapping[str, Any], gallery: Gallery) -> dict[str, Any]:
+    """What the template shows."""
+    strata = _labels(summary, "rooms", "explored")
+    coverages = _labels(summary, "frontiers", "coverage")
+    names = list(summary)
+    rooms = {name: {line["explored"]: line for line in summary[name]["rooms"]} for name in names}
+    frontiers = {name: {line["coverage"]: line for line in summary[name]["frontiers"]} for name in names}
+    mine = [f for f in scores.frontiers if f.predictor == gallery.predictor]
+    areas = [r for r in scores.rooms if r.predictor == gallery.predictor]
+    return {
+        "names": names,
+        "main": gallery.predictor,
+        "strata": strata,
+        "coverages": coverages,
+        "rooms": rooms,
+        "frontiers": frontiers,
+        "ms": {name: summary[name]["ms"] for name in names},
+        "leaders": {m: {s: _leader(rooms, s, m) for s in strata} for m in ("hidden_iou", "iou")},
+        "counts": {s: max((rooms[n][s]["rooms"] for n in names if s in rooms[n]), default=0) for s in strata},
+        "judged": {
+            c: max((frontiers[n][c]["frontiers"] for n in names if c in frontiers[n]), default=0)
+            for c in coverages
+        },
+        "hidden_chart": line_chart(
+            _intervals(rooms, strata[1:], "hidden"), [spell(s) for s in strata[1:]], main=gallery.predictor
+        ),
+        "mcc_chart": line_chart(
+            _plain(frontiers, coverages[1:], "mcc"),
+            [spell(c) for c in coverages[1:]],
+            main=gallery.predictor,
+            low=-0.25,
+        ),
+        "calibration": calibration_chart(
+            np.array([f.confidence for f in mine]),
+            np.array([f.closed == f.true_closed for f in mine], np.bool_),
+        ),
+        "areas": root_scatter(
+            np.array([r.true_remaining for r in areas]),
+            np.array([r.remaining for r in areas]),
+            [f"{r.plan}, room {r.room}: {r.remaining:.1f} for {r.true_remaining:.1f} m²" for r in areas],
+        ),
+        "best": gallery.best,
+        "worst": gallery.worst,
+        "plans": len({r.plan for r in scores.rooms}),
+        "buildings": len({r.building for r in scores.rooms}),
+        "sensors": sorted({f.sensor for f in scores.frontiers}),
+        "bounds": BOUNDS,
+        "spell": spell,
+        "least_hidden": LEAST_HIDDEN,
+    }
+
+
+def spell(stratum: str) -> str:
+    r"""A stratum as it is printed.
+
+    Example:
+        >>> spell("25%-50%"), spell("20%"), spell("all")
+        ('25–50\xa0%', '20\xa0%', 'all')
+    """
+    return stratum.replace("%-", "–").replace("%", "\N{NO-BREAK SPACE}%")
+
+
+def _labels(summary: Mapping[str, Any], part: str, key: str) -> list[str]:
+    """The strata of all predictors, in their order."""
+    return list(dict.fromkeys(line[key] for found in summary.values() for line in found[part]))
+
+
+def _leader(rooms: Mapping[str, Mapping[str, Any]], stratum: str, measure: str) -> str:
+    """The best predictor of a stratum that is no bound; empty where there is none."""
+    found = {
+        name: lines[stratum][measure]
+        for name, lines in rooms.items()
+        if stratum in lines and name not in BOUNDS
+    }
+    return max(found, key=lambda name: found[name], default="")
+
+
+def _intervals(
+    lines: Mapping[str, Mapping[str, Any]], strata: Sequence[str], name: str
+) -> dict[str, list[Interval]]:
+    """By predictor and stratum the interval of a measure whose ends are NAME_low and NAME_high."""
+    nothing = {f"{name}_iou": math.nan, f"{name}_low": math.nan, f"{name}_high": math.nan}
+    found = {}
+    for predictor, by_stratum in lines.items():
+        picked = [by_stratum.get(s, nothing) for s in strata]
+        found[predictor] = [Interval(p[f"{name}_iou"], p[f"{name}_low"], p[f"{name}_high"]) for p in picked]
+    return found
+
+
+def _plain(
+    lines: Mapping[str, Mapping[str, Any]], strata: Sequence[str], measure: str
+) -> dict[str, list[Interval]]:
+    """By predictor and stratum a measure without an interval."""
+    values = {name: [by[s][measure] if s in by else math.nan for s in strata] for name, by in lines.items()}
+    return {name: [Interval(v, math.nan, math.nan) for v in line] for name, line in values.items()}
+
+
+def _flat(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A row a predictor, part and stratum."""
+    rows = []
+    for name, found in summary.items():
+        for part, key in (("rooms", "explored"), ("frontiers", "coverage")):
+            for line in found[part]:
+                measures = {k: v for k, v in line.items() if k != key}
+                rows += [
+                    {"predictor": name, "of": part, "stratum": line[key], "measure": k, "value": v}
+                    for k, v in measures.items()
+                ]
+        rows.append(
+            {"predictor": name, "of": "time", "stratum": "all", "measure": "ms", "value": found["ms"]}
+        )
+    return rows
+
+
+def _to_csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    out = io.StringIO()
+    if rows:
+        writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(
+            {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows
+        )
+    return out.getvalue()

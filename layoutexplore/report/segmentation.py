@@ -1,0 +1,122 @@
+"""The pictures and the page of a segmentation evaluation: ours against the truth, the worst map first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from layoutexplore.drawing import palette
+from layoutexplore.evaluation.segmentation import Case, MapScore, read_case, summarise, to_csv
+from layoutexplore.grids.grid import UNKNOWN
+from layoutexplore.grids.ros_map import encode_png, write_atomically
+from layoutexplore.metrics.segmentation import HEADINGS, MEASURES, overlap_table
+from layoutexplore.report.page import png_uri, render
+
+UNCLAIMED, WALL, UNSEEN = (255, 255, 255), (30, 30, 36), (205, 208, 212)
+
+
+def comparison_picture(case: Case, labels: NDArray[np.int32], resolution: float) -> NDArray[np.uint8]:
+    """Segments (left) and true rooms (right) of a map, uint8 RGB, y up; matched segments wear their room's colour.
+
+    Args:
+        case: The map.
+        labels: int32 (rows, cols), the segments.
+        resolution: Metres a pixel.
+    """
+    grid, truth, free = read_case(case, resolution)
+    found = np.where(free, labels, 0)
+    known = np.argwhere(grid.cells != UNKNOWN)
+    (row0, col0), (row1, col1) = (known.min(0), known.max(0) + 1) if len(known) else ((0, 0), grid.shape)
+    part = np.s_[max(row0 - 10, 0) : row1 + 10, max(col0 - 10, 0) : col1 + 10]
+    ground = np.where(free[..., None], UNCLAIMED, np.where(grid.occupied[..., None], WALL, UNSEEN)).astype(
+        np.uint8
+    )[part]
+    sides = []
+    for values, names in (
+        (found, _matched(found, truth)),
+        (np.where(free, truth, 0), np.arange(truth.max() + 1)),
+    ):
+        colours = np.array([palette.room_colour(int(max(n, 1))) for n in names], np.uint8)
+        sides.append(np.where((values > 0)[part][..., None], colours[values[part]], ground)[::-1])
+    gap = np.full((sides[0].shape[0], 8, 3), 255, np.uint8)
+    picture = np.hstack([sides[0], gap, sides[1]])
+    scale = min(1.0, 1600 / picture.shape[1])
+    size = (max(round(picture.shape[1] * scale), 1), max(round(picture.shape[0] * scale), 1))
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _matched(found: NDArray[np.int32], truth: NDArray[np.int32]) -> NDArray[np.int64]:
+    """For each segment the room it is matched to, or a number of its own behind those of the rooms."""
+    segments, rooms = int(found.max(initial=0)), int(truth.max(initial=0))
+    names = np.arange(segments + 1, dtype=np.int64) + rooms
+    present = np.unique(found[found > 0])
+    overlaps, sizes, room_sizes = overlap_table(found.ravel(), truth.ravel())
+    if not overlaps.size:
+        return names
+    iou = overlaps / (sizes[:, None] + room_sizes[None, :] - overlaps)
+    rows, cols = linear_sum_assignment(iou, maximize=True)
+    there = np.unique(truth[truth > 0])
+    for r, c in zip(rows, cols, strict=True):
+        if overlaps[r, c] > 0:
+            names[present[r]] = there[c]
+    return names
+
+
+def write_report(
+    out: Path,
+    results: Sequence[tuple[Case, MapScore, NDArray[np.int32]]],
+    *,
+    title: str,
+    protocol: str,
+    resolution: float,
+    command: str,
+) -> list[Path]:
+    """Write `results.csv`, `pictures/SET_MAP_METHOD.png` (of seed 0) and `report.html` into a folder.
+
+    Args:
+        out: The folder; made when missing.
+        results: What `evaluate_cases` or `cross_validate` yielded.
+        title: Heading of the page.
+        protocol: Named on the page.
+        resolution: Metres a pixel.
+        command: Noted on the page.
+    """
+    rows = [row for _, row, _ in results]
+    write_atomically(out / "results.csv", to_csv(rows).encode())
+    pictures = []
+    first = [result for result in results if result[1].seed == 0]
+    for case, row, labels in sorted(
+        first, key=lambda r: (r[1].one_to_one, r[1].folder, r[1].map, r[1].method)
+    ):
+        picture = comparison_picture(case, labels, resolution)
+        name = f"{row.folder}_{row.map}_{row.method}.png"
+        write_atomically(out / "pictures" / name, encode_png(picture))
+        pictures.append({"row": row, "image": png_uri(_smaller(picture))})
+    page = render(
+        "segmentation.html",
+        title=title,
+        protocol=protocol,
+        resolution=resolution,
+        measures=MEASURES,
+        headings=HEADINGS,
+        summary=summarise(rows),
+        pictures=pictures,
+        maps=len({(row.folder, row.map) for row in rows}),
+        buildings=len({row.building for row in rows}),
+        methods=len({row.method for row in rows}),
+        command=command,
+    )
+    write_atomically(out / "report.html", page.encode())
+    return [out / "report.html", out / "results.csv"]
+
+
+def _smaller(picture: NDArray[np.uint8], width: int = 1000) -> NDArray[np.uint8]:
+    if picture.shape[1] <= width:
+        return picture
+    height = max(round(picture.shape[0] * width / picture.shape[1]), 1)
+    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), np.uint8)

@@ -1,0 +1,1 @@
+"""The lidar, and what its scans do to a grid."""

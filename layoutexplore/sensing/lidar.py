@@ -1,0 +1,424 @@
+"""A two-dimensional lidar on a grid: exact ray casting with skips over open space.
+
+Rays follow the cells they cross exactly (as Amanatides and Woo, "A fast voxel traversal algorithm for ray
+tracing", 1987), from continuous poses. They are walked in columns: along the axis that a ray moves more along
+it crosses one border after the other, and in between at most one border across (`trace`). Where the Chebyshev
+distance to the nearest occupied cell is d, a ray jumps d - 1 columns; the jump lands on the very cell of the
+plain walk.
+
+Rules that everything with walls shares (the lidar, the map update and the robot's own motion):
+
+- A ray moves over one cell border at a time; where it meets a corner exactly, it first crosses the border of
+  the axis that it moves less along (x leads on an exact diagonal). The cells of a ray are therefore joined by
+  their sides, and no ray slips between two occupied cells that touch at a corner, just as no path of
+  `layoutexplore.planning.shortest_paths` does.
+- A range is the distance at which the ray enters the occupied cell.
+- What lies outside of the array is occupied.
+"""
+
+from __future__ import annotations
+
+import math
+import weakref
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError, MapError, StartError, unknown_name
+from layoutexplore.grids.grid import Pose, check_resolution
+
+_MAX_CLEARANCE = 255
+_SKIP_FROM = 3
+"""Clearance in cells from which a jump is cheaper than walking."""
+_STEEPEST = 1.0 - 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarConfig:
+    """What a lidar sees.
+
+    A lidar of less than a full turn has its first and last beam on the borders of the field of view; one of a
+    full turn has equally spaced beams, the first straight back.
+
+    Attributes:
+        name: Name of the preset, or "custom".
+        range_max: Farthest distance that is measured, in metres.
+        fov: Field of view in radians, centred on the heading; 2 pi is a full turn.
+        beams: Number of beams in a scan.
+        angle_offset: Angle in radians by which the sensor is turned on the robot, counter-clockwise.
+        range_noise_std: Standard deviation in metres of Gaussian noise on each range.
+        dropout: Probability that a beam fails and tells nothing.
+
+    Raises:
+        ConfigError: A value makes no sense.
+    """
+
+    name: str = "custom"
+    range_max: float
+    fov: float
+    beams: int
+    angle_offset: float = 0.0
+    range_noise_std: float = 0.0
+    dropout: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks = {
+            "range_max must be metres above 0": math.isfinite(self.range_max) and self.range_max > 0,
+            "fov must be radians above 0 and at most 2 pi": 0 < self.fov <= 2 * math.pi + 1e-9,
+            "beams must be a whole number from 1 to 100000": 1 <= self.beams <= 100_000
+            and int(self.beams) == self.beams,
+            "angle_offset must be a finite number of radians": math.isfinite(self.angle_offset),
+            "range_noise_std must be metres, 0 or more": math.isfinite(self.range_noise_std)
+            and self.range_noise_std >= 0,
+            "dropout must be a probability below 1": 0 <= self.dropout < 1,
+        }
+        for message, good in checks.items():
+            if not good:
+                raise ConfigError(f"lidar {self.name!r}: {message}, got {self}")
+
+    @property
+    def full_turn(self) -> bool:
+        """Whether the lidar sees all around."""
+        return self.fov >= 2 * math.pi - 1e-9
+
+    @property
+    def angle_increment(self) -> float:
+        """Angle between neighbouring beams in radians."""
+        if self.full_turn:
+            return 2 * math.pi / self.beams
+        return self.fov / (self.beams - 1) if self.beams > 1 else self.fov
+
+    def angles(self) -> NDArray[np.float64]:
+        """Angles float64 (beams,) of the beams relative to the robot's heading, in radians, increasing."""
+        if self.beams == 1 and not self.full_turn:
+            return np.array([self.angle_offset])
+        return (
+            self.angle_offset - self.fov / 2 + np.arange(self.beams, dtype=np.float64) * self.angle_increment
+        )
+
+    @property
+    def noisy(self) -> bool:
+        """Whether ranges differ from the exact ones."""
+        return self.range_noise_std > 0 or self.dropout > 0
+
+
+def around(config: LidarConfig) -> LidarConfig:
+    """The same lidar seeing all around with the same density of beams (what turning on the spot gives)."""
+    if config.full_turn:
+        return config
+    beams = max(1, round(2 * math.pi / config.angle_increment))
+    return LidarConfig(
+        name=config.name,
+        range_max=config.range_max,
+        fov=2 * math.pi,
+        beams=beams,
+        angle_offset=config.angle_offset,
+        range_noise_std=config.range_noise_std,
+        dropout=config.dropout,
+    )
+
+
+SENSORS: dict[str, LidarConfig] = {
+    config.name: config
+    for config in (
+        # The simulated laser of the layout papers (Stage's SICK LMS: 180 degrees, 30 m, quarter degrees).
+        LidarConfig(name="stage", range_max=30.0, fov=math.pi, beams=721),
+        LidarConfig(name="indoor", range_max=8.0, fov=2 * math.pi, beams=720),
+        LidarConfig(name="short", range_max=5.0, fov=2 * math.pi, beams=360),
+        # MapEx (Ho et al. 2024): 20 m, 2500 samples in a full turn.
+        LidarConfig(name="mapex", range_max=20.0, fov=2 * math.pi, beams=2500),
+    )
+}
+"""The lidars that are known by name."""
+
+
+def sensor(name: str | LidarConfig) -> LidarConfig:
+    """The lidar of that name; a configuration is returned as it is.
+
+    Raises:
+        UnknownNameError: No sensor has that name.
+
+    Example:
+        >>> sensor("indoor").range_max
+        8.0
+    """
+    if isinstance(name, LidarConfig):
+        return name
+    if name not in SENSORS:
+        raise unknown_name("sensor", name, SENSORS)
+    return SENSORS[name]
+
+
+class Lidar:
+    """A lidar in a known world.
+
+    Args:
+        config: What it sees.
+        occupied: bool (rows, cols); it must not change while the lidar is in use.
+        resolution: Side of a cell in metres.
+        origin: Pose of the lower left corner of cell (0, 0); its yaw must be 0.
+
+    Lidars over the same array share one clearance field (one byte a cell) as long as the array is marked
+    read-only (`occupied.setflags(write=False)`); over a writeable array each lidar computes its own.
+
+    Attributes:
+        config: The configuration.
+        resolution: Side of a cell in metres.
+        origin: Pose of the lower left corner of cell (0, 0).
+        padded_clearance: uint8 (rows + 2, cols + 2), `clearance` with a border of zeros.
+
+    Raises:
+        MapError: The array is not two-dimensional, the resolution is not usable or the origin is turned.
+
+    Example:
+        >>> world = np.zeros((5, 9), bool)
+        >>> world[:, 7] = True
+        >>> lidar = Lidar(LidarConfig(range_max=5.0, fov=1.0, beams=1), world, 0.5, Pose(0, 0))
+        >>> lidar.scan(Pose(1.25, 1.25))
+        array([2.25], dtype=float32)
+    """
+
+    def __init__(
+        self, config: LidarConfig, occupied: NDArray[np.bool_], resolution: float, origin: Pose
+    ) -> None:
+        check_resolution(resolution)
+        check_upright(origin)
+        self.config = config
+        self.resolution = float(resolution)
+        self.origin = Pose(*origin)
+        self.padded_clearance = clearance_field(occupied)
+
+    @property
+    def clearance(self) -> NDArray[np.uint8]:
+        """uint8 (rows, cols): Chebyshev distance in cells to the nearest occupied cell or the outside, at most 255."""
+        return self.padded_clearance[1:-1, 1:-1]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols) of the world."""
+        rows, cols = self.padded_clearance.shape
+        return rows - 2, cols - 2
+
+    def scan(self, pose: Pose, rng: np.random.Generator | None = None) -> NDArray[np.float32]:
+        """The ranges seen from a pose.
+
+        As in ROS (REP 117), a beam that meets nothing within the range is +inf ("no return") and one that
+        failed (`LidarConfig.dropout`) is NaN ("no information"). Noise never makes a range negative; a range
+        that noise lifts above `range_max` is +inf.
+
+        Args:
+            pose: Where the robot stands, in world coordinates.
+            rng: Source of noise and dropouts; needed only where the configuration has them.
+
+        Returns:
+            float32 (beams,) in metres, in the order of `LidarConfig.angles`; all 0 inside a wall or outside.
+
+        Raises:
+            StartError: The pose is not finite.
+            ConfigError: The configuration has noise or dropouts and there is no `rng`.
+        """
+        return self._ranges(self.config, pose, rng)
+
+    def scan_full_turn(self, pose: Pose, rng: np.random.Generator | None = None) -> NDArray[np.float32]:
+        """Like `scan`, over 360 degrees with the same density of beams: the beams of `around(config)`."""
+        return self._ranges(around(self.config), pose, rng)
+
+    def _ranges(
+        self, config: LidarConfig, pose: Pose, rng: np.random.Generator | None
+    ) -> NDArray[np.float32]:
+        col, row = position_in_cells(pose, self.resolution, self.origin)
+        unit_x, unit_y = beam_table(config)
+        ranges = np.empty(config.beams, np.float32)
+        _cast(
+            self.padded_clearance,
+            col + 1.0,
+            row + 1.0,
+            math.cos(pose.theta),
+            math.sin(pose.theta),
+            unit_x,
+            unit_y,
+            config.range_max / self.resolution,
+            self.resolution,
+            ranges,
+        )
+        return _disturb(ranges, config, rng) if config.noisy else ranges
+
+
+def clearance_field(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Chebyshev distance to the nearest occupied cell, with a border of zeros around it.
+
+    The field of an array that is marked read-only is kept for as long as the array lives and shared.
+
+    Args:
+        occupied: bool (rows, cols).
+
+    Returns:
+        uint8 (rows + 2, cols + 2), read-only; in cells, at most 255; the outside counts as occupied.
+    """
+    world = np.asarray(occupied)
+    if world.ndim != 2 or world.size == 0:
+        raise MapError(f"a world needs a non-empty two-dimensional array, got shape {world.shape}")
+    if world.flags.writeable:
+        return _clearance(world)
+    key = id(world)
+    held = _shared_fields.get(key)
+    if held is None or held[0]() is not world:
+        held = (weakref.ref(world, lambda _: _shared_fields.pop(key, None)), _clearance(world))
+        _shared_fields[key] = held
+    return held[1]
+
+
+_shared_fields: dict[int, tuple[weakref.ref[NDArray[np.bool_]], NDArray[np.uint8]]] = {}
+
+
+def _clearance(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    free = np.zeros((occupied.shape[0] + 2, occupied.shape[1] + 2), np.uint8)
+    free[1:-1, 1:-1] = occupied == 0
+    distance = cv2.distanceTransform(free, cv2.DIST_C, 3)
+    field = np.minimum(distance, _MAX_CLEARANCE).astype(np.uint8)
+    field.setflags(write=False)
+    return field
+
+
+def check_upright(origin: Pose) -> None:
+    """Raise `MapError` where an origin has a yaw: simulation runs on grids whose rows are parallel to x."""
+    if len(origin) != 3 or not all(math.isfinite(v) for v in origin):
+        raise MapError(f"the origin must be three finite numbers (x, y, yaw), got {tuple(origin)}")
+    if origin[2] != 0.0:
+        raise MapError(
+            f"simulation needs a grid that is not turned, got an origin with yaw {origin[2]}: rotate the grid first"
+        )
+
+
+def position_in_cells(pose: Pose, resolution: float, origin: Pose) -> tuple[float, float]:
+    """Position (col, row) in cells from the lower left corner of an upright grid.
+
+    Raises:
+        StartError: The pose is not finite.
+    """
+    if not (math.isfinite(pose.x) and math.isfinite(pose.y) and math.isfinite(pose.theta)):
+        raise StartError(f"a pose must be finite numbers, got {pose}")
+    return (pose.x - origin.x) / resolution, (pose.y - origin.y) / resolution
+
+
+@lru_cache(maxsize=32)
+def beam_table(config: LidarConfig) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cosine and sine float64 (beams,) of the beams relative to the heading, kept between calls."""
+    angles = config.angles()
+    return np.cos(angles), np.sin(angles)
+
+
+def _disturb(
+    ranges: NDArray[np.float32], config: LidarConfig, rng: np.random.Generator | None
+) -> NDArray[np.float32]:
+    """Add noise and dropouts; infinite ranges stay infinite."""
+    if rng is None:
+        raise ConfigError(f"lidar {config.name!r} has noise or dropouts: scan(pose, rng) needs a generator")
+    if config.range_noise_std > 0:
+        noise = rng.standard_normal(ranges.size, np.float32) * np.float32(config.range_noise_std)
+        ranges = np.maximum(ranges + noise, np.float32(0.0))
+        ranges[ranges > config.range_max] = np.inf
+    if config.dropout > 0:
+        ranges[rng.random(ranges.size) < config.dropout] = np.nan
+    return ranges
+
+
+@njit(cache=True, nogil=True)
+def _cast(
+    clearance: NDArray[np.uint8],
+    x: float,
+    y: float,
+    cos: float,
+    sin: float,
+    unit_x: NDArray[np.float64],
+    unit_y: NDArray[np.float64],
+    range_max: float,
+    scale: float,
+    ranges: NDArray[np.float32],
+) -> None:
+    """Write `scale` times the distance in cells to the first zero of `clearance` (its border is zero) into `ranges`."""
+    rows, cols = clearance.shape
+    if not (0.0 <= x < cols and 0.0 <= y < rows) or clearance[int(y), int(x)] == 0:
+        ranges[:] = 0.0
+        return
+    field = clearance.ravel()
+    start = np.uint64(int(y) * cols + int(x))
+    for i in range(unit_x.size):
+        dx = unit_x[i] * cos - unit_y[i] * sin
+        dy = unit_x[i] * sin + unit_y[i] * cos
+        along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
+        step_along, step_across = steps(dx, dy, x_leads, cols)
+        last = int(range_max / per_along + along)
+        index, k, j = start, 0, 0
+        here = np.inf
+        while k <= last:
+            d = int(np.int64(field[index]))
+            if d == 0:
+                here = (k - along) * per_along
+                break
+            if d >= _SKIP_FROM:
+                # Cells less than d away are free, and a slope of at most 1 keeps the ray among them for d - 1
+                # columns.
+                k += d - 1
+                n = int(across + slope * (k - along))
+                index += np.uint64(d - 1) * step_along + np.uint64(n - j) * step_across
+                j = n
+                continue
+            k += 1
+            n = int(across + slope * (k - along))
+            if n != j:
+                index += step_across
+                j = n
+                if field[index] == 0:
+                    here = (n - across) * per_across
+                    break
+            index += step_along
+        ranges[i] = here * scale if here <= range_max else np.inf
+
+
+@njit(cache=True, nogil=True)
+def trace(x: float, y: float, dx: float, dy: float) -> tuple[float, float, float, float, float, bool]:
+    """A ray in the frame of the axis that it moves more along, both axes turned so that it moves forward.
+
+    With k counting the cell borders met along and n those met across, the ray meets border k at distance
+    `(k - along) * per_along`, where it is in the cell `int(across + slope * (k - along))` across from where
+    it started, and border n across at distance `(n - across) * per_across`.
+
+    Returns:
+        along, across: Position in the start's cell, 0..1, seen in the direction of motion.
+        slope: Cells across per cell along, at most 1.
+        per_along, per_across: Distance per cell along and across.
+        x_leads: Whether x is the axis along.
+    """
+    from_x = x - math.floor(x) if dx >= 0.0 else math.floor(x) + 1.0 - x
+    from_y = y - math.floor(y) if dy >= 0.0 else math.floor(y) + 1.0 - y
+    size_x, size_y = abs(dx), abs(dy)
+    # A hair below 1, so that rounding never makes a ray cross two borders in one column.
+    if size_x >= size_y:
+        return (
+            from_x,
+            from_y,
+            min(size_y / size_x, _STEEPEST),
+            1.0 / size_x,
+            1.0 / size_y if size_y > 0.0 else np.inf,
+            True,
+        )
+    return (
+        from_y,
+        from_x,
+        min(size_x / size_y, _STEEPEST),
+        1.0 / size_y,
+        1.0 / size_x if size_x > 0.0 else np.inf,
+        False,
+    )
+
+
+@njit(cache=True, nogil=True)
+def steps(dx: float, dy: float, x_leads: bool, cols: int) -> tuple[np.uint64, np.uint64]:
+    """Change of a cell's index in a ravelled grid of `cols` columns where the ray of `trace` moves on along and across."""
+    step_x, step_y = (1 if dx >= 0.0 else -1), (cols if dy >= 0.0 else -cols)
+    return np.uint64(step_x if x_leads else step_y), np.uint64(step_y if x_leads else step_x)

@@ -1,0 +1,317 @@
+"""The robot's body: where it may start, how it moves, and what stops it.
+
+Its disc is tested against the very cells that the lidar sees: the centre may enter a cell when no occupied
+cell's centre is closer than the robot's radius. With odometry noise the robot believes it is elsewhere than
+it is, and since its map is built from the believed pose, the map bends, as it does in SLAM without loop
+closure.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.errors import StartError
+from layoutexplore.grids.grid import Pose
+from layoutexplore.maps.floorplan import PlanRaster
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryNoise:
+    """Drift of the believed pose, as standard deviations over one metre walked.
+
+    Attributes:
+        translation: Error of the length, in metres per metre.
+        rotation: Error of the heading, in radians per metre.
+    """
+
+    translation: float = 0.0
+    rotation: float = 0.0
+
+
+PERFECT_ODOMETRY = OdometryNoise()
+
+
+class Motion(NamedTuple):
+    """What a motion primitive did: metres moved, whether a wall stopped it, and cells newly known."""
+
+    moved: float
+    collided: bool
+    new_cells: int
+
+
+def draw_start(raster: PlanRaster, robot_radius: float, rng: np.random.Generator) -> Pose:
+    """A random pose at the centre of a reachable cell of the plan's largest connected area, with a random heading."""
+    cells = np.argwhere(raster.reachable(robot_radius))
+    row, col = cells[rng.integers(len(cells))]
+    x, y = raster.cell_to_world(int(row), int(col))
+    return Pose(x, y, float(rng.uniform(-math.pi, math.pi)))
+
+
+def check_start(raster: PlanRaster, robot_radius: float, start: Pose) -> Pose:
+    """The start, if the robot's disc fits there.
+
+    Raises:
+        StartError: It lies outside, in a wall, or closer to an obstacle than the robot's radius; the message
+            names the nearest cell where it fits.
+    """
+    if len(start) != 3 or not all(math.isfinite(v) for v in start):
+        raise StartError(f"a start is three finite numbers (x, y, theta), got {tuple(start)}")
+    x, y, theta = (float(v) for v in start)
+    cell = raster.world_to_cell(x, y)
+    free = np.argwhere(~raster.blocked(robot_radius))
+    nearest = free[np.argmin(((free - np.array(cell)) ** 2).sum(axis=1))] if len(free) else np.array(cell)
+    near_x, near_y = raster.cell_to_world(int(nearest[0]), int(nearest[1]))
+    hint = f"; the nearest free place is ({near_x:.2f}, {near_y:.2f})"
+    rows, cols = raster.shape
+    if not (0 <= cell.row < rows and 0 <= cell.col < cols):
+        raise StartError(f"the start ({x:.2f}, {y:.2f}) lies outside the floor plan{hint}")
+    if raster.occupied[cell]:
+        raise StartError(f"the start ({x:.2f}, {y:.2f}) lies in a wall or outside the building{hint}")
+    if raster.blocked(robot_radius)[cell]:
+        raise StartError(f"the start ({x:.2f}, {y:.2f}) is closer than {robot_radius} m to an obstacle{hint}")
+    return Pose(x, y, math.remainder(theta, 2 * math.pi))
+
+
+class _Track:
+    """Poses in an array that grows."""
+
+    def __init__(self, start: Pose) -> None:
+        self._rows = np.empty((256, 3))
+        self._count = 0
+        self.add(start)
+
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """float64 (n, 3), as (x, y, theta); a view, to which nothing is added later."""
+        return self._rows[: self._count]
+
+    def add(self, poses: Pose | NDArray[np.float64]) -> None:
+        """One pose, or float64 (n, 3)."""
+        rows = np.asarray(poses, np.float64).reshape(-1, 3)
+        end = self._count + len(rows)
+        if end > len(self._rows):
+            self._rows = np.concatenate([self.poses, np.empty((2 * end - self._count, 3))])
+        self._rows[self._count : end] = rows
+        self._count = end
+
+
+class Robot:
+    """A disc that turns and translates on a floor plan.
+
+    Attributes:
+        pose: Where it is.
+        believed: Where it believes it is; the same without odometry noise.
+        walked: Metres walked.
+        turned: Radians turned.
+        collisions: How often a wall stopped it.
+    """
+
+    def __init__(
+        self, raster: PlanRaster, radius: float, start: Pose, noise: OdometryNoise, rng: np.random.Generator
+    ) -> None:
+        self.pose = self.believed = start
+        self.walked = self.turned = 0.0
+        self.collisions = 0
+        self._track = _Track(start)
+        self._raster, self._radius, self._noise, self._rng = raster, radius, noise, rng
+        self._blocked = raster.blocked(radius)
+        self._drifts = noise.translation > 0 or noise.rotation > 0
+        self._believed_track = _Track(start) if self._drifts else self._track
+
+    @property
+    def track(self) -> NDArray[np.float64]:
+        """float64 (n, 3): the true poses so far, as (x, y, theta)."""
+        return self._track.poses
+
+    @property
+    def believed_track(self) -> NDArray[np.float64]:
+        """float64 (n, 3): where it believed to be at each of them."""
+        return self._believed_track.poses
+
+    def turn_to(self, theta: float) -> None:
+        """Turn on the spot to a believed heading, the short way round."""
+        turn = math.remainder(theta - self.believed.theta, 2 * math.pi)
+        offset = self.pose.theta - self.believed.theta
+        heading = math.remainder(theta, 2 * math.pi)
+        self.turned += abs(turn)
+        self.believed = self.believed._replace(theta=heading)
+        self.pose = self.pose._replace(theta=math.remainder(heading + offset, 2 * math.pi))
+
+    def translate(self, dx: float, dy: float) -> tuple[float, bool]:
+        """Move straight by (dx, dy) metres as believed, without turning, as far as the walls allow.
+
+        Returns:
+            Metres moved, and whether a wall stopped the robot.
+        """
+        length = math.hypot(dx, dy)
+        if length == 0.0:
+            return 0.0, False
+        true_dx, true_dy, drift = self._drifted(dx, dy, length) if self._drifts else (dx, dy, 0.0)
+        resolution, origin = self._raster.resolution, self._raster.origin
+        share = _free_share(
+            self._blocked,
+            (self.pose.y - origin.y) / resolution,
+            (self.pose.x - origin.x) / resolution,
+            true_dy / resolution,
+            true_dx / resolution,
+        )
+        self.believed = Pose(self.believed.x + share * dx, self.believed.y + share * dy, self.believed.theta)
+        self.pose = Pose(
+            self.pose.x + share * true_dx, self.pose.y + share * true_dy, self.pose.theta + drift
+        )
+        self.walked += share * length
+        self._track.add(self.pose)
+        if self._drifts:
+            self._believed_track.add(self.believed)
+        collided = share < 1.0
+        self.collisions += collided
+        return share * length, collided
+
+    def follow(self, points: NDArray[np.float64], pause: float, end: float) -> int:
+        """Walk straight from point to point as long as nothing happens; only without odometry noise.
+
+        It stops at a point when `pause` metres or more have been walked since the call, and at the point
+        before one that a wall would keep it from, or at which it would have walked `end` metres or more in
+            its life: those are for `translate`.
+
+        Args:
+            points: float64 (n, 2), (x, y) in metres.
+            pause: Metres.
+            end: Metres.
+
+        Returns:
+            How many points it has reached.
+        """
+        origin, reached = self._raster.origin, np.full((len(points), 3), self.pose.theta)
+        frame = np.array([self.pose.x, self.pose.y, origin.x, origin.y, self._raster.resolution])
+        count, self.walked = advance_along(self._blocked, points, frame, self.walked, pause, end, reached)
+        if count:
+            self._track.add(reached[:count])
+            self.pose = self.believed = Pose(*reached[count - 1].tolist())
+        return int(count)
+
+    def arrive(self, way: NDArray[np.float64], pose: Pose, walked: float, turned: float) -> None:
+        """Be where a walk has led (see `layoutexplore.simulation.path_following`), without odometry noise.
+
+        Args:
+            way: float64 (n, 3), the poses on the way as (x, y, theta).
+            pose: The last one, after turning.
+            walked: Metres walked in all.
+            turned: Radians turned in all.
+        """
+        self._track.add(way)
+        self.pose = self.believed = pose
+        self.walked, self.turned = walked, turned
+
+    def touched(self, dx: float, dy: float) -> NDArray[np.int32]:
+        """Cells int32 (n, 2) of the walls in front of the robot in direction (dx, dy), in the believed frame."""
+        raster = self._raster
+        offset = self.pose.theta - self.believed.theta
+        angle = math.atan2(dy, dx) + offset
+        here = raster.world_to_cell(self.pose.x, self.pose.y)
+        ahead = raster.world_to_cell(
+            self.pose.x + raster.resolution * math.cos(angle),
+            self.pose.y + raster.resolution * math.sin(angle),
+        )
+        disc = np.array(ahead, np.int32) + disc_offsets(self._radius / raster.resolution)
+        disc = disc[((disc >= 0) & (disc < np.array(raster.shape))).all(axis=1)]
+        walls = disc[raster.occupied[disc[:, 0], disc[:, 1]]]
+        believed_cell = raster.world_to_cell(self.believed.x, self.believed.y)
+        return np.asarray(walls + np.array(believed_cell) - np.array(here), np.int32)
+
+    def _drifted(self, dx: float, dy: float, length: float) -> tuple[float, float, float]:
+        """The true displacement for a believed one, and the drift of the heading."""
+        drift = float(self._rng.normal(0.0, self._noise.rotation * math.sqrt(length)))
+        scale = max(0.0, 1.0 + float(self._rng.normal(0.0, self._noise.translation / math.sqrt(length))))
+        turn = self.pose.theta - self.believed.theta + drift
+        c, s = scale * math.cos(turn), scale * math.sin(turn)
+        return c * dx - s * dy, s * dx + c * dy, drift
+
+
+@functools.lru_cache(maxsize=16)
+def disc_offsets(radius: float) -> NDArray[np.int32]:
+    """int32 (n, 2): offsets of the cells whose centres are closer than `radius` (in cells) to the centre of cell (0, 0)."""
+    reach = math.ceil(radius)
+    span = np.arange(-reach, reach + 1)
+    rows, cols = np.meshgrid(span, span, indexing="ij")
+    inside = rows**2 + cols**2 < radius**2
+    return np.stack([rows[inside], cols[inside]], axis=1).astype(np.int32)
+
+
+def path_is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: NDArray[np.int32]) -> bool:
+    """Whether an occupied cell lies within the offsets (see `disc_offsets`) of a path's cells int32 (k, 2)."""
+    return bool(is_blocked(cells, path, offsets))
+
+
+@njit(cache=True, nogil=True)
+def is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: NDArray[np.int32]) -> bool:
+    """The kernel of `path_is_blocked`."""
+    rows, cols = cells.shape
+    for k in range(len(path)):
+        for n in range(len(offsets)):
+            r, c = path[k, 0] + offsets[n, 0], path[k, 1] + offsets[n, 1]
+            if 0 <= r < rows and 0 <= c < cols and cells[r, c] == 100:
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def advance_along(
+    blocked: NDArray[np.bool_],
+    points: NDArray[np.float64],
+    frame: NDArray[np.float64],
+    walked: float,
+    pause: float,
+    end: float,
+    reached: NDArray[np.float64],
+) -> tuple[int, float]:
+    """How many points are reached, written into `reached`, and the metres walked then.
+
+    `frame` holds x, y, the origin's x and y, and the resolution.
+    """
+    x, y = frame[0], frame[1]
+    resolution, begun = frame[4], walked
+    for k in range(len(points)):
+        dx, dy = points[k, 0] - x, points[k, 1] - y
+        length = math.hypot(dx, dy)
+        if walked + length >= end:
+            return k, walked
+        row, col = (y - frame[3]) / resolution, (x - frame[2]) / resolution
+        if _free_share(blocked, row, col, dy / resolution, dx / resolution) < 1.0:
+            return k, walked
+        x, y = x + dx, y + dy
+        reached[k, 0], reached[k, 1] = x, y
+        walked += length
+        if walked - begun >= pause:
+            return k + 1, walked
+    return len(points), walked
+
+
+@njit(cache=True, nogil=True)
+def _free_share(blocked: NDArray[np.bool_], row: float, col: float, d_row: float, d_col: float) -> float:
+    """The share 0..1 of a straight move (in cells) that is not blocked; samples lie 1/20 cell apart.
+
+    A move that changes row and column between two samples needs both cells beside the diagonal to be free as
+    well. Samples look a hair ahead and a stop keeps one sample's distance, so that rounding never puts the
+    robot over a border.
+    """
+    rows, cols = blocked.shape
+    samples = max(1, math.ceil(20.0 * math.hypot(d_row, d_col)))
+    r, c = math.floor(row), math.floor(col)
+    for k in range(1, samples + 1):
+        t = k / samples + 1e-6
+        next_r, next_c = math.floor(row + d_row * t), math.floor(col + d_col * t)
+        if next_r != r or next_c != c:
+            if next_r < 0 or next_c < 0 or next_r >= rows or next_c >= cols or blocked[next_r, next_c]:
+                return max(0, k - 2) / samples
+            if next_r != r and next_c != c and (blocked[r, next_c] or blocked[next_r, c]):
+                return max(0, k - 2) / samples
+            r, c = next_r, next_c
+    return 1.0

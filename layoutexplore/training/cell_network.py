@@ -1,0 +1,165 @@
+"""Training the network that judges squares (`layoutexplore evaluate train-predictor`); needs torch.
+
+First it learns from generated plans, of which there are as many as one likes; then from those and from real
+ones. Every scene is seen in all of the eight ways in which it can be laid down. The one that ships learnt
+from three starts on each of the school and KTH floors and from the split `train` and seeds 5000 to 5035 of
+each family:
+
+    layoutexplore evaluate train-predictor schools kth train office:5000-5035 ... --starts 3 --no-forests
+    --out models
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+from torch.nn import functional
+
+from layoutexplore.predictors.cell_model.network import LAYERS
+from layoutexplore.predictors.cell_model.network_input import PLANES, draw_planes, turned
+from layoutexplore.training.predictor_samples import SceneSample
+from layoutexplore.training.torch_layers import Convolution, plain_weights
+
+Progress = Callable[[int, int, float], None]
+"""Told of steps made, steps in all, and the mean loss of late."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkConfig:
+    """How the network is trained.
+
+    Attributes:
+        first_steps: Steps on generated plans alone, the same for all folds of buildings.
+        steps: Steps on all plans.
+        generated_share: Share of the scenes of generated plans in the latter.
+        first_rate, rate: Highest learning rates; they rise for a tenth of the steps and then fall.
+        batch: Scenes a step.
+        window: Side in squares of what is seen of a scene.
+        region_squares: A region's squares count as so many at most.
+        seed: Of the weights and the draws.
+    """
+
+    first_steps: int = 7000
+    steps: int = 3500
+    generated_share: float = 0.4
+    first_rate: float = 3e-3
+    rate: float = 2e-3
+    batch: int = 8
+    window: int = 80
+    region_squares: int = 120
+    seed: int = 0
+
+
+class TrainableNetwork(nn.Module):
+    """The network of `RoomNetwork` with what training needs besides."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        *hidden, last = LAYERS
+        self.layers = nn.ModuleDict({name: Convolution(*LAYERS[name]) for name in hidden})
+        self.judge = nn.Conv2d(LAYERS[last][0], LAYERS[last][1], 1)
+
+    def forward(self, planes: torch.Tensor) -> torch.Tensor:
+        """Log-odds (batch, 2, rows, cols) for planes (batch, PLANES, rows, cols)."""
+        layers = self.layers
+        full = layers["at_full"](layers["show"](planes))
+        half = layers["at_half"](layers["to_half"](full))
+        fourth = layers["at_fourth"](layers["to_fourth"](half))
+        low = layers["wide"](layers["at_eighth"](layers["to_eighth"](fourth)))
+        for name, skipped in (("up_to_fourth", fourth), ("up_to_half", half), ("up_to_full", full)):
+            larger = functional.interpolate(low, scale_factor=2)[..., : skipped.shape[2], : skipped.shape[3]]
+            low = layers[name](torch.cat([larger, skipped], 1))
+        found: torch.Tensor = self.judge(layers["end"](low))
+        return found
+
+    def weights(self) -> dict[str, NDArray[np.float32]]:
+        """The weights as `RoomNetwork` takes them."""
+        return plain_weights({**self.layers, "judge": self.judge})
+
+
+def first_network(
+    generated: Sequence[SceneSample], config: NetworkConfig, progress: Progress
+) -> TrainableNetwork:
+    """A network that has learnt from generated plans, if there are any."""
+    torch.manual_seed(config.seed)
+    network = TrainableNetwork()
+    if generated:
+        _train(network, generated, (), config.first_steps, config.first_rate, config, progress)
+    return network
+
+
+def trained_network(
+    first: TrainableNetwork,
+    generated: Sequence[SceneSample],
+    real: Sequence[SceneSample],
+    config: NetworkConfig,
+    progress: Progress,
+) -> dict[str, NDArray[np.float32]]:
+    """The weights of a network that goes on learning from all plans; the first one stays as it is."""
+    network = TrainableNetwork()
+    network.load_state_dict(first.state_dict())
+    _train(network, generated, real, config.steps, config.rate, config, progress)
+    return network.weights()
+
+
+def _train(
+    network: TrainableNetwork,
+    generated: Sequence[SceneSample],
+    real: Sequence[SceneSample],
+    steps: int,
+    rate: float,
+    config: NetworkConfig,
+    progress: Progress,
+) -> None:
+    rng = np.random.default_rng(config.seed)
+    optimizer = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=1e-3)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, total_steps=steps, pct_start=0.1)
+    network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    late = 0.0
+    for step in range(steps):
+        chosen = []
+        for _ in range(config.batch):
+            pool = generated if not real or (generated and rng.random() < config.generated_share) else real
+            chosen.append(pool[int(rng.integers(len(pool)))])
+        planes, truth, weight = _batch(chosen, config, rng)
+        with torch.autocast("cpu", torch.bfloat16):
+            odds = network(planes)
+        wrong = functional.binary_cross_entropy_with_logits(odds.float(), truth, reduction="none")
+        loss = (wrong * weight).sum() / weight.sum().clamp(
+            min=1.0
+        )  # A window may hold nothing that is asked.
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+        schedule.step()
+        late += (float(loss.detach()) - late) / min(step + 1, 100)
+        progress(step + 1, steps, late)
+    network.eval()
+
+
+def _batch(
+    samples: Sequence[SceneSample], config: NetworkConfig, rng: np.random.Generator
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Planes (batch, PLANES, window, window), truth and weights (batch, 2, window, window) of samples, each laid down anyhow."""
+    size = config.window
+    planes = np.zeros((len(samples), size, size, PLANES), np.float32)
+    truth, weight = (np.zeros((len(samples), 2, size, size), np.float32) for _ in range(2))
+    for k, sample in enumerate(samples):
+        scene = turned(sample.scene, int(rng.integers(8)))
+        low = np.maximum(scene.squares.min(axis=0).astype(int) - 1, 0)
+        spare = np.maximum(scene.squares.max(axis=0) + 2 - size, low)
+        corner = rng.integers(low, spare + 1).tolist()
+        drawn = draw_planes(scene, (corner[0], corner[1]), size)
+        planes[k, : drawn.values.shape[0], : drawn.values.shape[1]] = drawn.values
+        asked = drawn.asked
+        at = (k, scene.rank[asked], scene.squares[asked, 0] - drawn.row, scene.squares[asked, 1] - drawn.col)
+        truth[at] = sample.inside[asked]
+        count = np.bincount(scene.region)[scene.region[asked]]
+        weight[at] = np.minimum(1.0, config.region_squares / count)
+    shown = torch.from_numpy(planes).permute(0, 3, 1, 2)
+    return shown, torch.from_numpy(truth), torch.from_numpy(weight)

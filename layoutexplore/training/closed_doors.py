@@ -1,0 +1,279 @@
+"""Training of the trees that tell closed doors from walls and judge the rectangles behind them.
+
+Maps whose shut rooms are known are learnt from: those of a folder (NAME_k_doors_IN.png with NAME_GT.png), the
+same buildings with other doors shut at random, and floor plans with doors shut at random. Every map's samples
+are kept in a folder, so that a run that was stopped goes on where it was:
+
+    python -m layoutexplore.training.closed_doors maps/ --plans schools/ --cache samples/
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.archives import is_whole, read_arrays
+from layoutexplore.closed_doors.candidates import rectangles
+from layoutexplore.closed_doors.doors import DOOR_FEATURES, Door
+from layoutexplore.closed_doors.features import FEATURES, describe
+from layoutexplore.closed_doors.models import AGREEMENT, DOOR, DOOR_MODEL, ROOM_MODEL, Models
+from layoutexplore.closed_doors.prediction import find_doors, turned_scenes
+from layoutexplore.closed_doors.scene import Scene, integral
+from layoutexplore.errors import LayoutExploreError
+from layoutexplore.grids.grid import FREE
+from layoutexplore.grids.ros_map import write_atomically
+from layoutexplore.models.forest import as_forest
+from layoutexplore.models.forest_files import save_forests
+from layoutexplore.training.shut_rooms import RESOLUTION, add_outer_doors, plan_cells, shut_rooms
+
+SHUT_AGAIN, PLAN_MAPS = 5, 3
+"""Simulated maps of each building of a folder, and of each floor plan."""
+
+_EVERY = 2  # of the maps of a building, which share most of their doors, every second one is learnt from
+
+_KEPT, _BEST = 24, 4  # rectangles kept of a door: at random, and the best
+_BEHIND = 0.35  # metres behind an edge that are hidden where it is a door
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Edges and rectangles of one map or several.
+
+    Attributes:
+        edges: float32 (n, door features).
+        is_door: bool (n,), a shut room lies behind.
+        boxes: float32 (m, features).
+        agreement: float32 (m,), intersection over union with the shut room behind the door.
+        weight: float32 (m,), less for each where a door has many.
+    """
+
+    edges: NDArray[np.float32]
+    is_door: NDArray[np.bool_]
+    boxes: NDArray[np.float32]
+    agreement: NDArray[np.float32]
+    weight: NDArray[np.float32]
+
+
+def building_of(name: str) -> str:
+    """The building of a floor's name: what is left without a number at its end."""
+    return re.sub(r"[_-]?\d+$", "", name)
+
+
+def collect(
+    cells: NDArray[np.int8], truth: NDArray[np.int8], resolution: float, rng: np.random.Generator
+) -> Samples:
+    """The edges of a map and the rectangles behind its doors, with what is true of them.
+
+    Args:
+        cells: int8 (rows, cols), what is seen.
+        truth: int8 (rows, cols), the same frame.
+        resolution: Metres a cell.
+        rng: Which rectangles are kept.
+    """
+    hidden = (truth == FREE) & (cells != FREE)
+    _, rooms = cv2.connectedComponents(hidden.astype(np.uint8), connectivity=4)
+    edges: list[NDArray[np.float32]] = []
+    labels: list[NDArray[np.bool_]] = []
+    deep = round(_BEHIND / resolution) - 1
+
+    def judge(turns: int, found: NDArray[np.int64], features: NDArray[np.float32]) -> NDArray[np.float64]:
+        behind = np.rot90(hidden, turns)
+        is_door = np.array(
+            [behind[max(row - deep, 0) : row + 1, a:b].mean() > 0.5 for row, a, b in found], np.bool_
+        )
+        edges.append(features)
+        labels.append(is_door)
+        return is_door.astype(np.float64)
+
+    doors = find_doors(cells, resolution, judge)
+    features, agreement, weight = [np.empty((0, len(FEATURES)))], [np.empty(0)], [np.empty(0)]
+    for turns, scene in enumerate(turned_scenes(cells, resolution, doors)):
+        behind = np.rot90(hidden, turns), np.rot90(rooms, turns)
+        for door in doors[turns]:
+            boxes = rectangles(scene, door)
+            if not len(boxes):
+                continue
+            agreed = agreement_of(scene, door, boxes, *behind)
+            kept = np.union1d(rng.permutation(len(boxes))[:_KEPT], np.argsort(-agreed, kind="stable")[:_BEST])
+            features.append(describe(scene, door, boxes[kept]))
+            agreement.append(agreed[kept])
+            weight.append(np.full(len(kept), len(kept) ** -0.5))
+    boxes_, agreed_, weight_ = (
+        np.concatenate(part).astype(np.float32) for part in (features, agreement, weight)
+    )
+    return Samples(np.concatenate(edges), np.concatenate(labels), boxes_, agreed_, weight_)
+
+
+def agreement_of(
+    scene: Scene, door: Door, boxes: NDArray[np.int64], hidden: NDArray[np.bool_], rooms: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Hidden cells of each rectangle over the rectangle and the room behind the door together, float64 (n,)."""
+    behind = rooms[max(door.row - 6, 0) : door.row + 1, door.start : door.stop]
+    ids, counts = np.unique(behind[behind > 0], return_counts=True)
+    room = np.isin(rooms, ids[counts > 30])
+    if not room.any():
+        return np.zeros(len(boxes))
+    top, left, bottom, right = boxes.T
+
+    def inside(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+        s = integral(mask)
+        return np.asarray(s[bottom, right] - s[top, right] - s[bottom, left] + s[top, left], np.int64)
+
+    size = scene.count("possible", boxes)
+    return np.asarray(inside(hidden & scene.possible) / np.maximum(size + room.sum() - inside(room), 1))
+
+
+def fit(samples: Iterable[Samples], *, trees: int = 150) -> Models:
+    """Train both forests on the samples of several maps; `trees` is the number of those that judge rectangles."""
+    from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostingRegressor
+
+    parts = list(samples)
+    edges, is_door, boxes, agreement, weight = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("edges", "is_door", "boxes", "agreement", "weight")
+    )
+    common = {"l2_regularization": 3.0, "random_state": 0, "early_stopping": False}
+    doors = HistGradientBoostingClassifier(
+        max_iter=80, learning_rate=0.08, max_leaf_nodes=8, min_samples_leaf=15, max_features=0.4, **common
+    )
+    rooms = HistGradientBoostingRegressor(
+        max_iter=trees, learning_rate=0.08, max_leaf_nodes=12, min_samples_leaf=40, max_features=0.3, **common
+    )
+    return Models(as_forest(doors.fit(edges, is_door)), as_forest(rooms.fit(boxes, agreement, weight)))
+
+
+@dataclass(frozen=True)
+class Source:
+    """A map to learn from.
+
+    Attributes:
+        building: It is held out together with the others of its building.
+        name: Unique.
+        path: What is seen; the truth or the floor plan of a map whose doors are shut at random.
+        truth: The truth of a map of a folder, None for a simulated one.
+    """
+
+    building: str
+    name: str
+    path: Path
+    truth: Path | None
+
+
+def find_sources(
+    folder: Path | None, plans: Sequence[str], *, buildings: Sequence[str] | None = None
+) -> list[Source]:
+    """The maps that can be learnt from.
+
+    Args:
+        folder: NAME_k_doors_IN.png with NAME_GT.png, or None.
+        plans: Floor plans to shut doors in.
+        buildings: Names in the folder that are used; all when None.
+    """
+    from layoutexplore.evaluation.closed_doors import find_triples
+
+    triples = (
+        [t for t in find_triples(folder) if buildings is None or t.building in buildings] if folder else []
+    )
+    out = [Source(building_of(t.building), t.name, t.seen, t.truth) for t in triples if t.doors % _EVERY == 0]
+    truths = {t.building: t.truth for t in triples}
+    for name, truth in truths.items():
+        out += [Source(building_of(name), f"{name}-shut-{k}", truth, None) for k in range(SHUT_AGAIN)]
+    named = [(Path(plan).name.split(".")[0], Path(plan)) for plan in plans]
+    return out + [
+        Source(building_of(name), f"{name}-plan-{k}", path, None)
+        for k in range(PLAN_MAPS)
+        for name, path in named
+    ]
+
+
+def samples_of(source: Source, cache: Path | None = None) -> Samples | None:
+    """The samples of a map, kept in a folder where one is given; None where no room can be shut."""
+    kept = cache / f"{source.name}.npz" if cache else None
+    if kept is not None and is_whole(kept):
+        data = read_arrays(kept, *Samples.__dataclass_fields__)
+        if data["boxes"].shape[1] == len(FEATURES) and data["edges"].shape[1] == len(DOOR_FEATURES):
+            return Samples(**data)
+    rng = np.random.default_rng([*source.name.encode()])
+    maps = _maps(source, rng)
+    if maps is None:
+        return None
+    samples = collect(*maps, RESOLUTION, rng)
+    if kept is not None:
+        data_ = io.BytesIO()
+        np.savez_compressed(data_, **{name: getattr(samples, name) for name in Samples.__dataclass_fields__})
+        write_atomically(kept, data_.getvalue())
+    return samples
+
+
+def _maps(source: Source, rng: np.random.Generator) -> tuple[NDArray[np.int8], NDArray[np.int8]] | None:
+    """What is seen, and the truth."""
+    from layoutexplore.evaluation.closed_doors import read_cells
+    from layoutexplore.maps import load_plan
+
+    if source.truth is not None:
+        return read_cells(source.path), read_cells(source.truth)
+    truth = read_cells(source.path) if "-shut-" in source.name else plan_cells(load_plan(source.path), rng)
+    cells = shut_rooms(truth, RESOLUTION, rng)
+    return None if cells is None else add_outer_doors(cells, truth, RESOLUTION, rng, int(rng.integers(3)))
+
+
+def collect_all(
+    sources: Sequence[Source],
+    cache: Path | None = None,
+    progress: Callable[[int, int, str], None] = lambda done, total, name: None,
+) -> Iterator[tuple[Source, Samples]]:
+    """The samples of all maps, those left out where no room can be shut or a plan cannot be used."""
+    for k, source in enumerate(sources):
+        samples = None
+        try:
+            samples = samples_of(source, cache)
+        except LayoutExploreError as error:
+            print(f"left out: {error}", flush=True)
+        progress(k + 1, len(sources), source.name)
+        if samples is not None:
+            yield source, samples
+
+
+def save(models: Models, folder: Path, note: str) -> None:
+    """Write both forests."""
+    save_forests(folder / DOOR_MODEL.name, {DOOR: models.doors}, DOOR_FEATURES, note)
+    save_forests(folder / ROOM_MODEL.name, {AGREEMENT: models.rooms}, FEATURES, note)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Train from the command line."""
+    from layoutexplore.maps import expand_plans
+
+    parser = argparse.ArgumentParser(description="Train the trees that find rooms behind closed doors.")
+    parser.add_argument("folder", type=Path, help="NAME_k_doors_IN.png with NAME_GT.png")
+    parser.add_argument(
+        "--plans", nargs="*", default=[], help="floor plans to shut doors in: names, files or folders"
+    )
+    parser.add_argument("--cache", type=Path, help="folder for the samples of every map")
+    parser.add_argument("--out", type=Path, default=ROOM_MODEL.parent, help="folder for the two models")
+    options = parser.parse_args(arguments)
+    sources = find_sources(options.folder, [plan for spec in options.plans for plan in expand_plans(spec)])
+    collected = []
+    for source, samples in collect_all(sources, options.cache):
+        collected.append((source, samples))
+        print(
+            f"{len(collected)} of {len(sources)} {source.name}: {len(samples.agreement)} rectangles",
+            flush=True,
+        )
+    note = (
+        f"trained on {len(collected)} maps of {len({source.building for source, _ in collected})} buildings"
+    )
+    save(fit(samples for _, samples in collected), options.out, note)
+    print(f"{note}; written: {options.out}")
+
+
+if __name__ == "__main__":
+    main()

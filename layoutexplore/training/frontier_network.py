@@ -1,0 +1,256 @@
+"""Training the network that judges frontiers (`layoutexplore evaluate train-predictor`); needs torch.
+
+It learns from generated plans and from real ones at once: from real ones alone it learns them by heart.
+Windows are mirrored at random. Beside what it is for it learns to draw what the unknown in a window is in
+truth, which tells far more than the class of a frontier does and makes it judge better; the layers for that
+are not kept. What is learnt is then rounded to whole numbers, as `FrontierNetwork` wants it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+from torch.nn import functional
+
+from layoutexplore.predictors.frontier_model.network import LAYERS, MOST, WIDTHS
+from layoutexplore.predictors.frontier_model.network_input import KNOWN
+from layoutexplore.predictors.learned import LEFTOVER
+from layoutexplore.training.cell_network import Progress
+from layoutexplore.training.predictor_forests import building_weights
+from layoutexplore.training.predictor_samples import WindowSamples
+from layoutexplore.training.torch_layers import Convolution, plain_weights
+
+DRAWN = 32
+"""Channels from which squares are drawn."""
+
+CALIBRATED, RARE = 2000, 99.99
+"""Windows that tell how large numbers between layers get, and the percentile of these that is just kept."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrontierNetworkConfig:
+    """How the network is trained.
+
+    Attributes:
+        steps: Steps.
+        generated_share: Share of the windows of generated plans, if there are others.
+        rate: Highest learning rate; it rises for a tenth of the steps and then falls.
+        decay: Of the weights.
+        dropout: Share of the numbers that are hidden before windows are summed up.
+        batch: Windows a step.
+        leftover_weight, area_weight, drawing_weight: Of the other losses against that of "closed".
+        seed: Of the weights and the draws.
+    """
+
+    steps: int = 1500
+    generated_share: float = 0.5
+    rate: float = 3e-3
+    decay: float = 2e-2
+    dropout: float = 0.2
+    batch: int = 256
+    leftover_weight: float = 0.5
+    area_weight: float = 0.3
+    drawing_weight: float = 0.5
+    seed: int = 0
+
+
+class TrainableFrontierNetwork(nn.Module):
+    """A `FrontierNetwork` before it is rounded."""
+
+    def __init__(self, dropout: float) -> None:
+        super().__init__()
+        self.dropout = nn.Dropout(dropout)
+        self.layers = nn.ModuleDict(
+            {
+                name: Convolution(*layer) if layer[2] > 1 else nn.Linear(*layer[:2])
+                for name, layer in LAYERS.items()
+            }
+        )
+        half, fourth, eighth = WIDTHS
+        self.draw_fourth, self.draw_half = (
+            Convolution(eighth + fourth, fourth, 3, 1),
+            Convolution(fourth + half, DRAWN, 3, 1),
+        )
+        self.draw = nn.ConvTranspose2d(DRAWN, KNOWN, 2, 2)
+
+    def forward(self, values: torch.Tensor) -> torch.Tensor:
+        """What `FrontierNetwork.judge` finds (batch, 3) for windows (batch, PLANES, SIDE, SIDE) of shares 0..1."""
+        found: torch.Tensor = self.layers["judge"](self.hidden(values)["weigh"])
+        return found
+
+    def drawing(self, hidden: Mapping[str, torch.Tensor]) -> torch.Tensor:
+        """What each square is, as log-odds (batch, KNOWN, SIDE, SIDE) of `draw_truth`, after what the layers found."""
+        coarse = self.draw_fourth(torch.cat([_twice(hidden["to_eighth"]), hidden["at_fourth"]], dim=1))
+        drawn: torch.Tensor = self.draw(self.draw_half(torch.cat([_twice(coarse), hidden["at_half"]], dim=1)))
+        return drawn
+
+    def hidden(self, values: torch.Tensor) -> dict[str, torch.Tensor]:
+        """What all layers but the last find, by name."""
+        found: dict[str, torch.Tensor] = {}
+        for name, layer in self.layers.items():
+            if name == "sum_up":
+                values = self.dropout(values.permute(0, 2, 3, 1).flatten(1))
+            if name != "judge":
+                values = found[name] = functional.relu(layer(values))
+        return found
+
+
+def _twice(values: torch.Tensor) -> torch.Tensor:
+    return functional.interpolate(values, scale_factor=2.0)
+
+
+def trained_frontier_network(
+    generated: Sequence[WindowSamples],
+    real: Sequence[WindowSamples],
+    groups: Mapping[str, str],
+    config: FrontierNetworkConfig,
+    progress: Progress,
+) -> dict[str, NDArray[np.generic]]:
+    """Train the network.
+
+    Args:
+        generated: Windows of generated plans; there may be none.
+        real: Windows of other plans; there may be none, but not of both.
+        groups: The building of a plan by its name.
+        config: How.
+        progress: Told of the steps.
+
+    Returns:
+        Weights as `FrontierNetwork` takes them.
+    """
+    torch.manual_seed(config.seed)
+    draws = _Draws(_Pool(generated, {}), _Pool(real, groups), config)
+    network = TrainableFrontierNetwork(config.dropout)
+    _train(network, draws, config, progress)
+    return rounded(network, draws.draw(CALIBRATED)[0])
+
+
+_Drawn = tuple[NDArray[np.uint8], np.bool_, np.float64, NDArray[np.uint8]]
+"""A window, whether its frontier is closed, the area left, and the truth of its squares."""
+
+
+_Batch = tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64], NDArray[np.uint8]]
+"""The same of many: windows (n, SIDE, SIDE, PLANES), classes and areas (n,), and the truth of squares (n, SIDE, SIDE)."""
+
+
+class _Pool:
+    """Windows of several plans, drawn more often of a building with many than of one with few, but not as many times more."""
+
+    def __init__(self, parts: Sequence[WindowSamples], groups: Mapping[str, str]) -> None:
+        sizes = [len(part.closed) for part in parts]
+        self.size, self._parts, self._first = sum(sizes), parts, np.cumsum([0, *sizes])
+        names = np.repeat(np.array([groups.get(part.plan, part.plan) for part in parts], np.str_), sizes)
+        self._rising = np.cumsum(building_weights(names)) if self.size else np.zeros(0)
+
+    def draw(self, count: int, rng: np.random.Generator) -> Iterator[_Drawn]:
+        """One sample, so many times."""
+        drawn = (
+            np.searchsorted(self._rising, rng.random(count) * self._rising[-1], side="right")
+            if count
+            else np.zeros(0, int)
+        )
+        chosen = np.minimum(drawn, self.size - 1)
+        which = np.searchsorted(self._first, chosen, side="right") - 1
+        for k, row in zip(which.tolist(), (chosen - self._first[which]).tolist(), strict=True):
+            part = self._parts[k]
+            yield part.windows[row], part.closed[row], part.area[row], part.truth[row]
+
+
+class _Draws:
+    """Batches of generated and of real windows, half of them mirrored."""
+
+    def __init__(self, generated: _Pool, real: _Pool, config: FrontierNetworkConfig) -> None:
+        self._generated, self._real = generated, real
+        self._share = config.generated_share if generated.size and real.size else float(generated.size > 0)
+        self._rng = np.random.default_rng(config.seed)
+
+    def draw(self, count: int) -> _Batch:
+        """So many samples."""
+        generated = int(self._rng.binomial(count, self._share))
+        drawn = [*self._generated.draw(generated, self._rng), *self._real.draw(count - generated, self._rng)]
+        windows, closed, area, truth = (np.array(values) for values in zip(*drawn, strict=True))
+        way = -1 if self._rng.random() < 0.5 else 1
+        return windows[:, :, ::way], closed, area, truth[:, :, ::way]
+
+
+def _train(
+    network: TrainableFrontierNetwork, draws: _Draws, config: FrontierNetworkConfig, progress: Progress
+) -> None:
+    optimizer = torch.optim.AdamW(network.parameters(), lr=config.rate, weight_decay=config.decay)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimizer, config.rate, total_steps=config.steps, pct_start=0.1
+    )
+    network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    late = 0.0
+    for step in range(config.steps):
+        loss, wrong = _losses(network, draws.draw(config.batch), config)
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+        schedule.step()
+        late += (wrong - late) / min(step + 1, 100)
+        progress(step + 1, config.steps, late)
+    network.eval()
+
+
+def _losses(
+    network: TrainableFrontierNetwork, batch: _Batch, config: FrontierNetworkConfig
+) -> tuple[torch.Tensor, float]:
+    """All losses, weighted, and that of "closed"."""
+    windows, closed, area, truth = batch
+    shares, squares = _shares(windows), torch.from_numpy(np.ascontiguousarray(truth)).long()
+    with torch.autocast("cpu", torch.bfloat16):
+        hidden = network.hidden(shares)
+        found, drawn = network.layers["judge"](hidden["weigh"]), network.drawing(hidden)
+    found, drawn = found.float(), drawn.float()
+    wanted = torch.from_numpy(
+        np.stack([closed, closed & (area < LEFTOVER), np.log1p(area)], 1).astype(np.float32)
+    )
+    wrong = functional.binary_cross_entropy_with_logits(found[:, :2], wanted[:, :2], reduction="none").mean(0)
+    off = functional.smooth_l1_loss(found[:, 2], wanted[:, 2])
+    riddles = torch.clamp((squares != KNOWN).sum(), min=1)
+    misdrawn = functional.cross_entropy(drawn, squares, ignore_index=KNOWN, reduction="sum") / riddles
+    loss = (
+        wrong[0]
+        + config.leftover_weight * wrong[1]
+        + config.area_weight * off
+        + config.drawing_weight * misdrawn
+    )
+    return loss, float(wrong[0].detach())
+
+
+def _shares(windows: NDArray[np.uint8]) -> torch.Tensor:
+    """Windows as layers take them (n, PLANES, SIDE, SIDE), 0..1."""
+    return torch.from_numpy(np.ascontiguousarray(windows)).permute(0, 3, 1, 2).float() / 255.0
+
+
+def rounded(network: TrainableFrontierNetwork, windows: NDArray[np.uint8]) -> dict[str, NDArray[np.generic]]:
+    """Weights of a `FrontierNetwork`: every channel's as whole numbers up to 127, with scales.
+
+    Args:
+        network: What has been learnt.
+        windows: uint8 (n, SIDE, SIDE, PLANES), of which some tell how large the numbers between layers get.
+    """
+    weights, out, unit = (
+        plain_weights(dict(network.layers.items())),
+        dict[str, NDArray[np.generic]](),
+        1.0 / 255.0,
+    )
+    with torch.no_grad():
+        between = network.hidden(_shares(windows))
+    for name in LAYERS:
+        weight, bias = weights[f"{name}.weight"], weights[f"{name}.bias"]
+        largest = np.maximum(np.abs(weight).max(axis=0), 1e-12)
+        after = (
+            max(float(np.percentile(between[name].numpy(), RARE)), 1e-6) / MOST if name in between else 1.0
+        )
+        out[f"{name}.weight"] = np.rint(weight / largest * MOST).astype(np.int8)
+        out[f"{name}.scale"] = (largest / MOST * unit / after).astype(np.float32)
+        out[f"{name}.bias"] = (bias / after).astype(np.float32)
+        unit = after
+    return out

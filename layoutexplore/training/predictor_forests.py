@@ -1,0 +1,182 @@
+"""Training the trees that judge frontiers and cells (`layoutexplore evaluate train-predictor`).
+
+Plans of one building are trained on together or not at all. The cells are judged twice: the second forest
+also learns from what the first one, trained on other buildings, thinks of the neighbourhood.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.models.forest import Forest, as_forest
+from layoutexplore.models.forest_files import save_forests
+from layoutexplore.predictors.cell_model import features as cell_features
+from layoutexplore.predictors.cell_model.features import add_judgement
+from layoutexplore.predictors.frontier_model.features import FEATURES
+from layoutexplore.predictors.learned import CELL_MODEL, FRONTIER_MODEL, LEFTOVER
+from layoutexplore.training.predictor_samples import CellSamples, Samples
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingConfig:
+    """How the trees are grown.
+
+    Attributes:
+        trees: Trees of a forest that judges frontiers.
+        leaves: Leaves of a tree.
+        rate: Learning rate.
+        feature_share: Share of the features that a split may choose from.
+        generated_share: Share of the weight that frontiers of generated plans have, if there are others.
+        cell_trees: Trees of either forest that judges cells.
+        cell_leaves: Leaves of one of these.
+        cell_rate: Their learning rate.
+        region_cells: Cells that are learnt from in one region of one decision.
+        inner_folds: Folds of buildings in which the first judgement of cells is made for the second one to
+            learn from.
+    """
+
+    trees: int = 200
+    leaves: int = 24
+    rate: float = 0.07
+    feature_share: float = 0.3
+    generated_share: float = 0.05
+    cell_trees: int = 100
+    cell_leaves: int = 31
+    cell_rate: float = 0.12
+    region_cells: int = 120
+    inner_folds: int = 2
+
+
+DEFAULT_TRAINING = TrainingConfig()
+
+
+def deal_groups(groups: Sequence[str], folds: int) -> dict[str, int]:
+    """A fold for each group of buildings: by name in turn, for what comes from one source often has names that sort together."""
+    return {name: k % folds for k, name in enumerate(sorted(set(groups)))}
+
+
+def fit_frontier_forests(samples: Samples, config: TrainingConfig = DEFAULT_TRAINING) -> dict[str, Forest]:
+    """Train "closed" and "leftover" (log-odds) and "area" (log of 1 + square metres)."""
+    from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostingRegressor
+
+    options: dict[str, Any] = {
+        "max_iter": config.trees,
+        "learning_rate": config.rate,
+        "max_leaf_nodes": config.leaves,
+        "max_features": config.feature_share,
+        "min_samples_leaf": 20,
+        "l2_regularization": 3.0,
+        "early_stopping": False,
+        "random_state": 0,
+    }
+    weights = _frontier_weights(samples, config.generated_share)
+    leftover = samples.closed & (samples.area < LEFTOVER)
+    forests = {}
+    for name, target in (("closed", samples.closed), ("leftover", leftover)):
+        model = HistGradientBoostingClassifier(**options).fit(samples.features, target, sample_weight=weights)
+        forests[name] = as_forest(model)
+    model = HistGradientBoostingRegressor(**options).fit(
+        samples.features, np.log1p(samples.area), sample_weight=weights
+    )
+    return forests | {"area": as_forest(model)}
+
+
+def fit_cell_forests(samples: Samples, config: TrainingConfig = DEFAULT_TRAINING) -> dict[str, Forest]:
+    """Train "first" and "inside" (log-odds), which say whether an unknown cell belongs to a room."""
+    cells = [part for part in samples.cells if len(part.inside)]
+    rng = np.random.default_rng(0)
+    chosen = [_some_of_each_region(part, config.region_cells, rng) for part in cells]
+    fold = deal_groups([part.building for part in cells], config.inner_folds)
+    judged: list[NDArray[np.float32]] = [part.candidates.features for part in cells]
+    for k in range(config.inner_folds):
+        others = [n for n, part in enumerate(cells) if fold[part.building] != k]
+        if not others or len(others) == len(cells):
+            continue
+        forest = _fit_cells(
+            [judged[n][chosen[n]] for n in others], [cells[n].inside[chosen[n]] for n in others], config
+        )
+        for n in set(range(len(cells))) - set(others):
+            part = cells[n]
+            judged[n] = add_judgement(
+                part.candidates, forest.probability(part.candidates.features), part.resolution
+            )
+    truth = [part.inside[some] for part, some in zip(cells, chosen, strict=True)]
+    first = _fit_cells(
+        [part.candidates.features[some] for part, some in zip(cells, chosen, strict=True)], truth, config
+    )
+    return {
+        "first": first,
+        "inside": _fit_cells([f[some] for f, some in zip(judged, chosen, strict=True)], truth, config),
+    }
+
+
+def _some_of_each_region(part: CellSamples, most: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Which cells bool (n,) to learn from: all of a small region, some of a large one."""
+    count = np.bincount(part.candidates.region)[part.candidates.region]
+    return rng.random(len(count)) * count < most
+
+
+def _fit_cells(
+    features: Sequence[NDArray[np.float32]], inside: Sequence[NDArray[np.bool_]], config: TrainingConfig
+) -> Forest:
+    from sklearn.ensemble import HistGradientBoostingClassifier
+
+    model = HistGradientBoostingClassifier(
+        max_iter=config.cell_trees,
+        learning_rate=config.cell_rate,
+        max_leaf_nodes=config.cell_leaves,
+        min_samples_leaf=50,
+        l2_regularization=3.0,
+        early_stopping=False,
+        random_state=0,
+    )
+    return as_forest(model.fit(np.concatenate(features), np.concatenate(inside)))
+
+
+def _frontier_weights(samples: Samples, generated_share: float) -> NDArray[np.float64]:
+    """Weights float64 (n,) of frontiers."""
+    weights, generated = building_weights(samples.building), ~samples.real
+    if generated.any() and samples.real.any():
+        for some, share in ((generated, generated_share), (samples.real, 1.0 - generated_share)):
+            weights[some] *= share * len(weights) / weights[some].sum()
+    return weights
+
+
+def building_weights(building: NDArray[np.str_]) -> NDArray[np.float64]:
+    """Weights float64 (n,): a building with many samples counts more than one with few, but not as many times more."""
+    _, which, counts = np.unique(building, return_inverse=True, return_counts=True)
+    weights = 1.0 / np.sqrt(counts[which])
+    return np.asarray(weights / weights.mean())
+
+
+def train_models(
+    samples: Samples, folder: Path, held_out: Mapping[str, str], config: TrainingConfig = DEFAULT_TRAINING
+) -> None:
+    """Train both models and write them, with a list of what they have never seen, into a folder.
+
+    Args:
+        samples: What to learn from.
+        folder: Made if need be.
+        held_out: Building by plan, of the plans that the samples do not hold.
+        config: How the trees are grown.
+    """
+    from layoutexplore.grids.ros_map import write_atomically
+
+    note = f"{len(samples.closed)} frontiers of {len(np.unique(samples.building))} buildings"
+    save_forests(folder / FRONTIER_MODEL.name, fit_frontier_forests(samples, config), FEATURES, note)
+    count = sum(len(part.inside) for part in samples.cells)
+    save_forests(
+        folder / CELL_MODEL.name,
+        fit_cell_forests(samples, config),
+        cell_features.FEATURES,
+        f"{count} cells, {note}",
+    )
+    listed = {"plans": sorted(held_out), "buildings": sorted(set(held_out.values()))}
+    write_atomically(folder / "held_out.json", (json.dumps(listed, indent=1) + "\n").encode())

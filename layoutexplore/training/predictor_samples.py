@@ -1,0 +1,261 @@
+"""What the trees that judge frontiers and cells learn from: stopped explorations of floor plans whose rooms are known.
+
+Every frontier is a sample with its true class and the true area left, and the unknown cells near a seen
+region are samples of whether they are floor of its room.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
+from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
+from layoutexplore.predictors.cell_model.features import Candidates, find_candidates
+from layoutexplore.predictors.cell_model.network_input import Scene, make_scene
+from layoutexplore.predictors.frontier_model.features import (
+    FEATURES,
+    Surroundings,
+    frontier_features,
+    look_around,
+)
+from layoutexplore.predictors.frontier_model.network_input import PLANES as WINDOW_PLANES
+from layoutexplore.predictors.frontier_model.network_input import SIDE, draw_truth, draw_windows
+from layoutexplore.predictors.seen_rooms import Regions, seen_regions
+from layoutexplore.predictors.snapshot import Snapshot
+
+REGIONS = 8
+"""Regions of a decision whose cells are kept."""
+
+SAME_SIZE, SAME_NAME = 0.02, 0.9
+"""Plans of one building: sides that differ by less than this share, or names that are as alike as this."""
+
+
+@dataclass(frozen=True, eq=False)
+class CellSamples:
+    """The cells that some regions of one decision may own.
+
+    Attributes:
+        candidates: All cells of these regions.
+        inside: bool (n,), the cell is floor of the room that its region is the seen part of.
+        resolution: Metres per cell.
+        building: Group of the floor plan.
+    """
+
+    candidates: Candidates
+    inside: NDArray[np.bool_]
+    resolution: float
+    building: str
+
+
+@dataclass(frozen=True, eq=False)
+class SceneSample:
+    """All squares of one decision.
+
+    Attributes:
+        scene: What is known.
+        inside: bool (n,), the square's cell is floor of the room that the region is the seen part of.
+        plan: Name of the floor plan.
+    """
+
+    scene: Scene
+    inside: NDArray[np.bool_]
+    plan: str
+
+
+@dataclass(frozen=True, eq=False)
+class WindowSamples:
+    """The windows of a plan's frontiers with what is true of the frontiers.
+
+    Attributes:
+        windows: uint8 (n, SIDE, SIDE, PLANES), of `draw_windows`.
+        closed: bool (n,).
+        area: float64 (n,), square metres left in the room behind.
+        truth: uint8 (n, SIDE, SIDE), of `draw_truth`.
+        plan: Name of the floor plan.
+    """
+
+    windows: NDArray[np.uint8]
+    closed: NDArray[np.bool_]
+    area: NDArray[np.float64]
+    truth: NDArray[np.uint8]
+    plan: str
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Frontiers and cells with what is true of them.
+
+    Attributes:
+        features: float32 (n, features).
+        closed: bool (n,).
+        area: float64 (n,), square metres left in the room behind.
+        building: str (n,), group of the floor plan.
+        real: bool (n,), whether the plan has such a group; others are generated.
+        cells: One entry a decision.
+    """
+
+    features: NDArray[np.float32]
+    closed: NDArray[np.bool_]
+    area: NDArray[np.float64]
+    building: NDArray[np.str_]
+    real: NDArray[np.bool_]
+    cells: list[CellSamples]
+
+    def of_buildings(self, wanted: Callable[[str], bool]) -> Samples:
+        """The samples of the wanted buildings."""
+        kept = np.isin(self.building, [name for name in np.unique(self.building).tolist() if wanted(name)])
+        cells = [part for part in self.cells if wanted(part.building)]
+        frontiers = (
+            self.features[kept],
+            self.closed[kept],
+            self.area[kept],
+            self.building[kept],
+            self.real[kept],
+        )
+        return Samples(*frontiers, cells)
+
+
+def group_buildings(plans: Sequence[FloorPlan]) -> dict[str, str]:
+    """The group of each plan's name: floors of one building, also where their names or outlines alone tell.
+
+    Two buildings that are taken for one cost a little data and no honesty.
+
+    Example:
+        >>> from layoutexplore.maps.floorplan import floorplan_from_ascii
+        >>> group_buildings([floorplan_from_ascii(".a", name=name) for name in ("Roland1", "Roland2", "Ursy")])
+        {'Roland1': 'Roland1', 'Roland2': 'Roland1', 'Ursy': 'Ursy'}
+    """
+    groups: dict[str, str] = {}
+    for k, plan in enumerate(plans):
+        same = [groups[other.name] for other in plans[:k] if _same_building(plan, other)]
+        groups[plan.name] = same[0] if same else plan.name
+        for name, group in groups.items():
+            if group in same:
+                groups[name] = groups[plan.name]
+    return groups
+
+
+def _same_building(plan: FloorPlan, other: FloorPlan) -> bool:
+    if plan.building == other.building:
+        return True
+    name, second = (re.sub(r"[\d_]+", "", p.building.lower()) for p in (plan, other))
+    if name and second and difflib.SequenceMatcher(None, name, second).ratio() >= SAME_NAME:
+        return True
+    sides = np.array([np.subtract(p.bounds[2:], p.bounds[:2]) for p in (plan, other)])
+    return bool((np.abs(sides[0] - sides[1]) < SAME_SIZE * sides.max(0)).all() and sides.min() > 10.0)
+
+
+def gather(snapshots: Sequence[Sequence[Snapshot]]) -> Samples:
+    """What trees learn from explorations, which may have shown nothing; every plan is a building of its own."""
+    features, closed = [np.zeros((0, len(FEATURES)), np.float32)], [np.zeros(0, np.bool_)]
+    area, building = [np.zeros(0)], [np.zeros(0, np.str_)]
+    cells: list[CellSamples] = []
+    for number, exploration in enumerate(snapshots):
+        rng = np.random.default_rng(number)
+        for snapshot in exploration:
+            grid = snapshot.decision.grid
+            regions = seen_regions(grid.cells, grid.resolution)
+            around, true = _look(snapshot, regions)
+            features.append(frontier_features(around, snapshot.decision.columns[5]))
+            closed.append(true.is_closed)
+            area.append(true.remaining_area)
+            building.append(np.full(len(true.is_closed), snapshot.plan))
+            cells.append(_cell_samples(snapshot, regions, rng))
+    names = np.concatenate(building)
+    real = np.zeros(len(names), np.bool_)
+    return Samples(np.concatenate(features), np.concatenate(closed), np.concatenate(area), names, real, cells)
+
+
+def join(parts: Sequence[Samples], groups: Mapping[str, str]) -> Samples:
+    """All samples in one; the building of a plan by its name, itself where there is none."""
+    names, which = np.unique(np.concatenate([part.building for part in parts]), return_inverse=True)
+    building = np.array([groups.get(name, name) for name in names.tolist()])[which]
+    real = np.array([name in groups for name in names.tolist()], np.bool_)[which]
+    cells = [
+        replace(cell, building=groups.get(cell.building, cell.building))
+        for part in parts
+        for cell in part.cells
+    ]
+    return Samples(
+        features=np.concatenate([part.features for part in parts]),
+        closed=np.concatenate([part.closed for part in parts]),
+        area=np.concatenate([part.area for part in parts]),
+        building=building,
+        real=real,
+        cells=cells,
+    )
+
+
+def gather_scenes(snapshots: Iterable[Snapshot]) -> list[SceneSample]:
+    """What the network that judges squares learns from decisions, one entry for each that has squares to judge."""
+    samples = []
+    for snapshot in snapshots:
+        grid = snapshot.decision.grid
+        regions = seen_regions(grid.cells, grid.resolution)
+        found = find_candidates(grid.cells, regions, grid.resolution)
+        if len(found.cells):
+            scene = make_scene(grid.cells, regions, found, grid.resolution)
+            inside = _are_inside(found, regions, snapshot.truth.raster)
+            samples.append(SceneSample(scene, inside, snapshot.plan))
+    return samples
+
+
+def gather_windows(snapshots: Iterable[Snapshot], plan: str) -> WindowSamples:
+    """What the network that judges frontiers learns from decisions in a plan, of which there may be none."""
+    windows, closed, area = (
+        [np.zeros((0, SIDE, SIDE, WINDOW_PLANES), np.uint8)],
+        [np.zeros(0, np.bool_)],
+        [np.zeros(0)],
+    )
+    truth = [np.zeros((0, SIDE, SIDE), np.uint8)]
+    for snapshot in snapshots:
+        grid, raster = snapshot.decision.grid, snapshot.truth.raster
+        around, true = _look(snapshot, seen_regions(grid.cells, grid.resolution))
+        windows.append(draw_windows(around))
+        closed.append(true.is_closed)
+        area.append(true.remaining_area)
+        truth.append(draw_truth(around, true.room, raster.room_ids, raster.free))
+    return WindowSamples(
+        np.concatenate(windows), np.concatenate(closed), np.concatenate(area), np.concatenate(truth), plan
+    )
+
+
+def _look(snapshot: Snapshot, regions: Regions) -> tuple[Surroundings, FrontierClasses]:
+    """What lies around a snapshot's frontiers, and their true classes."""
+    grid, truth = snapshot.decision.grid, snapshot.truth.raster
+    clusters = [f.cells for f in snapshot.decision.frontiers]
+    true = classify_frontiers(grid.cells, clusters, truth.room_ids, truth.free, grid.resolution)
+    return look_around(grid.cells, snapshot.decision.clusters, regions, grid.resolution), true
+
+
+def _cell_samples(snapshot: Snapshot, regions: Regions, rng: np.random.Generator) -> CellSamples:
+    """The cells of some regions, drawn at random."""
+    grid, truth = snapshot.decision.grid, snapshot.truth.raster
+    order = 1 + rng.permutation(regions.count)
+    chosen = np.zeros(regions.count + 1, np.bool_)
+    chosen[order[:REGIONS]] = True
+    kept = find_candidates(grid.cells, regions, grid.resolution, wanted=chosen)
+    return CellSamples(kept, _are_inside(kept, regions, truth), grid.resolution, snapshot.plan)
+
+
+def _are_inside(candidates: Candidates, regions: Regions, truth: PlanRaster) -> NDArray[np.bool_]:
+    """Whether each candidate is floor of the room that its region is the seen part of."""
+    room = seen_rooms(regions, truth)[candidates.region]
+    rows, cols = candidates.cells.T
+    return np.asarray(truth.free[rows, cols] & (truth.room_ids[rows, cols] == room) & (room > 0))
+
+
+def seen_rooms(regions: Regions, truth: PlanRaster) -> NDArray[np.int64]:
+    """The true room int64 (regions + 1,) that each region is mostly part of; 0 for none."""
+    rooms = int(truth.room_ids.max()) + 1
+    seen = regions.labels > 0
+    pairs = regions.labels[seen].astype(np.int64) * rooms + truth.room_ids[seen]
+    shared = np.bincount(pairs, minlength=(regions.count + 1) * rooms).reshape(-1, rooms)
+    shared[:, 0] = 0
+    return np.asarray(shared.argmax(1))

@@ -1,0 +1,221 @@
+"""Training the judge of the default method on maps whose rooms are known.
+
+A map's pieces are labelled by the room most of their cells lie in. The pieces are merged in the order in
+which the judge trained so far would merge them, but only where that is right, and every pair looked at on the
+way is a sample: so the judge learns from the very unions it meets. Every building weighs the same for each
+kind of map of it, unless a kind is given another weight, and the simulated maps together weigh a quarter of
+what all real ones would without such weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.grids.grid import FREE
+from layoutexplore.layout.alignment import turn_back
+from layoutexplore.layout.merging.adjacency_graph import PieceGraph
+from layoutexplore.layout.merging.agglomeration import FEATURES, judge_with_truth
+from layoutexplore.layout.merging.method import DefaultConfig, find_pieces
+from layoutexplore.layout.timing import StageTimer
+from layoutexplore.models.forest import Forest, as_forest
+
+RISING = ("openness", "contact_share_small", "contact_share_large", "pass", "pass_ratio_small", "pass_ratio_large",
+          "facing_small", "facing_large", "same_room", "room_overlap", "room_fit")  # fmt: skip
+FALLING = ("line_near", "line_near_min", "line_far", "through", "door_share", "misalignment", "parted", "covered",
+           "apart")  # fmt: skip
+"""Features of which more can only speak for one room, or only against it: what keeps the judge sane on unseen buildings."""
+
+LEVELS = 200
+"""A feature is known to so many quantiles: splits between them are not looked for."""
+
+SIMULATED = "simulated"
+"""Building of the simulated maps."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingConfig:
+    """How the judge is trained.
+
+    Attributes:
+        rounds: Times the samples are collected, each with the judge of the round before.
+        forests: Forests of the last round; the judge is their mean, which depends less on the seed than each
+            of them.
+        trees: Trees of a forest.
+        leaves: Leaves of a tree.
+        rate: Learning rate.
+        features: Share of the features a split may choose from.
+        simulated_weight: Weight of all simulated maps together over that of all real ones.
+        kind_weights: Weight of a kind of map where it is not 1: the hardest kinds are the rarest.
+        seed: Of the features that splits may choose from.
+    """
+
+    rounds: int = 2
+    forests: int = 3
+    trees: int = 40
+    leaves: int = 12
+    rate: float = 0.18
+    features: float = 0.5
+    simulated_weight: float = 0.25
+    kind_weights: Mapping[str, float] = field(default_factory=dict)
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """A map to learn from.
+
+    Attributes:
+        graph: Its pieces.
+        rooms: float64 (pieces + 1, rooms + 1), known free cells of each piece in each true room, column 0 in
+            none.
+        building: Maps of one building are trained on together or not at all.
+        kind: Maps of one kind and building share one weight.
+    """
+
+    graph: PieceGraph
+    rooms: NDArray[np.float64]
+    building: str
+    kind: str
+
+
+def make_example(
+    cells: NDArray[np.int8],
+    truth: NDArray[np.int32],
+    resolution: float,
+    *,
+    building: str,
+    kind: str,
+    config: DefaultConfig | None = None,
+) -> Example:
+    """Cut a map into pieces and count whose they are.
+
+    Args:
+        cells: int8 (rows, cols), the map.
+        truth: int32 (rows, cols), true room of each cell, 0 for none.
+        resolution: Metres a cell.
+        building: Name of the building.
+        kind: Kind of map, such as "empty".
+        config: Options of the default method.
+    """
+    pieces = find_pieces(cells, resolution, config or DefaultConfig(), StageTimer())
+    labels = turn_back(pieces.labels, pieces.turned, (cells.shape[0], cells.shape[1]))
+    free = cells == FREE
+    columns = int(truth.max(initial=0)) + 1
+    keys = labels[free].astype(np.int64) * columns + truth[free]
+    counts = np.bincount(keys, minlength=len(pieces.part) * columns).reshape(-1, columns).astype(np.float64)
+    rooms = np.zeros((len(pieces.graph.nodes), columns))
+    np.add.at(rooms, pieces.part, counts)
+    return Example(pieces.graph, rooms, building, kind)
+
+
+def first_forest() -> Forest:
+    """The judge of the first round: merge wide passes between pieces that are open to each other."""
+    return Forest(
+        feature=np.array(
+            [FEATURES.index("pass_ratio_small"), -1, -1, FEATURES.index("openness"), -1, -1], np.int32
+        ),
+        threshold=np.array([0.8, -1.0, 1.0, 0.8, -1.0, 1.0]),
+        left=np.array([1, 0, 0, 4, 0, 0], np.int32),
+        right=np.array([2, 0, 0, 5, 0, 0], np.int32),
+        roots=np.array([0, 3], np.int32),
+        bias=0.0,
+    )
+
+
+def train_forest(examples: Sequence[Example], config: TrainingConfig | None = None) -> Forest:
+    """Train a judge.
+
+    Args:
+        examples: Maps of at least one building.
+        config: The options.
+    """
+    config = config or TrainingConfig()
+    forest, samples, keys = first_forest(), [], []
+    for k in range(config.rounds):
+        for example in examples:
+            samples.append(judge_with_truth(example.graph, forest, example.rooms))
+            keys.append((example.building, "" if example.building == SIMULATED else example.kind))
+        table, weights = _quantised(np.vstack(samples)), _weights(samples, keys, config)
+        count = config.forests if k == config.rounds - 1 else 1
+        forest = mean_forest([_fit(table, weights, config, 1000 * config.seed + n) for n in range(count)])
+    return forest
+
+
+def mean_forest(forests: Sequence[Forest]) -> Forest:
+    """The judge whose log-odds are the mean of those of others."""
+    begin = np.cumsum([0, *(len(f.feature) for f in forests)])
+    parts = list(zip(forests, begin.tolist(), strict=False))
+    return Forest(
+        feature=np.concatenate([f.feature for f in forests]),
+        threshold=np.concatenate(
+            [np.where(f.feature < 0, f.threshold / len(forests), f.threshold) for f in forests]
+        ),
+        left=np.concatenate([f.left + n for f, n in parts]).astype(np.int32),
+        right=np.concatenate([f.right + n for f, n in parts]).astype(np.int32),
+        roots=np.concatenate([f.roots + n for f, n in parts]).astype(np.int32),
+        bias=float(np.mean([f.bias for f in forests])),
+    )
+
+
+def _weights(
+    samples: list[NDArray[np.float64]], keys: list[tuple[str, str]], config: TrainingConfig
+) -> NDArray[np.float64]:
+    totals: dict[tuple[str, str], float] = {}
+    for part, key in zip(samples, keys, strict=True):
+        totals[key] = totals.get(key, 0.0) + float(part[:, -1].sum())
+    real = max(sum(building != SIMULATED for building, _ in totals), 1)
+    simulated = max(len(totals) - sum(building != SIMULATED for building, _ in totals), 1)
+    scale = {
+        (building, kind): config.simulated_weight * real / simulated
+        if building == SIMULATED
+        else config.kind_weights.get(kind, 1.0)
+        for building, kind in totals
+    }
+    weights = np.concatenate(
+        [p[:, -1] * scale[k] / max(totals[k], 1e-9) for p, k in zip(samples, keys, strict=True)]
+    )
+    return np.asarray(weights * len(weights) / max(float(weights.sum()), 1e-9))
+
+
+def _quantised(table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Samples with few different values of a feature, each that of the middle between two quantiles.
+
+    Scikit-learn finds its bins in no time then; weighted ones of many values take it ten times as long as the
+    trees.
+    """
+    table = np.asfortranarray(table)
+    for k in range(len(FEATURES)):
+        values = table[:, k]
+        levels = np.unique(np.quantile(values, np.linspace(0, 1, LEVELS + 1)))
+        if len(levels) > 2:
+            at = np.clip(np.searchsorted(levels, values, side="right") - 1, 0, len(levels) - 2)
+            middle = 0.5 * (levels[at] + levels[at + 1])
+            table[:, k] = np.where(
+                values >= levels[-1], levels[-1], np.where(values <= levels[0], levels[0], middle)
+            )
+    return table
+
+
+def _fit(
+    table: NDArray[np.float64], weights: NDArray[np.float64], config: TrainingConfig, seed: int
+) -> Forest:
+    from sklearn.ensemble import HistGradientBoostingClassifier
+
+    model = HistGradientBoostingClassifier(
+        max_iter=config.trees,
+        learning_rate=config.rate,
+        max_leaf_nodes=config.leaves,
+        min_samples_leaf=30,
+        l2_regularization=5.0,
+        max_features=config.features,
+        monotonic_cst=[int(f in RISING) - int(f in FALLING) for f in FEATURES],
+        early_stopping=False,
+        random_state=seed,
+    )
+    model.fit(table[:, : len(FEATURES)], table[:, -2], sample_weight=weights)
+    forest = as_forest(model, double=True)
+    return replace(forest, threshold=forest.threshold.round(6), bias=round(forest.bias, 6))

@@ -1,0 +1,179 @@
+"""Grid maps with known rooms to train on: floor plans, furnished at random, seen whole or while being explored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import LayoutExploreError
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell, Pose
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.planning.shortest_paths import geodesic_distances, inflate
+from layoutexplore.sensing.lidar import Lidar, LidarConfig
+from layoutexplore.sensing.mapper import Mapper
+from layoutexplore.training.room_merging import SIMULATED, Example, make_example
+
+RESOLUTION = 0.05
+LARGEST = 3_000_000
+"""Cells of a raster above which a plan is left out: it would weigh as much as ten others and take as long."""
+
+DENSITIES = (0.0, 0.05, 0.15, 0.3)
+"""Pieces of furniture a square metre, one of them for each map."""
+
+RANGES, BEAMS, NOISES, POSE_ERRORS = (
+    (8.0, 15.0, 30.0),
+    (360, 720, 1080),
+    (0.01, 0.03, 0.05),
+    (0.0, 0.02, 0.04),
+)
+STOPS, NEIGHBOURHOODS = (6, 15, 40), (10, 25, 60, 150, 400)
+"""Scans a map, and how many of 600 random places, the nearest to the start, they are spread over."""
+
+
+def furnish(
+    occupied: NDArray[np.bool_],
+    rooms: NDArray[np.int32],
+    density: float,
+    resolution: float,
+    rng: np.random.Generator,
+) -> NDArray[np.bool_]:
+    """Add furniture: columns, cupboards, tables on four legs, things that stand askew; none reaches through a wall.
+
+    Args:
+        occupied: bool (rows, cols).
+        rooms: int32 (rows, cols), room of each cell, 0 for none.
+        density: Pieces a square metre.
+        resolution: Metres a cell.
+        rng: Source of randomness.
+    """
+    out, floor = occupied.copy(), np.argwhere(rooms > 0)
+    for _ in range(int(len(floor) * resolution**2 * density)):
+        row, col = (int(v) for v in floor[rng.integers(len(floor))])
+        reach = 44
+        part = np.s_[max(row - reach, 0) : row + reach, max(col - reach, 0) : col + reach]
+        here = rooms[part] == rooms[row, col]
+        out[part] |= (_furniture(here.shape, row - part[0].start, col - part[1].start, rng) > 0) & here
+    return out
+
+
+def _furniture(shape: tuple[int, ...], row: int, col: int, rng: np.random.Generator) -> NDArray[np.uint8]:
+    canvas, kind = np.zeros(shape, np.uint8), rng.integers(4)
+    if kind == 0:
+        cv2.circle(canvas, (col, row), int(rng.integers(1, 5)), 1, cv2.FILLED)
+    elif kind == 1:
+        w, h = (int(v) for v in rng.integers(6, 36, 2))
+        canvas[row : row + h, col : col + w] = 1
+        if rng.random() < 0.5:
+            canvas[row + 1 : row + h - 1, col + 1 : col + w - 1] = 0
+    elif kind == 2:
+        w, h = (int(v) for v in rng.integers(10, 36, 2))
+        for down, along in ((0, 0), (0, w), (h, 0), (h, w)):
+            canvas[row + down : row + down + 2, col + along : col + along + 2] = 1
+    else:
+        size = (float(rng.uniform(8, 40)), float(rng.uniform(4, 16)))
+        corners = cv2.boxPoints(((float(col), float(row)), size, float(rng.uniform(0, 180))))
+        cv2.fillPoly(canvas, [np.rint(corners).astype(np.int32)], 1)
+    return canvas
+
+
+def see(
+    occupied: NDArray[np.bool_], rooms: NDArray[np.int32], origin: Pose, rng: np.random.Generator
+) -> NDArray[np.int8] | None:
+    """The map of a building: whole, partly explored, or partly explored with a noisy lidar; None where no robot fits."""
+    kind = str(rng.choice(["whole", "explored", "explored", "noisy", "noisy"]))
+    if kind == "whole":
+        near = cv2.dilate((~occupied).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        return np.where(~occupied, FREE, np.where(near, OCCUPIED, UNKNOWN)).astype(np.int8)
+    noise = float(rng.choice(NOISES)) if kind == "noisy" else 0.0
+    sensor = LidarConfig(
+        range_max=float(rng.choice(RANGES)),
+        fov=2 * np.pi,
+        beams=int(rng.choice(BEAMS)),
+        range_noise_std=noise,
+    )
+    lidar, mapper = Lidar(sensor, occupied, RESOLUTION, origin), Mapper(occupied.shape, RESOLUTION, origin)
+    for cell in choose_stops(~inflate(occupied, 0.15, RESOLUTION) & (rooms > 0), RESOLUTION, rng):
+        x, y = mapper.grid.cell_to_world(*cell)
+        pose = Pose(x, y, float(rng.uniform(0, 2 * np.pi)))
+        if kind == "explored":
+            mapper.observe(lidar, pose)
+            continue
+        dx, dy, turn = rng.normal(size=3) * float(rng.choice(POSE_ERRORS))
+        mapper.integrate(Pose(x + dx, y + dy, pose.theta + 0.1 * turn), lidar.scan(pose, rng), sensor)
+    return mapper.grid.cells.copy() if (mapper.grid.cells == FREE).any() else None
+
+
+def choose_stops(
+    allowed: NDArray[np.bool_], resolution: float, rng: np.random.Generator
+) -> list[tuple[int, int]]:
+    """Places to scan from, spread over the surroundings of a random start; none where there is hardly any space.
+
+    Args:
+        allowed: bool (rows, cols), where the robot may be.
+        resolution: Metres a cell.
+        rng: Source of randomness.
+    """
+    places = np.argwhere(allowed)
+    if len(places) < 100:
+        return []
+    start = places[rng.integers(len(places))]
+    away = geodesic_distances(allowed, Cell(int(start[0]), int(start[1])), resolution)
+    some = places[rng.permutation(len(places))[:600]]
+    distances = away[some[:, 0], some[:, 1]]
+    some = some[np.argsort(distances, kind="stable")][: int(np.isfinite(distances).sum())]
+    some = some[: int(rng.choice(NEIGHBOURHOODS))]
+    return [(int(r), int(c)) for r, c in some[:: max(len(some) // int(rng.choice(STOPS)), 1)]]
+
+
+def simulated_example(plan: FloorPlan, rng: np.random.Generator) -> Example | None:
+    """A map of a floor plan as something to learn from; None for a plan too large or too small."""
+    raster = plan.rasterize(RESOLUTION)
+    if raster.room_ids.size > LARGEST:
+        return None
+    density = float(rng.choice(DENSITIES))
+    occupied = (
+        furnish(raster.occupied, raster.room_ids, density, RESOLUTION, rng) if density else raster.occupied
+    )
+    cells = see(occupied, raster.room_ids, raster.origin, rng)
+    if cells is None:
+        return None
+    return make_example(cells, raster.room_ids, RESOLUTION, building=SIMULATED, kind=plan.name)
+
+
+def simulated_examples(
+    count: int,
+    plans: tuple[str, ...] = (),
+    seed: int = 1,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> tuple[Example, ...]:
+    """Maps of floor plans: every third of a given one in turn, the others generated, of all families in turn.
+
+    Args:
+        count: Maps; a few are left out where the plan is too large.
+        plans: Files of floor plans, or names that `layoutexplore.maps.load_plan` knows.
+        seed: Of furniture, scans and plans; the same seed gives the same maps.
+        progress: Told what is being done, how often it has been done, and how often it will be.
+    """
+    from layoutexplore.maps import load_plan
+    from layoutexplore.maps.generator import FAMILIES, generate
+
+    families, out = sorted(FAMILIES), []
+    for k in range(count):
+        if progress is not None:
+            progress("maps simulated", k + 1, count)
+        try:
+            given = plans and k % 3 == 0
+            plan = (
+                load_plan(plans[k // 3 % len(plans)])
+                if given
+                else generate(families[k % len(families)], 1000 * seed + k)
+            )
+            example = simulated_example(plan, np.random.default_rng([seed, k]))
+        except LayoutExploreError:
+            continue
+        if example is not None:
+            out.append(example)
+    return tuple(out)

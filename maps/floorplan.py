@@ -1,0 +1,408 @@
+"""Floor plans: the truth about a building, in metres.
+
+A `FloorPlan` has rooms (polygons with a label), doors (openings, each a segment along its wall), the solid
+footprint of walls and furniture, and passages (floor that belongs to no room). It rasterises at any
+resolution to a `PlanRaster`. Plans that were born as images keep that image as their truth in `source`.
+
+Free is what lies in a room, a passage or the opening of an open door, and in nothing solid. Everything else
+is occupied. Walls are filled so that no step between two neighbouring cell centres crosses them (see
+`layoutexplore.grids.polygons`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import LineString, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from layoutexplore.errors import MapError
+from layoutexplore.grids.grid import Pose, check_resolution
+from layoutexplore.grids.polygons import Point, fill, polygons_of, seal_diagonals
+from layoutexplore.maps.raster import PlanRaster, resample
+
+__all__ = ["Door", "FloorPlan", "PlanRaster", "Room", "floorplan_from_ascii"]
+
+DOOR_REACH = (0.05, 1.0)
+"""Least and greatest metres from a door's segment, on either side, that its opening cuts to reach the rooms."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Room:
+    """A room of the truth.
+
+    Attributes:
+        id: 1-based, unique in its plan.
+        polygon: The room's floor in metres, up to the faces of its walls.
+        label: What it is used as ("office", "corridor"); empty when not known.
+    """
+
+    id: int
+    polygon: Polygon
+    label: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Door:
+    """An opening between two rooms, or between a room and the outside.
+
+    Attributes:
+        start: One end of the opening, a world point (x, y) in metres on the wall.
+        end: The other end.
+        rooms: Ids of the rooms on both sides; 0 is outside or no room.
+        is_open: A closed door is solid.
+    """
+
+    start: Point
+    end: Point
+    rooms: tuple[int, int] = (0, 0)
+    is_open: bool = True
+
+    @property
+    def width(self) -> float:
+        """Width of the opening in metres."""
+        return math.dist(self.start, self.end)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FloorPlan:
+    """One floor of a building, in metres.
+
+    Attributes:
+        name: Unique name of this floor.
+        building: The building; floors of one building share it, and never fall into different splits.
+        rooms: The rooms; where polygons overlap, the smaller room has the cells.
+        doors: The openings.
+        walls: Solid footprint of the walls, with the gaps of open doors cut out.
+        furniture: Solid footprint of the furniture; may be empty.
+        passages: Floor that belongs to no room (wide openings, unlabelled space); may be empty.
+        source: The raster that is the truth of a plan born as an image; None otherwise.
+        metadata: Where it comes from and under which terms; plain strings.
+
+    Raises:
+        MapError: There is no room, passage or source, an id is not unique, a polygon is not valid, a door
+            refers to a room that does not exist, or a number is not finite.
+
+    Example:
+        >>> room = Room(id=1, polygon=shapely.box(0, 0, 4, 3), label="office")
+        >>> plan = FloorPlan(name="one-room", rooms=(room,))
+        >>> plan.rasterize(0.5).free.sum()
+        np.int64(48)
+    """
+
+    name: str
+    building: str = ""
+    rooms: tuple[Room, ...] = ()
+    doors: tuple[Door, ...] = ()
+    walls: BaseGeometry = field(default_factory=Polygon)
+    furniture: BaseGeometry = field(default_factory=Polygon)
+    passages: BaseGeometry = field(default_factory=Polygon)
+    source: PlanRaster | None = None
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    _cache: dict[tuple[float, float], PlanRaster] = field(default_factory=dict, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "building", self.building or self.name)
+        object.__setattr__(self, "rooms", tuple(self.rooms))
+        object.__setattr__(self, "doors", tuple(self.doors))
+        _check(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {
+            **self.__dict__,
+            "_cache": {},
+        }  # what can be computed again does not travel to other processes
+
+    @classmethod
+    def load(cls, path: str | Path) -> FloorPlan:
+        """Read a floor plan of any known format, or a shipped plan by name; see `layoutexplore.maps.load_plan`."""
+        from layoutexplore.maps import load_plan
+
+        return load_plan(path)
+
+    def save(self, path: str | Path) -> None:
+        """Write the plan as readable GeoJSON; see `layoutexplore.maps.geojson`."""
+        from layoutexplore.maps.geojson import save_geojson
+
+        save_geojson(self, path)
+
+    @cached_property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(min x, min y, max x, max y) in metres of everything in the plan."""
+        shapes = [room.polygon for room in self.rooms] + [
+            LineString([door.start, door.end]) for door in self.doors
+        ]
+        boxes = shapely.bounds([*shapes, self.walls, self.furniture, self.passages]).reshape(-1, 4)
+        if self.source is not None:
+            x, y, _ = self.source.origin
+            rows, cols = self.source.shape
+            boxes = np.array([[x, y, x + cols * self.source.resolution, y + rows * self.source.resolution]])
+        low, high = np.nanmin(boxes[:, :2], axis=0), np.nanmax(boxes[:, 2:], axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    @cached_property
+    def area(self) -> float:
+        """Floor area of all rooms and passages in square metres, furniture included."""
+        return float(shapely.union_all([*(room.polygon for room in self.rooms), self.passages]).area)
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 (hex) of the geometry to 0.1 mm; names, labels and metadata do not count."""
+        digest = hashlib.sha256()
+        for room in sorted(self.rooms, key=lambda room: room.id):
+            digest.update(b"room" + _fingerprint(room.polygon))
+        for door in self.doors:
+            digest.update(f"door {door.is_open}".encode() + _fingerprint(LineString([door.start, door.end])))
+        for shape in (self.walls, self.furniture, self.passages):
+            digest.update(b"shape" + _fingerprint(shape))
+        if self.source is not None:
+            digest.update(
+                repr((self.source.shape, self.source.resolution)).encode()
+                + np.packbits(self.source.occupied).tobytes()
+            )
+        return digest.hexdigest()
+
+    def with_doors_closed(self, ids: Iterable[int]) -> FloorPlan:
+        """A copy in which the doors with these indices into `doors` are closed.
+
+        Raises:
+            MapError: There is no such door.
+        """
+        chosen = set(ids)
+        if missing := sorted(chosen - set(range(len(self.doors)))):
+            raise MapError(f"plan {self.name!r} has doors 0..{len(self.doors) - 1}: no door {missing[0]}")
+        doors = (
+            dataclasses.replace(door, is_open=door.is_open and k not in chosen)
+            for k, door in enumerate(self.doors)
+        )
+        return dataclasses.replace(self, doors=tuple(doors))
+
+    def stretched(self, x: float, y: float) -> FloorPlan:
+        """A copy in which all lengths along x and y are multiplied by these: another building of the same kind.
+
+        Args:
+            x: Factor along x, for walls and doors as well; a `source` keeps its resolution.
+            y: Factor along y.
+
+        Raises:
+            MapError: A factor is not a finite number above 0.
+
+        Example:
+            >>> plan = FloorPlan(name="one-room", rooms=(Room(id=1, polygon=shapely.box(0, 0, 4, 3)),))
+            >>> plan.stretched(1.5, 2.0).bounds
+            (0.0, 0.0, 6.0, 6.0)
+        """
+        if not (math.isfinite(x) and math.isfinite(y) and x > 0 and y > 0):
+            raise MapError(
+                f"plan {self.name!r} can be stretched by finite factors above 0, got {x!r} and {y!r}"
+            )
+        factors = np.array([x, y])
+
+        def stretch(shape: BaseGeometry) -> Any:
+            return shapely.transform(shape, lambda points: points * factors)
+
+        def moved(point: Point) -> Point:
+            return point[0] * x, point[1] * y
+
+        return dataclasses.replace(
+            self,
+            rooms=tuple(dataclasses.replace(room, polygon=stretch(room.polygon)) for room in self.rooms),
+            doors=tuple(
+                dataclasses.replace(door, start=moved(door.start), end=moved(door.end)) for door in self.doors
+            ),
+            walls=stretch(self.walls),
+            furniture=stretch(self.furniture),
+            passages=stretch(self.passages),
+            source=self.source and self.source.stretched(x, y),
+        )
+
+    def opening(self, door: Door) -> Polygon:
+        """The floor that a door cuts through its wall: its segment, widened on both sides until it meets the rooms."""
+        line = LineString([door.start, door.end])
+        probes = shapely.points([door.start, door.end, line.interpolate(0.5, normalized=True).coords[0]])
+        rooms = [room.polygon for room in self.rooms if room.id in door.rooms]
+        reach = max((float(shapely.distance(room, probes).max()) for room in rooms), default=0.0)
+        depth = min(max(reach + DOOR_REACH[0], DOOR_REACH[0]), DOOR_REACH[1])
+        return line.buffer(depth, cap_style="flat")
+
+    def rasterize(self, resolution: float = 0.1, *, margin: float = 0.5) -> PlanRaster:
+        """The plan as cells.
+
+        Args:
+            resolution: Side of a cell in metres.
+            margin: Metres of solid cells around the plan (at least one cell).
+
+        Returns:
+            A raster that is shared between calls with the same arguments: do not write into it.
+
+        Raises:
+            MapError: The resolution or margin makes no sense, or no free cell is left.
+        """
+        check_resolution(resolution)
+        if not math.isfinite(margin) or margin < 0:
+            raise MapError(f"the margin must be a number of metres, 0 or more, got {margin!r}")
+        key = (float(resolution), float(margin))
+        if key not in self._cache:
+            self._cache[key] = self._rasterize(*key)
+        return self._cache[key]
+
+    def _rasterize(self, resolution: float, margin: float) -> PlanRaster:
+        x0, y0, x1, y1 = self.bounds
+        border = max(margin, resolution)
+        # the origin on a whole number of cells, so that walls drawn on such numbers end at the borders of
+        # cells
+        col0, row0 = (
+            math.floor((x0 - border) / resolution + 1e-6),
+            math.floor((y0 - border) / resolution + 1e-6),
+        )
+        cols, rows = (
+            math.ceil((x1 + border) / resolution - 1e-6) - col0,
+            math.ceil((y1 + border) / resolution - 1e-6) - row0,
+        )
+        if rows * cols > 400_000_000:
+            raise MapError(
+                f"plan {self.name!r} would need {rows} x {cols} cells at {resolution:g} m: choose a coarser resolution"
+            )
+        origin = Pose(col0 * resolution, row0 * resolution, 0.0)
+        draw = _draw_shapes if self.source is None else _draw_source
+        occupied, room_ids = draw(self, (rows, cols), resolution, origin)
+        occupied = seal_diagonals(occupied)
+        room_ids[occupied] = 0
+        if occupied.all():
+            raise MapError(f"plan {self.name!r} has no free space at a resolution of {resolution:g} m")
+        return PlanRaster(occupied, room_ids, resolution, origin)
+
+
+def _draw_shapes(
+    plan: FloorPlan, shape: tuple[int, int], resolution: float, origin: Pose
+) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+    """Occupied cells and room ids from the polygons."""
+    corner = (origin.x, origin.y)
+    room_ids, floor, solid = (np.zeros(shape, np.int32) for _ in range(3))
+    for room in sorted(plan.rooms, key=lambda room: -room.polygon.area):
+        fill(room_ids, room.polygon, room.id, resolution, corner)
+    fill(floor, plan.passages, 1, resolution, corner)
+    for door in plan.doors:
+        if door.is_open:
+            fill(floor, plan.opening(door), 1, resolution, corner)
+    fill(solid, plan.walls, 1, resolution, corner, sealed=True)
+    fill(solid, plan.furniture, 1, resolution, corner, sealed=True)
+    _close_doors(plan, solid, resolution, corner)
+    return ((room_ids == 0) & (floor == 0)) | (solid != 0), room_ids
+
+
+def _draw_source(
+    plan: FloorPlan, shape: tuple[int, int], resolution: float, origin: Pose
+) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+    """Occupied cells and room ids from the image that the plan was born as."""
+    assert plan.source is not None
+    source, corner = plan.source, (origin.x, origin.y)
+    ratio = resolution / source.resolution
+    offset = (
+        (origin.x - source.origin.x) / source.resolution,
+        (origin.y - source.origin.y) / source.resolution,
+    )
+    occupied, room_ids = resample(source, (ratio, ratio), offset, shape)
+    solid = np.zeros(shape, np.int32)
+    _close_doors(plan, solid, resolution, corner)
+    return occupied | (solid != 0), room_ids
+
+
+def _close_doors(plan: FloorPlan, solid: NDArray[np.int32], resolution: float, corner: Point) -> None:
+    for door in plan.doors:
+        if not door.is_open:
+            fill(solid, plan.opening(door), 1, resolution, corner, sealed=True)
+
+
+def _fingerprint(shape: BaseGeometry) -> bytes:
+    rounded = shapely.transform(shape, lambda points: np.round(points, 4) + 0.0)
+    return bytes(shapely.to_wkb(shapely.normalize(rounded)))
+
+
+def _check(plan: FloorPlan) -> None:
+    """Raise `MapError` where a plan contradicts itself, naming the plan and the part."""
+    if not plan.name:
+        raise MapError("a floor plan needs a name")
+    ids = [room.id for room in plan.rooms]
+    if len(set(ids)) < len(ids) or any(not isinstance(i, int) or i < 1 for i in ids):
+        raise MapError(f"plan {plan.name!r}: room ids must be different whole numbers from 1, got {ids}")
+    for room in plan.rooms:
+        _check_shape(plan, room.polygon, f"room {room.id}", empty=False)
+    for what in ("walls", "furniture", "passages"):
+        _check_shape(plan, getattr(plan, what), what, empty=True)
+    for k, door in enumerate(plan.doors):
+        if not all(math.isfinite(v) for v in (*door.start, *door.end)) or door.width == 0:
+            raise MapError(
+                f"plan {plan.name!r}, door {k}: needs two different finite ends, got {door.start} and {door.end}"
+            )
+        if unknown := set(door.rooms) - {0, *ids}:
+            raise MapError(f"plan {plan.name!r}, door {k}: there is no room {min(unknown)}")
+    if plan.source is None and not plan.rooms and plan.passages.is_empty:
+        raise MapError(f"plan {plan.name!r} has no free space: it needs rooms or passages")
+
+
+def _check_shape(plan: FloorPlan, shape: Any, what: str, *, empty: bool) -> None:
+    if not isinstance(shape, BaseGeometry):
+        raise MapError(f"plan {plan.name!r}, {what}: must be a shapely geometry, got {type(shape).__name__}")
+    if shape.is_empty:
+        if not empty:
+            raise MapError(f"plan {plan.name!r}, {what}: the polygon is empty")
+        return
+    if not polygons_of(shape):
+        raise MapError(f"plan {plan.name!r}, {what}: must be polygons, got {shape.geom_type}")
+    if not np.isfinite(shapely.get_coordinates(shape)).all():
+        raise MapError(f"plan {plan.name!r}, {what}: a coordinate is not a finite number")
+    if not all(polygon.is_valid for polygon in polygons_of(shape)):
+        raise MapError(f"plan {plan.name!r}, {what}: {shapely.is_valid_reason(shape)}")
+
+
+def floorplan_from_ascii(text: str, resolution: float = 1.0, *, name: str = "ascii") -> FloorPlan:
+    """A floor plan drawn as text, one cell a character; the first line is the top (the highest y).
+
+    Args:
+        text: '#' and spaces are solid, '.' is free floor of no room (a door gap), every letter is a room with
+            that letter as its label; a letter that fills separate areas is one room an area.
+        resolution: Side of a character in metres.
+        name: The plan's name.
+
+    Example:
+        >>> plan = floorplan_from_ascii('''
+        ... #######
+        ... #aa#bb#
+        ... #aa.bb#
+        ... #######
+        ... ''')
+        >>> [(room.label, room.polygon.area) for room in plan.rooms]
+        [('a', 4.0), ('b', 4.0)]
+        >>> plan.doors[0].start, plan.doors[0].end, plan.doors[0].rooms
+        ((3.5, 1.0), (3.5, 2.0), (1, 2))
+    """
+    from layoutexplore.maps.tracing import plan_from_raster
+
+    lines = [line.rstrip() for line in text.strip("\n").splitlines()]
+    width = max((len(line) for line in lines), default=0)
+    if width == 0:
+        raise MapError("the drawing is empty")
+    drawn = np.array([list(line.ljust(width)) for line in reversed(lines)])
+    room_ids = np.zeros(drawn.shape, np.int32)
+    labels: dict[int, str] = {}
+    for letter in sorted(set(drawn.ravel()) - set("#. ")):
+        count, parts = cv2.connectedComponents(
+            (drawn == letter).astype(np.uint8), connectivity=4, ltype=cv2.CV_32S
+        )
+        for part in range(1, count):
+            labels[len(labels) + 1] = str(letter)
+            room_ids[parts == part] = len(labels)
+    occupied = (drawn == "#") | (drawn == " ")
+    return plan_from_raster(PlanRaster(occupied, room_ids, resolution), name=name, labels=labels)

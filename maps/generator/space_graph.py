@@ -1,0 +1,132 @@
+"""The drawing board of a plan: spaces between wall centre lines, and which of them are to be connected.
+
+Families put spaces (gross polygons that share their edges), solid blocks (shafts, lifts) and wishes for doors
+on the sketch; `construction.py` turns it into walls with thickness, net room polygons and doors. Nothing here
+knows about a family.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from layoutexplore.maps.generator.wing_frame import Frame
+
+TOLERANCE = 0.03
+"""Edges closer than this are the same wall, m."""
+
+OUTSIDE = 0
+
+
+class SketchError(Exception):
+    """This attempt does not work out (wings collide, a door has no wall): the generator draws another one."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """A wish for a connection between two spaces (ids; `OUTSIDE` for an entrance).
+
+    Attributes:
+        a: One space.
+        b: The other space.
+        kind: "door", "narrow" (toilets, stores), "double" (halls, fire doors) or "open" (no door, the wall is
+            left out).
+        near: World point that the door should be close to; None = the middle of the wall.
+        optional: Whether the plan is fine without it.
+    """
+
+    a: int
+    b: int
+    kind: str = "door"
+    near: tuple[float, float] | None = None
+    optional: bool = False
+
+
+@dataclass
+class Sketch:
+    """Spaces by id (1-based), solids, details inside rooms, links. Lengths in m, all in the world."""
+
+    polygons: dict[int, Polygon] = field(default_factory=dict)
+    labels: dict[int, str] = field(default_factory=dict)
+    links: list[Link] = field(default_factory=list)
+    solids: list[Polygon] = field(default_factory=list)
+    details: list[BaseGeometry] = field(default_factory=list)
+    fixtures: list[BaseGeometry] = field(default_factory=list)
+    _merged: dict[int, int] = field(default_factory=dict)
+    _next: int = 1
+
+    def room(self, frame: Frame, polygon: Polygon, label: str) -> int:
+        """Put a space on the board and return its id; `polygon` is local to `frame`."""
+        key = self._next
+        self._next += 1
+        self.polygons[key] = frame.place(polygon)
+        self.labels[key] = label
+        return key
+
+    def solid(self, frame: Frame, polygon: Polygon) -> None:
+        """A closed shaft or lift: inside the outline, but no room."""
+        self.solids.append(frame.place(polygon))
+
+    def find(self, key: int) -> int:
+        """The id under which a space lives after merging."""
+        while key in self._merged:
+            key = self._merged[key]
+        return key
+
+    def link(
+        self,
+        a: int,
+        b: int,
+        kind: str = "door",
+        *,
+        near: tuple[float, float] | None = None,
+        optional: bool = False,
+    ) -> None:
+        """Wish for a connection; see `Link`."""
+        self.links.append(Link(a, b, kind, near, optional))
+
+    def extend(self, key: int, frame: Frame, polygon: Polygon) -> None:
+        """Add a local polygon (an alcove) to a space that it touches."""
+        key = self.find(key)
+        self.polygons[key] = _closed_union(self.polygons[key], frame.place(polygon))
+
+    def merge(self, a: int, b: int) -> None:
+        """Make two touching spaces one, or, where that would close a ring around something, join them by a double door."""
+        a, b = self.find(a), self.find(b)
+        if a == b:
+            return
+        union = _closed_union(self.polygons[a], self.polygons[b])
+        if union.geom_type != "Polygon" or union.interiors:
+            self.link(a, b, "double")
+            return
+        self.polygons[a] = union
+        del self.polygons[b], self.labels[b]
+        self._merged[b] = a
+
+    def resolved_links(self) -> list[Link]:
+        """The links with merged ids, without doubles inside one space."""
+        found = [Link(self.find(k.a), self.find(k.b), k.kind, k.near, k.optional) for k in self.links]
+        return [k for k in found if k.a != k.b]
+
+    def check_disjoint(self) -> BaseGeometry:
+        """The outline (union of everything), or `SketchError` where spaces overlap or a polygon is broken."""
+        parts = [*self.polygons.values(), *self.solids]
+        if not all(p.is_valid and p.geom_type == "Polygon" for p in parts):
+            raise SketchError("a space is not a simple polygon")
+        union = shapely.union_all(parts)
+        overlap = sum(p.area for p in parts) - union.area
+        if overlap > 0.02 * len(parts):
+            raise SketchError(f"{overlap:.1f} m2 of the spaces overlap")
+        outline = union.buffer(TOLERANCE, join_style="mitre").buffer(-TOLERANCE, join_style="mitre")
+        if outline.geom_type != "Polygon":
+            raise SketchError("the building falls apart")
+        return outline
+
+
+def _closed_union(a: Polygon, b: Polygon) -> Polygon:
+    """Union of two polygons that touch within the tolerance."""
+    grown = shapely.union(a.buffer(TOLERANCE, join_style="mitre"), b.buffer(TOLERANCE, join_style="mitre"))
+    return grown.buffer(-TOLERANCE, join_style="mitre")

@@ -1,0 +1,251 @@
+"""A floor plan on a grid: what is solid, which room a cell belongs to, and where a robot can get.
+
+The robot's centre may be in a cell unless an occupied cell lies closer than its radius; it moves to the eight
+neighbours without cutting corners, so what it can reach are the four-connected components of those cells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.errors import MapError
+from layoutexplore.grids.grid import FREE, OCCUPIED, Cell, OccupancyGrid, Pose, check_resolution
+from layoutexplore.grids.polygons import Point, resample_solid
+from layoutexplore.planning.shortest_paths import inflate
+from layoutexplore.sensing.lidar import Lidar, LidarConfig
+
+SIGHT_BEYOND_REACH = 0.8
+"""Metres of free space beyond the reachable cells that an exploration is asked to see (the protocol of the benchmark)."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanRaster:
+    """A rasterised floor plan; everything that is not indoor free space is occupied.
+
+    Attributes:
+        occupied: bool (rows, cols), C-contiguous: walls, furniture, closed doors and the outside.
+        room_ids: int32 (rows, cols), the room of each cell, 0 for none (walls, door gaps, the outside).
+        resolution: Side of a cell in metres.
+        origin: Pose of the lower left corner of cell (0, 0).
+
+    Raises:
+        MapError: The shapes differ, the resolution is unusable, or there is no free cell.
+    """
+
+    occupied: NDArray[np.bool_]
+    room_ids: NDArray[np.int32]
+    resolution: float
+    origin: Pose = field(default=Pose(0.0, 0.0, 0.0))
+    _cache: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        check_resolution(self.resolution)
+        if self.occupied.ndim != 2 or self.occupied.shape != self.room_ids.shape:
+            raise MapError(
+                f"occupied {self.occupied.shape} and room_ids {self.room_ids.shape} must be equal 2-d shapes"
+            )
+        if self.occupied.all():
+            raise MapError("the floor plan has no free space at this resolution")
+        object.__setattr__(self, "occupied", np.ascontiguousarray(self.occupied, np.bool_))
+        object.__setattr__(self, "room_ids", np.ascontiguousarray(self.room_ids, np.int32))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {
+            **self.__dict__,
+            "_cache": {},
+        }  # what can be computed again does not travel to other processes
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, cols)."""
+        rows, cols = self.occupied.shape
+        return rows, cols
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Bool (rows, cols): indoor free space."""
+        return ~self.occupied
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The truth as an occupancy grid without unknown cells."""
+        cells = np.where(self.occupied, OCCUPIED, FREE).astype(np.int8)
+        return OccupancyGrid(cells, self.resolution, self.origin)
+
+    def world_to_cell(self, x: float, y: float) -> Cell:
+        """The cell that holds a world point; it may lie outside the raster."""
+        return self._frame.world_to_cell(x, y)
+
+    def cell_to_world(self, row: float, col: float) -> tuple[float, float]:
+        """World coordinates (x, y) of a cell's centre."""
+        return self._frame.cell_to_world(row, col)
+
+    def stretched(self, x: float, y: float) -> PlanRaster:
+        """A copy in which lengths along x and y are multiplied by these; its resolution is the same.
+
+        Raises:
+            MapError: No free cell is left.
+        """
+        shape = max(round(self.shape[0] * y), 1), max(round(self.shape[1] * x), 1)
+        occupied, room_ids = resample(self, (1.0 / x, 1.0 / y), (0.0, 0.0), shape)
+        origin = Pose(self.origin.x * x, self.origin.y * y, self.origin.theta)
+        return PlanRaster(occupied, np.where(occupied, 0, room_ids), self.resolution, origin)
+
+    def blocked(self, robot_radius: float) -> NDArray[np.bool_]:
+        """Bool (rows, cols): cells where the centre of a robot of that radius (metres) may not be."""
+        key = ("blocked", robot_radius)
+        if key not in self._cache:
+            self._cache[key] = inflate(self.occupied, robot_radius, self.resolution)
+        blocked: NDArray[np.bool_] = self._cache[key]
+        return blocked
+
+    def reachable(self, robot_radius: float, start: Cell | None = None) -> NDArray[np.bool_]:
+        """Bool (rows, cols): cells that the robot's centre can reach from `start`, or the largest such area.
+
+        All False where `start` itself is blocked or outside.
+
+        Raises:
+            MapError: `start` is None and the robot fits nowhere.
+        """
+        return self._per_component("reachable", robot_radius, self._component(robot_radius, start))
+
+    def coverage_target(self, robot_radius: float, start: Cell | None = None) -> NDArray[np.bool_]:
+        """Bool (rows, cols): free cells that an exploration can be asked to see.
+
+        Those within 0.8 m (along free space) of the cells that the robot can reach from `start`.
+        """
+        return self._per_component("target", robot_radius, self._component(robot_radius, start))
+
+    @property
+    def _frame(self) -> OccupancyGrid:
+        if "frame" not in self._cache:
+            self._cache["frame"] = self.grid
+        frame: OccupancyGrid = self._cache["frame"]
+        return frame
+
+    def _labels(self, robot_radius: float) -> tuple[NDArray[np.int32], int]:
+        """Component number of every cell (0 = blocked) and the number of the largest component (0 = none)."""
+        key = ("labels", robot_radius)
+        if key not in self._cache:
+            open_cells = (~self.blocked(robot_radius)).astype(np.uint8)
+            _, labels = cv2.connectedComponents(open_cells, connectivity=4, ltype=cv2.CV_32S)
+            sizes = np.bincount(labels.ravel())
+            sizes[0] = 0
+            self._cache[key] = labels.astype(np.int32), int(sizes.argmax())
+        found: tuple[NDArray[np.int32], int] = self._cache[key]
+        return found
+
+    def _component(self, robot_radius: float, start: Cell | None) -> int:
+        labels, largest = self._labels(robot_radius)
+        if start is not None:
+            inside = 0 <= start[0] < self.shape[0] and 0 <= start[1] < self.shape[1]
+            return int(labels[start[0], start[1]]) if inside else 0
+        if largest == 0:
+            raise MapError(f"a robot of radius {robot_radius:g} m fits nowhere in this floor plan")
+        return largest
+
+    def _per_component(self, what: str, robot_radius: float, component: int) -> NDArray[np.bool_]:
+        key = (what, robot_radius, component)
+        if key not in self._cache:
+            reachable = (self._labels(robot_radius)[0] == component) & (component > 0)
+            if what == "target":
+                reachable = grow(reachable, self.free, SIGHT_BEYOND_REACH / self.resolution)
+            self._cache[key] = reachable
+        found: NDArray[np.bool_] = self._cache[key]
+        return found
+
+
+_LIDARS: WeakKeyDictionary[PlanRaster, dict[LidarConfig, Lidar]] = WeakKeyDictionary()
+
+
+def resample(
+    source: PlanRaster, ratios: Point, offset: Point, shape: tuple[int, int]
+) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+    """Occupied cells and room ids of a raster at other resolutions.
+
+    Args:
+        source: The raster.
+        ratios: New resolution over the source's, along (x, y).
+        offset: (x, y) of the new lower left corner in source cells from the source's.
+        shape: New (rows, cols); what lies outside of the source is occupied.
+    """
+    places = [
+        np.floor(first + (np.arange(count) + 0.5) * ratio + 1e-9).astype(np.int64)
+        for first, count, ratio in zip(offset[::-1], shape, ratios[::-1], strict=True)
+    ]
+    rows, cols = ((place >= 0) & (place < size) for place, size in zip(places, source.shape, strict=True))
+    room_ids = np.zeros(shape, np.int32)
+    room_ids[np.ix_(rows, cols)] = source.room_ids[np.ix_(places[0][rows], places[1][cols])]
+    return resample_solid(source.occupied, ratios, offset, shape), room_ids
+
+
+def shared_lidar(raster: PlanRaster, config: LidarConfig) -> Lidar:
+    """One lidar per raster and sensor: its tables are read-only, and many environments share a floor plan."""
+    lidars = _LIDARS.setdefault(raster, {})
+    if config not in lidars:
+        lidars[config] = Lidar(config, raster.occupied, raster.resolution, raster.origin)
+    return lidars[config]
+
+
+def grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:
+    """Free cells within an octile geodesic distance of the seeds, the free seeds included.
+
+    Args:
+        seeds: bool (rows, cols).
+        free: bool (rows, cols), where the way may lead; no corner is cut.
+        steps: Distance in cells.
+    """
+    return _grow(np.ascontiguousarray(seeds & free), np.ascontiguousarray(free), steps + 1e-4)
+
+
+@njit(cache=True, nogil=True)
+def _grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], limit: float) -> NDArray[np.bool_]:
+    """Label-correcting wave from all border seeds at once."""
+    rows, cols = seeds.shape
+    distance = np.full((rows, cols), np.inf, np.float32)
+    queued = np.zeros((rows, cols), np.bool_)
+    front = np.empty(rows * cols, np.int32)
+    behind = np.empty(rows * cols, np.int32)
+    size = 0
+    for r in range(rows):
+        for c in range(cols):
+            if seeds[r, c]:
+                distance[r, c] = 0.0
+                front[size] = r * cols + c
+                size += 1
+    while size:
+        following = 0
+        for k in range(size):
+            r, c = divmod(front[k], cols)
+            queued[r, c] = False
+            for dr in range(-1, 2):
+                for dc in range(-1, 2):
+                    rr, cc = r + dr, c + dc
+                    if (
+                        (dr == 0 and dc == 0)
+                        or rr < 0
+                        or cc < 0
+                        or rr >= rows
+                        or cc >= cols
+                        or not free[rr, cc]
+                    ):
+                        continue
+                    if dr != 0 and dc != 0 and not (free[r, cc] and free[rr, c]):
+                        continue
+                    further = distance[r, c] + np.float32(1.4142135 if dr != 0 and dc != 0 else 1.0)
+                    if further < distance[rr, cc] and further <= limit:
+                        distance[rr, cc] = further
+                        if not queued[rr, cc]:
+                            queued[rr, cc] = True
+                            behind[following] = rr * cols + cc
+                            following += 1
+        front, behind = behind, front
+        size = following
+    return distance < np.inf

@@ -1,0 +1,208 @@
+"""Floor plans from rasters: room polygons and walls by exact tracing, doors from the gaps between rooms.
+
+A door is found where free cells of no room join exactly two rooms over a small area (a doorway in an image
+with a room per colour), or where two rooms touch. Its segment lies in the middle of the gap, across the way
+through.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from layoutexplore.grids.outlines import trace
+from layoutexplore.grids.polygons import Point, polygons_of
+from layoutexplore.maps.floorplan import Door, FloorPlan, PlanRaster, Room
+
+DOORWAY_AREA = 4.0
+"""Square metres up to which a gap between two rooms counts as a doorway; larger ones are passages."""
+
+LEAST_ROOM = 1.0
+"""Square metres; smaller separate free areas of a map without room numbers are specks, not rooms."""
+
+WALL_DEPTH = 0.5
+"""Metres of the solid around the free space that are traced as walls."""
+
+
+def plan_from_raster(
+    source: PlanRaster,
+    *,
+    name: str,
+    building: str = "",
+    labels: Mapping[int, str] | None = None,
+    metadata: Mapping[str, str] | None = None,
+) -> FloorPlan:
+    """A floor plan whose truth is a raster.
+
+    Args:
+        source: The raster; a room id with several separate parts makes one room of its largest part, the rest
+            becomes passages. Without any room id, each separate free area of at least a square metre is a
+            room.
+        name: The plan's name.
+        building: The building's name; the plan's name when empty.
+        labels: Room id -> label.
+        metadata: Where it comes from.
+    """
+    if not source.room_ids.any():
+        source = PlanRaster(source.occupied, _free_areas(source), source.resolution, source.origin)
+    rooms = _trace_rooms(source, labels or {})
+    known = np.isin(source.room_ids, [room.id for room in rooms])
+    source = PlanRaster(
+        source.occupied, np.where(known, source.room_ids, 0), source.resolution, source.origin
+    )
+    corner = (source.origin.x, source.origin.y)
+    loose = trace(source.free & (source.room_ids == 0), source.resolution, corner)
+    return FloorPlan(
+        name=name,
+        building=building,
+        rooms=rooms,
+        doors=find_doors(source),
+        walls=_trace_walls(source),
+        passages=loose,
+        source=source,
+        metadata=metadata or {},
+    )
+
+
+def _free_areas(source: PlanRaster) -> NDArray[np.int32]:
+    """A number for every separate free area that is large enough to be a room (the largest always is)."""
+    _, parts, stats, _ = cv2.connectedComponentsWithStats(source.free.astype(np.uint8), connectivity=4)
+    areas = stats[:, cv2.CC_STAT_AREA] * source.resolution**2
+    areas[0] = 0.0
+    large = (areas >= LEAST_ROOM) | (areas == areas.max())
+    large[0] = False
+    numbers = np.where(large, np.cumsum(large), 0)
+    return np.asarray(numbers[parts], np.int32)
+
+
+def _trace_rooms(source: PlanRaster, labels: Mapping[int, str]) -> tuple[Room, ...]:
+    """One room an id; parts of a room that lie apart are left to the passages."""
+    rooms = []
+    for number, box in _boxes(source.room_ids):
+        mask = (source.room_ids[box] == number) & ~source.occupied[box]
+        parts = polygons_of(trace(mask, source.resolution, _corner(source, box)))
+        if parts:
+            largest = max(parts, key=lambda polygon: polygon.area)
+            rooms.append(Room(id=number, polygon=largest, label=labels.get(number, "")))
+    return tuple(rooms)
+
+
+def _boxes(ids: NDArray[np.int32]) -> list[tuple[int, tuple[slice, slice]]]:
+    """Every id above 0 with the window of its cells."""
+    from scipy.ndimage import find_objects
+
+    return [
+        (number, (window[0], window[1]))
+        for number, window in enumerate(find_objects(ids), start=1)
+        if window is not None
+    ]
+
+
+def _corner(source: PlanRaster, box: tuple[slice, slice]) -> Point:
+    return source.origin.x + box[1].start * source.resolution, source.origin.y + box[
+        0
+    ].start * source.resolution
+
+
+def _trace_walls(source: PlanRaster) -> shapely.Geometry:
+    """Outlines of the solid cells near free space."""
+    border = max(1, round(WALL_DEPTH / source.resolution))
+    free = np.pad(source.free, border).astype(np.uint8)
+    near = cv2.dilate(free, np.ones((2 * border + 1, 2 * border + 1), np.uint8)) > 0
+    corner = (source.origin.x - border * source.resolution, source.origin.y - border * source.resolution)
+    return trace(near & (free == 0), source.resolution, corner)
+
+
+def find_doors(source: PlanRaster) -> tuple[Door, ...]:
+    """Openings between the rooms of a raster: small gaps that join two rooms, and stretches where two rooms touch."""
+    gaps = (source.free & (source.room_ids == 0)).astype(np.uint8)
+    _, parts = cv2.connectedComponents(gaps, connectivity=8, ltype=cv2.CV_32S)
+    doors = []
+    limit = DOORWAY_AREA / source.resolution**2
+    for number, (rows, cols) in _boxes(parts.astype(np.int32)):
+        window = _widen(rows, source.shape[0]), _widen(cols, source.shape[1])
+        mask = parts[window] == number
+        contacts = _contacts(mask, source.room_ids[window])
+        if len(contacts) == 2 and mask.sum() <= limit:
+            (a, side_a), (b, side_b) = contacts
+            doors.append(_door(source, window, _centres(mask), _way_through(side_a, side_b), (a, b)))
+    return tuple(door for door in [*doors, *_touching(source)] if door.width > 0)
+
+
+def _way_through(side_a: NDArray[np.float64], side_b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Direction (row, col) at right angles to a gap's faces float64 (n, 2); from one to the other where they are short."""
+    spread = np.vstack([side - side.mean(axis=0) for side in (side_a, side_b)])
+    values, axes = np.linalg.eigh(spread.T @ spread)
+    if values[1] > 4.0 * values[0] and values[1] > 0.5:
+        return np.asarray(axes[:, 0], np.float64)
+    return np.asarray(side_b.mean(axis=0) - side_a.mean(axis=0), np.float64)
+
+
+def _widen(window: slice, size: int) -> slice:
+    return slice(max(0, window.start - 1), min(size, window.stop + 1))
+
+
+def _contacts(mask: NDArray[np.bool_], ids: NDArray[np.int32]) -> list[tuple[int, NDArray[np.float64]]]:
+    """Rooms that touch the mask, with the cells float64 (n, 2) of each room that do."""
+    ring = cv2.dilate(mask.astype(np.uint8), np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)) > 0
+    touched = np.where(ring & ~mask, ids, 0)
+    return [(int(i), _centres(touched == i)) for i in np.unique(touched[touched > 0])]
+
+
+def _centres(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return np.argwhere(mask).astype(np.float64) + 0.5
+
+
+def _touching(source: PlanRaster) -> list[Door]:
+    """A door for every stretch along which two rooms share the borders of cells."""
+    found: dict[tuple[int, int], list[tuple[float, float, bool]]] = {}
+    ids = np.where(source.occupied, 0, source.room_ids)
+    for lower, upper, dr, dc in ((ids[:-1], ids[1:], 1.0, 0.5), (ids[:, :-1], ids[:, 1:], 0.5, 1.0)):
+        for r, c in np.argwhere((lower != upper) & (lower > 0) & (upper > 0)):
+            a, b = sorted((int(lower[r, c]), int(upper[r, c])))
+            found.setdefault((a, b), []).append((r + dr, c + dc, dr == 1.0))
+    whole = slice(0, source.shape[0]), slice(0, source.shape[1])
+    doors = []
+    for rooms, borders in sorted(found.items()):
+        points = np.array([border[:2] for border in borders])
+        for group in _stretches(points):
+            horizontal = sum(borders[k][2] for k in group) * 2 >= len(group)
+            across = np.array([1.0, 0.0]) if horizontal else np.array([0.0, 1.0])
+            doors.append(_door(source, whole, points[group], across, rooms))
+    return doors
+
+
+def _stretches(points: NDArray[np.float64]) -> list[list[int]]:
+    """Groups of points that lie within one cell of the next."""
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(points)
+    count, member = connected_components(tree.sparse_distance_matrix(tree, 1.01), directed=False)
+    return [np.flatnonzero(member == k).tolist() for k in range(count)]
+
+
+def _door(
+    source: PlanRaster,
+    window: tuple[slice, slice],
+    points: NDArray[np.float64],
+    across: NDArray[np.float64],
+    rooms: tuple[int, int],
+) -> Door:
+    """The segment through the middle of the points (row, col), at right angles to the way through."""
+    length = float(np.hypot(*across))
+    way = across / length if length > 0 else np.array([1.0, 0.0])
+    along = np.array([-way[1], way[0]])
+    middle = points.mean(axis=0)
+    spread = (points - middle) @ along
+    half = 0.5 * (abs(along[0]) + abs(along[1]))
+    ends = [middle + along * (spread.min() - half), middle + along * (spread.max() + half)]
+    x, y = _corner(source, window)
+    start, end = sorted(
+        (x + float(e[1]) * source.resolution, y + float(e[0]) * source.resolution) for e in ends
+    )
+    return Door(start=start, end=end, rooms=rooms)

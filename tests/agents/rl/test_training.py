@@ -1,0 +1,272 @@
+"""Training runs: resumed is the same as never stopped, interrupted is usable, and learning learns."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("sb3_contrib")
+pytest.importorskip("tensorboard")
+
+import safetensors.torch  # noqa: E402
+
+from layoutexplore.agents import make_agent  # noqa: E402
+from layoutexplore.agents.rl.checkpoint import FILE  # noqa: E402
+from layoutexplore.agents.rl.environments import environment_arguments, make_envs  # noqa: E402
+from layoutexplore.agents.rl.evaluation import Evaluation  # noqa: E402
+from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
+from layoutexplore.agents.rl.imitation import imitate  # noqa: E402
+from layoutexplore.agents.rl.network import Actor  # noqa: E402
+from layoutexplore.agents.rl.training import Run  # noqa: E402
+from layoutexplore.errors import ConfigError, ResultsError  # noqa: E402
+from tests.agents.rl.cases import Silent, small_config, write_config  # noqa: E402
+
+
+def train(
+    config: TrainingConfig, folder: Path, *, resume: bool = False, watcher: Silent | None = None
+) -> Run:
+    run = Run(config, folder, device="cpu", resume=resume, watcher=watcher or Silent())
+    run.train()
+    return run
+
+
+def tensors(folder: Path) -> dict[str, Any]:
+    return dict(safetensors.torch.load_file(folder / FILE))
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("trained")
+    train(small_config(folder), folder / "run")
+    return folder / "run"
+
+
+def test_what_a_run_leaves(trained: Path) -> None:
+    names = {path.name for path in trained.iterdir()}
+    policies = {"best.safetensors", "best.toml", "policy.safetensors", "policy.toml"}
+    assert names == {"config.toml", FILE, "evaluations.csv", "tensorboard"} | policies
+    rows = list(csv.DictReader((trained / "evaluations.csv").open()))
+    assert [int(row["steps"]) for row in rows] == [0, 32, 64]
+    assert all(0.2 < float(row["d95_ratio.nearest"]) < 5 for row in rows)
+    assert make_agent(f"policy:{trained}").predictor == "none"
+
+
+def test_a_resumed_run_is_the_one_that_was_never_stopped(trained: Path, tmp_path: Path) -> None:
+    config = small_config(tmp_path)
+    train(dataclasses.replace(config, steps=32), tmp_path / "run")
+    run = train(config, tmp_path / "run", resume=True)
+    assert run.progress.steps == 64
+    expected, found = tensors(trained), tensors(tmp_path / "run")
+    assert expected.keys() == found.keys()
+    assert all(torch.equal(expected[name], found[name]) for name in expected)
+    assert [e["steps"] for e in run.progress.evaluations] == [0, 32, 64]
+
+
+def test_training_moved_actor_and_critic(trained: Path, tmp_path: Path) -> None:
+    train(small_config(tmp_path, steps=16, critic_steps=16), tmp_path / "run")
+    start, end = tensors(tmp_path / "run"), tensors(trained)
+    for part in ("policy.actor.", "policy.critic."):
+        assert any(not torch.equal(start[name], end[name]) for name in end if name.startswith(part))
+
+
+def test_what_is_kept_is_the_average_of_the_actor(trained: Path) -> None:
+    state, kept = tensors(trained), safetensors.torch.load_file(trained / "policy.safetensors")
+    assert all(torch.equal(kept[name], state[f"policy.averaged.{name}"]) for name in kept)
+    assert any(not torch.equal(kept[name], state[f"policy.actor.{name}"]) for name in kept)
+
+
+def test_a_run_is_not_overwritten(trained: Path, tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match="add --resume"):
+        Run(small_config(tmp_path), trained, device="cpu", resume=False, watcher=Silent())
+
+
+def test_nothing_to_resume(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match="no checkpoint"):
+        Run(small_config(tmp_path), tmp_path / "run", device="cpu", resume=True, watcher=Silent())
+
+
+@pytest.mark.parametrize("kept", [50, -1])
+def test_a_damaged_checkpoint(trained: Path, tmp_path: Path, kept: int) -> None:
+    (tmp_path / FILE).write_bytes((trained / FILE).read_bytes()[:kept])
+    with pytest.raises(ResultsError, match="damaged"):
+        Run(small_config(tmp_path), tmp_path, device="cpu", resume=True, watcher=Silent())
+
+
+def test_a_checkpoint_of_another_network(trained: Path, tmp_path: Path) -> None:
+    (tmp_path / FILE).write_bytes((trained / FILE).read_bytes())
+    with pytest.raises(ResultsError, match="does not fit this run's network"):
+        Run(
+            small_config(tmp_path, network={"width": 16}),
+            tmp_path,
+            device="cpu",
+            resume=True,
+            watcher=Silent(),
+        )
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_no_gpu(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no CUDA device"):
+        Run(small_config(tmp_path), tmp_path / "run", device="cuda", resume=False, watcher=Silent())
+
+
+def test_ctrl_c_leaves_a_checkpoint_to_go_on_from(tmp_path: Path) -> None:
+    class Impatient(Silent):
+        def advance(self, steps: int, total: int) -> None:
+            super().advance(steps, total)
+            if steps == 20:
+                os.kill(os.getpid(), signal.SIGINT)
+
+    handler = signal.getsignal(signal.SIGINT)
+    config, watcher = small_config(tmp_path), Impatient()
+    run = train(config, tmp_path / "run", watcher=watcher)
+    assert signal.getsignal(signal.SIGINT) is handler
+    assert run.stopping and run.progress.steps == 16 and any("stopping" in line for line in watcher.lines)
+    assert make_agent(f"policy:{tmp_path / 'run'}").predictor == "none"
+    assert train(config, tmp_path / "run", resume=True).progress.steps == 64
+
+
+def test_the_first_actions_are_the_same(tmp_path: Path) -> None:
+    def actions() -> list[list[int]]:
+        run = Run(
+            small_config(tmp_path),
+            tmp_path / str(os.urandom(4).hex()),
+            device="cpu",
+            resume=False,
+            watcher=Silent(),
+        )
+        run.model.set_random_seed(7)
+        observation, taken = run.envs.reset(), []
+        for _ in range(20):
+            with torch.no_grad():
+                batch = {name: torch.from_numpy(array) for name, array in observation.items()}
+                chosen, _, _ = run.model.policy(batch, action_masks=run.envs.action_masks())
+            taken.append(chosen.tolist())
+            observation, _, _, _ = run.envs.step(chosen.numpy())
+        run.envs.close()
+        return taken
+
+    assert actions() == actions()
+
+
+def test_episodes_are_told_and_stopping_is_masked(tmp_path: Path) -> None:
+    envs = make_envs(small_config(tmp_path))
+    envs.seed(1)
+    envs.reset()
+    episodes = []
+    for _ in range(60):
+        masks = envs.action_masks()
+        assert not masks[:, -1].any() or not masks[:, :-1][masks[:, -1]].any()
+        _, rewards, dones, infos = envs.step(masks.argmax(axis=1))
+        assert (rewards <= 0).all()
+        episodes += [(infos[k], k) for k in np.flatnonzero(dones)]
+    envs.close()
+    info, _ = episodes[0]
+    assert info["episode"]["coverage"] >= 0.95 and 0 < info["episode"]["d95_share"] <= 1
+    assert info["terminal_observation"].keys() == envs.observation_space.spaces.keys()
+    assert info["episode"]["r"] < 0 and info["episode"]["l"] > 1 and not info["TimeLimit.truncated"]
+
+
+def test_imitation_comes_to_agree(tmp_path: Path) -> None:
+    config = small_config(
+        tmp_path,
+        imitation={"teacher": "nearest-0.4", "episodes": 4, "rounds": 2, "epochs": 30, "batch_size": 32},
+        network={"tour_weight": 0.0, "detour_weight": 0.0},
+    )
+    assert config.network is not None
+    watcher = Silent()
+    torch.manual_seed(0)
+    run = Run(config, tmp_path / "run", device="cpu", resume=False, watcher=watcher)
+    assert run.spec is not None
+    imitate(Actor(run.spec), config, watcher.say)
+    shares = [float(line.split(", ")[-1].split("%")[0]) for line in watcher.lines]
+    assert len(shares) == 2 and shares[-1] > 80
+
+
+def test_a_teacher_that_knows_the_plan(tmp_path: Path) -> None:
+    config = small_config(
+        tmp_path, imitation={"teacher": "clairvoyant", "episodes": 1, "rounds": 1, "epochs": 1}
+    )
+    watcher = Silent()
+    run = Run(config, tmp_path / "run", device="cpu", resume=False, watcher=watcher)
+    assert run.spec is not None
+    imitate(Actor(run.spec), config, watcher.say)
+    assert watcher.lines
+
+
+def test_a_teacher_with_another_predictor(tmp_path: Path) -> None:
+    config = small_config(tmp_path, imitation={"teacher": "layout-tour"})
+    with pytest.raises(ConfigError, match="needs predictor = 'layout'"):
+        train(config, tmp_path / "run")
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "dqn"])
+def test_motion(algorithm: str, tmp_path: Path) -> None:
+    learning = {
+        "ppo": {"n_steps": 8, "batch_size": 8},
+        "dqn": {"learning_starts": 4, "buffer_size": 64, "batch_size": 4},
+    }
+    table = {
+        "algorithm": algorithm,
+        "envs": 2,
+        "workers": 1,
+        "steps": 32,
+        "checkpoint_every": 16,
+        "max_steps": 20,
+        "plans": ["apartment-01"],
+        "learning": learning[algorithm],
+        "evaluation": {"plans": ["apartment-01"], "every": 32},
+    }
+    from layoutexplore.toml_text import to_toml
+
+    path = tmp_path / "motion.toml"
+    path.write_text(to_toml(table))
+    config = read_config(path)
+    run = train(config, tmp_path / "run")
+    assert run.progress.steps == 32 and 0 < run.progress.evaluations[-1]["coverage"] <= 1
+    train(dataclasses.replace(config, steps=48), tmp_path / "run", resume=True)
+    with pytest.raises(ResultsError, match="does not choose frontiers"):
+        make_agent(f"policy:{tmp_path / 'run'}")
+
+
+@pytest.mark.slow
+def test_two_minutes_of_training_beat_random(tmp_path: Path) -> None:
+    config = read_config(
+        write_config(
+            tmp_path / "config.toml",
+            steps=6144,
+            envs=8,
+            plans=["apartment:1-40"],
+            checkpoint_every=2048,
+            critic_steps=0,
+            network={"tour_weight": 0.0, "detour_weight": 0.0, "width": 32, "heads": 4},
+            learning={"n_steps": 64, "batch_size": 128, "n_epochs": 6},
+            evaluation={"every": 6144, "plans": ["apartment:41-44"], "starts": 2, "references": ["random"]},
+        )
+    )
+    run = train(config, tmp_path / "run")
+    first, last = run.progress.evaluations[0], run.progress.evaluations[-1]
+    assert last["score"] < 0.9 and last["score"] < first["score"]
+
+
+def test_references_are_explored_once(tmp_path: Path) -> None:
+    evaluation = Evaluation(small_config(tmp_path))
+    first = evaluation.compare(make_agent("nearest"))
+    assert first["d95_ratio.nearest"] == first["d99_ratio.nearest"] == 1.0
+    assert evaluation.compare(make_agent("tour"), lambda: True) == {}
+
+
+def test_arguments_of_the_environments(tmp_path: Path) -> None:
+    arguments = environment_arguments(
+        small_config(tmp_path, plans=["generated"], generator={"area": [150, 250]})
+    )
+    assert arguments["plan"].area == (150, 250) and arguments["randomisation"].sensors == ("indoor",)
+    assert arguments["predictor"] == "none" and arguments["observation"].detour

@@ -1,0 +1,99 @@
+"""Comparing runs: pairs, plans, sensors, curves."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from layoutexplore.benchmark.analysis import POOLED, by_plan, compare, groups, pooled_curves, summarise
+from layoutexplore.benchmark.episode import (
+    Row,
+    knows_the_plan,
+)
+
+
+def row(plan: str, agent: str, d95: float, *, start: int = 0, sensor: str = "stage", **more: Any) -> Row:
+    return Row(
+        plan=plan,
+        start=start,
+        sensor=sensor,
+        agent=agent,
+        seed=0,
+        d90=d95,
+        d95=d95,
+        d99=more.pop("d99", d95),
+        reached95=True,
+        distance=d95,
+        **more,
+    )
+
+
+def test_comparisons_are_paired_by_cell() -> None:
+    rows = [
+        row("a", "nearest", 100),
+        row("a", "tour", 50),
+        row("b", "nearest", 10),
+        row("b", "tour", 20),
+        row("c", "tour", 7),
+    ]
+    found = {(c.agent, c.metric): c for c in compare(rows, "nearest")}
+    tour = found["tour", "d95"]
+    assert (tour.cells, tour.plans) == (2, 2)  # plan c has no baseline
+    assert tour.ratio.estimate == pytest.approx(1.0)  # a half and a double cancel
+    assert (tour.ratio.low, tour.ratio.high) == (pytest.approx(0.5), pytest.approx(2.0))
+    assert tour.improvement.estimate == 0.5
+    assert found["nearest", "d95"].ratio.estimate == 1.0
+
+
+def test_plans_count_once_in_the_second_ratio() -> None:
+    rows = [row("a", "nearest", 100, start=k) for k in range(3)] + [
+        row("a", "tour", 50, start=k) for k in range(3)
+    ]
+    rows += [row("b", "nearest", 100), row("b", "tour", 100)]
+    tour = next(c for c in compare(rows, "nearest") if (c.agent, c.metric) == ("tour", "d95"))
+    assert tour.plan_ratio.estimate == pytest.approx(math.sqrt(0.5))
+    assert tour.ratio.estimate < tour.plan_ratio.estimate
+
+
+def test_levels_that_were_not_measured_are_left_out() -> None:
+    rows = [row("a", "nearest", 10, d99=math.nan), row("a", "tour", 10, d99=math.nan)]
+    assert {c.metric for c in compare(rows, "nearest")} == {"d90", "d95"}
+
+
+def test_no_baseline_no_comparison() -> None:
+    assert compare([row("a", "tour", 5)], "nearest") == []
+
+
+def test_sensors_are_pooled_only_when_there_are_several() -> None:
+    one = [row("a", "tour", 5), row("a", "nearest", 5, error="MapError: broken")]
+    assert {name: len(part) for name, part in groups(one).items()} == {"stage": 1}
+    assert list(groups([*one, row("a", "tour", 5, sensor="indoor")])) == [POOLED, "indoor", "stage"]
+
+
+def test_curves_are_in_units_of_the_baseline() -> None:
+    rows = [row("a", "nearest", 100), row("a", "tour", 50)]
+    curves = {"nearest": [[0, 0], [100, 1]], "tour": [[0, 0], [50, 1]]}
+    pooled = {c.agent: c for c in pooled_curves(rows, "nearest", lambda r: np.array(curves[r.agent], float))}
+    assert np.interp(0.5, pooled["tour"].x, pooled["tour"].mean) == pytest.approx(1.0)
+    assert np.interp(0.5, pooled["nearest"].x, pooled["nearest"].mean) == pytest.approx(0.5)
+    tour = next(
+        s for s in summarise(rows, "nearest", lambda r: np.array(curves[r.agent], float)) if s.agent == "tour"
+    )
+    assert tour.auc_difference is not None and tour.auc_difference.estimate == pytest.approx(0.25)
+
+
+def test_table_by_plan() -> None:
+    rows = [row("a", "tour", 10), row("a", "tour", 20, start=1), row("b", "tour", 4)]
+    assert by_plan(rows, "d95") == {("a", "stage"): {"tour": 15.0}, ("b", "stage"): {"tour": 4.0}}
+
+
+def test_who_knows_the_plan() -> None:
+    assert (
+        knows_the_plan("clairvoyant")
+        and knows_the_plan("layout-tour:predictor=oracle")
+        and not knows_the_plan("nearest")
+    )
+    assert not knows_the_plan("clairvoyant-of-tomorrow")

@@ -1,0 +1,87 @@
+"""The benchmark's configuration: read from TOML, refused with its place, and what tells two of them apart."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from layoutexplore.benchmark.config import BenchmarkConfig, read_config
+from layoutexplore.benchmark.episode import run_seed
+from layoutexplore.errors import ConfigError
+from layoutexplore.simulation.config import SimulationConfig
+
+
+def test_configuration_from_toml(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(
+        """
+        plans = ["test", "office:3"]
+        starts = 4
+        sensors = ["stage", "noisy"]
+        [simulation]
+        turn_cost = 0.5
+        odometry_noise = { translation = 0.02 }
+        [lidars.noisy]
+        range_max = 8.0
+        fov = 3.0
+        beams = 90
+        range_noise_std = 0.05
+        """
+    )
+    config = BenchmarkConfig(**read_config(path))
+    assert config.plans == ("test", "office:3") and config.starts == 4
+    assert config.simulation.odometry_noise.translation == 0.02
+    lidar = config.simulation_with("noisy").lidar
+    assert (lidar.name, lidar.beams, lidar.range_noise_std) == ("noisy", 90, 0.05)
+    assert config.simulation_with("stage").lidar.name == "stage"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("start = 3", "did you mean 'starts'"),
+        ("plans = 3", "list of names"),
+        ("starts = [", "not valid TOML"),
+        ("starts = 0", "starts must be a whole number, 1 or more"),
+        ("seed = 1.5", "seed must be a whole number"),
+        ("agents = []", "at least one of agents"),
+        ("agents = ['tour', 'tour']", "'tour' twice"),
+        ("[simulation]\nresolutoin = 0.1", "did you mean 'resolution'"),
+        ("[simulation]\nsensor = 'stage'", "name the sensors in the list"),
+        ("[simulation]\nresolution = -1.0", "resolution"),
+        ("[lidars.mine]\nrange_max = 5.0", "missing"),
+        ("simulation = 3", "simulation in .* must be a table"),
+        ("lidars = { mine = 3 }", "expected a table"),
+        ("[simulation]\nodometry_noise = 3", "expected a table"),
+        ("[simulation]\nresolution = 'fine'", r"study\.toml \[simulation\]: resolution"),
+        ("[simulation]\nresolution = true", "resolution must be a finite number"),
+        ("[simulation]\ngain_rays = 1.5", "gain_rays must be a whole number"),
+        ("[simulation]\ngone_share = 7", "gone_share is a share"),
+        ("baseline = 3", "baseline must be the name of an agent"),
+    ],
+)
+def test_bad_configurations(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=said):
+        BenchmarkConfig(**read_config(path))
+
+
+def test_a_configuration_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot read"):
+        read_config(tmp_path / "none.toml")
+
+
+def test_the_hash_tells_settings_apart_but_not_what_is_run() -> None:
+    config = BenchmarkConfig()
+    assert config.config_hash == dataclasses.replace(config, agents=("tour",), starts=9).config_hash
+    others = [{"seed": 1}, {"simulation": SimulationConfig(turn_cost=0.1)}, {"sensors": ("short",)}]
+    hashes = {dataclasses.replace(config, **change).config_hash for change in others}
+    assert len(hashes | {config.config_hash}) == 4
+
+
+def test_cells_have_their_own_seeds() -> None:
+    seeds = {run_seed(s, plan, start) for s in (0, 1) for plan in ("a", "b") for start in range(3)}
+    assert len(seeds) == 12

@@ -1,0 +1,359 @@
+"""What a layout changed in a run: asked beside it, without touching it."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from layoutexplore.agents import describe_agents
+from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.benchmark.counterfactual import (
+    LOG,
+    MOMENTS,
+    Asides,
+    Counterfactual,
+    Moment,
+    from_arrays,
+    same_choice,
+    to_arrays,
+    without_layout,
+)
+from layoutexplore.benchmark.early_stop import early_stops, stop_at, tried_stops, try_rule
+from layoutexplore.benchmark.episode import Episode, Row, play, prepare
+from layoutexplore.benchmark.layout_effects import layout_effects
+from layoutexplore.benchmark.runner import run_benchmark
+from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.cli import app
+from layoutexplore.errors import ConfigError
+from layoutexplore.frontiers.decision import STOP, Choice, Decision
+from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.robot import OdometryNoise
+
+OFFICES = """
+################################
+#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
+#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
+#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
+####.#######..######.######.####
+#eeeeeeeeeeeeeeeeeeeeeeeeeeeeee#
+#eeeeeeeeeeeeeeeeeeeeeeeeeeeeee#
+###.########.########.##########
+#fffffff#ggggggggg#hhhhhhhhhhhh#
+#fffffff#ggggggggg#hhhhhhhhhhhh#
+#fffffff#ggggggggg#hhhhhhhhhhhh#
+################################
+"""
+AGENT = "layout-nearest:predictor=oracle:flip=0.25"
+
+
+@pytest.fixture(scope="module")
+def plan() -> FloorPlan:
+    return floorplan_from_ascii(OFFICES, resolution=0.6, name="offices")
+
+
+def run(plan: FloorPlan, agent: str, *, explain: bool, seed: int = 0) -> Episode:
+    return play(*prepare(plan, SimulationConfig(sensor="stage"), agent), seed=seed, explain=explain)
+
+
+class Fixed:
+    """Answers with what it was told, and counts how often it was asked: it has a memory."""
+
+    name = "fixed"
+
+    def __init__(self, with_layout: Choice, without: Choice) -> None:
+        self.answers = (with_layout, without)
+        self.asked = 0
+
+    def reset(self, seed: int) -> None:
+        self.asked = 0
+
+    def act(self, decision: Decision) -> Choice:
+        self.asked += 1
+        return self.answers[decision.frontiers[0].is_closed is None]
+
+
+def test_the_run_goes_on_as_if_nobody_had_asked(plan: FloorPlan) -> None:
+    asked, silent = (run(plan, AGENT, explain=explain) for explain in (True, False))
+    assert np.array_equal(asked.curve, silent.curve) and np.array_equal(asked.track, silent.track)
+    assert silent.counterfactual is None and asked.counterfactual is not None
+    assert len(asked.counterfactual.log) == len(asked.decision_ms) == len(asked.prediction_ms)
+
+
+def test_agents_without_a_predictor_are_not_asked(plan: FloorPlan) -> None:
+    episode = run(plan, "nearest", explain=True)
+    assert episode.counterfactual is None and episode.prediction_ms == []
+
+
+def test_the_oracle_is_never_wrong_nor_misled(plan: FloorPlan) -> None:
+    told = run(plan, "layout-nearest:predictor=oracle", explain=True).counterfactual
+    assert told is not None
+    for name in ("misled", "closed_as_open", "open_as_closed", "leftover_missed", "leftover_wrong"):
+        assert not told.column(name).any()
+    assert (told.column("closed") + told.column("open") == told.column("frontiers")).all()
+    assert told.column("changed").any() and all(moment.right for moment in told.moments)
+
+
+def test_flipped_classes_are_counted(plan: FloorPlan) -> None:
+    told = run(plan, AGENT, explain=True).counterfactual
+    assert told is not None
+    assert told.column("closed_as_open").sum() + told.column("open_as_closed").sum() > 0
+    assert (told.column("leftover_missed") <= told.column("leftover")).all()
+    reasons = told.column("class_alone") + told.column("area_alone") + told.column("both")
+    assert (reasons[told.column("misled") == 0] == 0).all()
+
+
+def test_changed_is_another_choice_without_the_layout(plan: FloorPlan) -> None:
+    simulation, _ = prepare(plan, SimulationConfig(sensor="stage"), AGENT)
+    decision = simulation.reset(seed=0)
+    assert len(decision.frontiers) >= 2
+    for pair, changed in (((0, 0), 0.0), ((1, 0), 1.0), ((0, STOP), 1.0), ((STOP, STOP), 0.0)):
+        agent, asides = Fixed(*pair), Asides(simulation)
+        asides.before(agent)
+        choice = agent.act(decision)
+        asides.note(decision, choice, 1.5)
+        told = asides.end()
+        assert told.column("changed").tolist() == [changed] and told.column("prediction_ms").tolist() == [1.5]
+        assert agent.asked == 1 and len(told.moments) == (pair == (1, 0))
+
+
+def test_moments_within_two_metres_are_about_the_same(plan: FloorPlan) -> None:
+    told = run(plan, AGENT, explain=True).counterfactual
+    assert told is not None and told.moments
+    moment, (row, col) = told.moments[0], told.moments[0].chosen
+    for cells, same in ((20, True), (21, False)):
+        assert moment.is_about(dataclasses.replace(moment, chosen=(row + cells, col)), 0.1) == same
+        assert (
+            moment.is_about(
+                dataclasses.replace(moment, given_up=(moment.given_up[0], moment.given_up[1] - cells)), 0.1
+            )
+            == same
+        )
+    for k, other in enumerate(told.moments):
+        assert all(not other.is_about(later, 0.1) for later in told.moments[k + 1 :])
+
+
+def test_a_hidden_layout_leaves_nothing(plan: FloorPlan) -> None:
+    simulation, _ = prepare(plan, SimulationConfig(sensor="stage"), "layout-nearest")
+    decision = simulation.reset(seed=0)
+    assert decision.layout is not None and decision.frontiers[0].is_closed is not None
+    bare = simulation.predictor
+    simulation.predictor = None
+    plain, hidden = simulation.reset(seed=0), without_layout(decision)
+    simulation.predictor = bare
+    assert hidden.layout is None
+    for a, b in zip(plain.frontiers, hidden.frontiers, strict=True):
+        ours, theirs = dataclasses.asdict(a), dataclasses.asdict(b)
+        assert all(np.array_equal(ours[key], theirs[key]) for key in ours)
+
+
+@pytest.mark.parametrize(
+    "name", [a.name for a in describe_agents() if any(key == "predictor" for key, _, _ in a.parameters)]
+)
+def test_every_layout_agent_can_do_without(plan: FloorPlan, name: str) -> None:
+    simulation, agent = prepare(plan, SimulationConfig(sensor="stage"), name)
+    decision = simulation.reset(seed=0)
+    agent.reset(0)
+    twin = copy.deepcopy(agent)
+    choice = twin.act(without_layout(decision))
+    assert isinstance(choice, np.ndarray) or choice == STOP or 0 <= choice < len(decision.frontiers)
+    assert same_choice(agent.act(decision), copy.deepcopy(agent).act(decision)) or name == "random"
+
+
+def test_moments_say_what_came_of_them(plan: FloorPlan) -> None:
+    for seed in range(3):
+        told = run(plan, AGENT, explain=True, seed=seed).counterfactual
+        assert told is not None and len(told.moments) <= MOMENTS
+        assert [m.distance for m in told.moments] == sorted(m.distance for m in told.moments)
+        for moment in told.moments:
+            assert moment.stake >= -1e-3 and 0 <= moment.without < len(moment.judged)
+            assert math.isnan(moment.seen_after) or moment.seen_after >= 0
+            rows, cols = (moment.members - moment.corner).T
+            assert (moment.cells[rows, cols] == 0).all()  # frontiers are free cells of the part that is kept
+
+
+def test_what_is_kept_survives_the_file(plan: FloorPlan, tmp_path: Path) -> None:
+    episode = run(plan, AGENT, explain=True)
+    told = episode.counterfactual
+    assert told is not None and told.moments
+    folder, row = ResultsFolder(tmp_path), Row(plan="a", start=0, sensor="stage", agent=AGENT, seed=0)
+    folder.save_episode(row, episode)
+    for read in (folder.counterfactual(row), from_arrays(to_arrays(told))):
+        assert read is not None and np.array_equal(read.log, told.log)
+        for a, b in zip(read.moments, told.moments, strict=True):
+            for f in dataclasses.fields(Moment):
+                mine, theirs = getattr(a, f.name), getattr(b, f.name)
+                assert np.array_equal(mine, theirs, equal_nan=isinstance(mine, float)), f.name
+    folder.save_episode(row, dataclasses.replace(episode, counterfactual=None))
+    assert folder.counterfactual(row) is None
+
+
+def test_rows_and_effects(plan: FloorPlan, tmp_path: Path) -> None:
+    plan.save(tmp_path / "offices.geojson")
+    config = BenchmarkConfig(plans=(str(tmp_path / "offices.geojson"),), starts=2, agents=("nearest", AGENT))
+    outcome = run_benchmark(config, tmp_path / "out")
+    rows = {(row.agent, row.start): row for row in outcome.rows}
+    assert rows["nearest", 0].layout_changed == rows["nearest", 0].prediction_seconds == 0.0
+    assert rows[AGENT, 0].prediction_seconds > 0 and 0 < rows[AGENT, 0].layout_changed < 1
+    (effect,) = layout_effects(outcome.rows, outcome.folder.counterfactual)
+    mine = [rows[AGENT, start] for start in (0, 1)]
+    assert (effect.agent, effect.runs, effect.decisions) == (AGENT, 2, sum(row.decisions for row in mine))
+    assert effect.changed.estimate == pytest.approx(np.mean([row.layout_changed for row in mine]), abs=1e-6)
+    assert (
+        effect.by_class + effect.by_area + effect.by_both + effect.by_rooms >= 1 - 1e-9
+        or effect.misled.estimate == 0
+    )
+    quiet = run_benchmark(dataclasses.replace(config, explain=False), tmp_path / "quiet")
+    assert math.isnan({row.agent: row for row in quiet.rows}[AGENT].layout_changed)
+    assert layout_effects(quiet.rows, quiet.folder.counterfactual) == []
+    assert [row.d99 for row in quiet.rows] == [row.d99 for row in outcome.rows]
+
+
+def test_explain_is_yes_or_no() -> None:
+    with pytest.raises(ConfigError, match="true or false"):
+        BenchmarkConfig(explain="maybe")  # type: ignore[arg-type]
+
+
+def test_the_command_can_do_without(plan: FloorPlan, tmp_path: Path) -> None:
+    plan.save(tmp_path / "offices.geojson")
+    arguments = [
+        "benchmark",
+        "--plans",
+        str(tmp_path / "offices.geojson"),
+        "--starts",
+        "1",
+        "--agents",
+        AGENT,
+        "--jobs",
+        "1",
+    ]
+    for flag, asked in (("--no-explain", False), ("--explain", True)):
+        out = tmp_path / flag
+        result = CliRunner().invoke(app, [*arguments, "--out", str(out), flag])
+        assert result.exit_code == 0, result.output
+        (row,) = ResultsFolder(out).rows()
+        assert (
+            math.isnan(row.layout_changed) != asked
+            and (ResultsFolder(out).counterfactual(row) is not None) == asked
+        )
+
+
+def test_drift_beyond_the_grid_is_survived(plan: FloorPlan) -> None:
+    """A robot that believes to be outside of its map is still asked."""
+    config = SimulationConfig(
+        sensor="indoor", odometry_noise=OdometryNoise(translation=0.5, rotation=0.5), max_distance=40.0
+    )
+    for seed in range(3):
+        told = play(*prepare(plan, config, AGENT), seed=seed, explain=True).counterfactual
+        assert told is not None and len(told.log)
+
+
+def test_results_of_an_earlier_version_are_read(plan: FloorPlan, tmp_path: Path) -> None:
+    plan.save(tmp_path / "offices.geojson")
+    config = BenchmarkConfig(plans=(str(tmp_path / "offices.geojson"),), starts=1, agents=("nearest",))
+    folder = run_benchmark(config, tmp_path / "out").folder
+    import pandas as pd
+
+    table = pd.read_csv(folder.table, keep_default_na=False, dtype=str)
+    table.drop(columns=["layout_changed", "layout_misled", "prediction_seconds"]).to_csv(
+        folder.table, index=False
+    )
+    (row,) = folder.rows()
+    assert row.reached99 and math.isnan(row.layout_changed)
+    assert run_benchmark(config, tmp_path / "out").ran == 0
+    assert set(table.columns) == set(pd.read_csv(folder.table).columns)
+
+
+# --- stopping early
+# -------------------------------------------------------------------------------------------------
+
+
+def row(
+    agent: str, metres: float, coverage: float, *, plan: str = "a", stop: str = "coverage", **more: Any
+) -> Row:
+    reached = coverage >= 0.99
+    return Row(
+        plan=plan, start=0, sensor="stage", agent=agent, seed=0, distance=metres, coverage=coverage,
+        d99=metres if reached else 500.0, reached99=reached, stop_reason=stop, **more,
+    )  # fmt: skip
+
+
+CURVES = {"nearest": np.array([[0.0, 0.0], [50.0, 0.9], [100.0, 0.99]])}
+
+
+def test_pairs_of_saved_and_lost() -> None:
+    rows = [
+        row("nearest", 100, 0.99), row("nearest", 100, 0.99, plan="b"),
+        row("early", 70, 0.96, stop="agent"), row("early", 80, 0.99, plan="b"),
+    ]  # fmt: skip
+    (stop,) = early_stops(rows, "nearest", lambda r: CURVES[r.agent])
+    assert (
+        stop.agent == "early"
+        and stop.saved.estimate == pytest.approx(0.25)
+        and stop.lost.estimate == pytest.approx(0.015)
+    )
+    assert stop.worst == pytest.approx(0.03) and stop.too_early == stop.stopped == 0.5
+    assert stop.runs[0].baseline_saved == pytest.approx(1 - (50 + 50 * 6 / 9) / 100)
+    assert stop.runs[1].baseline_saved == pytest.approx(0.0) and stop.runs[1].lost == 0.0
+
+
+def test_nothing_to_say_without_a_stop_or_a_finished_baseline() -> None:
+    assert (
+        early_stops(
+            [row("nearest", 100, 0.99), row("tour", 90, 0.99)], "nearest", lambda r: CURVES["nearest"]
+        )
+        == []
+    )
+    halted = [row("nearest", 100, 0.7, stop="budget"), row("early", 10, 0.5, stop="agent")]
+    assert early_stops(halted, "nearest", lambda r: CURVES["nearest"]) == []
+
+
+def test_a_stop_that_never_comes_is_told_too() -> None:
+    rows = [row("nearest", 100, 0.99), row("layout-tour:stop_area=1", 80, 0.99), row("layout-tour", 80, 0.99)]
+    (stop,) = early_stops(rows, "nearest", lambda r: CURVES["nearest"])
+    assert stop.agent == "layout-tour:stop_area=1" and stop.saved.estimate == pytest.approx(0.2)
+    assert stop.stopped == stop.lost.estimate == 0.0
+
+
+def test_more_than_the_goal_is_not_lost_nor_saved_twice() -> None:
+    stop = stop_at("a", 100.0, 1.0, 100.0, CURVES["nearest"])
+    assert stop.saved == stop.lost == 0.0 and stop.baseline_saved == pytest.approx(0.0) and not stop.early
+
+
+def test_a_tried_rule_is_what_the_agent_would_have_done(plan: FloorPlan, tmp_path: Path) -> None:
+    plan.save(tmp_path / "offices.geojson")
+    agents = ("nearest", "layout-nearest:predictor=oracle", "layout-nearest:stop_area=8,predictor=oracle")
+    simulation = SimulationConfig(coverage_goal=1.0)
+    config = BenchmarkConfig(
+        plans=(str(tmp_path / "offices.geojson"),), starts=2, agents=agents, simulation=simulation
+    )
+    outcome = run_benchmark(config, tmp_path / "out")
+    curves = lambda row: outcome.folder.episode(row)[0]  # noqa: E731
+    found = {stop.agent: stop for stop in early_stops(outcome.rows, "nearest", curves)}
+    (tried,) = tried_stops(outcome.rows, "nearest", agents[1], curves, outcome.folder.counterfactual, [8.0])
+    told = found[agents[2]]
+    assert tried.tried and not told.tried and any(row.stop_reason == "agent" for row in outcome.rows)
+    for a, b in zip(tried.runs, told.runs, strict=True):
+        assert (a.plan, a.saved, a.lost) == (
+            b.plan,
+            pytest.approx(b.saved, abs=1e-4),
+            pytest.approx(b.lost, abs=1e-4),
+        )
+
+
+def test_a_rule_is_tried_on_runs_that_went_on() -> None:
+    log = np.zeros((4, len(LOG)), np.float32)
+    log[:, LOG.index("distance")], log[:, LOG.index("coverage")] = [0, 30, 60, 90], [0.2, 0.8, 0.97, 0.98]
+    log[:, LOG.index("total_left")] = [90, 9, 0.5, 0.1]
+    runs = [(row("tour", 95, 0.99), Counterfactual(log, ()), row("nearest", 100, 0.99))]
+    stop = try_rule(lambda told: told.column("total_left") < 1, runs, lambda r: CURVES[r.agent])
+    assert stop.saved.estimate == pytest.approx(0.4) and stop.lost.estimate == pytest.approx(0.02, abs=1e-6)
+    never = try_rule(lambda told: told.column("total_left") < 0, runs, lambda r: CURVES[r.agent])
+    assert never.saved.estimate == pytest.approx(0.05) and never.lost.estimate == 0.0

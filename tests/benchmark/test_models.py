@@ -1,0 +1,56 @@
+"""Results folders know what the agents had learnt when they ran."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from pathlib import Path
+
+import pytest
+
+from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.benchmark.episode import fingerprints
+from layoutexplore.benchmark.runner import run_benchmark
+from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.errors import ResultsError
+from layoutexplore.predictors.learned import CELL_MODEL, FRONTIER_MODEL, FRONTIER_NETWORK
+from layoutexplore.toml_text import to_toml
+
+CONFIG = BenchmarkConfig(plans=("apartment-01",), starts=1, sensors=("indoor",))
+
+
+def test_other_weights_are_noticed(tmp_path: Path) -> None:
+    """Results of a predictor are not taken for those of one that has learnt something else since."""
+    models, out = tmp_path / "models", tmp_path / "out"
+    models.mkdir()
+    for path in (FRONTIER_MODEL, CELL_MODEL, FRONTIER_NETWORK):
+        shutil.copy(path, models)
+    agent = f"layout-tour:predictor=layout:model={models}"
+    config = dataclasses.replace(CONFIG, agents=("nearest", agent))
+    assert run_benchmark(config, out).ran == 2
+    assert run_benchmark(config, out).ran == 0
+    assert list(fingerprints(config.agents)) == [agent]
+    (models / FRONTIER_NETWORK.name).unlink()
+    with pytest.raises(ResultsError, match=r"settings\.models\.layout-tour:.* there, .* now") as caught:
+        run_benchmark(config, out)
+    assert "--force" in str(caught.value) and "--extend" not in str(caught.value), (
+        "nothing can be added to it"
+    )
+    with pytest.raises(ResultsError, match=r"settings\.models"):
+        run_benchmark(config, out, extend=True)
+    other = dataclasses.replace(config, agents=("nearest", "layout-tour"))
+    assert run_benchmark(other, out, extend=True).ran == 1
+    assert set(ResultsFolder(out).manifest()["settings"]["models"]) == {agent, "layout-tour"}
+
+
+def test_models_that_were_not_noted_may_be_others(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    config = dataclasses.replace(CONFIG, agents=("nearest", "layout-tour"))
+    run_benchmark(config, out)
+    manifest = ResultsFolder(out).manifest()
+    del manifest["settings"]["models"]
+    (out / "run.toml").write_text(to_toml(manifest))
+    for extend in (False, True):
+        with pytest.raises(ResultsError, match=r"settings\.models\.layout-tour: not noted there"):
+            run_benchmark(config, out, extend=extend)
+    assert run_benchmark(dataclasses.replace(config, agents=("nearest",)), out, extend=True).ran == 0

@@ -1,0 +1,221 @@
+"""The commands `layout` and `evaluate`, on small maps drawn here."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from layoutexplore.cli import app
+from layoutexplore.cli.json_file import write_json
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.evaluation.cross_validation import deal_folds
+from layoutexplore.evaluation.segmentation import find_cases, guess_building
+
+runner = CliRunner()
+
+
+def draw(folder: Path, name: str, wall: int = 82) -> None:
+    """Two rooms side by side, the wall between them at column `wall`, and their painted truth."""
+    image = np.full((140, 200), 205, np.uint8)
+    image[20:120, 20:180] = 0
+    truth = np.zeros((140, 200, 3), np.uint8)
+    for (left, right), colour in (((24, wall), (0, 0, 255)), ((wall + 4, 176), (0, 255, 0))):
+        image[24:116, left:right] = 254
+        truth[24:116, left:right] = colour
+    image[60:78, wall : wall + 4] = 254
+    cv2.imwrite(str(folder / f"{name}.png"), image)
+    cv2.imwrite(str(folder / f"{name}_gt.png"), truth)
+
+
+def test_layout_writes_labels_in_the_image_orientation(tmp_path: Path) -> None:
+    draw(tmp_path, "flat")
+    result = runner.invoke(
+        app, ["layout", str(tmp_path / "flat.png"), "--out", str(tmp_path / "out"), "--json"]
+    )
+    assert result.exit_code == 0, result.output
+    summary = json.loads(result.output)
+    assert summary["rooms"] == 2
+    labels = cv2.imread(summary["labels"], cv2.IMREAD_UNCHANGED)
+    assert labels.dtype == np.uint16 and labels.shape == (140, 200)
+    assert labels[30, 30] != labels[30, 150] and labels[0, 0] == 0
+    image = cv2.imread(str(tmp_path / "flat.png"), cv2.IMREAD_GRAYSCALE)
+    assert not labels[image == 0].any()
+    features = json.loads(Path(summary["geojson"]).read_text())["features"]
+    assert len(features) >= 2
+    assert cv2.imread(summary["overview"]) is not None
+
+
+def test_layout_prints_a_line_a_map_and_refuses_equal_names(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        draw(tmp_path, name)
+    maps = [str(tmp_path / f"{n}.png") for n in ("a", "b")]
+    result = runner.invoke(app, ["layout", *maps, "--out", str(tmp_path), "-m", "distance"])
+    assert result.exit_code == 0 and len(result.output.strip().splitlines()) == 2
+    again = runner.invoke(app, ["layout", maps[0], maps[0], "--out", str(tmp_path)])
+    assert isinstance(again.exception, ConfigError)
+
+
+def test_a_broken_map_does_not_keep_the_others_from_being_done(tmp_path: Path) -> None:
+    draw(tmp_path, "good")
+    whole = (tmp_path / "good.png").read_bytes()
+    (tmp_path / "cut.png").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "text.png").write_text("no image")
+    maps = [str(tmp_path / f"{name}.png") for name in ("cut", "good", "text", "missing")]
+    result = runner.invoke(app, ["layout", *maps, "--out", str(tmp_path / "out"), "-m", "distance"])
+    assert result.exit_code == 2
+    errors = result.stderr.splitlines()
+    assert [line.split(": ")[1] for line in errors] == [maps[0], maps[2], maps[3]]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "good_labels.png",
+        "good_layout.geojson",
+        "good_overview.png",
+    ]
+
+
+def test_places_that_cannot_be_written_are_found_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draw(tmp_path, "a")
+    file = tmp_path / "file"
+    file.write_text("mine")
+    commands = [
+        ["layout", str(tmp_path / "a.png"), "--out", str(file)],
+        ["layout", str(tmp_path / "a.png"), "--out", str(file / "deeper")],
+        ["evaluate", "segmentation", str(tmp_path), "--out", str(file)],
+        ["evaluate", "segmentation", str(tmp_path), "--json", str(tmp_path)],
+        ["evaluate", "layout", str(tmp_path), "--json", str(file / "n.json")],
+        ["evaluate", "clutter", str(tmp_path), "--json", str(tmp_path)],
+    ]
+    for command in commands:
+        result = runner.invoke(app, command)
+        assert isinstance(result.exception, ConfigError) and command[-2] in str(result.exception), command
+        assert not result.output
+    monkeypatch.setattr("os.access", lambda path, mode: not mode & os.W_OK)
+    result = runner.invoke(
+        app, ["layout", str(tmp_path / "a.png"), "--out", str(tmp_path / "new" / "folder")]
+    )
+    assert isinstance(result.exception, ConfigError) and "permission" in str(result.exception)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.png", "a_gt.png", "file"]
+
+
+@pytest.mark.parametrize("resolution", ["-1", "0", "nan", "inf"])
+@pytest.mark.parametrize("blueprint", [[], ["--blueprint"]])
+def test_a_resolution_that_is_none_is_refused(tmp_path: Path, resolution: str, blueprint: list[str]) -> None:
+    draw(tmp_path, "a")
+    result = runner.invoke(app, ["layout", str(tmp_path / "a.png"), "--resolution", resolution, *blueprint])
+    assert result.exit_code == 2 or isinstance(result.exception, MapError)
+
+
+def test_json_files_hold_no_word_that_json_does_not_know(tmp_path: Path) -> None:
+    write_json(
+        tmp_path / "n.json",
+        {"a": float("nan"), "b": [1.5, float("inf")], "c": {"d": (1, -math.inf)}, "e": "NaN"},
+    )
+    data = json.loads((tmp_path / "n.json").read_text(), parse_constant=lambda word: pytest.fail(word))
+    assert data == {"a": None, "b": [1.5, None], "c": {"d": [1, None]}, "e": "NaN"}
+
+
+def test_evaluate_segmentation_scores_several_methods(tmp_path: Path) -> None:
+    for k, name in enumerate(("a", "b")):
+        draw(tmp_path, name, 82 + 10 * k)
+    out = tmp_path / "report"
+    numbers = tmp_path / "numbers.json"
+    options = [
+        "-m",
+        "default",
+        "-m",
+        "voronoi",
+        "--out",
+        str(out),
+        "--json",
+        str(numbers),
+        "--protocol",
+        "bormann",
+    ]
+    result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), *options])
+    assert result.exit_code == 0, result.output
+    data = json.loads(numbers.read_text())
+    assert {r["method"] for r in data["maps"]} == {"default", "voronoi"} and len(data["maps"]) == 4
+    best = next(line for line in data["summary"] if line["method"] == "default")
+    assert best["one_to_one"] > 0.9 and best["maps"] == 2
+    rows = list(csv.DictReader((out / "results.csv").open()))
+    assert len(rows) == 4 and float(rows[0]["precision"]) > 90
+    page = (out / "report.html").read_text()
+    assert "Map by map" in page and page.count("<img") == 4 and "<b>2</b>maps" in page
+    assert len(list((out / "pictures").glob("*.png"))) == 4
+
+
+def test_cross_validation_never_trains_on_the_building_it_scores(tmp_path: Path) -> None:
+    for name in ("tower_scan", "tower2", "barn"):
+        draw(tmp_path, name)
+    cases = find_cases([tmp_path])
+    assert {c.building for c in cases} == {"tower", "tower2", "barn"}
+    assert len(set(deal_folds(cases, 3).values())) == 3
+    with pytest.raises(ConfigError, match="folds"):
+        deal_folds(cases, 4)
+    options = ["--folds", "2", "--simulated", "2", "--weight", f"{tmp_path.name}=2"]
+    result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), *options])
+    assert result.exit_code == 0, result.output
+    assert result.output.count("default:") == 3
+
+
+def test_buildings_come_from_a_file_or_the_name(tmp_path: Path) -> None:
+    draw(tmp_path, "map1")
+    assert guess_building("lab_intel", "x") == guess_building("intel_map", "y") == "intel"
+    assert find_cases([tmp_path])[0].building == tmp_path.name
+    assert find_cases([tmp_path], {"map1": "castle"})[0].building == "castle"
+
+
+def test_what_is_missing_is_said_clearly(tmp_path: Path) -> None:
+    with pytest.raises(MapError, match="no map"):
+        find_cases([tmp_path])
+    with pytest.raises(MapError, match="no such folder"):
+        find_cases([tmp_path / "nowhere"])
+    result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), "--protocol", "roses"])
+    assert isinstance(result.exception, ConfigError)
+    result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), "-m", "roses"])
+    assert isinstance(result.exception, ConfigError)
+    table = tmp_path / "buildings.csv"
+    for text in ("", "hello\n", "name;house\nmap1;castle\n"):
+        table.write_text(text)
+        result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), "--buildings", str(table)])
+        assert isinstance(result.exception, ConfigError) and "columns map and building" in str(
+            result.exception
+        )
+    for options in (["--seeds", "2"], ["--weight", "x=2"], ["--plans", "office-01"]):
+        draw(tmp_path, "map1")
+        result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), *options])
+        assert isinstance(result.exception, ConfigError) and "--folds" in str(result.exception)
+    for weight in ("nowhere=4", f"{tmp_path.name}=heavy", f"{tmp_path.name}=0"):
+        draw(tmp_path, "map1")
+        result = runner.invoke(
+            app, ["evaluate", "train", str(tmp_path), "--out", str(tmp_path / "m.json"), "--weight", weight]
+        )
+        assert isinstance(result.exception, ConfigError) and weight in str(result.exception)
+
+
+def test_a_truth_without_a_painted_room_is_an_error_and_no_score_of_zero(tmp_path: Path) -> None:
+    draw(tmp_path, "map1")
+    ids = np.zeros((140, 200), np.uint16)
+    ids[24:116, 24:176] = 1
+    cv2.imwrite(str(tmp_path / "map1_gt.png"), ids)
+    result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path)])
+    assert isinstance(result.exception, MapError) and "no room is painted" in str(result.exception)
+
+
+def test_evaluate_layout_on_a_school(data_dir: Path, tmp_path: Path) -> None:
+    folder = data_dir / "gridmaps" / "schools"
+    for suffix in (".png", "_gt.xml"):
+        (tmp_path / f"herndon{suffix}").write_bytes((folder / f"herndon{suffix}").read_bytes())
+    result = runner.invoke(app, ["evaluate", "layout", str(tmp_path), "--json", str(tmp_path / "n.json")])
+    assert result.exit_code == 0, result.output
+    row = json.loads((tmp_path / "n.json").read_text())["maps"][0]
+    assert row["a_fc"] > 0.75 and row["a_bc"] > 0.7

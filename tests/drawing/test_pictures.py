@@ -1,0 +1,230 @@
+"""Pictures: the right colours in the right places, constant sizes, and nothing that changes a run."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from layoutexplore.drawing import palette
+from layoutexplore.drawing import pictures as picture
+from layoutexplore.drawing.dashboard import text_width, write
+from layoutexplore.drawing.pictures import draw_grid, draw_plan, draw_state
+from layoutexplore.envs.viewer import draw_text
+from layoutexplore.errors import ConfigError
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.sensing.lidar import LidarConfig
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.robot import OdometryNoise
+from layoutexplore.simulation.simulation import Simulation
+
+PLAN = """
+##############
+#aaaaa#bbbbbb#
+#aaaaa.bbbbbb#
+#aaaaa#bbbbbb#
+###.####.#####
+#cccccccccccc#
+##############
+"""
+
+
+@pytest.fixture(scope="module")
+def plan() -> FloorPlan:
+    return floorplan_from_ascii(PLAN, resolution=1.0, name="three rooms")
+
+
+def run(plan: FloorPlan, steps: int = 3, **options: Any) -> Simulation:
+    simulation = Simulation(plan, SimulationConfig(**{"sensor": "short"} | options))
+    simulation.reset(seed=1)
+    for _ in range(steps):
+        if not simulation.done:
+            simulation.step(0)
+    return simulation
+
+
+def count(image: NDArray[np.uint8], colour: palette.Colour) -> int:
+    return int((image == np.array(colour, np.uint8)).all(axis=-1).sum())
+
+
+def test_a_grid_is_drawn_y_up() -> None:
+    grid = OccupancyGrid(np.array([[0, 100], [-1, 50]], np.int8), 1.0)
+    image = draw_grid(grid, scale=3)
+    assert image.shape == (6, 6, 3) and image.dtype == np.uint8
+    assert tuple(image[5, 0]) == palette.FREE and tuple(image[5, 5]) == palette.WALL
+    assert tuple(image[0, 0]) == palette.CANVAS
+    assert tuple(image[0, 5]) == palette.mix(palette.FREE, palette.WALL, 0.5)
+
+
+@pytest.mark.parametrize("scale", [0, -1, 1.5])
+def test_a_scale_is_a_whole_number(scale: float) -> None:
+    with pytest.raises(ConfigError, match="scale"):
+        draw_grid(OccupancyGrid(np.zeros((2, 2), np.int8), 1.0), scale=scale)  # type: ignore[arg-type]
+
+
+def test_a_plan_has_a_colour_per_room_and_dark_walls(plan: FloorPlan) -> None:
+    raster = plan.rasterize(0.1)
+    image = draw_plan(raster, scale=2)
+    assert image.shape == (2 * raster.shape[0], 2 * raster.shape[1], 3)
+    for room in plan.rooms:
+        x, y = room.polygon.representative_point().coords[0]
+        row, col = raster.world_to_cell(x, y)
+        assert tuple(image[2 * (raster.shape[0] - 1 - row), 2 * col]) == palette.room_colour(room.id)
+    assert count(image, palette.WALL) > 1000
+    assert tuple(image[0, 0]) == palette.CANVAS  # far from any room
+
+
+@pytest.mark.parametrize("size", [(960, 720), (641, 481), (320, 240)])
+def test_every_frame_of_a_run_has_the_size_that_was_asked_for(plan: FloorPlan, size: tuple[int, int]) -> None:
+    simulation = run(plan, steps=0)
+    while not simulation.done:
+        assert draw_state(simulation, size=size, agent="nearest", target=0).shape == (size[1], size[0], 3)
+        simulation.step(0)
+    assert draw_state(simulation, size=size).shape == (size[1], size[0], 3)
+
+
+def test_a_size_that_suits_the_plan_is_even(plan: FloorPlan) -> None:
+    height, width, _ = draw_state(run(plan)).shape
+    assert width == 960 and height % 2 == 0 and 480 <= height <= 1080
+
+
+def test_too_small_a_frame_is_refused(plan: FloorPlan) -> None:
+    with pytest.raises(ConfigError, match="320 x 240"):
+        draw_state(run(plan), size=(100, 100))
+
+
+def test_what_is_drawn_is_there(plan: FloorPlan) -> None:
+    simulation = run(plan, steps=1)
+    full = draw_state(simulation, target=0)
+    bare = draw_state(simulation, frontiers=False, truth=False)
+    for colour in (palette.FREE, palette.WALL, palette.CANVAS, palette.ROBOT):
+        assert count(full, colour) > 20 and count(bare, colour) > 20
+    for colour in (palette.FRONTIER, palette.UNSEEN, palette.PLANNED):
+        assert count(full, colour) > 20
+    assert count(bare, palette.FRONTIER) == count(bare, palette.UNSEEN) == 0
+
+
+def test_frontier_classes_have_colours(plan: FloorPlan) -> None:
+    simulation = run(plan, steps=1)
+    decision = simulation.decision
+    judged = tuple(replace(f, is_closed=k % 2 == 0) for k, f in enumerate(decision.frontiers))
+    assert len(judged) >= 2
+    simulation._decision = replace(decision, frontiers=judged)
+    image = draw_state(simulation)
+    assert (
+        count(image, palette.CLOSED) > 20
+        and count(image, palette.OPEN) > 20
+        and count(image, palette.FRONTIER) == 0
+    )
+
+
+def test_what_is_predicted_is_drawn_where_it_is_and_told_right_from_wrong(plan: FloorPlan) -> None:
+    class Guess:
+        """Takes everything for one room."""
+
+        name = "guess"
+
+        def predict(self, decision: Decision) -> Decision:
+            return replace(decision, layout=SimpleNamespace(labels=np.ones(decision.grid.shape, np.int32)))
+
+    simulation = Simulation(plan, SimulationConfig(sensor="short"), Guess())
+    simulation.reset(seed=1)
+    unknown = simulation.mapper.grid.cells < 0
+    right, wrong = (unknown & (simulation.truth.target == is_floor) for is_floor in (True, False))
+    assert right.any() and wrong.any()
+    hinted = draw_state(simulation, size=(700, 450))
+    assert (
+        count(hinted, palette.PREDICTED) > 5 * right.sum()
+        and count(hinted, palette.MISTAKEN) > 5 * wrong.sum()
+    )
+    plain = draw_state(simulation, size=(700, 450), truth=False)
+    assert count(plain, palette.MISTAKEN) == 0 and count(plain, palette.PREDICTED) > count(
+        hinted, palette.PREDICTED
+    )
+
+
+def test_cells_land_where_their_coordinates_do(plan: FloorPlan) -> None:
+    raster = plan.rasterize(0.1)
+    view = picture._View.fit(raster.shape, (900, 700), raster.resolution, raster.origin)
+    cells = np.zeros((*raster.shape, 3), np.uint8)
+    row, col = raster.world_to_cell(3.05, 2.05)
+    cells[row, col] = 255
+    image = view.place(cells)
+    x, y = view.pixels(np.array([[3.05, 2.05]]))[0]
+    rows, cols = np.nonzero((image == 255).all(axis=-1))
+    assert cols.mean() == pytest.approx(x - 0.5, abs=1.0) and rows.mean() == pytest.approx(y - 0.5, abs=1.0)
+
+
+def test_the_robot_points_where_it_heads(plan: FloorPlan) -> None:
+    raster = plan.rasterize(0.1)
+    view = picture._View.fit(raster.shape, (900, 700), raster.resolution, raster.origin)
+    x, y = view.pixels(np.array([[4.0, 2.0]]))[0]
+    for theta, (dx, dy) in (
+        (0.0, (1, 0)),
+        (math.pi / 2, (0, -1)),
+        (math.pi, (-1, 0)),
+        (-math.pi / 2, (0, 1)),
+    ):
+        image = np.full((700, 900, 3), 255, np.uint8)
+        picture._draw_robot(image, view, Pose(4.0, 2.0, theta), 0.2)
+        rows, cols = np.nonzero((image == palette.ROBOT).all(axis=-1))
+        tip = max(((c - x) * dx + (r - y) * dy) for r, c in zip(rows, cols, strict=True))
+        back = max((-(c - x) * dx - (r - y) * dy) for r, c in zip(rows, cols, strict=True))
+        assert tip > back
+
+
+def test_noise_does_not_touch_the_picture_or_the_run(plan: FloorPlan) -> None:
+    lidar = LidarConfig(range_max=6.0, fov=3.0, beams=90, range_noise_std=0.02, dropout=0.05)
+    options: dict[str, Any] = {
+        "sensor": lidar,
+        "odometry_noise": OdometryNoise(translation=0.02, rotation=0.01),
+    }
+    watched, alone = run(plan, steps=0, **options), run(plan, steps=0, **options)
+    for _ in range(3):
+        np.testing.assert_array_equal(draw_state(watched), draw_state(watched))
+        if not watched.done:
+            watched.step(0)
+            alone.step(0)
+    np.testing.assert_array_equal(watched.track, alone.track)
+    np.testing.assert_array_equal(watched.mapper.grid.cells, alone.mapper.grid.cells)
+
+
+def test_text_shows_walls_robot_and_frontiers(plan: FloorPlan) -> None:
+    simulation = run(plan, steps=1)
+    text = draw_text(simulation)
+    head, *lines = text.splitlines()
+    assert head.startswith("three rooms: ") and "m, exploring" in head
+    assert max(len(line) for line in lines) <= 100
+    body = "\n".join(lines)
+    assert set("#.?") <= set(body)
+    assert len(re.findall("[><^v]", body)) == 1
+    assert "?" not in draw_text(simulation, frontiers=False)
+
+
+def test_text_of_a_wide_map_is_cut_to_the_columns(plan: FloorPlan) -> None:
+    lines = draw_text(run(plan), columns=20).splitlines()[1:]
+    assert 10 <= max(len(line) for line in lines) <= 20
+
+
+def test_letters_without_an_ascii_form_do_not_break_the_caption() -> None:
+    image = np.full((40, 400, 3), 255, np.uint8)
+    write(image, "Büro Łódź 教室", 5, 30, 12, palette.INK)
+    assert (image < 255).any()
+    assert text_width("Büro", 12) == text_width("Buro", 12)
+    assert text_width("MM", 24) > text_width("MM", 12) > 10
+
+
+def test_the_palette_converts() -> None:
+    assert palette.to_hex(palette.VERMILLION) == "#d55e00"
+    assert palette.mix(palette.WHITE, palette.BLACK, 0.0) == palette.WHITE
+    assert palette.room_colour(1) == palette.room_colour(1 + len(palette.ROOMS))
+    assert len(set(palette.QUALITATIVE)) == len(palette.QUALITATIVE)
+    assert len(set(palette.ROOMS)) == len(palette.ROOMS)

@@ -1,0 +1,111 @@
+"""The evaluation of half-seen rooms: the oracle is perfect, seeing alone is nothing, stored snapshots are the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from layoutexplore import cli
+from layoutexplore.agents import make_agent
+from layoutexplore.evaluation.partial_rooms import find_items, score
+from layoutexplore.evaluation.partial_rooms_summary import calibration_error, f1, matthews, summarise
+from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.predictors import make_room_predictor
+from layoutexplore.predictors.snapshot import Snapshot
+from layoutexplore.training.snapshots import explore
+
+PLAN = """
+####################
+#aaaaaaaa#bbbbbbbbb#
+#aaaaaaaa#bbbbbbbbb#
+#aaaaaaaa#bbbbbbbbb#
+#aaaaaaaa#bbbbbbbbb#
+####.########.######
+#ccccccccccccccccccc#
+####################
+""".replace("#ccccccccccccccccccc#", "#cccccccccccccccccc#")
+
+
+@pytest.fixture(scope="module")
+def plan() -> FloorPlan:
+    return floorplan_from_ascii(PLAN, resolution=0.9, name="flat")
+
+
+@pytest.fixture(scope="module")
+def snapshots(plan: FloorPlan) -> list[Snapshot]:
+    return explore(plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
+
+
+def test_oracle_and_none(snapshots: list[Snapshot]) -> None:
+    scores = score(snapshots, [make_room_predictor("oracle"), make_room_predictor("none")])
+    assert scores.rooms and scores.frontiers
+    for room in scores.rooms:
+        if room.predictor == "oracle":
+            assert room.iou == room.hidden_iou == 1.0 and room.boundary == 0.0 and room.log_area == 0.0
+        else:
+            assert (
+                room.hidden_iou == 0.0 and room.iou == pytest.approx(room.explored) and room.remaining == 0.0
+            )
+    summary = summarise(scores)
+    best = summary["oracle"]["frontiers"][0]
+    assert (
+        best["leftover_accuracy"] == 1.0
+        and best["calibration_error"] == 0.0
+        and best["f1_closed"] in (0.0, 1.0)
+    )
+    assert (
+        summary["oracle"]["rooms"][0]["rooms"]
+        == summary["none"]["rooms"][0]["rooms"]
+        == len(scores.rooms) // 2
+    )
+
+
+def test_items_are_rooms_in_part_with_a_frontier(snapshots: list[Snapshot]) -> None:
+    for snapshot in snapshots:
+        for item in find_items(snapshot):
+            share = item.seen.sum() / item.mask.sum()
+            assert 0.05 <= share <= 0.95 and len(item.frontier) * 0.1 >= 0.5 - 1e-9
+            assert (snapshot.truth.raster.room_ids[item.mask] == item.room).all()
+
+
+def test_stored_snapshots_are_the_same(plan: FloorPlan, snapshots: list[Snapshot], tmp_path: Path) -> None:
+    for _ in range(2):  # The first writes, the second reads.
+        kept = explore(
+            plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7), store=tmp_path
+        )
+        assert [s.coverage for s in kept] == [s.coverage for s in snapshots]
+        for a, b in zip(kept, snapshots, strict=True):
+            assert (
+                np.array_equal(a.decision.grid.cells, b.decision.grid.cells)
+                and a.decision.pose == b.decision.pose
+            )
+            assert [f.viewpoint for f in a.decision.frontiers] == [f.viewpoint for f in b.decision.frontiers]
+            assert [f.visible_area for f in a.decision.frontiers] == [
+                f.visible_area for f in b.decision.frontiers
+            ]
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_measures() -> None:
+    a, b = np.array([True, True, False, False]), np.array([True, False, False, False])
+    assert (
+        matthews(a, a) == pytest.approx(1.0)
+        and matthews(a, ~a) == pytest.approx(-1.0)
+        and matthews(a, a | True) == 0.0
+    )
+    assert f1(a, b) == pytest.approx(2 / 3)
+    assert calibration_error(np.array([0.75, 0.75, 0.75, 0.75]), np.array([True, True, True, False])) == 0.0
+    assert calibration_error(np.array([0.95, 0.95]), np.array([True, False])) == pytest.approx(0.45)
+
+
+def test_command(plan: FloorPlan, tmp_path: Path) -> None:
+    path = tmp_path / "flat.geojson"
+    plan.save(path)
+    found = tmp_path / "found.json"
+    arguments = [str(path), "-p", "none", "-p", "layout", "-s", "short", "--json", str(found)]
+    result = CliRunner().invoke(cli.app, ["evaluate", "partial-rooms", *arguments])
+    assert result.exit_code == 0, result.output
+    assert "hidden_iou" in result.output and "leftover_accuracy" in result.output and found.is_file()

@@ -1,0 +1,96 @@
+"""Closed and open frontiers: the definition on drawings, the kernels against a slow version."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers.classes import classify_frontiers
+from layoutexplore.frontiers.detection import find_frontiers
+from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.predictors import FALSE_CLOSED_AREA, OraclePredictor, make_predictor
+from layoutexplore.simulation.simulation import Simulation, SimulationConfig
+
+SIZES = st.shared(st.tuples(st.integers(3, 14), st.integers(3, 14)))
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    cells=hnp.arrays(np.int8, SIZES, elements=st.sampled_from([-1, -1, 0, 0, 100])),
+    rooms=hnp.arrays(np.int32, SIZES, elements=st.integers(0, 3)),
+)
+def test_against_a_slow_version(cells: NDArray[np.int8], rooms: NDArray[np.int32]) -> None:
+    passable = cells != 100
+    clusters = find_frontiers(cells)
+    frontiers = [clusters.cluster(k) for k in range(len(clusters))]
+    classes = classify_frontiers(cells, frontiers, rooms, passable, 0.5)
+    for k, frontier in enumerate(frontiers):
+        steps = spread(cells, passable, frontier)
+        near = [rooms[cell] for cell, depth in steps.items() if depth <= 1 and rooms[cell] > 0]
+        room = max(set(near), key=lambda r: (near.count(r), -r)) if near else 0
+        inside = passable & (rooms == room)
+        share = (inside & (cells != -1)).sum() / inside.sum() if room else 1.0
+        others = [sum(rooms[cell] == r for cell in steps) for r in (1, 2, 3) if r != room]
+        assert classes.room[k] == room
+        assert classes.is_closed[k] == (share >= 0.1 and max(others) * 0.25 < 1.0)
+        assert classes.area_beyond[k] == len(steps) * 0.25
+        assert classes.remaining_area[k] == 0.25 * ((inside & (cells == -1)).sum() if room else len(steps))
+
+
+def spread(
+    cells: NDArray[np.int8], passable: NDArray[np.bool_], frontier: NDArray[np.int32]
+) -> dict[tuple[int, int], int]:
+    """The unknown passable cells behind a frontier, with their distance in steps."""
+    queue = deque((int(r), int(c), 0) for r, c in frontier)
+    steps: dict[tuple[int, int], int] = {}
+    while queue:
+        r, c, depth = queue.popleft()
+        for cell in ((r + 1, c), (r - 1, c), (r, c + 1), (r, c - 1)):
+            inside = 0 <= cell[0] < cells.shape[0] and 0 <= cell[1] < cells.shape[1]
+            if inside and cells[cell] == -1 and passable[cell] and cell not in steps:
+                steps[cell] = depth + 1
+                queue.append((*cell, depth + 1))
+    return steps
+
+
+def test_no_frontier() -> None:
+    cells = np.zeros((3, 3), np.int8)
+    classes = classify_frontiers(cells, [], np.ones((3, 3), np.int32), cells == 0, 0.1)
+    assert len(classes.is_closed) == len(classes.room) == 0
+
+
+PLAN = """
+#####################
+#aaaaaaaa#bbbbbbbbbb#
+#aaaaaaaa#bbbbbbbbbb#
+#aaaaaaaa.bbbbbbbbbb#
+#aaaaaaaa.bbbbbbbbbb#
+#aaaaaaaa#bbbbbbbbbb#
+#####################
+"""
+
+
+def test_oracle_fills_in_every_frontier_and_flips_rooms_when_told() -> None:
+    plan = floorplan_from_ascii(PLAN, resolution=0.5)
+    config = SimulationConfig(sensor="short")
+    truthful = Simulation(plan, config, OraclePredictor()).reset(seed=1)
+    wrong = Simulation(plan, config, OraclePredictor(flip=1.0)).reset(seed=1)
+    assert truthful.frontiers
+    for right, flipped in zip(truthful.frontiers, wrong.frontiers, strict=True):
+        assert (
+            right.is_closed is (not flipped.is_closed)
+            and right.room == flipped.room
+            and right.room in (0, 1, 2)
+        )
+        assert flipped.expected_area == (FALSE_CLOSED_AREA if flipped.is_closed else right.expected_area)
+
+
+def test_predictors_by_name() -> None:
+    predictor = make_predictor("oracle:flip=0.1")
+    assert predictor is not None and predictor.name == "oracle:flip=0.1"
+    assert make_predictor("none") is None

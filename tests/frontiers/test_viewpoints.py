@@ -1,0 +1,167 @@
+"""Viewpoints see their frontier; kernels against slow obvious versions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers.detection import find_frontiers
+from layoutexplore.frontiers.viewpoints import (
+    MAX_REACH,
+    NOTHING_VAIN,
+    Outlook,
+    choose_viewpoints,
+    facing,
+    looked_at,
+    remaining_share,
+)
+from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
+from layoutexplore.planning.shortest_paths import geodesic_distances
+from layoutexplore.planning.traversability import Ground
+from layoutexplore.simulation.config import SimulationConfig
+
+TRINARY = hnp.arrays(
+    np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 0, 100])
+)
+
+
+def border_cells(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
+    """Free cells with an unknown 4-neighbour, by shifting the whole array."""
+    padded = np.pad(cells, 1, constant_values=100)
+    neighbours = [padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]]
+    return (cells == 0) & np.any([n == -1 for n in neighbours], axis=0)
+
+
+def padded(distances: NDArray[np.float32]) -> NDArray[np.int32]:
+    """0 where a cell has a finite distance and 1 elsewhere, with a border of 1."""
+    return np.pad(np.isinf(distances).astype(np.int32), 1, constant_values=1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(cells=TRINARY, data=st.data())
+def test_remaining_share(cells: NDArray[np.int8], data: st.DataObject) -> None:
+    every = np.argwhere(np.ones_like(cells)).astype(np.int32)
+    chosen = every[data.draw(st.lists(st.integers(0, len(every) - 1), min_size=1, max_size=20))]
+    expected = border_cells(cells)[chosen[:, 0], chosen[:, 1]].mean()
+    assert remaining_share(cells, chosen) == expected
+
+
+@settings(max_examples=60, deadline=None)
+@given(cells=TRINARY, seed=st.integers(0, 1000))
+def test_viewpoints_are_reachable_near_and_in_sight(cells: NDArray[np.int8], seed: int) -> None:
+    free = np.argwhere(cells == 0)
+    if len(free) == 0:
+        return
+    start = Cell(*map(int, free[seed % len(free)]))
+    distances = geodesic_distances(cells == 0, start, 0.1)
+    clusters = find_frontiers(cells)
+    view, found, _ = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1, NOTHING_VAIN)
+    for k in range(len(clusters)):
+        members = clusters.cluster(k)
+        if found[k]:
+            assert np.isfinite(distances[tuple(view[k])])
+            assert np.hypot(*(members - view[k]).T).min() * 0.1 <= MAX_REACH + 1e-9
+            assert len(looked_at(cells, members, tuple(view[k]), 0.1)) > 0, (
+                "the viewpoint sees a part of the frontier"
+            )
+        else:
+            assert not np.isfinite(distances[tuple(members.T)]).all(), (
+                "a frontier on reachable cells has a viewpoint"
+            )
+
+
+@settings(max_examples=60, deadline=None)
+@given(cells=TRINARY, seed=st.integers(0, 1000))
+def test_what_was_searched_in_vain_is_searched_again_when_something_changes(
+    cells: NDArray[np.int8], seed: int
+) -> None:
+    rng, vain = np.random.default_rng(seed), NOTHING_VAIN
+    distances = padded(
+        np.where((cells == 0) & (rng.random(cells.shape) < 0.5), 1.0, np.inf).astype(np.float32)
+    )
+    for _ in range(4):
+        clusters = find_frontiers(cells)
+        view, found, vain = choose_viewpoints(cells, distances, 0, clusters, 0.1, vain)
+        expected = choose_viewpoints(cells, distances, 0, clusters, 0.1, NOTHING_VAIN)
+        np.testing.assert_array_equal(view, expected[0])
+        np.testing.assert_array_equal(found, expected[1])
+        assert len(vain) == np.count_nonzero(~found)
+        for changed in (cells, distances[1:-1, 1:-1]):
+            row, col = (int(rng.integers(n)) for n in cells.shape)
+            other = (int(rng.integers(n)) for n in cells.shape)
+            changed[row, col] = changed[tuple(other)]
+
+
+def test_wall_hides_the_nearest_cell() -> None:
+    """The reachable cell behind the wall is nearer as the crow flies, but does not see the frontier."""
+    cells = np.zeros((9, 9), np.int8)
+    cells[4, :8] = 100
+    cells[:4, 0] = -1
+    distances = np.where(cells == 0, 1.0, np.inf).astype(np.float32)
+    distances[:4, :4] = np.inf
+    clusters = find_frontiers(cells)
+    view, found, _ = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1, NOTHING_VAIN)
+    assert found.all() and (view[:, 0] < 4).all()
+
+
+def test_facing_looks_into_the_unknown() -> None:
+    cells = np.zeros((5, 5), np.int8)
+    cells[4] = -1
+    frontier = np.array([[3, c] for c in range(5)], np.int32)
+    assert facing(cells, frontier, (1, 2)) == math.pi / 2
+
+
+@settings(max_examples=60, deadline=None)
+@given(cells=TRINARY, data=st.data())
+def test_offered_frontiers_are_listed_as_if_one_by_one(cells: NDArray[np.int8], data: st.DataObject) -> None:
+    """Cells that were looked at in vain are left out, and what is kept as columns is what each frontier tells."""
+    free = np.argwhere(cells == 0)
+    if len(free) == 0:
+        return
+    config = SimulationConfig(robot_radius=0.1, frontier_min_size=data.draw(st.sampled_from([0.0, 0.3])))
+    grid, ground, outlook = (
+        OccupancyGrid(cells, 0.1),
+        Ground(cells.shape, 0.1, 0.1),
+        Outlook(cells.shape, config),
+    )
+    ground.note((0, cells.shape[0], 0, cells.shape[1]))
+    start = Cell(*map(int, free[data.draw(st.integers(0, len(free) - 1))]))
+    here = Pose(*grid.cell_to_world(*start), 0.0)
+    vain: set[tuple[int, int]] = set()
+    for _ in range(3):
+        distances = ground.distances(cells, start)
+        found = outlook.frontiers(grid, here, distances, find_frontiers(cells), (0, 0, 0, 0))
+        clusters = find_frontiers(cells)
+        rest = [
+            [tuple(c) for c in clusters.cluster(k).tolist() if tuple(c) not in vain]
+            for k in range(len(clusters))
+        ]
+        expected = [cluster for cluster in rest if cluster]
+        offered = [[tuple(c) for c in frontier.cells.tolist()] for frontier in found]
+        assert all(cluster in expected for cluster in offered)
+        lengths = [frontier.path_length for frontier in found]
+        assert lengths == sorted(lengths) and len(found) == len(offered)
+        for k, frontier in enumerate(found):
+            assert found[k] is frontier is found[k - len(found)] and found[k : k + 1] == (frontier,)
+            assert frontier.size == len(frontier.cells) * 0.1
+            assert frontier.path_length == distances.metres()[frontier.viewpoint]
+            middle = frontier.cells.mean(axis=0)
+            assert frontier.centroid == grid.cell_to_world(*middle) and not vain & set(offered[k])
+            told = (
+                *frontier.centroid,
+                frontier.path_length,
+                frontier.straight_distance,
+                frontier.size,
+                frontier.visible_area,
+            )
+            assert tuple(found.columns[:, k].tolist()) == (*told, 0.0, 0.0, 0.0)
+        if len(found):
+            chosen = found[data.draw(st.integers(0, len(found) - 1))].cells
+            looked_at_in_vain = chosen[: data.draw(st.integers(1, len(chosen)))]
+            outlook.exhaust(looked_at_in_vain)
+            vain |= {tuple(c) for c in looked_at_in_vain.tolist()}

@@ -1,0 +1,27 @@
+"""The box around what is known."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from layoutexplore.grids.boxes import known_box
+
+grids = hnp.arrays(
+    np.int8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([-1, -1, -1, 0, 100])
+)
+
+
+@settings(deadline=None)
+@given(grids, st.integers(0, 3))
+def test_known_cells_lie_in_their_box(cells: np.ndarray, margin: int) -> None:
+    rows, cols = np.nonzero(cells >= 0)
+    if not len(rows):
+        assert known_box(cells, margin) == (0, 0, 0, 0)
+        return
+    low = max(rows.min() - margin, 0), max(cols.min() - margin, 0)
+    high = min(rows.max() + 1 + margin, cells.shape[0]), min(cols.max() + 1 + margin, cells.shape[1])
+    assert known_box(cells, margin) == (low[0], high[0], low[1], high[1])
+    assert known_box(np.asfortranarray(cells), margin) == known_box(cells, margin)

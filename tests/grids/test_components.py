@@ -1,0 +1,59 @@
+"""Connected parts of masks against OpenCV's."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from layoutexplore.grids.components import label_components
+
+
+def check(mask: NDArray[np.bool_]) -> None:
+    labels, count = label_components(mask)
+    expected, wanted = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
+    assert labels.dtype == np.int32 and count == expected - 1
+    np.testing.assert_array_equal(labels, wanted)
+
+
+@settings(deadline=None)
+@given(st.integers(1, 40), st.integers(1, 70), st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
+def test_random_masks(rows: int, cols: int, density: float, seed: int) -> None:
+    check(np.random.default_rng(seed).random((rows, cols)) < density)
+
+
+@settings(deadline=None)
+@given(st.integers(1, 12), st.integers(1, 12), st.integers(1, 20), st.integers(0, 2**32 - 1))
+def test_masks_of_long_runs(rows: int, cols: int, size: int, seed: int) -> None:
+    """Whole words of set and bare cells, at any place in a row, also of an array that is turned or cut out."""
+    coarse = np.random.default_rng(seed).random((rows, cols)) < 0.6
+    mask = np.kron(coarse, np.ones((2, size), np.bool_))
+    for shown in (mask, mask.T, mask[::-1], mask[:, 1:-1] if cols * size > 2 else mask):
+        check(shown)
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (0, 5), (5, 0)])
+def test_nothing(shape: tuple[int, int]) -> None:
+    labels, count = label_components(np.zeros(shape, np.bool_))
+    assert labels.shape == shape and count == 0
+
+
+def test_a_spiral_is_one_part() -> None:
+    """Runs that only meet at last are joined."""
+    rows = [
+        "#########",
+        "#.......#",
+        "#.#####.#",
+        "#.#...#.#",
+        "#.#.#.#.#",
+        "#.#.###.#",
+        "#.#.....#",
+        "#.#######",
+    ]
+    mask = np.array([[c == "#" for c in row] for row in rows])
+    assert label_components(mask)[1] == 1 and label_components(~mask)[1] == 1
+    check(mask)
+    check(~mask)

@@ -1,0 +1,283 @@
+"""Occupancy grids on disk: ROS maps, plain images, and what is unknown in them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+
+from layoutexplore.errors import MapError
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.grids.ros_map import grid_from_image, load_grid, save_grid
+
+TRINARY = arrays(
+    np.int8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([-1, 0, 100])
+)
+PERCENT = arrays(np.int8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.integers(-1, 100))
+
+
+def write_map(folder: Path, pixels: NDArray[np.uint8], text: str = "") -> Path:
+    cv2.imwrite(str(folder / "map.png"), pixels)
+    path = folder / "map.yaml"
+    path.write_text(text or "image: map.png\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    return path
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40)
+@given(TRINARY, st.floats(0.01, 2.0), st.tuples(*[st.floats(-50, 50)] * 3))
+def test_trinary_round_trip(
+    tmp_path: Path, cells: NDArray[np.int8], resolution: float, origin: tuple[float, float, float]
+) -> None:
+    grid = OccupancyGrid(cells, resolution, Pose(*origin))
+    save_grid(grid, tmp_path / "map.yaml")
+    loaded = load_grid(tmp_path / "map.yaml")
+    assert np.array_equal(loaded.cells, cells)
+    assert (loaded.resolution, loaded.origin) == (grid.resolution, grid.origin)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None, max_examples=40)
+@given(PERCENT, st.sampled_from(["scale", "raw"]))
+def test_every_value_survives_scale_and_raw(tmp_path: Path, cells: NDArray[np.int8], mode: str) -> None:
+    save_grid(OccupancyGrid(cells, 0.05), tmp_path / mode, mode=mode)
+    assert (tmp_path / f"{mode}.png").is_file()
+    assert np.array_equal(load_grid(tmp_path / f"{mode}.yaml").cells, cells)
+
+
+def test_what_is_written(tmp_path: Path) -> None:
+    grid = OccupancyGrid(np.array([[0, 100], [-1, 30]], np.int8), 0.05)
+    grid.save(tmp_path / "hall.yaml")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["hall.pgm", "hall.yaml"]
+    pixels = cv2.imread(str(tmp_path / "hall.pgm"), cv2.IMREAD_UNCHANGED)
+    assert pixels.tolist() == [[205, 205], [254, 0]]
+    assert "resolution: 0.05" in (tmp_path / "hall.yaml").read_text()
+
+
+def test_thresholds_as_in_nav2(tmp_path: Path) -> None:
+    """Occupied from occupied_thresh on, free up to free_thresh; both ends belong to the classes."""
+    levels = np.array(
+        [[0, 51, 102, 127, 153, 204, 255]], np.uint8
+    )  # occupancy 1, 0.8, 0.6, 0.502, 0.4, 0.2, 0
+    text = "image: map.png\nresolution: 0.1\norigin: [0, 0, 0]\noccupied_thresh: 0.8\nfree_thresh: 0.2\n"
+    assert load_grid(write_map(tmp_path, levels, text)).cells.tolist() == [[100, 100, -1, -1, -1, 0, 0]]
+    scale = load_grid(write_map(tmp_path, levels, text + "mode: scale\n")).cells.tolist()
+    assert scale == [[100, 100, 67, 50, 33, 0, 0]]
+    raw = load_grid(write_map(tmp_path, levels, text + "mode: raw\n")).cells.tolist()
+    assert raw == [[0, 51, -1, -1, -1, -1, -1]]
+
+
+def test_negate_origin_and_rows(tmp_path: Path) -> None:
+    text = "image: map.png\nresolution: 0.5\norigin: [1.5, -2, 0.25]\nnegate: 1\n"
+    grid = load_grid(write_map(tmp_path, np.array([[255, 0], [0, 0]], np.uint8), text))
+    assert grid.cells.tolist() == [[0, 0], [100, 0]]  # the image's top row is the last row
+    assert grid.origin == Pose(1.5, -2.0, 0.25)
+
+
+def test_transparent_is_unknown(tmp_path: Path) -> None:
+    pixels = np.full((1, 2, 4), 255, np.uint8)
+    pixels[0, 1, 3] = 0
+    assert load_grid(write_map(tmp_path, pixels)).cells.tolist() == [[0, -1]]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("image: [map.png\n", "broken YAML"),
+        ("just words", "needs the entries"),
+        ("image: map.png\norigin: [0, 0, 0]\n", "'resolution' is missing"),
+        ("image: other.png\nresolution: 0.1\norigin: [0, 0, 0]\n", "cannot read the image"),
+        ("image: map.png\nresolution: 0\norigin: [0, 0, 0]\n", "resolution must be above 0"),
+        ("image: map.png\nresolution: -0.05\norigin: [0, 0, 0]\n", "resolution must be above 0"),
+        ("image: map.png\nresolution: .nan\norigin: [0, 0, 0]\n", "resolution must be a finite number"),
+        ("image: map.png\nresolution: wide\norigin: [0, 0, 0]\n", "resolution must be a finite number"),
+        ("image: map.png\nresolution: 0.1\norigin: [0, 0]\n", "origin must be"),
+        ("image: map.png\nresolution: 0.1\norigin: [0, 0, .inf]\n", "origin must be a finite number"),
+        ("image: map.png\nresolution: 0.1\norigin: [0, 0, 0]\nmode: fuzzy\n", "mode must be one of"),
+        (
+            "image: map.png\nresolution: 0.1\norigin: [0, 0, 0]\noccupied_thresh: 0.1\n",
+            "free_thresh < occupied_thresh",
+        ),
+    ],
+)
+def test_bad_yaml_is_named(tmp_path: Path, text: str, message: str) -> None:
+    path = write_map(tmp_path, np.zeros((3, 3), np.uint8), text)
+    with pytest.raises(MapError, match=message) as caught:
+        load_grid(path)
+    assert str(tmp_path) in str(caught.value)
+
+
+def test_bad_images_and_options(tmp_path: Path) -> None:
+    (tmp_path / "text.png").write_text("this is no image")
+    (tmp_path / "empty.png").write_bytes(b"")
+    whole = cv2.imencode(".png", np.zeros((50, 50), np.uint8))[1].tobytes()
+    (tmp_path / "cut.png").write_bytes(whole[:30])
+    for name in ("text.png", "empty.png", "cut.png"):
+        with pytest.raises(MapError, match=name):
+            load_grid(tmp_path / name)
+    with pytest.raises(MapError, match="cannot read"):
+        load_grid(tmp_path / "absent.pgm")
+    with pytest.raises(MapError, match="cannot read"):
+        load_grid(tmp_path / "absent.yaml")
+    for resolution in (0.0, -1.0, math.nan):
+        with pytest.raises(MapError, match="resolution"):
+            load_grid(tmp_path / "text.png", resolution=resolution)
+    grid = OccupancyGrid(np.zeros((2, 2), np.int8), 0.1)
+    with pytest.raises(MapError, match="mode"):
+        save_grid(grid, tmp_path / "x", mode="fuzzy")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(MapError, match="cannot write"):
+        save_grid(grid, tmp_path / "file" / "x")
+    with pytest.raises(MapError, match="uint8"):
+        grid_from_image(np.zeros((2, 2), np.float32), 0.1)  # type: ignore[arg-type]
+
+
+def building(unknown: int, *, wall: int = 0, free: int = 254) -> NDArray[np.uint8]:
+    """A building of 6 x 4 m at 0.05 m with two rooms, a door, and a room that was never entered."""
+    image = np.full((140, 180), unknown, np.uint8)
+    image[30:110, 30:150] = wall
+    image[34:106, 34:88] = image[34:106, 92:146] = free
+    image[60:80, 88:92] = free
+    image[90:100, 140:149] = unknown  # seen past a corner: nothing is known of it
+    return image
+
+
+@pytest.mark.parametrize("unknown", [205, 230, 153, 178, 180, 204, 127, 103])
+def test_any_mid_grey_can_be_the_unknown(unknown: int) -> None:
+    grid, expected = grid_from_image(building(unknown), 0.05), grid_from_image(building(205), 0.05)
+    assert np.array_equal(grid.cells, expected.cells)
+    assert grid.cells[-1, 0] == -1
+    assert grid.cells[139 - 95, 145] == -1
+    assert grid.cells[139 - 32, 100] == 100
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.integers(0, 255),
+    st.lists(st.tuples(st.integers(0, 20), st.integers(0, 179)), min_size=1, max_size=8),
+    st.data(),
+)
+def test_stray_pixels_change_nothing_else(
+    level: int, spots: list[tuple[int, int]], data: st.DataObject
+) -> None:
+    unknown = data.draw(st.sampled_from([205, 153, 230]))
+    image = building(unknown)
+    clean = grid_from_image(image, 0.05).cells
+    stray = np.zeros(image.shape, np.bool_)
+    stray[tuple(np.transpose(spots))] = True
+    image[stray] = level
+    cells = grid_from_image(image, 0.05).cells
+    assert np.array_equal(cells[~stray[::-1]], clean[~stray[::-1]])
+    if 90 <= level <= 230:  # a mid-grey speck out in the unknown is nothing
+        assert (cells[stray[::-1]] == -1).all()
+
+
+def test_furniture_of_a_grey_near_the_unknown_is_occupied() -> None:
+    image = building(205)
+    image[40:52, 40:60] = 211
+    grid = grid_from_image(image, 0.05)
+    assert (grid.cells[::-1][40:52, 40:60] == 100).all()
+
+
+def test_a_courtyard_of_another_grey_is_unknown() -> None:
+    image = np.full((300, 300), 180, np.uint8)
+    image[20:280, 20:280] = 0
+    image[24:276, 24:276] = 255
+    image[96:204, 96:204] = 0
+    image[98:202, 98:202] = 204
+    grid = grid_from_image(image, 0.05)
+    assert grid.cells[150, 150] == -1
+    assert grid.cells[97, 150] == 100
+
+
+def test_antialiased_edges_towards_the_unknown_are_no_walls() -> None:
+    image = np.full((100, 100), 205, np.uint8)
+    image[20:80, 20:80] = 254
+    image[20:80, 19] = image[20:80, 80] = 222
+    image[20, 20:80] = image[79, 20:80] = 0
+    grid = grid_from_image(image, 0.05)
+    assert (grid.cells[21:79, 19] == -1).all()
+    assert (grid.cells[20, 20:80] == 100).all()
+
+
+@pytest.mark.parametrize(("wall", "free"), [(0, 255), (127, 195), (127, 255), (0, 200)])
+def test_two_level_maps_become_trinary(wall: int, free: int) -> None:
+    image = np.full((200, 200), wall, np.uint8)
+    image[60:140, 60:140] = free
+    image[100, 60:130] = wall
+    grid = grid_from_image(image, 0.05)
+    assert grid.cells[10, 10] == -1
+    assert (grid.cells[99, 60:130] == 100).all()
+    assert grid.cells[58, 100] == 100
+    assert grid.free.sum() == 80 * 80 - 70
+
+
+def test_two_level_maps_without_a_mass_stay_as_they_are() -> None:
+    image = np.full((60, 60), 255, np.uint8)
+    image[[0, -1]] = image[:, [0, -1]] = 0
+    grid = grid_from_image(image, 0.05)
+    assert sorted(np.unique(grid.cells)) == [0, 100]
+
+
+def test_uniform_images_have_an_answer() -> None:
+    for level in (0, 127, 205, 255):
+        grid = grid_from_image(np.full((50, 50), level, np.uint8), 0.05)
+        assert grid.free.all() == (level == 255)
+
+
+def test_given_thresholds_and_transparency_count() -> None:
+    image = np.array([[100, 200]], np.uint8)
+    assert grid_from_image(image, 0.1, free_threshold=150).free.tolist() == [[False, True]]
+    hidden = np.array([[False, True]])
+    assert grid_from_image(image, 0.1, free_threshold=150, transparent=hidden).free.tolist() == [
+        [False, False]
+    ]
+
+
+UNKNOWN_SHARE = {
+    "bormann/Freiburg52_scan": 0.253,
+    "bormann/lab_ipa": 0.79,
+    "bormann/office_c": 0.634,
+    "bormann_furnished/office_a": 0.177,
+    "bormann_furnished/Freiburg101_scan": 0.73,
+    "cluttered/freiburg_building101": 0.52,
+    "cluttered/intel_map": 0.596,
+    "unlabelled/NOGT_intel_map": 0.34,
+}
+
+
+@pytest.mark.parametrize("name", UNKNOWN_SHARE)
+def test_real_maps_with_known_unknown(data_dir: Path, name: str) -> None:
+    grid = load_grid(data_dir / "gridmaps" / f"{name}.png")
+    assert grid.unknown.mean() == pytest.approx(UNKNOWN_SHARE[name], abs=0.015)
+
+
+@pytest.mark.parametrize(
+    "folder", ["bormann", "bormann_furnished", "cluttered", "fr79_incremental", "unlabelled", "schools"]
+)
+def test_every_real_map_is_trinary(data_dir: Path, folder: str) -> None:
+    paths = sorted(
+        path for path in (data_dir / "gridmaps" / folder).glob("*.png") if not path.stem.endswith("_gt")
+    )
+    assert paths
+    for path in paths[:: 1 if len(paths) <= 10 else 3]:
+        grid = load_grid(path, resolution=0.05)
+        grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        assert np.array_equal(grid.free, grey[::-1] > 230), path
+        assert 0.002 < grid.occupied.mean() < 0.2, path
+        assert grid.unknown.mean() > 0.15, path
+
+
+def test_furniture_of_the_survey_maps_is_occupied(data_dir: Path) -> None:
+    """Where a furnished map differs from the same map without furniture, it is occupied, not unknown."""
+    for path in sorted((data_dir / "gridmaps" / "bormann_furnished").glob("*.png")):
+        if path.stem.endswith("_gt"):
+            continue
+        furnished, empty = load_grid(path), load_grid(data_dir / "gridmaps" / "bormann" / path.name)
+        furniture = empty.free & ~furnished.free
+        assert furnished.occupied[furniture].mean() > 0.8, path

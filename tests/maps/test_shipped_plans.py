@@ -1,0 +1,85 @@
+"""The floor plans that ship: as generated, sound, and split by building."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from layoutexplore.maps import load_plan, plan_names, splits
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.generator import FAMILIES
+from layoutexplore.maps.generator import shipped as ship
+from layoutexplore.maps.library import PLAN_FOLDER
+
+
+@pytest.fixture(scope="module")
+def plans() -> dict[str, FloorPlan]:
+    return {name: load_plan(name) for name in plan_names()}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return ship.write(tmp_path_factory.mktemp("plans"))
+
+
+def test_files_are_as_generated(written: list[Path]) -> None:
+    assert {file.name for file in written} == {file.name for file in PLAN_FOLDER.iterdir()}
+    differing = [file.name for file in written if file.read_bytes() != (PLAN_FOLDER / file.name).read_bytes()]
+    assert differing == [], "run: python -m layoutexplore.maps.generator.shipped"
+
+
+def test_no_building_and_no_geometry_ships_twice(plans: dict[str, FloorPlan]) -> None:
+    assert len({plan.building for plan in plans.values()}) == len(plans)
+    assert len({plan.content_hash for plan in plans.values()}) == len(plans)
+    seeds = {(plan.metadata["family"], plan.metadata["seed"]) for plan in plans.values()}
+    assert len(seeds) == len(plans)
+
+
+def test_splits_share_nothing_and_cover_everything(plans: dict[str, FloorPlan]) -> None:
+    table = splits()
+    parts = [table[split] for split in ship.SPLITS]
+    assert [len(part) for part in parts] == [12, 4, 8]
+    assert sorted(sum(parts, ())) == sorted(plans)
+    for split in ("train", "test"):
+        assert {name.rpartition("-")[0] for name in table[split]} == set(FAMILIES)
+
+
+def test_the_quick_suite_is_small(plans: dict[str, FloorPlan]) -> None:
+    quick = splits()["quick"]
+    assert len(quick) == len({name.rpartition("-")[0] for name in quick}) == 5
+    assert all(200 <= plans[name].area <= 1100 for name in quick)
+    assert set(quick) <= set(splits()["test"])  # what ships has learnt from none of them
+
+
+def test_sizes(plans: dict[str, FloorPlan]) -> None:
+    assert min(plan.area for plan in plans.values()) < 200
+    assert 3500 < max(plan.area for plan in plans.values()) < 4300
+    assert sum(file.stat().st_size for file in PLAN_FOLDER.iterdir()) < 2_000_000
+
+
+def test_every_room_that_is_not_shut_can_be_reached(plans: dict[str, FloorPlan]) -> None:
+    for plan in plans.values():
+        raster = plan.rasterize(0.1)
+        reached = set(np.unique(raster.room_ids[raster.reachable(0.2)]).tolist())
+        for room in plan.rooms:
+            open_doors = [door for door in plan.doors if room.id in door.rooms and door.is_open]
+            assert (room.id in reached) == bool(open_doors), f"{plan.name}: {room.label} {room.id}"
+
+
+def test_some_are_furnished_and_some_have_closed_doors(plans: dict[str, FloorPlan]) -> None:
+    furnished = [plan for plan in plans.values() if plan.furniture.area > 0.05 * plan.area]
+    shut = [
+        plan
+        for plan in plans.values()
+        if any(not door.is_open and 0 not in door.rooms for door in plan.doors)
+    ]
+    assert len(furnished) >= 6
+    assert len(shut) >= 3
+
+
+def test_a_plan_survives_a_round_trip(plans: dict[str, FloorPlan], tmp_path: Path) -> None:
+    plan = plans["curved-01"]
+    plan.save(tmp_path / "copy.geojson")
+    assert load_plan(tmp_path / "copy.geojson").content_hash == plan.content_hash

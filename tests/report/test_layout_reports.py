@@ -1,0 +1,313 @@
+"""Report pages about layouts: half-seen rooms, closed doors, and their parts in the benchmark's report."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import itertools
+import json
+import math
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from layoutexplore.agents import make_agent
+from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.benchmark.early_stop import Stop, summarise_stops
+from layoutexplore.benchmark.runner import run_benchmark
+from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.cli import app
+from layoutexplore.evaluation.partial_rooms import Item, RoomScore, score
+from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.metrics.statistics import Interval
+from layoutexplore.predictors import RoomMap, make_room_predictor
+from layoutexplore.predictors.snapshot import Snapshot
+from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
+from layoutexplore.report.exploration import write_report
+from layoutexplore.report.layout_section import stop_plot
+from layoutexplore.report.partial_rooms import Gallery, draw_room
+from layoutexplore.training.snapshots import explore
+
+OFFICES = """
+################################
+#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
+#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
+#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
+####.#######..######.######.####
+#eeeeeeeeeeeeeeeeeeeeeeeeeeeeee#
+#eeeeeeeeeeeeeeeeeeeeeeeeeeeeee#
+###.########.########.##########
+#fffffff#ggggggggg#hhhhhhhhhhhh#
+#fffffff#ggggggggg#hhhhhhhhhhhh#
+#fffffff#ggggggggg#hhhhhhhhhhhh#
+################################
+"""
+FLIPPED = "layout-nearest:predictor=oracle:flip=0.25"
+VOID = {"meta", "link", "br", "image", "img", "path", "circle", "rect", "hr"}
+
+
+class Balance(HTMLParser):
+    """Remembers what is open, and what is closed without being open."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.wrong: list[str] = []
+        self.links: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.links += [value or "" for name, value in attrs if name in ("src", "href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in VOID and (not self.open or self.open.pop() != tag):
+            self.wrong.append(tag)
+
+
+def whole(page: Path) -> str:
+    """The page, which must be well formed and fetch nothing."""
+    html = page.read_text()
+    parser = Balance()
+    parser.feed(html)
+    assert not parser.wrong and not parser.open
+    assert all(link.startswith("data:image/png;base64,") for link in parser.links)
+    assert (
+        "<script" not in html
+        and "http" not in re.sub(r"data:[^\"]*", "", html)
+        and "nan" not in html.lower().split()
+    )
+    return html
+
+
+# --- the benchmark's report
+# -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
+    """Runs with and without a layout on two plans."""
+    plans = tmp_path_factory.mktemp("plans")
+    for name, scale in (("small", 0.5), ("large", 0.7)):
+        floorplan_from_ascii(OFFICES, resolution=scale, name=name).save(plans / f"{name}.geojson")
+    agents = ("nearest", "layout-nearest", FLIPPED, "layout-nearest:stop_area=8,predictor=oracle")
+    config = BenchmarkConfig(plans=(str(plans),), starts=1, agents=agents)
+    return run_benchmark(config, tmp_path_factory.mktemp("results") / "out").folder
+
+
+def test_the_report_says_what_the_layout_did(folder: ResultsFolder) -> None:
+    page, markdown, *_ = write_report(folder)
+    html = whole(page)
+    for text in (html, markdown.read_text()):
+        assert "What the layout did" in text and "Stopping early" in text and FLIPPED in text
+    assert "choices changed" in html and "true classes" in html
+    moments = [
+        m
+        for row in folder.rows()
+        if row.agent == "layout-nearest"
+        for m in folder.counterfactual(row).moments
+    ]  # type: ignore[union-attr]
+    assert ("Decisive moments" in html) == bool(moments)
+
+
+def test_decisive_moments_are_drawn(tmp_path: Path, folder: ResultsFolder) -> None:
+    """Moments are those of agents that predict; here one is made to."""
+    rows = [row for row in folder.rows() if row.agent == FLIPPED]
+    told = [folder.counterfactual(row) for row in rows]
+    assert any(t is not None and t.moments for t in told)
+    from layoutexplore.report.moments import moment_picture
+
+    drawn = 0
+    for row, found in zip(rows, told, strict=True):
+        occupied, frame = folder.raster(row.plan)
+        for moment in found.moments if found else ():
+            picture = moment_picture(row, moment, occupied, float(frame[0]))
+            for x, y in (picture.robot, picture.chosen, picture.given_up):
+                assert 0 <= x <= picture.width and 0 <= y <= picture.height
+            data = np.frombuffer(base64.b64decode(picture.image.split(",")[1]), np.uint8)
+            assert cv2.imdecode(data, cv2.IMREAD_COLOR).shape[:2] == (picture.height, picture.width)
+            assert picture.way.startswith("M") and ("m² left" in picture.said or "leads on" in picture.said)
+            assert math.isnan(moment.seen_after) or f"{moment.seen_after:.0f}" in picture.outcome
+            drawn += 1
+    assert drawn
+
+
+def test_a_report_without_layouts_has_no_such_parts(tmp_path: Path) -> None:
+    floorplan_from_ascii(OFFICES, resolution=0.5, name="small").save(tmp_path / "small.geojson")
+    config = BenchmarkConfig(plans=(str(tmp_path / "small.geojson"),), starts=1, agents=("nearest", "tour"))
+    html = whole(write_report(run_benchmark(config, tmp_path / "out").folder)[0])
+    assert (
+        "What the layout did" not in html and "Decisive moments" not in html and "Stopping early" not in html
+    )
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(0, 0.5)), min_size=1, max_size=6))
+def test_marks_lie_in_their_frame(pairs: list[tuple[float, float]]) -> None:
+    stops = [Stop(f"plan {k}", saved, lost, 0.0, lost > 0) for k, (saved, lost) in enumerate(pairs)]
+    plot = stop_plot([summarise_stops("stage", "early", stops)])
+    (mark,) = plot.marks
+    inside = [*mark.place, *mark.across, *mark.along, *(v for dot in mark.dots for v in dot), plot.limit]
+    assert all(0 <= value <= 100 for value in inside)
+    assert mark.across[0] <= mark.across[1] and mark.along[0] >= mark.along[1]
+
+
+# --- half-seen rooms
+# ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def snapshots() -> list[Snapshot]:
+    plan = floorplan_from_ascii(OFFICES, resolution=0.7, name="offices")
+    return explore(plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
+
+
+def test_the_gallery_keeps_the_best_and_the_worst(snapshots: list[Snapshot]) -> None:
+    predictors = [make_room_predictor(name) for name in ("parallel-wall", "hull")]
+    gallery = Gallery("parallel-wall", count=2)
+    found: list[RoomScore] = score(snapshots, predictors, gallery).rooms
+    mine = {(r.plan, r.room): [s.hidden_iou for s in found if s.predictor == "parallel-wall" and s.room == r.room
+                               and s.true_remaining >= 2] for r in found}  # fmt: skip
+    values = [value for group in mine.values() for value in group]
+    assert gallery.best[0].score.hidden_iou == max(values)
+    assert {p.score.predictor for p in (*gallery.best, *gallery.worst)} == {"parallel-wall"}
+    rooms = [(p.score.plan, p.score.room) for p in (*gallery.best, *gallery.worst)]
+    assert len(set(rooms)) == len(rooms) and len(gallery.best) == 2
+    assert [p.score.hidden_iou for p in gallery.worst] == sorted(p.score.hidden_iou for p in gallery.worst)
+
+
+def test_a_room_is_drawn_with_what_is_right_wrong_and_missed(snapshots: list[Snapshot]) -> None:
+    from layoutexplore.evaluation.partial_rooms import find_items
+    from layoutexplore.report.partial_rooms import MISSED, RIGHT, SEEN, WRONG
+
+    snapshot, item = next((s, i) for s in snapshots for i in find_items(s) if (i.mask & ~i.seen).sum() > 50)
+    truth = snapshot.truth.raster
+
+    def colours(rooms: RoomMap, item: Item = item) -> set[tuple[int, ...]]:
+        return set(map(tuple, draw_room(snapshot, item, rooms).reshape(-1, 3).tolist()))
+
+    true = colours(RoomMap(truth.room_ids, truth.free))
+    assert SEEN in true and RIGHT in true and WRONG not in true and MISSED not in true
+    nothing = colours(RoomMap(np.zeros(truth.shape, np.int32), truth.free))
+    assert MISSED in nothing and RIGHT not in nothing and WRONG not in nothing
+    everything = colours(RoomMap(np.ones(truth.shape, np.int32), np.ones(truth.shape, np.bool_)))
+    assert RIGHT in everything and WRONG in everything and MISSED not in everything
+
+
+def test_partial_rooms_page(tmp_path: Path) -> None:
+    floorplan_from_ascii(OFFICES, resolution=0.7, name="flat & <odd>").save(tmp_path / "flat.geojson")
+    out = tmp_path / "deep" / "report"
+    arguments = [
+        str(tmp_path / "flat.geojson"),
+        "-p",
+        "none",
+        "-p",
+        "layout",
+        "-p",
+        "oracle",
+        "-s",
+        "short",
+        "--out",
+        str(out),
+    ]
+    result = CliRunner().invoke(app, ["evaluate", "partial-rooms", *arguments])
+    assert result.exit_code == 0, result.output
+    html = whole(out / "report.html")
+    assert "flat &amp; &lt;odd&gt;" in html and "Best rooms of layout" in html and "IoU of" in html
+    assert {p.name for p in out.iterdir()} == {
+        "report.html",
+        "rooms.csv",
+        "frontiers.csv",
+        "summary.csv",
+        "pictures",
+    }
+    rows = list(csv.DictReader((out / "rooms.csv").open()))
+    assert {row["predictor"] for row in rows} == {"none", "layout", "oracle"}
+    assert all(float(row["hidden_iou"]) == 1.0 for row in rows if row["predictor"] == "oracle")
+    measures = {
+        (r["predictor"], r["of"], r["stratum"], r["measure"]): r["value"]
+        for r in csv.DictReader((out / "summary.csv").open())
+    }
+    assert float(measures["oracle", "frontiers", "all", "leftover_accuracy"]) == 1.0
+    assert list((out / "pictures").glob("best_*.png"))
+
+
+def test_partial_rooms_page_without_any_room(tmp_path: Path) -> None:
+    """One large hall: it is seen at once, and nothing is left to judge but frontiers."""
+    floorplan_from_ascii("####\n#aa#\n#aa#\n####", resolution=1.5, name="hut").save(tmp_path / "hut.geojson")
+    out = tmp_path / "out"
+    result = CliRunner().invoke(
+        app, ["evaluate", "partial-rooms", str(tmp_path / "hut.geojson"), "-p", "none", "--out", str(out)]
+    )
+    assert result.exit_code == 0, result.output
+    assert "No room was seen in part" in whole(out / "report.html")
+
+
+# --- closed doors
+# ---------------------------------------------------------------------------------------------------
+
+
+def test_closed_doors_page(tmp_path: Path) -> None:
+    truth = np.full((120, 200), 205, np.uint8)
+    truth[10:110, 10:190] = 0
+    truth[12:58, 12:188] = truth[62:108, 12:98] = truth[62:108, 102:188] = 254
+    truth[58:62, 40:58] = truth[58:62, 140:158] = 254
+    seen = truth.copy()
+    seen[61:110, 99:190] = 205
+    for name, image in (("flat_GT", truth), ("flat_1_doors_IN", seen), ("flat_1_doors_OUT", truth)):
+        cv2.imwrite(str(tmp_path / f"{name}.png"), image)
+    out, numbers = tmp_path / "out", tmp_path / "numbers.json"
+    arguments = ["evaluate", "closed-doors", str(tmp_path), "--out", str(out), "--json", str(numbers)]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    html = whole(out / "report.html")
+    assert "reference, IoU 1.00" in html and "ours, IoU" in html and html.count("<img") == 4
+    assert (out / "pictures" / "flat_1_doors.png").is_file() and (out / "summary.csv").is_file()
+    (row,) = csv.DictReader((out / "maps.csv").open())
+    (score_,) = json.loads(numbers.read_text())["maps"]
+    assert (
+        float(row["ours_iou"]) == pytest.approx(score_["ours"]["iou"], abs=1e-5)
+        and float(row["reference_iou"]) == 1.0
+    )
+    CliRunner().invoke(app, [*arguments[:-4], "--out", str(tmp_path / "bare"), "--no-report"])
+    assert not (tmp_path / "bare" / "report.html").exists()
+
+
+# --- charts ---------------------------------------------------------------------------------------------------------
+
+
+def test_lines_leave_out_what_is_not_there() -> None:
+    nan = math.nan
+    chart = line_chart(
+        {"a": [Interval(0.5, 0.4, 0.6), Interval(nan, nan, nan)], "b": [Interval(2.0, nan, nan)] * 2},
+        ["x", "y"],
+    )
+    first, second = chart.series
+    assert len(first.points) == 1 and first.points[0].low > first.points[0].y > first.points[0].high
+    assert [p.y for p in second.points] == [0.0, 0.0] and second.points[0].low == second.points[0].high
+    assert [text for _, text in chart.ticks.x] == ["x", "y"]
+
+
+def test_a_calibrated_predictor_lies_on_the_line() -> None:
+    rng = np.random.default_rng(0)
+    stated = rng.uniform(0.5, 1.0, 20_000)
+    for dot in calibration_chart(stated, rng.random(20_000) < stated).dots:
+        assert dot.x == pytest.approx(100 - dot.y, abs=6)
+    (sure,) = calibration_chart(np.ones(4), np.array([True, False, False, False])).dots
+    assert (sure.x, sure.y) == (100.0, 100.0)  # right less often than by tossing a coin: at the edge
+
+
+@given(st.lists(st.floats(0, 5000), min_size=0, max_size=30))
+def test_equal_areas_lie_on_the_diagonal(areas: list[float]) -> None:
+    values = np.array(areas)
+    chart = root_scatter(values, values, [""] * len(areas))
+    assert all(dot.x == pytest.approx(100 - dot.y, abs=0.02) and 0 <= dot.x <= 100 for dot in chart.dots)
+    places = [at for at, _ in chart.ticks.x]
+    assert places == sorted(places) and all(b - a >= 7.99 for a, b in itertools.pairwise(places))

@@ -1,0 +1,300 @@
+"""The report: self-contained, honest, and readable from the results folder alone."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import itertools
+import math
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from layoutexplore.benchmark.analysis import Comparison, compare
+from layoutexplore.benchmark.config import BenchmarkConfig, settings
+from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.runner import run_benchmark
+from layoutexplore.benchmark.store import COLUMNS, ResultsFolder
+from layoutexplore.drawing.film import Film
+from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.metrics.statistics import Interval
+from layoutexplore.report.exploration import build, caveats, headline, write_report
+from layoutexplore.report.page import interval, png_uri, render
+from layoutexplore.report.plots import floor_picture, forest, heat, way
+
+PLAN = """
+##############
+#aaa#bbbb#ccc#
+#aaa.bbbb#ccc#
+#aaa#bbbb#ccc#
+##.########.##
+#ddddddddddd##
+##############
+"""
+VOID = {"meta", "link", "br", "image", "img", "path", "circle", "rect", "hr", "input"}
+
+
+class Balance(HTMLParser):
+    """Remembers what is open, and what is closed without being open."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.wrong: list[str] = []
+        self.attributes: list[tuple[str, str]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes += [(name, value or "") for name, value in attrs]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in VOID:
+            return
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append(tag)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
+    """Results of three agents on two plans with two sensors."""
+    plans = tmp_path_factory.mktemp("plans")
+    for name, scale in (("small", 0.6), ("large & <odd>", 1.0)):
+        floorplan_from_ascii(PLAN, resolution=scale, name=name).save(plans / f"{scale}.geojson")
+    config = BenchmarkConfig(
+        plans=(str(plans),),
+        starts=1,
+        agents=("nearest", "random", "clairvoyant"),
+        sensors=("stage", "indoor"),
+    )
+    out = tmp_path_factory.mktemp("results") / "out"
+    return run_benchmark(config, out, command="layoutexplore benchmark --starts 1").folder
+
+
+def test_the_page_is_whole_and_fetches_nothing(folder: ResultsFolder) -> None:
+    page, markdown, *tables = write_report(folder)
+    assert [path.name for path in (page, markdown, *tables)] == [
+        "report.html",
+        "report.md",
+        "summary.csv",
+        "results.parquet",
+    ]
+    html = page.read_text()
+    parser = Balance()
+    parser.feed(html)
+    assert not parser.wrong and not parser.open
+    assert "<script" not in html and "@import" not in html and "url(" not in html
+    links = [value for name, value in parser.attributes if name in ("src", "href")]
+    assert links and all(value.startswith("data:image/png;base64,") for value in links)
+    assert "http" not in re.sub(r"data:[^\"]*", "", html)
+
+
+def test_the_page_says_what_was_run(folder: ResultsFolder) -> None:
+    html, markdown = (path.read_text() for path in write_report(folder)[:2])
+    for text in (html, markdown):
+        assert "layoutexplore benchmark --starts 1" in text
+        assert "numpy" in text and folder.rows()[0].config_hash in text
+        assert all(f"{column}" in text for column in COLUMNS)
+        assert "there are only 2" in text and "Odometry is perfect" in text
+    assert "large &amp; &lt;odd&gt;" in html and "<odd>" not in html
+    assert "knows the plan" in html
+    assert html.count("<figure><svg") == 2 * 3  # the ways of three agents on two plans
+
+
+def test_markdown_tables_have_even_rows(folder: ResultsFolder) -> None:
+    blocks = re.findall(r"(?:^\|.*\n)+", write_report(folder)[1].read_text(), re.MULTILINE)
+    assert len(blocks) == 3 + 1 + 1  # three groups, by plan, behaviour
+    for block in blocks:
+        assert len({line.count("|") for line in block.splitlines()}) == 1
+
+
+def test_the_tables_are_read_by_pandas(folder: ResultsFolder) -> None:
+    import pandas as pd
+
+    *_, summary, parquet = write_report(folder)
+    rows, table = pd.read_parquet(parquet), pd.read_csv(folder.table)
+    assert list(rows.columns) == list(table.columns) == list(COLUMNS)
+    assert len(rows) == len(table) == 12
+    assert np.allclose(rows["d95"], table["d95"]) and table["reached95"].dtype == bool
+    ratios = pd.read_csv(summary)
+    mine = ratios[
+        (ratios.sensor == "all sensors") & (ratios.agent == "clairvoyant") & (ratios.metric == "d95")
+    ]
+    assert len(mine) == 1 and 0.3 < mine.ratio.iloc[0] < 1.3 and mine.cells.iloc[0] == 4
+
+
+def test_a_report_without_the_baseline(folder: ResultsFolder) -> None:
+    html = write_report(folder, baseline="tour")[0].read_text()
+    assert "The agent tour did not run" in html and "Mean metres" in html
+    assert headline(folder.rows(), "tour", [])[0] == (
+        "agent",
+        "metres to 90 %",
+        "metres to 95 %",
+        "metres to 99 %",
+    )
+    write_report(folder)
+
+
+def test_failed_runs_are_listed(folder: ResultsFolder) -> None:
+    rows = folder.rows()
+    rows[0] = Row(
+        **{f: getattr(rows[0], f) for f in ("plan", "start", "sensor", "agent", "seed")},
+        error="Boom: <b>no</b>",
+    )
+    html = render(
+        "exploration.html", **build(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
+    )
+    assert "Failed runs" in html and "Boom: &lt;b&gt;no&lt;/b&gt;" in html and "<b>1</b>failed" in html
+
+
+def test_nothing_ended_well(folder: ResultsFolder) -> None:
+    rows = [dataclasses.replace(row, error="Boom: no") for row in folder.rows()]
+    view = build(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
+    assert "No run has ended well" in render("exploration.html", **view)
+    assert "Boom: no" in render("exploration.md", **view)
+    assert headline(rows, "nearest", []) == [("agent",)]
+
+
+def test_a_folder_without_a_benchmark(tmp_path: Path) -> None:
+    with pytest.raises(ResultsError, match=r"no run\.toml"):
+        write_report(ResultsFolder(tmp_path))
+    (tmp_path / "run.toml").write_text("a = [")
+    with pytest.raises(ResultsError, match="damaged"):
+        write_report(ResultsFolder(tmp_path))
+
+
+def test_caveats_follow_the_settings(folder: ResultsFolder) -> None:
+    rows = folder.rows()
+    made = settings(BenchmarkConfig())
+    made["simulation"] |= {
+        "odometry_noise": {"translation": 0.1, "rotation": 0.0},
+        "turn_cost": 1.0,
+        "coverage_goal": 0.95,
+    }
+    del made["simulation"]["max_distance"]
+    said = " ".join(caveats(rows[:1], made))
+    assert "no intervals at all" in said and "Odometry" not in said and "Turning" not in said and "95" in said
+    assert "best of" not in said and "has learnt" not in said
+
+
+def test_what_flatters_is_said(folder: ResultsFolder) -> None:
+    rows = [dataclasses.replace(row, agent="layout-tour", plan="office-01") for row in folder.rows()]
+    made = settings(BenchmarkConfig())
+    assert (
+        "has learnt from the KTH and school floors and from the plans of the split train (office-01 here)"
+        in " ".join(caveats(rows, made))
+    )
+    rows = [dataclasses.replace(row, agent="layout-tour:predictor=oracle") for row in rows]
+    assert "has learnt" not in " ".join(caveats(rows, made))
+    assert "the best of 3 on these very runs" in " ".join(caveats(rows, made, candidates=3))
+
+
+# --- pieces ---------------------------------------------------------------------------------------------------------
+
+
+def comparison(agent: str, ratio: float, width: float = 0.1, metric: str = "d95") -> Comparison:
+    value = Interval(ratio, ratio * (1 - width), ratio * (1 + width))
+    return Comparison(
+        sensor="stage",
+        agent=agent,
+        metric=metric,
+        cells=3,
+        plans=3,
+        ratio=value,
+        plan_ratio=value,
+        improvement=Interval(0.5, 0.4, 0.6),
+        reached=1.0,
+    )
+
+
+@given(st.lists(st.floats(0.05, 20), min_size=1, max_size=8), st.floats(0, 0.9))
+def test_forest_places_lie_on_the_axis(ratios: list[float], width: float) -> None:
+    drawn = forest([comparison(f"agent {k}", ratio, width) for k, ratio in enumerate(ratios)])
+    estimates = [row.comparison.ratio.estimate for row in drawn.rows]
+    assert estimates == sorted(ratios)
+    for row in drawn.rows:
+        assert 0 <= row.low <= row.place <= row.high <= 100
+        if not row.outside:
+            assert (row.place < drawn.one) == (
+                row.comparison.ratio.estimate < 1
+            ) or row.place == pytest.approx(drawn.one)
+    places = sorted(tick.at for tick in drawn.ticks)
+    assert "1" in {tick.label for tick in drawn.ticks} and all(0 <= place <= 100 for place in places)
+    assert all(b - a >= 9.99 for a, b in itertools.pairwise(places))
+
+
+def test_forest_without_intervals_and_with_a_guard() -> None:
+    nan = math.nan
+    lone = dataclasses.replace(comparison("tour", 0.9), ratio=Interval(0.9, nan, nan))
+    drawn = forest([lone, comparison("tour", 1.1, metric="d99")])
+    (row,) = drawn.rows
+    assert (
+        row.low == row.place == row.high
+        and row.guard_place is not None
+        and row.guard_place > drawn.one > row.place
+    )
+
+
+def test_a_way_starts_and_ends_where_it_should() -> None:
+    track = np.array([[1.0, 1.0, 0.0], [3.0, 1.0, 0.0], [3.0, 2.0, 0.0]])
+    drawn = way(track, np.array([0.5, 0.0, 0.0, 0.0]), rows=10)
+    assert drawn.start == (2.0, 8.0) and drawn.end == (
+        6.0,
+        6.0,
+    )  # y is up in the world and down in the picture
+    assert drawn.pieces[0][1].startswith("M2.00,8.00") and drawn.pieces[-1][1].endswith("6.00,6.00")
+    assert any("6.00,8.00" in path for _, path in drawn.pieces)
+    assert way(track[:1], np.array([0.5, 0.0, 0.0, 0.0]), rows=10).pieces == []
+
+
+def test_floor_picture_is_upright() -> None:
+    occupied = np.ones((40, 30), np.bool_)
+    occupied[30:38, 5:25] = False  # free at high y: at the top of the picture
+    data = np.frombuffer(base64.b64decode(floor_picture(occupied).split(",")[1]), np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
+    assert image.shape == (40, 30) and image[5, 10] == 255 and image[35, 10] < 255 and image[10, 10] == 88
+    assert png_uri(np.zeros((2, 2, 3), np.uint8)).startswith("data:image/png;base64,")
+
+
+def test_heat_is_white_at_one() -> None:
+    assert heat(1.0).endswith(",0.00)") and heat(math.nan) == "transparent"
+    assert heat(0.5).startswith("rgba(0,114,178") and heat(2.0).startswith("rgba(213,94,0")
+
+
+def test_intervals_as_text() -> None:
+    assert interval(None) == "–"
+    assert interval(Interval(-0.012, -0.03, 0.01), sign=True) == "-0.01 (-0.03 to +0.01)"
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".mp4"])
+def test_films_are_written(tmp_path: Path, suffix: str) -> None:
+    import imageio.v2 as imageio
+
+    path = tmp_path / "deep" / f"film{suffix}"
+    with Film(path, fps=8) as film:
+        for k in range(4):
+            film.add(np.full((64, 96, 3), 60 * k, np.uint8))
+    frames = imageio.mimread(path)
+    assert len(frames) >= 4 and frames[0].shape[:2] == (64, 96)
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+def test_a_film_that_breaks_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError), Film(tmp_path / "film.gif") as film:
+        film.add(np.zeros((64, 96, 3), np.uint8))
+        raise ZeroDivisionError
+    assert not list(tmp_path.iterdir())
+
+
+def test_films_of_other_kinds(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"\.mp4 or \.gif"):
+        Film(tmp_path / "film.avi")
+    with pytest.raises(ConfigError, match="frames per second"):
+        Film(tmp_path / "film.gif", fps=0)

@@ -1,0 +1,116 @@
+"""The speed table: its rows, its verdicts and its command. Nothing here depends on how fast this machine is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from scipy.sparse.csgraph import dijkstra
+from typer.testing import CliRunner
+
+from layoutexplore import speed
+from layoutexplore.cli.speed import register
+from layoutexplore.errors import UnknownNameError
+from layoutexplore.grids.grid import Cell
+from layoutexplore.planning.shortest_paths import geodesic_distances
+from layoutexplore.speed import Measurement, Row, floors, kernels, measure, measurements, suite
+from layoutexplore.speed.measurement import milliseconds
+
+
+def row(reached: float | None) -> Row:
+    return Row(name="walking", ours=1234.5, unit="m/s", goal="> 1", reached=reached)
+
+
+def use(monkeypatch: pytest.MonkeyPatch, *rows: Row) -> None:
+    def given() -> Iterator[Row]:
+        yield from rows
+
+    monkeypatch.setattr(suite, "measurements", lambda only=(): [Measurement("walking", given)])
+
+
+def invoke(*arguments: str) -> tuple[int, str]:
+    app = typer.Typer()
+    app.command("other")(lambda: None)
+    register(app)
+    result = CliRunner().invoke(app, ["speed", *arguments], env={"COLUMNS": "120"})
+    return result.exit_code, result.output
+
+
+def test_a_goal_is_missed_below_four_fifths() -> None:
+    assert [row(r).missed for r in (None, 1.5, 1.0, 0.8, 0.79)] == [False, False, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("reached", "status", "word"),
+    [(1.2, 0, "met"), (0.85, 0, "nearly"), (0.5, 1, "missed"), (None, 0, "walking")],
+)
+def test_exit_status_follows_the_goals(
+    monkeypatch: pytest.MonkeyPatch, reached: float | None, status: int, word: str
+) -> None:
+    use(monkeypatch, row(reached))
+    code, output = invoke()
+    assert code == status and word in output and "1 234 m/s" in output
+
+
+def test_figures_are_written_as_json(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    use(monkeypatch, row(0.5), row(2.0))
+    assert invoke("--json", str(tmp_path / "new" / "speed.json"))[0] == 1
+    written = json.loads((tmp_path / "new" / "speed.json").read_text())
+    assert [r["missed"] for r in written["rows"]] == [True, False]
+    assert written["rows"][0]["ours"] == 1234.5 and {"numpy", "numba", "opencv"} <= written["versions"].keys()
+
+
+def test_measurements_by_name() -> None:
+    assert [m.name for m in measurements(["mapping", "rays"])] == ["mapping", "rays"]
+    assert len(measurements()) >= 10 and len({m.name for m in measurements()}) == len(measurements())
+    with pytest.raises(UnknownNameError, match="did you mean 'frontiers'"):
+        measurements(["frontier"])
+
+
+def test_functions_take_turns() -> None:
+    calls: list[str] = []
+    times = milliseconds(lambda: calls.append("a"), lambda: calls.append("b"), repeats=2, inner=2)
+    assert "".join(calls) == "ab" + "aabb" * 2 and len(times) == 2 and min(times) >= 0
+
+
+def test_kernel_rows_have_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Once each instead of many times: what is tested is that they run and are told apart.
+    monkeypatch.setattr(kernels, "milliseconds", lambda *f, **_: milliseconds(*f, repeats=1))
+    begun: list[str] = []
+    rows = list(measure(["rays", "mapping", "frontiers", "parts", "geodesics"], begin=begun.append))
+    assert begun == ["rays", "mapping", "frontiers", "parts", "geodesics"]
+    assert len({r.name for r in rows}) == len(rows) == 9
+    assert all(r.ours > 0 for r in rows) and all((r.reference is None) == (r.ratio is None) for r in rows)
+    assert all(
+        r.reached is None or r.reached > 0 for r in rows
+    )  # 0 would mean other values than the reference's.
+
+
+def test_the_reference_graph_is_that_of_the_planner() -> None:
+    mask = np.random.default_rng(1).random((23, 31)) > 0.3
+    graph, index = kernels._graph(mask)
+    source = Cell(*(int(v) for v in np.argwhere(mask)[40]))
+    assert np.allclose(
+        geodesic_distances(mask, source, 1.0)[mask], dijkstra(graph, indices=index[source]), rtol=1e-6
+    )
+
+
+def test_floors_are_always_the_same() -> None:
+    occupied = floors.floor(480, 640)
+    assert occupied.shape == (480, 640) and 0.1 < (~occupied).mean() < 0.9
+    assert floors.poses(occupied, 3) == floors.poses(occupied, 3)
+    assert not any(
+        occupied[int(p.y / floors.RESOLUTION), int(p.x / floors.RESOLUTION)]
+        for p in floors.poses(occupied, 20)
+    )
+    cells = floors.half_explored(480, 640)
+    known = np.count_nonzero(cells == 0) / np.count_nonzero(~occupied)
+    assert 0.4 < known < 0.9
+
+
+def test_the_package_says_what_it_offers() -> None:
+    assert speed.measure is measure and speed.Row is Row
