@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -11,6 +10,7 @@ import numpy as np
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.library import cached_plan
 
 OnePlan = FloorPlan | str | Path
 """A floor plan, or the name or path of one."""
@@ -60,16 +60,7 @@ class PlanSource:
 
 def load(plan: OnePlan) -> FloorPlan:
     """A floor plan; what is read from a file or generated is kept for the next episode."""
-    if isinstance(plan, FloorPlan):
-        return plan
-    path = Path(plan)
-    return _load(str(plan), path.stat().st_mtime_ns if path.exists() else 0)
-
-
-@functools.lru_cache(maxsize=64)
-def _load(name: str, changed: int) -> FloorPlan:
-    """The plan of that name or path; `changed` keeps an edited file from being served stale."""
-    return FloorPlan.load(name)
+    return plan if isinstance(plan, FloorPlan) else cached_plan(plan)
 
 
 def _expand(spec: OnePlan | Sequence[OnePlan]) -> list[FloorPlan | str]:

@@ -18,17 +18,23 @@ if (_checkout / "pyproject.toml").is_file() and str(_checkout) not in __path__:
     __path__.append(str(_checkout))
 
 if TYPE_CHECKING:
+    from layoutexplore.drawing.layouts import draw_layout as draw_layout
     from layoutexplore.errors import LayoutExploreError as LayoutExploreError
     from layoutexplore.frontiers.decision import STOP as STOP
     from layoutexplore.frontiers.decision import Decision as Decision
     from layoutexplore.frontiers.decision import Frontier as Frontier
     from layoutexplore.grids.grid import OccupancyGrid as OccupancyGrid
     from layoutexplore.grids.grid import Pose as Pose
+    from layoutexplore.grids.ros_map import load_grid as load_grid
+    from layoutexplore.grids.ros_map import save_grid as save_grid
+    from layoutexplore.layout.export import layout_to_geojson as layout_to_geojson
     from layoutexplore.layout.pipeline import reconstruct as reconstruct
     from layoutexplore.layout.types import Layout as Layout
     from layoutexplore.maps.floorplan import FloorPlan as FloorPlan
+    from layoutexplore.maps.geojson import save_plan as save_plan
+    from layoutexplore.maps.library import load_plan as load_plan
+    from layoutexplore.simulation.config import SimulationConfig as SimulationConfig
     from layoutexplore.simulation.simulation import Simulation as Simulation
-    from layoutexplore.simulation.simulation import SimulationConfig as SimulationConfig
 
 _HOMES = {
     "STOP": "frontiers.decision",
@@ -39,7 +45,13 @@ _HOMES = {
     "Layout": "layout.types",
     "OccupancyGrid": "grids.grid",
     "Pose": "grids.grid",
+    "draw_layout": "drawing.layouts",
+    "layout_to_geojson": "layout.export",
+    "load_grid": "grids.ros_map",
+    "load_plan": "maps.library",
     "reconstruct": "layout.pipeline",
+    "save_grid": "grids.ros_map",
+    "save_plan": "maps.geojson",
     "Simulation": "simulation.simulation",
     "SimulationConfig": "simulation.config",
 }

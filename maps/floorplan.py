@@ -17,10 +17,8 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -32,7 +30,7 @@ from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.polygons import Point, fill, polygons_of, seal_diagonals
 from layoutexplore.maps.raster import PlanRaster, resample
 
-__all__ = ["Door", "FloorPlan", "PlanRaster", "Room", "floorplan_from_ascii"]
+__all__ = ["Door", "FloorPlan", "PlanRaster", "Room"]
 
 DOOR_REACH = (0.05, 1.0)
 """Least and greatest metres from a door's segment, on either side, that its opening cuts to reach the rooms."""
@@ -123,19 +121,6 @@ class FloorPlan:
             **self.__dict__,
             "_cache": {},
         }  # what can be computed again does not travel to other processes
-
-    @classmethod
-    def load(cls, path: str | Path) -> FloorPlan:
-        """Read a floor plan of any known format, or a shipped plan by name; see `layoutexplore.maps.load_plan`."""
-        from layoutexplore.maps import load_plan
-
-        return load_plan(path)
-
-    def save(self, path: str | Path) -> None:
-        """Write the plan as readable GeoJSON; see `layoutexplore.maps.geojson`."""
-        from layoutexplore.maps.geojson import save_geojson
-
-        save_geojson(self, path)
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -365,44 +350,3 @@ def _check_shape(plan: FloorPlan, shape: Any, what: str, *, empty: bool) -> None
         raise MapError(f"plan {plan.name!r}, {what}: a coordinate is not a finite number")
     if not all(polygon.is_valid for polygon in polygons_of(shape)):
         raise MapError(f"plan {plan.name!r}, {what}: {shapely.is_valid_reason(shape)}")
-
-
-def floorplan_from_ascii(text: str, resolution: float = 1.0, *, name: str = "ascii") -> FloorPlan:
-    """A floor plan drawn as text, one cell a character; the first line is the top (the highest y).
-
-    Args:
-        text: '#' and spaces are solid, '.' is free floor of no room (a door gap), every letter is a room with
-            that letter as its label; a letter that fills separate areas is one room an area.
-        resolution: Side of a character in metres.
-        name: The plan's name.
-
-    Example:
-        >>> plan = floorplan_from_ascii('''
-        ... #######
-        ... #aa#bb#
-        ... #aa.bb#
-        ... #######
-        ... ''')
-        >>> [(room.label, room.polygon.area) for room in plan.rooms]
-        [('a', 4.0), ('b', 4.0)]
-        >>> plan.doors[0].start, plan.doors[0].end, plan.doors[0].rooms
-        ((3.5, 1.0), (3.5, 2.0), (1, 2))
-    """
-    from layoutexplore.maps.tracing import plan_from_raster
-
-    lines = [line.rstrip() for line in text.strip("\n").splitlines()]
-    width = max((len(line) for line in lines), default=0)
-    if width == 0:
-        raise MapError("the drawing is empty")
-    drawn = np.array([list(line.ljust(width)) for line in reversed(lines)])
-    room_ids = np.zeros(drawn.shape, np.int32)
-    labels: dict[int, str] = {}
-    for letter in sorted(set(drawn.ravel()) - set("#. ")):
-        count, parts = cv2.connectedComponents(
-            (drawn == letter).astype(np.uint8), connectivity=4, ltype=cv2.CV_32S
-        )
-        for part in range(1, count):
-            labels[len(labels) + 1] = str(letter)
-            room_ids[parts == part] = len(labels)
-    occupied = (drawn == "#") | (drawn == " ")
-    return plan_from_raster(PlanRaster(occupied, room_ids, resolution), name=name, labels=labels)

@@ -20,8 +20,8 @@ from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError
+from layoutexplore.files import write_atomically
 from layoutexplore.grids.polygons import polygons_of
-from layoutexplore.grids.ros_map import write_atomically
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.json_plan import read_json
 
@@ -30,7 +30,7 @@ SOLIDS = ("walls", "furniture", "passages")
 _POLYGONS = ("Polygon", "MultiPolygon")
 
 
-def save_geojson(plan: FloorPlan, path: str | Path) -> None:
+def save_plan(plan: FloorPlan, path: str | Path) -> None:
     """Write a plan, one feature a line.
 
     Raises:

@@ -6,9 +6,10 @@ The plans that ship lie in `plans/`, one GeoJSON each, and `plans/splits.json` l
 
 from __future__ import annotations
 
+import functools
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
@@ -177,3 +178,29 @@ def _is_plan(path: Path) -> bool:
         part_of_ros_map = any(path.with_suffix(ending).is_file() for ending in YAML_SUFFIXES)
         return not path.stem.endswith(("_rooms", "_gt")) and not part_of_ros_map
     return not (suffix == ".xml" and path.stem.endswith("_gt"))
+
+
+def find_plans(specs: Iterable[str]) -> list[str]:
+    """What `load_plan` can read, for names, files, folders and splits; without duplicates, in the order given.
+
+    Raises:
+        MapError: A path does not exist, or a folder holds no floor plan.
+        UnknownNameError: No plan or split of that name.
+    """
+    found: dict[str, None] = {}
+    for spec in specs:
+        for source in expand_plans(spec):
+            found[str(Path(source).resolve()) if Path(source).exists() else source] = None
+    return list(found)
+
+
+def cached_plan(source: str | Path) -> FloorPlan:
+    """Like `load_plan`; the last plans stay in memory, and a file that has changed since is read again."""
+    path = Path(source)
+    return _cached(str(source), path.stat().st_mtime_ns if path.exists() else 0)
+
+
+@functools.lru_cache(maxsize=64)
+def _cached(source: str, changed: int) -> FloorPlan:
+    """The plan of that name or path; `changed` keeps an edited file from being served stale."""
+    return load_plan(source)

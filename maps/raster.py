@@ -8,18 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell, OccupancyGrid, Pose, check_resolution
+from layoutexplore.grids.morphology import grow, inflate
 from layoutexplore.grids.polygons import Point, resample_solid
-from layoutexplore.planning.shortest_paths import inflate
-from layoutexplore.sensing.lidar import Lidar, LidarConfig
 
 SIGHT_BEYOND_REACH = 0.8
 """Metres of free space beyond the reachable cells that an exploration is asked to see (the protocol of the benchmark)."""
@@ -162,9 +159,6 @@ class PlanRaster:
         return found
 
 
-_LIDARS: WeakKeyDictionary[PlanRaster, dict[LidarConfig, Lidar]] = WeakKeyDictionary()
-
-
 def resample(
     source: PlanRaster, ratios: Point, offset: Point, shape: tuple[int, int]
 ) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
@@ -184,68 +178,3 @@ def resample(
     room_ids = np.zeros(shape, np.int32)
     room_ids[np.ix_(rows, cols)] = source.room_ids[np.ix_(places[0][rows], places[1][cols])]
     return resample_solid(source.occupied, ratios, offset, shape), room_ids
-
-
-def shared_lidar(raster: PlanRaster, config: LidarConfig) -> Lidar:
-    """One lidar per raster and sensor: its tables are read-only, and many environments share a floor plan."""
-    lidars = _LIDARS.setdefault(raster, {})
-    if config not in lidars:
-        lidars[config] = Lidar(config, raster.occupied, raster.resolution, raster.origin)
-    return lidars[config]
-
-
-def grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:
-    """Free cells within an octile geodesic distance of the seeds, the free seeds included.
-
-    Args:
-        seeds: bool (rows, cols).
-        free: bool (rows, cols), where the way may lead; no corner is cut.
-        steps: Distance in cells.
-    """
-    return _grow(np.ascontiguousarray(seeds & free), np.ascontiguousarray(free), steps + 1e-4)
-
-
-@njit(cache=True, nogil=True)
-def _grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], limit: float) -> NDArray[np.bool_]:
-    """Label-correcting wave from all border seeds at once."""
-    rows, cols = seeds.shape
-    distance = np.full((rows, cols), np.inf, np.float32)
-    queued = np.zeros((rows, cols), np.bool_)
-    front = np.empty(rows * cols, np.int32)
-    behind = np.empty(rows * cols, np.int32)
-    size = 0
-    for r in range(rows):
-        for c in range(cols):
-            if seeds[r, c]:
-                distance[r, c] = 0.0
-                front[size] = r * cols + c
-                size += 1
-    while size:
-        following = 0
-        for k in range(size):
-            r, c = divmod(front[k], cols)
-            queued[r, c] = False
-            for dr in range(-1, 2):
-                for dc in range(-1, 2):
-                    rr, cc = r + dr, c + dc
-                    if (
-                        (dr == 0 and dc == 0)
-                        or rr < 0
-                        or cc < 0
-                        or rr >= rows
-                        or cc >= cols
-                        or not free[rr, cc]
-                    ):
-                        continue
-                    if dr != 0 and dc != 0 and not (free[r, cc] and free[rr, c]):
-                        continue
-                    further = distance[r, c] + np.float32(1.4142135 if dr != 0 and dc != 0 else 1.0)
-                    if further < distance[rr, cc] and further <= limit:
-                        distance[rr, cc] = further
-                        if not queued[rr, cc]:
-                            queued[rr, cc] = True
-                            behind[following] = rr * cols + cc
-                            following += 1
-        front, behind = behind, front
-        size = following
-    return distance < np.inf

@@ -14,9 +14,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from layoutexplore.errors import MapError
 from layoutexplore.grids.outlines import trace
 from layoutexplore.grids.polygons import Point, polygons_of
-from layoutexplore.maps.floorplan import Door, FloorPlan, PlanRaster, Room
+from layoutexplore.maps.floorplan import Door, FloorPlan, Room
+from layoutexplore.maps.raster import PlanRaster
 
 DOORWAY_AREA = 4.0
 """Square metres up to which a gap between two rooms counts as a doorway; larger ones are passages."""
@@ -206,3 +208,42 @@ def _door(
         (x + float(e[1]) * source.resolution, y + float(e[0]) * source.resolution) for e in ends
     )
     return Door(start=start, end=end, rooms=rooms)
+
+
+def floorplan_from_ascii(text: str, resolution: float = 1.0, *, name: str = "ascii") -> FloorPlan:
+    """A floor plan drawn as text, one cell a character; the first line is the top (the highest y).
+
+    Args:
+        text: '#' and spaces are solid, '.' is free floor of no room (a door gap), every letter is a room with
+            that letter as its label; a letter that fills separate areas is one room an area.
+        resolution: Side of a character in metres.
+        name: The plan's name.
+
+    Example:
+        >>> plan = floorplan_from_ascii('''
+        ... #######
+        ... #aa#bb#
+        ... #aa.bb#
+        ... #######
+        ... ''')
+        >>> [(room.label, room.polygon.area) for room in plan.rooms]
+        [('a', 4.0), ('b', 4.0)]
+        >>> plan.doors[0].start, plan.doors[0].end, plan.doors[0].rooms
+        ((3.5, 1.0), (3.5, 2.0), (1, 2))
+    """
+    lines = [line.rstrip() for line in text.strip("\n").splitlines()]
+    width = max((len(line) for line in lines), default=0)
+    if width == 0:
+        raise MapError("the drawing is empty")
+    drawn = np.array([list(line.ljust(width)) for line in reversed(lines)])
+    room_ids = np.zeros(drawn.shape, np.int32)
+    labels: dict[int, str] = {}
+    for letter in sorted(set(drawn.ravel()) - set("#. ")):
+        count, parts = cv2.connectedComponents(
+            (drawn == letter).astype(np.uint8), connectivity=4, ltype=cv2.CV_32S
+        )
+        for part in range(1, count):
+            labels[len(labels) + 1] = str(letter)
+            room_ids[parts == part] = len(labels)
+    occupied = (drawn == "#") | (drawn == " ")
+    return plan_from_raster(PlanRaster(occupied, room_ids, resolution), name=name, labels=labels)

@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.bits import ones
 from layoutexplore.frontiers.decision import Path, Truth
+from layoutexplore.grids.bitsets import ones
 from layoutexplore.sensing.lidar import LidarConfig, around, beam_table
 
 Bits = NDArray[np.uint64]

@@ -12,7 +12,7 @@ from layoutexplore.agents.rl.card import PolicySpec, find_policy
 from layoutexplore.agents.rl.network import Actor
 from layoutexplore.agents.rl.policy_file import load_actor
 from layoutexplore.envs.observation import ObservationConfig, Observer
-from layoutexplore.fingerprint import fingerprint
+from layoutexplore.files import fingerprint
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
 
 

@@ -12,12 +12,12 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
-from layoutexplore.benchmark.episode import play, run_seed
-from layoutexplore.benchmark.plans import find_plans, load, start_pose
 from layoutexplore.frontiers.decision import Agent
+from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.metrics.exploration import score_curve
 from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.episode import play, run_seed, start_pose
 from layoutexplore.simulation.simulation import Simulation
 
 Stop = Callable[[], bool]
@@ -84,7 +84,7 @@ class Evaluation:
     def _explore(self, agent: Agent, stop: Stop) -> list[Metres]:
         metres = []
         for cell in self.cells:
-            plan, simulation_config = load(cell.plan), SimulationConfig(sensor=cell.sensor)
+            plan, simulation_config = cached_plan(cell.plan), SimulationConfig(sensor=cell.sensor)
             simulation = Simulation(
                 plan, simulation_config, make_predictor(getattr(agent, "predictor", "none"))
             )

@@ -12,9 +12,8 @@ from safetensors import SafetensorError
 
 from layoutexplore.agents.rl.card import PolicySpec, read_spec
 from layoutexplore.agents.rl.network import Actor
-from layoutexplore.benchmark.store import atomic
 from layoutexplore.errors import ResultsError
-from layoutexplore.toml_text import to_toml
+from layoutexplore.files import atomic, to_toml
 
 
 def save_policy(path: Path, state: Mapping[str, torch.Tensor], card: Mapping[str, Any]) -> None:

@@ -18,10 +18,9 @@ from stable_baselines3.common.logger import configure
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.policy_file import save_policy
-from layoutexplore.benchmark.store import atomic
 from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.files import atomic, to_toml
 from layoutexplore.processes import command_line
-from layoutexplore.toml_text import to_toml
 
 CONFIG = "config.toml"
 EVALUATIONS = "evaluations.csv"

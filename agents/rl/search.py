@@ -35,10 +35,10 @@ from layoutexplore.agents.rl.network import Actor
 from layoutexplore.agents.rl.policy_file import save_policy
 from layoutexplore.agents.rl.response_surface import fit_surface, lowest
 from layoutexplore.agents.rl.run import EVALUATIONS, TrainingRun, Watcher
-from layoutexplore.benchmark.store import atomic
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.plans import PlanSource
 from layoutexplore.errors import ResultsError
+from layoutexplore.files import atomic
 from layoutexplore.frontiers.decision import Predictor
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
 from layoutexplore.metrics.exploration import distance_to_coverage

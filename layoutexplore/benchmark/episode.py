@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-import time
-import zlib
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.agents import make_agent
-from layoutexplore.benchmark.counterfactual import Asides, Counterfactual
 from layoutexplore.errors import LayoutExploreError
-from layoutexplore.frontiers.decision import Agent, Decision, Predictor, Privileged
-from layoutexplore.grids.grid import Pose
+from layoutexplore.frontiers.decision import Agent, Privileged
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.metrics.exploration import revisit_share, rooms_finished, score_curve
 from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.episode import Episode, TimedPredictor
 from layoutexplore.simulation.simulation import Simulation
-
-MAX_DECISIONS = 20_000
-"""A run that is not over after this many decisions is stuck: the longest real ones take a few hundred."""
 
 NAN = float("nan")
 
@@ -129,27 +121,6 @@ TIMING_COLUMNS = (
 """Columns that differ from one execution to the next; every other one is decided by the configuration."""
 
 
-@dataclass(frozen=True)
-class Episode:
-    """What one exploration left behind.
-
-    Attributes:
-        curve: float64 (n, 2), metres travelled and coverage 0..1, a row a scan.
-        track: float64 (n, 3), poses at the corners of the way walked.
-        decision_ms: Milliseconds of every choice.
-        seconds: Duration of the whole run, without the questions asked beside it.
-        prediction_ms: Milliseconds of the prediction at every decision; empty without a predictor.
-        counterfactual: What the layout changed; None where nobody asked.
-    """
-
-    curve: NDArray[np.float64]
-    track: NDArray[np.float64]
-    decision_ms: list[float] = field(repr=False)
-    seconds: float = 0.0
-    prediction_ms: list[float] = field(default_factory=list, repr=False)
-    counterfactual: Counterfactual | None = None
-
-
 def prepare(plan: FloorPlan | str, config: SimulationConfig, agent: str) -> tuple[Simulation, Agent]:
     """A simulation and an agent by its name, with the predictor that the agent asks for.
 
@@ -158,7 +129,7 @@ def prepare(plan: FloorPlan | str, config: SimulationConfig, agent: str) -> tupl
     """
     chosen = make_agent(agent)
     predictor = make_predictor(getattr(chosen, "predictor", "none"))
-    return Simulation(plan, config, _Timed(predictor) if predictor else None), chosen
+    return Simulation(plan, config, TimedPredictor(predictor) if predictor else None), chosen
 
 
 def fingerprints(agents: Iterable[str]) -> dict[str, str]:
@@ -187,85 +158,6 @@ def knows_the_plan(agent: str) -> bool:
         return False
 
 
-class _Timed:
-    """A predictor whose time is measured: predicting is part of deciding."""
-
-    def __init__(self, inner: Predictor) -> None:
-        self.inner = inner
-        self.name = inner.name
-        self.ms = 0.0
-        if isinstance(inner, Privileged):
-            self.reveal = inner.reveal
-
-    def predict(self, decision: Decision) -> Decision:
-        """What the predictor makes of the decision."""
-        asked = time.perf_counter()
-        completed = self.inner.predict(decision)
-        self.ms += 1000 * (time.perf_counter() - asked)
-        return completed
-
-
-def play(
-    simulation: Simulation,
-    agent: Agent,
-    *,
-    seed: int = 0,
-    start: Pose | None = None,
-    on_step: Callable[[Simulation], None] | None = None,
-    explain: bool = False,
-) -> Episode:
-    """Explore until the simulation or the agent ends the run.
-
-    Args:
-        simulation: What to explore; it is reset.
-        agent: Who explores; it is reset.
-        seed: For both.
-        start: Where to begin; drawn from the seed when None.
-        on_step: Called after the reset and after every decision.
-        explain: Ask beside the run what the layout changes; only where there is a predictor.
-
-    Raises:
-        LayoutExploreError: The agent is stuck: it decides and decides and the run does not end.
-    """
-    began = time.perf_counter()
-    decision = simulation.reset(seed=seed, start=start)
-    agent.reset(seed)
-    if isinstance(agent, Privileged):
-        agent.reveal(simulation.truth)
-    took: list[float] = []
-    timed = simulation.predictor if isinstance(simulation.predictor, _Timed) else None
-    asides = Asides(simulation) if explain and timed else None
-    predictions: list[float] = []
-    predicted = 0.0
-    if on_step:
-        on_step(simulation)
-    while not simulation.done:
-        if asides:
-            asides.before(agent)
-        asked = time.perf_counter()
-        choice = agent.act(decision)
-        took.append(1000 * (time.perf_counter() - asked))
-        if timed:
-            predictions.append(timed.ms - predicted)
-            took[-1] += predictions[-1]
-            predicted = timed.ms
-        if asides:
-            asides.note(decision, choice, predictions[-1])
-        decision = simulation.step(choice)
-        if on_step:
-            on_step(simulation)
-        if simulation.decisions > MAX_DECISIONS:
-            raise LayoutExploreError(
-                f"agent {agent.name!r} is stuck: {MAX_DECISIONS} decisions, {simulation.distance:.0f} m, "
-                f"{100 * simulation.coverage:.1f} % seen"
-            )
-    seconds = time.perf_counter() - began - (asides.seconds if asides else 0.0)
-    counterfactual = asides.end() if asides else None
-    return Episode(
-        simulation.curve[:, :2], corners(simulation.track), took, seconds, predictions, counterfactual
-    )
-
-
 def score(row: Row, simulation: Simulation, episode: Episode) -> Row:
     """The row completed with the scores of a run that has ended."""
     budget, area = simulation.max_distance, simulation.target_area
@@ -273,7 +165,7 @@ def score(row: Row, simulation: Simulation, episode: Episode) -> Row:
     finished, rooms = rooms_finished(simulation.raster.room_ids, simulation.truth.target, simulation.seen)
     x, y, theta = episode.track[0]
     median, p95 = np.percentile(episode.decision_ms, [50, 95]) if episode.decision_ms else (0.0, 0.0)
-    told = episode.counterfactual if episode.counterfactual and len(episode.counterfactual.log) else None
+    told = episode.notes if episode.notes and len(episode.notes.log) else None
     unasked = NAN if episode.prediction_ms else 0.0
     scored = dataclasses.replace(
         row,
@@ -301,28 +193,6 @@ def score(row: Row, simulation: Simulation, episode: Episode) -> Row:
         layout_misled=float(told.column("misled").mean()) if told else unasked,
     )
     return _rounded(scored)
-
-
-def corners(track: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The rows of a track (n, 3) at which the way bends, and its ends: the same line with fewer points.
-
-    Example:
-        >>> corners(np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0)], float))[:, :2].tolist()
-        [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]]
-    """
-    moved = np.concatenate([[True], np.any(np.diff(track[:, :2], axis=0) != 0, axis=1)])
-    places = track[moved]
-    if len(places) < 3:
-        return np.asarray(places)
-    steps = np.diff(places[:, :2], axis=0)
-    heading = np.arctan2(steps[:, 1], steps[:, 0])
-    bends = np.abs(np.remainder(np.diff(heading) + math.pi, 2 * math.pi) - math.pi) > 1e-6
-    return np.asarray(places[np.concatenate([[True], bends, [True]])])
-
-
-def run_seed(seed: int, plan: str, start: int) -> int:
-    """The seed of a cell: the same for all agents and sensors, different for every plan and start."""
-    return int(np.random.SeedSequence([seed, zlib.crc32(plan.encode()), start]).generate_state(1)[0])
 
 
 def _rounded(row: Row) -> Row:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from layoutexplore.benchmark.episode import run_seed
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.grids.grid import Pose
-from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.library import cached_plan
 from layoutexplore.simulation.config import SimulationConfig
-from layoutexplore.simulation.robot import draw_start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,35 +31,13 @@ class PlanEntry:
     reachable_area: float
 
 
-def find_plans(specs: Iterable[str]) -> list[str]:
-    """What `load_plan` can read, for names, files, folders and splits; without duplicates, in the order given.
-
-    Raises:
-        MapError: A path does not exist, or a folder holds no floor plan.
-        UnknownNameError: No plan or split of that name.
-    """
-    from layoutexplore.maps import expand_plans
-
-    found: dict[str, None] = {}
-    for spec in specs:
-        for source in expand_plans(spec):
-            found[str(Path(source).resolve()) if Path(source).exists() else source] = None
-    return list(found)
-
-
-@functools.lru_cache(maxsize=4)
-def load(source: str) -> FloorPlan:
-    """The floor plan of a source; the last few stay in memory."""
-    return FloorPlan.load(source)
-
-
 def entry(source: str, simulation: SimulationConfig) -> PlanEntry:
     """Load a plan and see that the robot fits into it.
 
     Raises:
         MapError: The plan cannot be read, or has no place for the robot.
     """
-    plan = load(source)
+    plan = cached_plan(source)
     try:
         reachable = plan.rasterize(simulation.resolution).reachable(simulation.robot_radius)
     except MapError as error:
@@ -87,9 +60,3 @@ def check_names(entries: Iterable[PlanEntry]) -> None:
                 f"two floor plans are called {plan.name!r}: {seen[plan.name]} and {plan.source}"
             )
         seen[plan.name] = plan.source
-
-
-def start_pose(plan: FloorPlan, simulation: SimulationConfig, seed: int, start: int) -> Pose:
-    """Start number `start` on a plan: the same for every sensor and agent."""
-    rng = np.random.default_rng(run_seed(seed, plan.name, start))
-    return draw_start(plan.rasterize(simulation.resolution), simulation.robot_radius, rng)

@@ -16,12 +16,15 @@ import layoutexplore
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.cluster import check_cluster, run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.episode import Row, fingerprints, play, prepare, run_seed, score
-from layoutexplore.benchmark.plans import PlanEntry, check_names, entry, find_plans, load, start_pose
+from layoutexplore.benchmark.counterfactual import Asides
+from layoutexplore.benchmark.episode import Row, fingerprints, prepare, score
+from layoutexplore.benchmark.plans import PlanEntry, check_names, entry
 from layoutexplore.benchmark.pool import run_all
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.errors import ConfigError, LayoutExploreError
-from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.maps.library import cached_plan, find_plans
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.simulation.episode import play, run_seed, start_pose
 
 _WARM_UP_PLAN = """
 ####################
@@ -129,7 +132,7 @@ def run_benchmark(
     with locked(out):
         folder = open_results(out, config, plans, models, force=force, extend=extend, command=command)
         for plan in plans:
-            folder.save_raster(plan.name, load(plan.source).rasterize(config.simulation.resolution))
+            folder.save_raster(plan.name, cached_plan(plan.source).rasterize(config.simulation.resolution))
         return _fill(folder, config, plans, jobs, cluster, report, on_progress)
 
 
@@ -195,19 +198,22 @@ def warm_up(config: BenchmarkConfig) -> None:
         for agent in config.agents:
             # An agent that fails here fails again in its runs, where the failure is recorded.
             with contextlib.suppress(Exception):
-                play(*prepare(plan, config.simulation_with(sensor), agent), explain=config.explain)
+                play(
+                    *prepare(plan, config.simulation_with(sensor), agent),
+                    probe=Asides if config.explain else None,
+                )
 
 
 def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder) -> Row:
     """Make one run, keep its curve, and return its row; a failure becomes the row's error."""
     row = _empty_row(task, config)
     try:
-        plan = load(task.plan.source)
+        plan = cached_plan(task.plan.source)
         settings = config.simulation_with(task.sensor)
         start = start_pose(plan, settings, config.seed, task.start)
         simulation, agent = prepare(plan, settings, task.agent)
         seed = run_seed(config.seed, task.plan.name, task.start)
-        episode = play(simulation, agent, seed=seed, start=start, explain=config.explain)
+        episode = play(simulation, agent, seed=seed, start=start, probe=Asides if config.explain else None)
         folder.save_episode(row, episode)
         return score(row, simulation, episode)
     except Exception as error:

@@ -16,10 +16,8 @@ import csv
 import dataclasses
 import fcntl
 import io
-import os
 import re
 import shutil
-import tempfile
 import tomllib
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -30,14 +28,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.archives import is_whole, read_arrays
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual, from_arrays, to_arrays
-from layoutexplore.benchmark.episode import Episode, Row
+from layoutexplore.benchmark.episode import Row
 from layoutexplore.benchmark.plans import PlanEntry
 from layoutexplore.errors import ResultsError
+from layoutexplore.files import _HALF, atomic, is_whole, read_arrays, to_toml
 from layoutexplore.maps.raster import PlanRaster
-from layoutexplore.toml_text import to_toml
+from layoutexplore.simulation.episode import Episode
 
 COLUMNS = tuple(f.name for f in dataclasses.fields(Row))
 
@@ -46,8 +44,6 @@ _REQUIRED = {f.name for f in dataclasses.fields(Row) if f.default is dataclasses
 LOCK = ".lock"
 """File that is held while a benchmark writes."""
 
-_HALF = ".part"
-"""How the names of files end that are being written."""
 
 _MANIFEST: dict[type | tuple[type, ...], tuple[str, ...]] = {
     str: ("config_hash", "command", "baseline", "settings.version"),
@@ -142,7 +138,7 @@ class ResultsFolder:
                 "curve": episode.curve.astype(np.float32),
                 "track": episode.track.astype(np.float32),
             }
-            arrays |= to_arrays(episode.counterfactual) if episode.counterfactual else {}
+            arrays |= to_arrays(episode.notes) if episode.notes else {}
             np.savez_compressed(file, **arrays)
 
     def episode(self, row: Row) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -381,28 +377,6 @@ def slug(name: str) -> str:
     """
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)
     return name if plain == name and name not in (".", "..") else f"{plain}-{zlib.crc32(name.encode()):08x}"
-
-
-@contextmanager
-def atomic(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that replaces it when the block ends well, and vanishes when it does not.
-
-    Raises:
-        ResultsError: The file cannot be written.
-    """
-    temporary = path
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=_HALF, dir=path.parent)
-        os.close(handle)
-        temporary = Path(name)
-        yield temporary
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except OSError as error:
-        raise ResultsError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        if temporary is not path:
-            temporary.unlink(missing_ok=True)
 
 
 def _header() -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from layoutexplore.cli.json_file import write_json
-from layoutexplore.cli.output_places import check_places
+from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
     from layoutexplore.training.closed_doors import Samples, Source
@@ -49,13 +49,8 @@ def closed_doors(
 ) -> None:
     """Rooms behind closed doors: free-space IoU; IoU, precision and recall on what was never seen; beside a reference."""
     from layoutexplore.errors import require
-    from layoutexplore.evaluation.closed_doors import (
-        cross_validate,
-        evaluate,
-        find_triples,
-        summarise,
-        write_pictures,
-    )
+    from layoutexplore.evaluation.closed_doors import cross_validate, evaluate, summarise, write_pictures
+    from layoutexplore.maps.closed_door_maps import find_triples
     from layoutexplore.processes import command_line
     from layoutexplore.report.closed_doors import write_report
 

@@ -12,15 +12,16 @@ import typer
 
 from layoutexplore.cli.closed_doors import closed_doors
 from layoutexplore.cli.json_file import write_json
-from layoutexplore.cli.output_places import check_places
 from layoutexplore.cli.partial_rooms import partial_rooms
 from layoutexplore.cli.train_predictor import train_predictor
+from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from layoutexplore.evaluation.segmentation import Case, MapScore
+    from layoutexplore.evaluation.segmentation import MapScore
+    from layoutexplore.maps.painted_rooms import Case
 
 group = typer.Typer(
     name="evaluate", help="Score the layout methods against ground truth.", no_args_is_help=True
@@ -89,8 +90,9 @@ def segmentation(
 ) -> None:
     """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all."""
     from layoutexplore.errors import ConfigError, require
-    from layoutexplore.evaluation.segmentation import evaluate_cases, find_cases, seed_spread, summarise
-    from layoutexplore.layout.registry import layout_method
+    from layoutexplore.evaluation.segmentation import evaluate_cases, seed_spread, summarise
+    from layoutexplore.layout.pipeline import layout_method
+    from layoutexplore.maps.painted_rooms import find_cases
     from layoutexplore.metrics.segmentation import PROTOCOLS
 
     if protocol not in PROTOCOLS:
@@ -287,9 +289,9 @@ def train(
     resolution: Resolution = 0.05,
 ) -> None:
     """Train the judge of the default method, which decides what pieces of a map are one room."""
-    from layoutexplore.evaluation.cross_validation import train_judge
-    from layoutexplore.evaluation.segmentation import find_cases
     from layoutexplore.layout.merging.merge_forest import save_forest
+    from layoutexplore.maps.painted_rooms import find_cases
+    from layoutexplore.training.room_merging import train_judge
 
     check_places(out.parent)
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
@@ -324,8 +326,7 @@ def layout(
     from layoutexplore.errors import MapError
     from layoutexplore.evaluation.layouts import read_outlines, score_layout
     from layoutexplore.grids.ros_map import load_grid
-    from layoutexplore.layout.pipeline import reconstruct
-    from layoutexplore.layout.registry import layout_method
+    from layoutexplore.layout.pipeline import layout_method, reconstruct
 
     check_places(None, json_file)
     if not folder.is_dir():

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from layoutexplore.grids.ros_map import save_grid
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -56,12 +58,13 @@ def explore(
     """Explore one floor plan."""
     from rich.console import Console
 
-    from layoutexplore.benchmark.episode import Row, play, prepare, score
-    from layoutexplore.cli.output_places import check_places
+    from layoutexplore.benchmark.episode import Row, prepare, score
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.drawing.pictures import draw_state
+    from layoutexplore.files import check_places
     from layoutexplore.grids.ros_map import encode_png
     from layoutexplore.simulation.config import SimulationConfig
+    from layoutexplore.simulation.episode import play
 
     check_places(out)
     console = Console(highlight=False)
@@ -122,9 +125,9 @@ def save_run(folder: Path, simulation: Simulation, pictures: dict[int, bytes]) -
 
     import numpy as np
 
-    from layoutexplore.grids.ros_map import write_atomically
+    from layoutexplore.files import write_atomically
 
-    simulation.mapper.grid.save(folder / "map.yaml")
+    save_grid(simulation.mapper.grid, folder / "map.yaml")
     tables = {
         "track": (simulation.track, "%.4f", "x,y,theta"),
         "curve": (simulation.curve, "%.6f", "distance,coverage,scan"),

@@ -16,7 +16,7 @@ def write_json(path: Path, data: dict[str, Any], *, indent: int | None = 1) -> N
     Raises:
         MapError: It cannot be written.
     """
-    from layoutexplore.grids.ros_map import write_atomically
+    from layoutexplore.files import write_atomically
 
     write_atomically(path, (json.dumps(_finite(data), indent=indent, allow_nan=False) + "\n").encode())
     typer.echo(f"written: {path}")

@@ -51,10 +51,10 @@ def layout(
     and NAME_overview.png for each map. A map that cannot be read does not keep the others from being
     done. The time of the first map includes loading compiled code.
     """
-    from layoutexplore.cli.output_places import check_places
     from layoutexplore.errors import ConfigError
+    from layoutexplore.files import check_places
     from layoutexplore.grids.grid import check_resolution
-    from layoutexplore.layout.registry import layout_method
+    from layoutexplore.layout.pipeline import layout_method
 
     layout_method(method)
     if resolution is not None:
@@ -107,8 +107,11 @@ def _reconstruct(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, 
     """Reconstruct one map, write its files, and sum up."""
     import numpy as np
 
-    from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, encode_png, load_grid, write_atomically
+    from layoutexplore.drawing.layouts import draw_layout
+    from layoutexplore.files import write_atomically
+    from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, encode_png, load_grid
     from layoutexplore.layout.blueprint import load_blueprint
+    from layoutexplore.layout.export import layout_to_geojson
     from layoutexplore.layout.pipeline import reconstruct
 
     path, method, resolution, blueprint, out = item
@@ -121,8 +124,8 @@ def _reconstruct(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, 
     overview = out / f"{path.stem}_overview.png"
     geojson = out / f"{path.stem}_layout.geojson"
     write_atomically(labels, encode_png(found.room_labels().astype(np.uint16)[::-1]))
-    write_atomically(overview, encode_png(found.draw(grid)))
-    write_atomically(geojson, (json.dumps(found.to_geojson()) + "\n").encode())
+    write_atomically(overview, encode_png(draw_layout(found, grid)))
+    write_atomically(geojson, (json.dumps(layout_to_geojson(found)) + "\n").encode())
     return {
         "map": str(path),
         "method": method,

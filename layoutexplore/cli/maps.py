@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from layoutexplore.maps.geojson import save_plan
+
 if TYPE_CHECKING:
     from layoutexplore.maps.floorplan import FloorPlan
 
@@ -83,7 +85,7 @@ def import_plan(
     from layoutexplore.maps import load_plan
 
     plan = load_plan(path, resolution=resolution)
-    plan.save(out)
+    save_plan(plan, out)
     note = f", {plan.metadata['scale']}" if "scale" in plan.metadata else ""
     typer.echo(
         f"{out}: {plan.name}, {len(plan.rooms)} rooms, {len(plan.doors)} doors, {plan.area:.0f} m2{note}"
@@ -101,7 +103,7 @@ def generate_plan(
     from layoutexplore.maps.generator import generate
 
     plan = generate(family, seed) if area is None else generate(family, seed, area=area)
-    plan.save(out)
+    save_plan(plan, out)
     typer.echo(f"{out}: {plan.name}, {len(plan.rooms)} rooms, {len(plan.doors)} doors, {plan.area:.0f} m2")
 
 
@@ -128,7 +130,8 @@ def _describe(plan: FloorPlan, resolution: float, radius: float) -> list[str]:
 
 def _draw(plan: FloorPlan, resolution: float, out: Path) -> None:
     from layoutexplore.drawing.pictures import draw_plan
-    from layoutexplore.grids.ros_map import encode_png, write_atomically
+    from layoutexplore.files import write_atomically
+    from layoutexplore.grids.ros_map import encode_png
 
     longest = max(plan.rasterize(resolution).shape)
     scale = max(1, 1600 // longest)

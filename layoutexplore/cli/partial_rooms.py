@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from layoutexplore.cli.json_file import write_json
-from layoutexplore.cli.output_places import check_places
+from layoutexplore.files import check_places
+from layoutexplore.maps.library import load_plan
 
 ROOM_COLUMNS = (
     "rooms",
@@ -61,11 +62,10 @@ def partial_rooms(
 ) -> None:
     """Half-seen rooms: hidden IoU, room IoU, areas; closed or open frontiers; every predictor on the same snapshots."""
     from layoutexplore.agents import make_agent
-    from layoutexplore.benchmark.plans import find_plans
     from layoutexplore.errors import require
     from layoutexplore.evaluation.partial_rooms import score
     from layoutexplore.evaluation.partial_rooms_summary import summarise
-    from layoutexplore.maps.floorplan import FloorPlan
+    from layoutexplore.maps.library import find_plans
     from layoutexplore.predictors import make_room_predictor, predictor_names
     from layoutexplore.processes import command_line
     from layoutexplore.report.partial_rooms import Gallery, write_report
@@ -81,7 +81,7 @@ def partial_rooms(
     taken = (
         snapshot
         for source in find_plans(plans)
-        for plan in [FloorPlan.load(source)]
+        for plan in [load_plan(source)]
         for name in sensors
         for seed in range(starts)
         for snapshot in explore(plan, make_agent(PROTOCOL_AGENT), sensor=name, seed=seed, store=snapshots)

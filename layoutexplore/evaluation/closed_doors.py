@@ -7,7 +7,6 @@ not in IN; a prediction is what it makes free beyond IN.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -20,34 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.prediction import predict_closed_rooms
-from layoutexplore.errors import MapError
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.grids.ros_map import encode_png, read_image, write_atomically
+from layoutexplore.files import write_atomically
+from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.grids.ros_map import encode_png
+from layoutexplore.maps.closed_door_maps import FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY, Triple, read_cells
 from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_interquartile_mean, weighted_mean
 from layoutexplore.processes import end_with_parent
 
 if TYPE_CHECKING:
     from layoutexplore.closed_doors.models import Models
     from layoutexplore.training.closed_doors import Samples, Source
-
-OCCUPIED_GREY, UNKNOWN_GREY, FREE_GREY = 0, 205, 254
-_NAME = re.compile(r"(?P<building>.+)_(?P<k>\d+)_doors_IN\.png")
-
-
-@dataclass(frozen=True)
-class Triple:
-    """A map with shut rooms, its truth, and the reference's answer where there is one."""
-
-    building: str
-    doors: int
-    seen: Path
-    truth: Path
-    reference: Path | None
-
-    @property
-    def name(self) -> str:
-        """NAME_k_doors."""
-        return f"{self.building}_{self.doors}_doors"
 
 
 @dataclass(frozen=True)
@@ -78,53 +59,6 @@ class PairScore:
     ours: Score
     reference: Score | None
     seconds: float
-
-
-def find_triples(folder: Path) -> list[Triple]:
-    """The maps of a folder, by building and number of doors.
-
-    Raises:
-        MapError: No such folder, no maps in it, or a map without its truth.
-    """
-    if not folder.is_dir():
-        raise MapError(f"{folder}: no such folder")
-    triples = []
-    for seen in folder.glob("*_doors_IN.png"):
-        match = _NAME.fullmatch(seen.name)
-        if not match:
-            raise MapError(f"{seen}: the name must be NAME_k_doors_IN.png with a number k")
-        truth = seen.with_name(f"{match['building']}_GT.png")
-        if not truth.is_file():
-            raise MapError(f"{seen}: its truth {truth.name} is missing")
-        reference = seen.with_name(seen.name.replace("_IN.png", "_OUT.png"))
-        triples.append(
-            Triple(
-                match["building"], int(match["k"]), seen, truth, reference if reference.is_file() else None
-            )
-        )
-    if not triples:
-        raise MapError(f"{folder}: no map NAME_k_doors_IN.png with its truth NAME_GT.png")
-    return sorted(triples, key=lambda t: (t.building, t.doors))
-
-
-def read_cells(path: Path, shape: tuple[int, int] | None = None) -> NDArray[np.int8]:
-    """The cells int8 (rows, cols) of an image, its rows from the top.
-
-    Raises:
-        MapError: The image is damaged, has other grey levels than the three, or not the expected size.
-    """
-    grey = read_image(path)[0]
-    if shape is not None and grey.shape != shape:
-        raise MapError(
-            f"{path}: {grey.shape[1]} x {grey.shape[0]} pixels, but its map has {shape[1]} x {shape[0]}"
-        )
-    free, occupied = grey == FREE_GREY, grey == OCCUPIED_GREY
-    odd = grey[~(free | occupied | (grey == UNKNOWN_GREY))]
-    if odd.size:
-        raise MapError(
-            f"{path}: grey level {odd[0]}: only 0 (occupied), 205 (unknown) and 254 (free) are expected"
-        )
-    return np.where(free, FREE, np.where(occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
 
 
 def score_prediction(
@@ -208,7 +142,8 @@ def cross_validate(
         resolution: Metres a cell.
         out: Folder for the predictions.
     """
-    from layoutexplore.training.closed_doors import building_of, fit
+    from layoutexplore.training.closed_doors import fit
+    from layoutexplore.training.folds import building_of
 
     buildings = list(dict.fromkeys(building_of(t.building) for t in triples))
     fold = {name: k % folds for k, name in enumerate(buildings)}

@@ -8,55 +8,27 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, fields
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import MapError
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
-from layoutexplore.grids.ros_map import load_grid, read_image, read_pixels
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
-from layoutexplore.metrics.segmentation import MEASURES, MIN_TRUTH_CELLS, score_segmentation, truth_labels
+from layoutexplore.maps.painted_rooms import Case, read_case
+from layoutexplore.metrics.segmentation import MEASURES, score_segmentation
 from layoutexplore.processes import end_with_parent
-
-TRUTH_SUFFIX = "_gt"
-FREE_FROM = 250
-"""A pixel at least this bright is free (the protocol of the published tables)."""
 
 COLUMNS = (*MEASURES, "segments", "rooms", "ms")
 
 CLASSIC = frozenset({"morphological", "distance", "voronoi"})
 """Methods that are given what the protocol calls free and nothing else, as in the published tables."""
-
-_FILLERS = {"scan", "map", "lab", "building", "plan", "floor", "furnitures", "furniture"}
-
-
-@dataclass(frozen=True)
-class Case:
-    """A map with its truth.
-
-    Attributes:
-        folder: Name of the folder, which is the name of the set.
-        name: Name of the map.
-        image: The map.
-        truth: The painted rooms.
-        building: Maps of one building stay in one fold.
-    """
-
-    folder: str
-    name: str
-    image: Path
-    truth: Path
-    building: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,66 +52,6 @@ class MapScore:
     fold: int = -1
     seed: int = 0
     warnings: str = ""
-
-
-def find_cases(folders: Iterable[str | Path], buildings: dict[str, str] | None = None) -> list[Case]:
-    """The maps of folders that have a truth, by name.
-
-    Args:
-        folders: Folders with NAME.png and NAME_gt.png.
-        buildings: Building of a map by "folder/name" or "name"; guessed from the name (`guess_building`)
-            without.
-
-    Raises:
-        MapError: A folder is missing or holds no such pair.
-    """
-    cases = []
-    for folder in map(Path, folders):
-        if not folder.is_dir():
-            raise MapError(f"{folder}: no such folder")
-        pairs = []
-        for truth in sorted(folder.glob(f"*{TRUTH_SUFFIX}.png")):
-            image = truth.with_name(truth.name.replace(f"{TRUTH_SUFFIX}.png", ".png"))
-            if image.is_file():
-                pairs.append((image, truth))
-        if not pairs:
-            raise MapError(f"{folder}: no map NAME.png with its rooms NAME{TRUTH_SUFFIX}.png")
-        known = buildings or {}
-        for image, truth in pairs:
-            name, here = image.stem, folder.resolve().name
-            building = known.get(f"{here}/{name}") or known.get(name) or guess_building(name, here)
-            cases.append(Case(here, name, image, truth, building))
-    return cases
-
-
-def guess_building(name: str, folder: str) -> str:
-    """The building a map's name tells of, or the folder's name where it tells nothing.
-
-    Example:
-        >>> guess_building("Freiburg79_scan", "a"), guess_building("freiburg_building79", "b"), guess_building("map12", "tour")
-        ('freiburg79', 'freiburg79', 'tour')
-    """
-    words = [w for w in re.findall(r"[a-z]+|\d+", name.lower()) if w not in _FILLERS]
-    return "".join(words) if any(w.isalpha() for w in words) else folder
-
-
-def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, NDArray[np.int32], NDArray[np.bool_]]:
-    """The grid, the true rooms and the free cells of a map, rows from the lowest y.
-
-    Raises:
-        MapError: An image cannot be read, no room is painted, or the two differ in size.
-    """
-    grid = load_grid(case.image, resolution=resolution)
-    pixels = read_pixels(case.truth)
-    truth = truth_labels(pixels)[::-1]
-    free = read_image(case.image)[0][::-1] >= FREE_FROM
-    if not truth.any():
-        raise MapError(
-            f"{case.truth}: no room is painted; each is one colour of 8 bit on more than {MIN_TRUTH_CELLS} pixels"
-        )
-    if truth.shape != grid.shape:
-        raise MapError(f"{case.truth}: {truth.shape} pixels, but the map has {grid.shape}")
-    return grid, np.ascontiguousarray(truth), np.ascontiguousarray(free)
 
 
 def score_case(

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
-from layoutexplore.union_find import root_of
+from layoutexplore.grids.components import root_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from layoutexplore.frontiers.decision import FrontierList
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.visible_area import OpenView
+from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.planning.traversability import DistanceField
-from layoutexplore.simulation.config import SimulationConfig
-from layoutexplore.simulation.coverage import Box
 
 MAX_REACH = 1.5
 """How far from the frontier a viewpoint may lie, in metres: beyond it a gap is taken to be too narrow for the robot."""
@@ -37,13 +36,17 @@ class Outlook:
 
     Args:
         shape: (rows, cols) of the grid.
-        config: For the smallest size, and the range and rays of the visible area.
+        resolution: Metres per cell.
+        min_size: Metres; shorter frontiers are offered only when no longer one is left.
+        gain_range: Metres up to which the visible area looks.
+        gain_rays: Rays per viewpoint for it.
     """
 
-    def __init__(self, shape: tuple[int, int], config: SimulationConfig) -> None:
-        self._cols, self._config = shape[1], config
-        gain_range = min(config.gain_range, config.lidar.range_max)
-        self._view = OpenView(shape, config.resolution, gain_range, config.gain_rays)
+    def __init__(
+        self, shape: tuple[int, int], resolution: float, *, min_size: float, gain_range: float, gain_rays: int
+    ) -> None:
+        self._cols, self._min_size = shape[1], min_size
+        self._view = OpenView(shape, resolution, gain_range, gain_rays)
         self._exhausted = np.empty(0, np.int64)
         self._vain = NOTHING_VAIN
 
@@ -69,12 +72,12 @@ class Outlook:
             clusters: All frontier clusters of the grid.
             changed: Around all cells of the grid that changed since the last call.
         """
-        clusters, config = self._without_exhausted(clusters), self._config
+        clusters = self._without_exhausted(clusters)
         view, found, self._vain = choose_viewpoints(
             grid.cells, distances.units, distances.settled, clusters, grid.resolution, self._vain
         )
         sizes = np.diff(clusters.offsets) * grid.resolution
-        usable = found & (sizes >= config.frontier_min_size - 1e-9)
+        usable = found & (sizes >= self._min_size - 1e-9)
         kept = np.flatnonzero(usable if usable.any() else found)
         lengths = distances.to_cells(view[kept])
         order = np.argsort(lengths, kind="stable")

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.detection import check_grid
+from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import check_resolution
-from layoutexplore.sensing.lidar import trace
-from layoutexplore.simulation.coverage import Box
+from layoutexplore.grids.rays import trace
 
 
 def visible_unknown_area(

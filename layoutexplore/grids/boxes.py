@@ -46,3 +46,21 @@ def _known_box(cells: NDArray[np.int8]) -> tuple[int, int, int, int]:
                 seen[c] |= cells[r, c] != UNKNOWN
     found = np.flatnonzero(seen)
     return (row0, row1, found[0], found[-1] + 1) if len(found) else (0, 0, 0, 0)
+
+
+Box = tuple[int, int, int, int]
+"""(row0, row1, col0, col1), half open; empty where row0 >= row1."""
+
+
+def union(a: Box, b: Box) -> Box:
+    """The smallest box around two; an empty one does not count.
+
+    Example:
+        >>> union((0, 0, 0, 0), (2, 3, 4, 5)), union((0, 1, 0, 1), (2, 3, 4, 5))
+        ((2, 3, 4, 5), (0, 3, 0, 5))
+    """
+    if a[0] >= a[1]:
+        return b
+    if b[0] >= b[1]:
+        return a
+    return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])

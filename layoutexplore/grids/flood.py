@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.layout.true_cells import true_cells
+from layoutexplore.grids.bitsets import true_cells
 
 
 @njit("void(int32[:,::1], boolean[:,::1], int64[::1])", cache=True, nogil=True)
@@ -83,3 +83,46 @@ def grow_labels(seeds: NDArray[np.int32], mask: NDArray[np.bool_]) -> NDArray[np
     labels = np.array(seeds, np.int32, order="C")
     grow_in_place(labels, mask)
     return labels
+
+
+@njit("void(int32[:,::1], boolean[:,::1], int64[::1], int64)", cache=True, nogil=True)
+def _spread(out: NDArray[np.int32], wall: NDArray[np.bool_], front: NDArray[np.int64], steps: int) -> None:
+    """Spread labels in place from the cells of a front."""
+    rows, cols = out.shape
+    for _ in range(steps):
+        fresh = np.empty(4 * len(front), np.int64)
+        m = 0
+        for i in front:
+            r, c = i // cols, i % cols
+            for d in range(4):
+                rr, cc = r + (d == 0) - (d == 1), c + (d == 2) - (d == 3)
+                if 0 <= rr < rows and 0 <= cc < cols and wall[rr, cc] and out[rr, cc] == 0:
+                    out[rr, cc] = out[r, c]
+                    fresh[m] = rr * cols + cc
+                    m += 1
+        front = fresh[:m]
+
+
+@njit("boolean[:,::1](int32[:,::1], int64[::1])", cache=True, nogil=True)
+def _beside_walls(labels: NDArray[np.int32], wall: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Labelled cells with a cell of the wall (flat) among their 4-neighbours."""
+    rows, cols = labels.shape
+    out = np.zeros((rows, cols), np.bool_)
+    for i in wall:
+        r, c = i // cols, i % cols
+        for d in range(4):
+            rr, cc = r + (d == 0) - (d == 1), c + (d == 2) - (d == 3)
+            if 0 <= rr < rows and 0 <= cc < cols and labels[rr, cc] > 0:
+                out[rr, cc] = True
+    return out
+
+
+def spread_in_place(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: int) -> None:
+    """Spread labels into the walls by 4-neighbours, at most `steps` cells deep.
+
+    Args:
+        labels: int32 (rows, cols), contiguous; changed.
+        wall: bool (rows, cols), contiguous.
+        steps: In cells.
+    """
+    _spread(labels, wall, true_cells(_beside_walls(labels, true_cells(wall))), steps)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -146,19 +145,6 @@ class OccupancyGrid:
         """Whether the cell lies inside the grid."""
         rows, cols = self.shape
         return 0 <= row < rows and 0 <= col < cols
-
-    @classmethod
-    def load(cls, path: str | Path, *, resolution: float | None = None) -> OccupancyGrid:
-        """Read a ROS map (YAML) or a plain image; see `layoutexplore.grids.ros_map.load_grid`."""
-        from layoutexplore.grids.ros_map import load_grid
-
-        return load_grid(path, resolution=resolution)
-
-    def save(self, path: str | Path, *, mode: str = "trinary") -> None:
-        """Write a ROS map_server pair (YAML and image); see `layoutexplore.grids.ros_map.save_grid`."""
-        from layoutexplore.grids.ros_map import save_grid
-
-        save_grid(self, path, mode=mode)
 
 
 def check_cell_range(cells: NDArray[np.generic]) -> None:

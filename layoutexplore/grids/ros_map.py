@@ -7,9 +7,7 @@ transparent pixels as unknown; the image's top row is the largest y. Images with
 
 from __future__ import annotations
 
-import contextlib
 import math
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +18,7 @@ import yaml
 from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.files import write_atomically
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.image_map import grid_from_image
 
@@ -226,16 +225,3 @@ def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     pixels = image if image.ndim == 2 else image[:, :, ::-1]
     _, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     return data.tobytes()
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file beside its place and move it there, so that nobody ever sees half of it."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        raise MapError(f"{path}: cannot write: {error.strerror}") from error

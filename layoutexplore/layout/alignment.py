@@ -10,85 +10,18 @@ cells are splatted besides being looked up, so that thin walls stay closed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from dataclasses import dataclass, field
+from typing import Any
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
-from layoutexplore.layout.frame import undirected
-
-_TRINARY = np.full(256, UNKNOWN, np.int8)
-_TRINARY[FREE] = FREE
-_TRINARY[51:128] = OCCUPIED
+from layoutexplore.layout.canonical import Posture, T
 
 STRAIGHT = math.radians(0.6)
 """A map whose walls lie closer to the axes than this is left as it is: turning costs more than it brings."""
-
-
-T = TypeVar("T", np.int8, np.int32, np.bool_, np.float32)
-
-
-@dataclass(frozen=True)
-class Posture:
-    """How a part of a grid is laid down: mirrored first, then rows and columns swapped.
-
-    Attributes:
-        mirror_rows: The order of the rows is reversed.
-        mirror_cols: The order of the columns is reversed.
-        swap: Rows become columns.
-    """
-
-    mirror_rows: bool = False
-    mirror_cols: bool = False
-    swap: bool = False
-
-    def lay(self, cells: NDArray[T]) -> NDArray[T]:
-        """The cells (rows, cols) laid down."""
-        laid = self._mirrored(np.ascontiguousarray(cells))
-        return _transposed(laid) if self.swap else laid
-
-    def lift(self, cells: NDArray[T]) -> NDArray[T]:
-        """What was laid down, as it lay in the grid."""
-        return self._mirrored(_transposed(cells) if self.swap else np.ascontiguousarray(cells))
-
-    def _mirrored(self, cells: NDArray[T]) -> NDArray[T]:
-        if not (self.mirror_rows or self.mirror_cols):
-            return cells
-        code = -1 if self.mirror_rows and self.mirror_cols else int(self.mirror_cols)
-        return np.asarray(cv2.flip(_plain(cells), code)).view(cells.dtype)
-
-    def lift_angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Directions (n,) of what was laid down as directions in the grid, in the same order, radians in [0, pi)."""
-        if self.swap:
-            angles = np.pi / 2 - angles
-        return undirected(-angles if self.mirror_rows != self.mirror_cols else angles)
-
-
-def _transposed(cells: NDArray[T]) -> NDArray[T]:
-    return np.asarray(cv2.transpose(_plain(np.ascontiguousarray(cells)))).view(cells.dtype)
-
-
-def _plain(cells: NDArray[T]) -> Any:
-    """Cells of a type that OpenCV knows."""
-    return cells.view(np.uint8) if cells.dtype == np.bool_ else cells
-
-
-def posture_of(cells: NDArray[np.int8]) -> Posture:
-    """The posture in which the cells are wider than high, and most free cells lie low and left of the middle."""
-    free = (cells == FREE).view(np.uint8)
-    high, wide = (np.arange(1 - n, n, 2) for n in cells.shape)  # twice the distance from the middle
-    rows, cols = (
-        cv2.reduce(free, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S).reshape(-1).astype(np.int64)
-        for axis in (1, 0)
-    )
-    spread = (rows @ high**2, cols @ wide**2)
-    swap = cells.shape[0] > cells.shape[1] or (cells.shape[0] == cells.shape[1] and spread[0] > spread[1])
-    return Posture(mirror_rows=bool(rows @ high > 0), mirror_cols=bool(cols @ wide > 0), swap=bool(swap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +40,7 @@ class Turned:
     angle: float
     corner: tuple[int, int]
     shape: tuple[int, int]
-    posture: Posture = Posture()
+    posture: Posture = field(default_factory=Posture)
 
 
 def main_direction(profile: NDArray[np.float64]) -> float:
@@ -162,17 +95,6 @@ def _turn_back(labels: NDArray[Any], angle: float, rows: int, cols: int, out: ND
             i = int(np.floor(r1 - s * (x - c0) + c * (y - r0) + 0.5))
             if 0 <= i < labels.shape[0] and 0 <= j < labels.shape[1]:
                 out[y, x] = labels[i, j]
-
-
-def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:
-    """The known part of a grid as -1, 0 and 100 (above 50 is occupied, 1 to 50 unknown), and its first row and column.
-
-    Args:
-        cells: int8 (rows, cols), -1 unknown, 0 free ... 100 occupied.
-    """
-    row0, row1, col0, col1 = known_box(cells, margin=2)
-    part = np.ascontiguousarray(cells[row0:row1, col0:col1])
-    return cv2.LUT(part.view(np.uint8), _TRINARY.view(np.uint8)).view(np.int8), (row0, col0)
 
 
 @njit("boolean[:,::1](int8[:,::1])", cache=True, nogil=True)

@@ -1,7 +1,7 @@
 """Running a method on a map that is laid down first, so that the map turned or mirrored has the same rooms.
 
 What decides close calls in raster order, or by the order of directions, judges a map and its mirror image
-differently. Laid down by where their free cells lie (`layoutexplore.layout.alignment.posture_of`), both are
+differently. Laid down by where their free cells lie (`layoutexplore.layout.canonical.posture_of`), both are
 one map.
 """
 
@@ -13,13 +13,14 @@ from functools import cached_property, wraps
 from itertools import chain
 from typing import Any, TypeVar
 
+import cv2
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from layoutexplore.grids.grid import OccupancyGrid, Pose
-from layoutexplore.layout.alignment import Posture, posture_of, trinary_part
-from layoutexplore.layout.frame import angles_to_world, extent, ranks, to_world
+from layoutexplore.grids.boxes import known_box
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
+from layoutexplore.layout.frame import angles_to_world, extent, ranks, to_world, undirected
 from layoutexplore.layout.types import BORDER, Details, Face, FaceEdge, Layout, Line, Point, Wall
 
 ConfigT = TypeVar("ConfigT")
@@ -156,3 +157,80 @@ class LiftedDetails(Details):
     def faces_of(self, room: int) -> tuple[int, ...]:
         """Indices of the faces of a room, rising."""
         return self.laid.faces_of(room)
+
+
+_TRINARY = np.full(256, UNKNOWN, np.int8)
+_TRINARY[FREE] = FREE
+_TRINARY[51:128] = OCCUPIED
+
+
+T = TypeVar("T", np.int8, np.int32, np.bool_, np.float32)
+
+
+@dataclass(frozen=True)
+class Posture:
+    """How a part of a grid is laid down: mirrored first, then rows and columns swapped.
+
+    Attributes:
+        mirror_rows: The order of the rows is reversed.
+        mirror_cols: The order of the columns is reversed.
+        swap: Rows become columns.
+    """
+
+    mirror_rows: bool = False
+    mirror_cols: bool = False
+    swap: bool = False
+
+    def lay(self, cells: NDArray[T]) -> NDArray[T]:
+        """The cells (rows, cols) laid down."""
+        laid = self._mirrored(np.ascontiguousarray(cells))
+        return _transposed(laid) if self.swap else laid
+
+    def lift(self, cells: NDArray[T]) -> NDArray[T]:
+        """What was laid down, as it lay in the grid."""
+        return self._mirrored(_transposed(cells) if self.swap else np.ascontiguousarray(cells))
+
+    def _mirrored(self, cells: NDArray[T]) -> NDArray[T]:
+        if not (self.mirror_rows or self.mirror_cols):
+            return cells
+        code = -1 if self.mirror_rows and self.mirror_cols else int(self.mirror_cols)
+        return np.asarray(cv2.flip(_plain(cells), code)).view(cells.dtype)
+
+    def lift_angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Directions (n,) of what was laid down as directions in the grid, in the same order, radians in [0, pi)."""
+        if self.swap:
+            angles = np.pi / 2 - angles
+        return undirected(-angles if self.mirror_rows != self.mirror_cols else angles)
+
+
+def _transposed(cells: NDArray[T]) -> NDArray[T]:
+    return np.asarray(cv2.transpose(_plain(np.ascontiguousarray(cells)))).view(cells.dtype)
+
+
+def _plain(cells: NDArray[T]) -> Any:
+    """Cells of a type that OpenCV knows."""
+    return cells.view(np.uint8) if cells.dtype == np.bool_ else cells
+
+
+def posture_of(cells: NDArray[np.int8]) -> Posture:
+    """The posture in which the cells are wider than high, and most free cells lie low and left of the middle."""
+    free = (cells == FREE).view(np.uint8)
+    high, wide = (np.arange(1 - n, n, 2) for n in cells.shape)  # twice the distance from the middle
+    rows, cols = (
+        cv2.reduce(free, axis, cv2.REDUCE_SUM, dtype=cv2.CV_32S).reshape(-1).astype(np.int64)
+        for axis in (1, 0)
+    )
+    spread = (rows @ high**2, cols @ wide**2)
+    swap = cells.shape[0] > cells.shape[1] or (cells.shape[0] == cells.shape[1] and spread[0] > spread[1])
+    return Posture(mirror_rows=bool(rows @ high > 0), mirror_cols=bool(cols @ wide > 0), swap=bool(swap))
+
+
+def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:
+    """The known part of a grid as -1, 0 and 100 (above 50 is occupied, 1 to 50 unknown), and its first row and column.
+
+    Args:
+        cells: int8 (rows, cols), -1 unknown, 0 free ... 100 occupied.
+    """
+    row0, row1, col0, col1 = known_box(cells, margin=2)
+    part = np.ascontiguousarray(cells[row0:row1, col0:col1])
+    return cv2.LUT(part.view(np.uint8), _TRINARY.view(np.uint8)).view(np.int8), (row0, col0)

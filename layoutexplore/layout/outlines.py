@@ -7,10 +7,10 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.lines.face_clusters import renumber
 from layoutexplore.layout.timing import StageTimer
-from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.layout.types import Details, Layout, LayoutRoom
 
 _STEP_R = np.array([0, 1, 0, -1], np.int64)

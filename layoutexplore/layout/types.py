@@ -262,18 +262,6 @@ class Layout:
             )
         return np.where(grid.cells == OCCUPIED, np.int32(0), self.labels)
 
-    def to_geojson(self) -> dict[str, Any]:
-        """A GeoJSON FeatureCollection of rooms, faces, lines and walls; see `layoutexplore.layout.export`."""
-        from layoutexplore.layout.export import layout_to_geojson
-
-        return layout_to_geojson(self)
-
-    def draw(self, grid: OccupancyGrid | None = None, *, panel: int = 600) -> NDArray[np.uint8]:
-        """RGB overview (map, clean map, lines, faces, rooms side by side); see `layoutexplore.drawing.layouts`."""
-        from layoutexplore.drawing.layouts import draw_layout
-
-        return draw_layout(self, grid, panel=panel)
-
 
 def empty_layout(method: str, grid: OccupancyGrid, warning: str, **fields: Any) -> Layout:
     """A layout without rooms that says why."""

@@ -25,8 +25,6 @@ from layoutexplore.errors import ConfigError, MapError
 PROTOCOLS: dict[str, int] = {"rose2": 0, "bormann": 100}
 """Segments and rooms of at most so many cells are dropped, by protocol."""
 
-MIN_TRUTH_CELLS = 200
-"""A colour of a truth image on at most so many pixels is noise of its antialiased borders."""
 
 MEASURES = ("precision", "recall", "iou_s", "iou_g", "one_to_one", "a_fc", "a_bc")
 """The measures, in the order of the tables."""
@@ -135,31 +133,3 @@ def scores_of_overlaps(
         segments=n_segments,
         rooms=n_rooms,
     )
-
-
-def truth_labels(image: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Room ids of a truth image: one colour a room, black none; rare colours are noise of the borders and count as none.
-
-    Args:
-        image: uint8 (h, w) or (h, w, 3) or (h, w, 4); of four channels the last is ignored.
-
-    Returns:
-        int32 (h, w), 1-based by rising colour value.
-
-    Raises:
-        MapError: The image is neither grey nor colour of 8 bit.
-    """
-    if image.dtype != np.uint8 or image.ndim not in (2, 3):
-        raise MapError(
-            f"a truth image has 8 bit and one to four channels, got {image.dtype} of shape {image.shape}"
-        )
-    channels = image[..., None] if image.ndim == 2 else image[..., :3]
-    codes = np.zeros(image.shape[:2], np.int64)
-    for k in range(channels.shape[2]):
-        codes = codes * 256 + channels[..., k]
-    counts = np.bincount(codes.ravel())
-    rooms = counts > MIN_TRUTH_CELLS
-    rooms[0] = False
-    ids = np.zeros(len(counts), np.int32)
-    ids[rooms] = np.arange(1, int(rooms.sum()) + 1, dtype=np.int32)
-    return ids[codes]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.ros_map import write_atomically
+from layoutexplore.files import write_atomically
 from layoutexplore.models.forest import Forest
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.ros_map import write_atomically
+from layoutexplore.files import write_atomically
 
 Layers = Mapping[str, tuple[int, int, int, int]]
 """Channels in and out, side of the kernel and stride of each layer."""

@@ -12,8 +12,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.morphology import check_mask
 from layoutexplore.planning.canonical_search import DIAGONAL, FAR, STRAIGHT, workspace
-from layoutexplore.planning.shortest_paths import check_cells, check_mask, entrances, flat_indices
+from layoutexplore.planning.shortest_paths import check_cells, entrances, flat_indices
 
 _UNKNOWN = -1
 _MOST_CHANGES = 20_000

@@ -8,15 +8,14 @@ past to be traversable, so no path cuts a corner. Straight moves cost 1 and diag
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.errors import ConfigError
 from layoutexplore.grids.grid import Cell, check_resolution
+from layoutexplore.grids.morphology import check_mask
 from layoutexplore.planning.canonical_search import (
     DIAGONAL,
     FAR,
@@ -26,35 +25,6 @@ from layoutexplore.planning.canonical_search import (
     to_metres,
     workspace,
 )
-
-
-def inflate(occupied: NDArray[np.bool_], radius: float, resolution: float) -> NDArray[np.bool_]:
-    """Cells whose centre is closer than the radius to the centre of an occupied cell.
-
-    Args:
-        occupied: bool (rows, cols).
-        radius: In metres; 0 gives a copy.
-        resolution: Side of a cell in metres.
-
-    Returns:
-        bool (rows, cols). Outside of the array there is nothing.
-
-    Example:
-        >>> inflate(np.array([[False, False, False, True]]), radius=0.2, resolution=0.1).tolist()
-        [[False, False, True, True]]
-    """
-    check_resolution(resolution)
-    if not (math.isfinite(radius) and radius >= 0):
-        raise ConfigError(f"the radius must be metres, 0 or more, got {radius}")
-    world = check_mask(occupied)
-    reach = radius / resolution
-    near = _disc(reach)
-    if near.size == 1:
-        return world.copy()
-    if reach <= 8:
-        return cv2.dilate(world.view(np.uint8), near).view(np.bool_)
-    distance = cv2.distanceTransform((~world).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return distance.astype(np.float64) ** 2 < _squared(reach) if world.any() else world.copy()
 
 
 def geodesic_distances(
@@ -218,15 +188,6 @@ def distance_matrix(
     return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
 
-def check_mask(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The mask, C-contiguous; raises `MapError` unless it is bool (rows, cols) and not empty."""
-    if mask.ndim != 2 or mask.dtype != np.bool_ or mask.size == 0:
-        raise MapError(
-            f"planning needs a non-empty bool array in two dimensions, got {mask.dtype} {mask.shape}"
-        )
-    return np.ascontiguousarray(mask)
-
-
 def check_cells(cells: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.int64]:
     """The cells as int64 (n, 2); raises `ConfigError` where one lies outside of a grid of that shape."""
     places = np.asarray(cells, np.int64).reshape(-1, 2)
@@ -235,23 +196,6 @@ def check_cells(cells: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.int64]:
         row, col = places[outside][0]
         raise ConfigError(f"cell ({row}, {col}) lies outside of the grid of shape {tuple(shape)}")
     return places
-
-
-def _squared(reach: float) -> float:
-    """The square of a reach in cells; centres at exactly the radius are not closer, whatever the rounding of the division."""
-    return reach * reach - 1e-9
-
-
-@lru_cache(maxsize=16)
-def _disc(reach: float) -> NDArray[np.uint8]:
-    """uint8 (n, n): 1 where a cell's centre is closer than `reach` cells to that of the middle one, and in the middle."""
-    span = np.arange(-math.ceil(reach), math.ceil(reach) + 1)
-    near = (span[:, None] ** 2 + span[None, :] ** 2) < _squared(reach)
-    near[near.shape[0] // 2, near.shape[1] // 2] = True
-    rows = np.flatnonzero(near.any(axis=1))
-    disc = near[rows[0] : rows[-1] + 1, rows[0] : rows[-1] + 1].astype(np.uint8)
-    disc.setflags(write=False)
-    return disc
 
 
 def flat_indices(places: NDArray[np.int64], space: Search) -> NDArray[np.int64]:

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.boxes import Box, union
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
+from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning.canonical_search import STRAIGHT, Search, find_moves, to_metres
-from layoutexplore.planning.shortest_paths import check_cells, flat_indices, inflate, walk_down
-from layoutexplore.simulation.coverage import Box, union
+from layoutexplore.planning.shortest_paths import check_cells, flat_indices, walk_down
 
 _NOTHING: Box = (0, 0, 0, 0)
 _NOWHERE = np.empty(0, np.int64)

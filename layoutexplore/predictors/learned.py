@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.fingerprint import fingerprint
+from layoutexplore.files import fingerprint
 from layoutexplore.frontiers.classes import FrontierClasses
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.grid import UNKNOWN

@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
-from layoutexplore.evaluation.closed_doors import PairScore, Score, Triple, read_cells
+from layoutexplore.evaluation.closed_doors import PairScore, Score
+from layoutexplore.files import write_atomically
 from layoutexplore.grids.grid import FREE, OCCUPIED
-from layoutexplore.grids.ros_map import encode_png, write_atomically
+from layoutexplore.grids.ros_map import encode_png
+from layoutexplore.maps.closed_door_maps import Triple, read_cells
 from layoutexplore.report.page import png_uri, render
 
 RIGHT, WRONG, MISSED = (86, 180, 140), (230, 120, 80), (120, 170, 220)

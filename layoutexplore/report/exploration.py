@@ -27,8 +27,9 @@ from layoutexplore.benchmark.analysis import (
     summarise,
 )
 from layoutexplore.benchmark.episode import Row, knows_the_plan
-from layoutexplore.benchmark.store import ResultsFolder, atomic
+from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import LayoutExploreError
+from layoutexplore.files import atomic
 from layoutexplore.maps import splits
 from layoutexplore.report.layout_section import layout_section
 from layoutexplore.report.page import interval, number, percent, render

@@ -14,7 +14,8 @@ from layoutexplore.benchmark.episode import Row
 from layoutexplore.drawing import palette
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
-from layoutexplore.planning.shortest_paths import descend, geodesic_distances, inflate
+from layoutexplore.grids.morphology import inflate
+from layoutexplore.planning.shortest_paths import descend, geodesic_distances
 from layoutexplore.report.page import number, png_uri
 
 MARGIN, LEAST_SIDE = 2.5, 12.0

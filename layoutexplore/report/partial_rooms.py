@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
 from layoutexplore.evaluation.partial_rooms import Item, RoomScore, Scores, predicted_hidden
+from layoutexplore.files import write_atomically
 from layoutexplore.grids.grid import FREE, OCCUPIED
-from layoutexplore.grids.ros_map import encode_png, write_atomically
+from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.predictors.protocol import RoomMap
 from layoutexplore.predictors.snapshot import Snapshot

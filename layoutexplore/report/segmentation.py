@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.drawing import palette
-from layoutexplore.evaluation.segmentation import Case, MapScore, read_case, summarise, to_csv
+from layoutexplore.evaluation.segmentation import MapScore, summarise, to_csv
+from layoutexplore.files import write_atomically
 from layoutexplore.grids.grid import UNKNOWN
-from layoutexplore.grids.ros_map import encode_png, write_atomically
+from layoutexplore.grids.ros_map import encode_png
+from layoutexplore.maps.painted_rooms import Case, read_case
 from layoutexplore.metrics.segmentation import HEADINGS, MEASURES, overlap_table
 from layoutexplore.report.page import png_uri, render
 

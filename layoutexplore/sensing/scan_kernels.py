@@ -1,7 +1,7 @@
 """How a scan changes the cells of a grid: the kernels behind `layoutexplore.sensing.mapper`.
 
 `cast_and_mark` casts exact rays in the true world and marks the robot's grid in the same pass. `weigh` takes
-measured ranges as evidence. Both walk rays as `layoutexplore.sensing.lidar.trace` describes and keep a tally
+measured ranges as evidence. Both walk rays as `layoutexplore.grids.rays.trace` describes and keep a tally
 of what they change.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.sensing.lidar import steps, trace
+from layoutexplore.grids.rays import steps, trace
 
 Changes = tuple[int, int, int, int, int, int, int, int]
 """New cells, new occupied, change of the number of free and of occupied cells, and the box (row0, row1, col0, col1)."""

@@ -6,8 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Box = tuple[int, int, int, int]
-"""(row0, row1, col0, col1), half open; empty where row0 >= row1."""
+from layoutexplore.grids.boxes import Box
 
 
 class Coverage:
@@ -45,20 +44,6 @@ class Coverage:
     def update(self, cells: NDArray[np.int8], box: Box) -> None:
         """Count the target's cells that are known now, inside the box of the grid int8 (rows, cols) that changed."""
         self.unseen_count -= strike_seen(cells, self.unseen, self.rooms, self.unseen_in, *box)
-
-
-def union(a: Box, b: Box) -> Box:
-    """The smallest box around two; an empty one does not count.
-
-    Example:
-        >>> union((0, 0, 0, 0), (2, 3, 4, 5)), union((0, 1, 0, 1), (2, 3, 4, 5))
-        ((2, 3, 4, 5), (0, 3, 0, 5))
-    """
-    if a[0] >= a[1]:
-        return b
-    if b[0] >= b[1]:
-        return a
-    return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])
 
 
 @njit(cache=True, nogil=True)

@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 
 from layoutexplore.frontiers.decision import Path
 from layoutexplore.frontiers.viewpoints import count_remaining
+from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import Pose
+from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.sensing.lidar import Lidar, beam_table
 from layoutexplore.sensing.mapper import Mapper, dense_reach
 from layoutexplore.sensing.scan_kernels import cast_and_mark
 from layoutexplore.simulation.config import SimulationConfig
-from layoutexplore.simulation.coverage import Box, Coverage, strike_seen
-from layoutexplore.simulation.robot import Robot, advance_along, disc_offsets, is_blocked
+from layoutexplore.simulation.coverage import Coverage, strike_seen
+from layoutexplore.simulation.robot import Robot, advance_along, is_blocked
 
 GOES_ON, NEEDS_STEP, COVERED, GONE, BLOCKED = range(5)
 """What ends a stretch of a walk: nothing in particular; a step that only `Robot.translate` can tell about; the coverage goal;

@@ -8,7 +8,6 @@ closure.
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import StartError
 from layoutexplore.grids.grid import Pose
+from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.maps.floorplan import PlanRaster
 
 
@@ -233,16 +233,6 @@ class Robot:
         turn = self.pose.theta - self.believed.theta + drift
         c, s = scale * math.cos(turn), scale * math.sin(turn)
         return c * dx - s * dy, s * dx + c * dy, drift
-
-
-@functools.lru_cache(maxsize=16)
-def disc_offsets(radius: float) -> NDArray[np.int32]:
-    """int32 (n, 2): offsets of the cells whose centres are closer than `radius` (in cells) to the centre of cell (0, 0)."""
-    reach = math.ceil(radius)
-    span = np.arange(-reach, reach + 1)
-    rows, cols = np.meshgrid(span, span, indexing="ij")
-    inside = rows**2 + cols**2 < radius**2
-    return np.stack([rows[inside], cols[inside]], axis=1).astype(np.int32)
 
 
 def path_is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: NDArray[np.int32]) -> bool:

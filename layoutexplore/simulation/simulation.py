@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path as FilePath
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,15 +32,19 @@ from layoutexplore.frontiers.decision import (
 )
 from layoutexplore.frontiers.detection import FrontierDetector
 from layoutexplore.frontiers.viewpoints import Outlook, facing, looked_at, remaining_share
+from layoutexplore.grids.boxes import Box, union
 from layoutexplore.grids.grid import Cell, Pose
+from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.raster import shared_lidar
+from layoutexplore.maps.library import load_plan
+from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.planning.distance_cache import PathTable
 from layoutexplore.planning.shortest_paths import check_path
 from layoutexplore.planning.traversability import Ground
+from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper, ScanUpdate
 from layoutexplore.simulation.config import SimulationConfig
-from layoutexplore.simulation.coverage import Box, Coverage, union
+from layoutexplore.simulation.coverage import Coverage
 from layoutexplore.simulation.path_following import (
     BLOCKED,
     COVERED,
@@ -54,7 +59,6 @@ from layoutexplore.simulation.robot import (
     Motion,
     Robot,
     check_start,
-    disc_offsets,
     draw_start,
     path_is_blocked,
 )
@@ -104,7 +108,7 @@ class Simulation:
         predictor: Predictor | None = None,
     ) -> None:
         self.config = config or SimulationConfig()
-        self.plan = plan if isinstance(plan, FloorPlan) else FloorPlan.load(plan)
+        self.plan = plan if isinstance(plan, FloorPlan) else load_plan(plan)
         self.raster = self.plan.rasterize(self.config.resolution)
         self.lidar = shared_lidar(self.raster, self.config.lidar)
         self.predictor = predictor
@@ -152,7 +156,13 @@ class Simulation:
         self._walker = Walker(
             self.lidar, self.raster.blocked(radius), self.config, self._coverage, self.max_distance
         )
-        self._outlook = Outlook(shape, self.config)
+        self._outlook = Outlook(
+            shape,
+            self.config.resolution,
+            min_size=self.config.frontier_min_size,
+            gain_range=min(self.config.gain_range, self.config.lidar.range_max),
+            gain_rays=self.config.gain_rays,
+        )
         self._ground = Ground(shape, radius, resolution)
         self._paths = PathTable()
         self._curve: list[tuple[float, float, float]] = []
@@ -440,3 +450,14 @@ class Simulation:
     def _note(self, box: Box) -> None:
         self._changed = union(self._changed, box)
         self._ground.note(box)
+
+
+_LIDARS: WeakKeyDictionary[PlanRaster, dict[LidarConfig, Lidar]] = WeakKeyDictionary()
+
+
+def shared_lidar(raster: PlanRaster, config: LidarConfig) -> Lidar:
+    """One lidar per raster and sensor: its tables are read-only, and many environments share a floor plan."""
+    lidars = _LIDARS.setdefault(raster, {})
+    if config not in lidars:
+        lidars[config] = Lidar(config, raster.occupied, raster.resolution, raster.origin)
+    return lidars[config]

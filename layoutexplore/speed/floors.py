@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.grids.grid import Cell, Pose
+from layoutexplore.grids.morphology import inflate
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator import PlanConfig, generate
-from layoutexplore.planning.shortest_paths import geodesic_distances, inflate
+from layoutexplore.maps.library import load_plan
+from layoutexplore.planning.shortest_paths import geodesic_distances
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper
 
@@ -23,7 +25,7 @@ RESOLUTION = 0.1
 @lru_cache(maxsize=1)
 def plan() -> FloorPlan:
     """The office that everything is measured on."""
-    return FloorPlan.load(PLAN)
+    return load_plan(PLAN)
 
 
 @lru_cache(maxsize=4)

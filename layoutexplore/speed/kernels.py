@@ -15,7 +15,8 @@ from scipy.sparse.csgraph import dijkstra
 from layoutexplore.frontiers.detection import FrontierDetector, find_frontiers
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import Cell, Pose
-from layoutexplore.planning.shortest_paths import distance_matrix, geodesic_distances, inflate
+from layoutexplore.grids.morphology import inflate
+from layoutexplore.planning.shortest_paths import distance_matrix, geodesic_distances
 from layoutexplore.sensing.mapper import Mapper
 from layoutexplore.speed.floors import RESOLUTION, floor, half_explored, lidar, poses
 from layoutexplore.speed.measurement import Row, milliseconds

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.archives import is_whole, read_arrays
 from layoutexplore.closed_doors.candidates import rectangles
 from layoutexplore.closed_doors.doors import DOOR_FEATURES, Door
 from layoutexplore.closed_doors.features import FEATURES, describe
@@ -28,10 +26,11 @@ from layoutexplore.closed_doors.models import AGREEMENT, DOOR, DOOR_MODEL, ROOM_
 from layoutexplore.closed_doors.prediction import find_doors, turned_scenes
 from layoutexplore.closed_doors.scene import Scene, integral
 from layoutexplore.errors import LayoutExploreError
+from layoutexplore.files import is_whole, read_arrays, write_atomically
 from layoutexplore.grids.grid import FREE
-from layoutexplore.grids.ros_map import write_atomically
 from layoutexplore.models.forest import as_forest
 from layoutexplore.models.forest_files import save_forests
+from layoutexplore.training.folds import building_of
 from layoutexplore.training.shut_rooms import RESOLUTION, add_outer_doors, plan_cells, shut_rooms
 
 SHUT_AGAIN, PLAN_MAPS = 5, 3
@@ -60,11 +59,6 @@ class Samples:
     boxes: NDArray[np.float32]
     agreement: NDArray[np.float32]
     weight: NDArray[np.float32]
-
-
-def building_of(name: str) -> str:
-    """The building of a floor's name: what is left without a number at its end."""
-    return re.sub(r"[_-]?\d+$", "", name)
 
 
 def collect(
@@ -177,7 +171,7 @@ def find_sources(
         plans: Floor plans to shut doors in.
         buildings: Names in the folder that are used; all when None.
     """
-    from layoutexplore.evaluation.closed_doors import find_triples
+    from layoutexplore.maps.closed_door_maps import find_triples
 
     triples = (
         [t for t in find_triples(folder) if buildings is None or t.building in buildings] if folder else []
@@ -215,8 +209,8 @@ def samples_of(source: Source, cache: Path | None = None) -> Samples | None:
 
 def _maps(source: Source, rng: np.random.Generator) -> tuple[NDArray[np.int8], NDArray[np.int8]] | None:
     """What is seen, and the truth."""
-    from layoutexplore.evaluation.closed_doors import read_cells
     from layoutexplore.maps import load_plan
+    from layoutexplore.maps.closed_door_maps import read_cells
 
     if source.truth is not None:
         return read_cells(source.path), read_cells(source.truth)

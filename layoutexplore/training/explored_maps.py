@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Pose
-from layoutexplore.planning.shortest_paths import inflate
+from layoutexplore.grids.morphology import inflate
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper
-from layoutexplore.training.room_merging import Example, make_example
+from layoutexplore.training.merging_examples import Example, make_example
 from layoutexplore.training.simulated_maps import DENSITIES, choose_stops, furnish
 
 RANGES, FIELDS = (4.0, 8.0, 15.0, 30.0), (np.pi, 2 * np.pi, 2 * np.pi)

@@ -21,7 +21,7 @@ from layoutexplore.predictors.frontier_model.network import LAYERS, MOST, WIDTHS
 from layoutexplore.predictors.frontier_model.network_input import KNOWN
 from layoutexplore.predictors.learned import LEFTOVER
 from layoutexplore.training.cell_network import Progress
-from layoutexplore.training.predictor_forests import building_weights
+from layoutexplore.training.folds import building_weights
 from layoutexplore.training.predictor_samples import WindowSamples
 from layoutexplore.training.torch_layers import Convolution, plain_weights
 

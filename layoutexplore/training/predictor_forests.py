@@ -21,6 +21,7 @@ from layoutexplore.predictors.cell_model import features as cell_features
 from layoutexplore.predictors.cell_model.features import add_judgement
 from layoutexplore.predictors.frontier_model.features import FEATURES
 from layoutexplore.predictors.learned import CELL_MODEL, FRONTIER_MODEL, LEFTOVER
+from layoutexplore.training.folds import building_weights, deal_groups
 from layoutexplore.training.predictor_samples import CellSamples, Samples
 
 
@@ -55,11 +56,6 @@ class TrainingConfig:
 
 
 DEFAULT_TRAINING = TrainingConfig()
-
-
-def deal_groups(groups: Sequence[str], folds: int) -> dict[str, int]:
-    """A fold for each group of buildings: by name in turn, for what comes from one source often has names that sort together."""
-    return {name: k % folds for k, name in enumerate(sorted(set(groups)))}
 
 
 def fit_frontier_forests(samples: Samples, config: TrainingConfig = DEFAULT_TRAINING) -> dict[str, Forest]:
@@ -149,13 +145,6 @@ def _frontier_weights(samples: Samples, generated_share: float) -> NDArray[np.fl
     return weights
 
 
-def building_weights(building: NDArray[np.str_]) -> NDArray[np.float64]:
-    """Weights float64 (n,): a building with many samples counts more than one with few, but not as many times more."""
-    _, which, counts = np.unique(building, return_inverse=True, return_counts=True)
-    weights = 1.0 / np.sqrt(counts[which])
-    return np.asarray(weights / weights.mean())
-
-
 def train_models(
     samples: Samples, folder: Path, held_out: Mapping[str, str], config: TrainingConfig = DEFAULT_TRAINING
 ) -> None:
@@ -167,7 +156,7 @@ def train_models(
         held_out: Building by plan, of the plans that the samples do not hold.
         config: How the trees are grown.
     """
-    from layoutexplore.grids.ros_map import write_atomically
+    from layoutexplore.files import write_atomically
 
     note = f"{len(samples.closed)} frontiers of {len(np.unique(samples.building))} buildings"
     save_forests(folder / FRONTIER_MODEL.name, fit_frontier_forests(samples, config), FEATURES, note)

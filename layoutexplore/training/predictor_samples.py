@@ -6,8 +6,6 @@ region are samples of whether they are floor of its room.
 
 from __future__ import annotations
 
-import difflib
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -15,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
-from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
+from layoutexplore.maps.floorplan import PlanRaster
 from layoutexplore.predictors.cell_model.features import Candidates, find_candidates
 from layoutexplore.predictors.cell_model.network_input import Scene, make_scene
 from layoutexplore.predictors.frontier_model.features import (
@@ -31,9 +29,6 @@ from layoutexplore.predictors.snapshot import Snapshot
 
 REGIONS = 8
 """Regions of a decision whose cells are kept."""
-
-SAME_SIZE, SAME_NAME = 0.02, 0.9
-"""Plans of one building: sides that differ by less than this share, or names that are as alike as this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,36 +114,6 @@ class Samples:
             self.real[kept],
         )
         return Samples(*frontiers, cells)
-
-
-def group_buildings(plans: Sequence[FloorPlan]) -> dict[str, str]:
-    """The group of each plan's name: floors of one building, also where their names or outlines alone tell.
-
-    Two buildings that are taken for one cost a little data and no honesty.
-
-    Example:
-        >>> from layoutexplore.maps.floorplan import floorplan_from_ascii
-        >>> group_buildings([floorplan_from_ascii(".a", name=name) for name in ("Roland1", "Roland2", "Ursy")])
-        {'Roland1': 'Roland1', 'Roland2': 'Roland1', 'Ursy': 'Ursy'}
-    """
-    groups: dict[str, str] = {}
-    for k, plan in enumerate(plans):
-        same = [groups[other.name] for other in plans[:k] if _same_building(plan, other)]
-        groups[plan.name] = same[0] if same else plan.name
-        for name, group in groups.items():
-            if group in same:
-                groups[name] = groups[plan.name]
-    return groups
-
-
-def _same_building(plan: FloorPlan, other: FloorPlan) -> bool:
-    if plan.building == other.building:
-        return True
-    name, second = (re.sub(r"[\d_]+", "", p.building.lower()) for p in (plan, other))
-    if name and second and difflib.SequenceMatcher(None, name, second).ratio() >= SAME_NAME:
-        return True
-    sides = np.array([np.subtract(p.bounds[2:], p.bounds[:2]) for p in (plan, other)])
-    return bool((np.abs(sides[0] - sides[1]) < SAME_SIZE * sides.max(0)).all() and sides.min() > 10.0)
 
 
 def gather(snapshots: Sequence[Sequence[Snapshot]]) -> Samples:

@@ -15,13 +15,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grids.grid import FREE
-from layoutexplore.layout.alignment import turn_back
-from layoutexplore.layout.merging.adjacency_graph import PieceGraph
 from layoutexplore.layout.merging.agglomeration import FEATURES, judge_with_truth
-from layoutexplore.layout.merging.method import DefaultConfig, find_pieces
-from layoutexplore.layout.timing import StageTimer
+from layoutexplore.maps.painted_rooms import Case, read_case
 from layoutexplore.models.forest import Forest, as_forest
+from layoutexplore.training.explored_maps import explored_examples
+from layoutexplore.training.folds import Progress, _silent
+from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
+from layoutexplore.training.simulated_maps import simulated_examples
 
 RISING = ("openness", "contact_share_small", "contact_share_large", "pass", "pass_ratio_small", "pass_ratio_large",
           "facing_small", "facing_large", "same_room", "room_overlap", "room_fit")  # fmt: skip
@@ -31,9 +31,6 @@ FALLING = ("line_near", "line_near_min", "line_far", "through", "door_share", "m
 
 LEVELS = 200
 """A feature is known to so many quantiles: splits between them are not looked for."""
-
-SIMULATED = "simulated"
-"""Building of the simulated maps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,54 +59,6 @@ class TrainingConfig:
     simulated_weight: float = 0.25
     kind_weights: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class Example:
-    """A map to learn from.
-
-    Attributes:
-        graph: Its pieces.
-        rooms: float64 (pieces + 1, rooms + 1), known free cells of each piece in each true room, column 0 in
-            none.
-        building: Maps of one building are trained on together or not at all.
-        kind: Maps of one kind and building share one weight.
-    """
-
-    graph: PieceGraph
-    rooms: NDArray[np.float64]
-    building: str
-    kind: str
-
-
-def make_example(
-    cells: NDArray[np.int8],
-    truth: NDArray[np.int32],
-    resolution: float,
-    *,
-    building: str,
-    kind: str,
-    config: DefaultConfig | None = None,
-) -> Example:
-    """Cut a map into pieces and count whose they are.
-
-    Args:
-        cells: int8 (rows, cols), the map.
-        truth: int32 (rows, cols), true room of each cell, 0 for none.
-        resolution: Metres a cell.
-        building: Name of the building.
-        kind: Kind of map, such as "empty".
-        config: Options of the default method.
-    """
-    pieces = find_pieces(cells, resolution, config or DefaultConfig(), StageTimer())
-    labels = turn_back(pieces.labels, pieces.turned, (cells.shape[0], cells.shape[1]))
-    free = cells == FREE
-    columns = int(truth.max(initial=0)) + 1
-    keys = labels[free].astype(np.int64) * columns + truth[free]
-    counts = np.bincount(keys, minlength=len(pieces.part) * columns).reshape(-1, columns).astype(np.float64)
-    rooms = np.zeros((len(pieces.graph.nodes), columns))
-    np.add.at(rooms, pieces.part, counts)
-    return Example(pieces.graph, rooms, building, kind)
 
 
 def first_forest() -> Forest:
@@ -219,3 +168,51 @@ def _fit(
     model.fit(table[:, : len(FEATURES)], table[:, -2], sample_weight=weights)
     forest = as_forest(model, double=True)
     return replace(forest, threshold=forest.threshold.round(6), bias=round(forest.bias, 6))
+
+
+EXPLORED = 2
+"""So many maps of a building and folder are explored to train on."""
+
+
+def training_examples(
+    cases: Sequence[Case], resolution: float, progress: Progress = _silent
+) -> list[Example]:
+    """What the judge learns from the maps, and from some of them while being explored.
+
+    Of each building and folder, the largest `EXPLORED` maps are explored.
+    """
+    examples, largest = [], _largest(cases, resolution)
+    for k, case in enumerate(cases):
+        grid, truth, _ = read_case(case, resolution)
+        examples.append(make_example(grid.cells, truth, resolution, building=case.building, kind=case.folder))
+        if case in largest:
+            rng = np.random.default_rng([1, k])
+            examples += explored_examples(
+                grid.cells, truth, resolution, building=case.building, kind=case.folder, rng=rng
+            )
+        progress("maps cut into pieces", k + 1, len(cases))
+    return examples
+
+
+def _largest(cases: Sequence[Case], resolution: float) -> set[Case]:
+    groups: dict[tuple[str, str], list[tuple[int, int]]] = {}
+    for k, case in enumerate(cases):
+        known = int(np.count_nonzero(read_case(case, resolution)[0].free))
+        groups.setdefault((case.building, case.folder), []).append((-known, k))
+    return {cases[k] for group in groups.values() for _, k in sorted(group)[:EXPLORED]}
+
+
+def train_judge(
+    cases: Sequence[Case],
+    *,
+    resolution: float,
+    simulated: int,
+    plans: Sequence[str] = (),
+    seed: int = 0,
+    weights: Mapping[str, float] | None = None,
+    progress: Progress = _silent,
+) -> Forest:
+    """The judge that ships: trained on all given maps and on simulated ones; `weights` as in `cross_validate`."""
+    examples = training_examples(cases, resolution, progress)
+    examples += simulated_examples(simulated, tuple(plans), progress=progress)
+    return train_forest(examples, TrainingConfig(seed=seed, kind_weights=weights or {}))

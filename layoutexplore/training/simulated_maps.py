@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell, Pose
+from layoutexplore.grids.morphology import inflate
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.planning.shortest_paths import geodesic_distances, inflate
+from layoutexplore.planning.shortest_paths import geodesic_distances
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper
-from layoutexplore.training.room_merging import SIMULATED, Example, make_example
+from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
 
 RESOLUTION = 0.05
 LARGEST = 3_000_000

@@ -16,10 +16,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.archives import is_whole, read_arrays
+from layoutexplore.files import is_whole, read_arrays, write_atomically
 from layoutexplore.frontiers.decision import Agent, Decision, Frontier
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
-from layoutexplore.grids.ros_map import write_atomically
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.predictors import make_predictor
 from layoutexplore.predictors.snapshot import Snapshot

@@ -15,6 +15,7 @@ from typing import Any
 
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator.generate import generate
+from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.library import PLAN_FOLDER
 
 SPLITS = ("train", "validation", "test")
@@ -89,7 +90,7 @@ def write(folder: Path = PLAN_FOLDER) -> list[Path]:
     files = []
     for shipped in SHIPPED:
         files.append(folder / f"{shipped.name}.geojson")
-        shipped.draw().save(files[-1])
+        save_plan(shipped.draw(), files[-1])
     files.append(folder / "splits.json")
     files[-1].write_text(json.dumps(splits(), indent=2) + "\n", encoding="utf-8")
     return files

@@ -17,7 +17,8 @@ from layoutexplore.agents.omniscient.visibility import Sight, added_sizes, size
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.frontiers.decision import STOP, Agent, Decision, Frontier, Privileged
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
-from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.planning.shortest_paths import geodesic_distances
 from layoutexplore.sensing.lidar import LidarConfig, around
 from layoutexplore.sensing.mapper import Mapper

@@ -18,15 +18,17 @@ from hypothesis import strategies as st
 from layoutexplore.benchmark import runner
 from layoutexplore.benchmark.analysis import compare
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.episode import TIMING_COLUMNS, Row, _Timed, corners, play, prepare
+from layoutexplore.benchmark.episode import TIMING_COLUMNS, Row, prepare
 from layoutexplore.benchmark.pool import run_all
 from layoutexplore.benchmark.runner import Progress, run_benchmark
 from layoutexplore.benchmark.store import COLUMNS, ResultsFolder, _line, _parse, locked, slug
 from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, ResultsError, UnknownNameError
+from layoutexplore.files import to_toml
 from layoutexplore.frontiers.decision import Decision
-from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
-from layoutexplore.toml_text import to_toml
+from layoutexplore.simulation.episode import _Timed, corners, play
 
 FLAT = """
 ##############
@@ -48,7 +50,7 @@ def plans(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with two small floor plans."""
     folder = tmp_path_factory.mktemp("plans")
     for name, scale in (("cottage", 0.6), ("house", 1.0)):
-        floorplan_from_ascii(HOUSE, resolution=scale, name=name).save(folder / f"{name}.geojson")
+        save_plan(floorplan_from_ascii(HOUSE, resolution=scale, name=name), folder / f"{name}.geojson")
     return folder
 
 
@@ -180,7 +182,7 @@ def test_a_stuck_agent_fails(plans: Path, monkeypatch: pytest.MonkeyPatch) -> No
         def act(self, decision: Decision) -> np.ndarray[Any, Any]:
             return np.array([decision.grid.world_to_cell(decision.pose.x, decision.pose.y)], np.int32)
 
-    monkeypatch.setattr("layoutexplore.benchmark.episode.MAX_DECISIONS", 20)
+    monkeypatch.setattr("layoutexplore.simulation.episode.MAX_DECISIONS", 20)
     simulation, _ = prepare(str(plans / "house.geojson"), SimulationConfig(), "nearest")
     with pytest.raises(LayoutExploreError, match="'dawdler' is stuck: 20 decisions"):
         play(simulation, Dawdler())
@@ -238,10 +240,10 @@ def test_extend_adds_and_force_starts_again(config: BenchmarkConfig, tmp_path: P
 
 def test_a_changed_plan_is_noticed(tmp_path: Path) -> None:
     path = tmp_path / "plan.geojson"
-    floorplan_from_ascii(HOUSE, resolution=0.6, name="plan").save(path)
+    save_plan(floorplan_from_ascii(HOUSE, resolution=0.6, name="plan"), path)
     config = BenchmarkConfig(plans=(str(path),), starts=1, agents=("nearest",))
     run_benchmark(config, tmp_path / "out")
-    floorplan_from_ascii(FLAT, resolution=0.6, name="plan").save(path)
+    save_plan(floorplan_from_ascii(FLAT, resolution=0.6, name="plan"), path)
     runner.load.cache_clear()
     with pytest.raises(ResultsError, match=r"plans\.plan"):
         run_benchmark(config, tmp_path / "out")

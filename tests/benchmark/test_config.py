@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from layoutexplore.benchmark.config import BenchmarkConfig, read_config
-from layoutexplore.benchmark.episode import run_seed
 from layoutexplore.errors import ConfigError
 from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.episode import run_seed
 
 
 def test_configuration_from_toml(tmp_path: Path) -> None:

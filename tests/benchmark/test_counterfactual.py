@@ -26,15 +26,18 @@ from layoutexplore.benchmark.counterfactual import (
     without_layout,
 )
 from layoutexplore.benchmark.early_stop import early_stops, stop_at, tried_stops, try_rule
-from layoutexplore.benchmark.episode import Episode, Row, play, prepare
+from layoutexplore.benchmark.episode import Row, prepare
 from layoutexplore.benchmark.layout_effects import layout_effects
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.cli import app
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
-from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.episode import Episode, play
 from layoutexplore.simulation.robot import OdometryNoise
 
 OFFICES = """
@@ -60,7 +63,9 @@ def plan() -> FloorPlan:
 
 
 def run(plan: FloorPlan, agent: str, *, explain: bool, seed: int = 0) -> Episode:
-    return play(*prepare(plan, SimulationConfig(sensor="stage"), agent), seed=seed, explain=explain)
+    return play(
+        *prepare(plan, SimulationConfig(sensor="stage"), agent), seed=seed, probe=Asides if explain else None
+    )
 
 
 class Fixed:
@@ -83,17 +88,17 @@ class Fixed:
 def test_the_run_goes_on_as_if_nobody_had_asked(plan: FloorPlan) -> None:
     asked, silent = (run(plan, AGENT, explain=explain) for explain in (True, False))
     assert np.array_equal(asked.curve, silent.curve) and np.array_equal(asked.track, silent.track)
-    assert silent.counterfactual is None and asked.counterfactual is not None
-    assert len(asked.counterfactual.log) == len(asked.decision_ms) == len(asked.prediction_ms)
+    assert silent.notes is None and asked.notes is not None
+    assert len(asked.notes.log) == len(asked.decision_ms) == len(asked.prediction_ms)
 
 
 def test_agents_without_a_predictor_are_not_asked(plan: FloorPlan) -> None:
     episode = run(plan, "nearest", explain=True)
-    assert episode.counterfactual is None and episode.prediction_ms == []
+    assert episode.notes is None and episode.prediction_ms == []
 
 
 def test_the_oracle_is_never_wrong_nor_misled(plan: FloorPlan) -> None:
-    told = run(plan, "layout-nearest:predictor=oracle", explain=True).counterfactual
+    told = run(plan, "layout-nearest:predictor=oracle", explain=True).notes
     assert told is not None
     for name in ("misled", "closed_as_open", "open_as_closed", "leftover_missed", "leftover_wrong"):
         assert not told.column(name).any()
@@ -102,7 +107,7 @@ def test_the_oracle_is_never_wrong_nor_misled(plan: FloorPlan) -> None:
 
 
 def test_flipped_classes_are_counted(plan: FloorPlan) -> None:
-    told = run(plan, AGENT, explain=True).counterfactual
+    told = run(plan, AGENT, explain=True).notes
     assert told is not None
     assert told.column("closed_as_open").sum() + told.column("open_as_closed").sum() > 0
     assert (told.column("leftover_missed") <= told.column("leftover")).all()
@@ -125,7 +130,7 @@ def test_changed_is_another_choice_without_the_layout(plan: FloorPlan) -> None:
 
 
 def test_moments_within_two_metres_are_about_the_same(plan: FloorPlan) -> None:
-    told = run(plan, AGENT, explain=True).counterfactual
+    told = run(plan, AGENT, explain=True).notes
     assert told is not None and told.moments
     moment, (row, col) = told.moments[0], told.moments[0].chosen
     for cells, same in ((20, True), (21, False)):
@@ -169,7 +174,7 @@ def test_every_layout_agent_can_do_without(plan: FloorPlan, name: str) -> None:
 
 def test_moments_say_what_came_of_them(plan: FloorPlan) -> None:
     for seed in range(3):
-        told = run(plan, AGENT, explain=True, seed=seed).counterfactual
+        told = run(plan, AGENT, explain=True, seed=seed).notes
         assert told is not None and len(told.moments) <= MOMENTS
         assert [m.distance for m in told.moments] == sorted(m.distance for m in told.moments)
         for moment in told.moments:
@@ -181,7 +186,7 @@ def test_moments_say_what_came_of_them(plan: FloorPlan) -> None:
 
 def test_what_is_kept_survives_the_file(plan: FloorPlan, tmp_path: Path) -> None:
     episode = run(plan, AGENT, explain=True)
-    told = episode.counterfactual
+    told = episode.notes
     assert told is not None and told.moments
     folder, row = ResultsFolder(tmp_path), Row(plan="a", start=0, sensor="stage", agent=AGENT, seed=0)
     folder.save_episode(row, episode)
@@ -196,7 +201,7 @@ def test_what_is_kept_survives_the_file(plan: FloorPlan, tmp_path: Path) -> None
 
 
 def test_rows_and_effects(plan: FloorPlan, tmp_path: Path) -> None:
-    plan.save(tmp_path / "offices.geojson")
+    save_plan(plan, tmp_path / "offices.geojson")
     config = BenchmarkConfig(plans=(str(tmp_path / "offices.geojson"),), starts=2, agents=("nearest", AGENT))
     outcome = run_benchmark(config, tmp_path / "out")
     rows = {(row.agent, row.start): row for row in outcome.rows}
@@ -222,7 +227,7 @@ def test_explain_is_yes_or_no() -> None:
 
 
 def test_the_command_can_do_without(plan: FloorPlan, tmp_path: Path) -> None:
-    plan.save(tmp_path / "offices.geojson")
+    save_plan(plan, tmp_path / "offices.geojson")
     arguments = [
         "benchmark",
         "--plans",
@@ -251,12 +256,12 @@ def test_drift_beyond_the_grid_is_survived(plan: FloorPlan) -> None:
         sensor="indoor", odometry_noise=OdometryNoise(translation=0.5, rotation=0.5), max_distance=40.0
     )
     for seed in range(3):
-        told = play(*prepare(plan, config, AGENT), seed=seed, explain=True).counterfactual
+        told = play(*prepare(plan, config, AGENT), seed=seed, explain=True).notes
         assert told is not None and len(told.log)
 
 
 def test_results_of_an_earlier_version_are_read(plan: FloorPlan, tmp_path: Path) -> None:
-    plan.save(tmp_path / "offices.geojson")
+    save_plan(plan, tmp_path / "offices.geojson")
     config = BenchmarkConfig(plans=(str(tmp_path / "offices.geojson"),), starts=1, agents=("nearest",))
     folder = run_benchmark(config, tmp_path / "out").folder
     import pandas as pd
@@ -328,7 +333,7 @@ def test_more_than_the_goal_is_not_lost_nor_saved_twice() -> None:
 
 
 def test_a_tried_rule_is_what_the_agent_would_have_done(plan: FloorPlan, tmp_path: Path) -> None:
-    plan.save(tmp_path / "offices.geojson")
+    save_plan(plan, tmp_path / "offices.geojson")
     agents = ("nearest", "layout-nearest:predictor=oracle", "layout-nearest:stop_area=8,predictor=oracle")
     simulation = SimulationConfig(coverage_goal=1.0)
     config = BenchmarkConfig(

@@ -13,8 +13,8 @@ from layoutexplore.benchmark.episode import fingerprints
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import ResultsError
+from layoutexplore.files import to_toml
 from layoutexplore.predictors.learned import CELL_MODEL, FRONTIER_MODEL, FRONTIER_NETWORK
-from layoutexplore.toml_text import to_toml
 
 CONFIG = BenchmarkConfig(plans=("apartment-01",), starts=1, sensors=("indoor",))
 

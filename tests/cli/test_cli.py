@@ -18,8 +18,9 @@ from layoutexplore import cli
 from layoutexplore.cli.explore import parse_start
 from layoutexplore.cli.progress import ProgressLine, clock
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.grid import OccupancyGrid
-from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.grids.ros_map import load_grid
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 
 RUNNER = CliRunner(env={"COLUMNS": "120", "TERM": "dumb"})
 
@@ -43,7 +44,7 @@ COMMANDS = leaves(typer.main.get_command(cli.app))
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = "##########\n#aaa#bbbb#\n#aaa.bbbb#\n#aaa#bbbb#\n##########"
     path = tmp_path_factory.mktemp("plans") / "hut.geojson"
-    floorplan_from_ascii(text, name="hut").save(path)
+    save_plan(floorplan_from_ascii(text, name="hut"), path)
     return path
 
 
@@ -167,7 +168,7 @@ def test_explore_films_and_saves(plan: Path, tmp_path: Path) -> None:
     result = RUNNER.invoke(cli.app, arguments, catch_exceptions=False)
     assert result.exit_code == 0 and "coverage" in result.output and "rooms finished" in result.output
     assert film.stat().st_size > 1000
-    grid = OccupancyGrid.load(out / "map.yaml")
+    grid = load_grid(out / "map.yaml")
     assert grid.free.any() and grid.occupied.any()
     track = np.loadtxt(out / "track.csv", delimiter=",", skiprows=1)
     curve = np.loadtxt(out / "curve.csv", delimiter=",", skiprows=1)

@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 from layoutexplore.cli import app
 from layoutexplore.cli.json_file import write_json
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.evaluation.cross_validation import deal_folds
-from layoutexplore.evaluation.segmentation import find_cases, guess_building
+from layoutexplore.maps.painted_rooms import find_cases, guess_building
+from layoutexplore.training.folds import deal_folds
 
 runner = CliRunner()
 

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("sb3_contrib")
 pytest.importorskip("tensorboard")
 
-from layoutexplore.toml_text import to_toml
+from layoutexplore.files import to_toml
 from tests.agents.rl.cases import SMALL_SEARCH, write_config
 from tests.cli.test_cli import run as run_cli
 

@@ -22,18 +22,14 @@ from layoutexplore.closed_doors.prediction import door_probability, find_doors, 
 from layoutexplore.closed_doors.scene import room_space, wall_thickness
 from layoutexplore.closed_doors.symmetry import best_mirror
 from layoutexplore.errors import MapError
-from layoutexplore.evaluation.closed_doors import (
-    evaluate,
-    find_triples,
-    read_cells,
-    score_prediction,
-    summarise,
-)
+from layoutexplore.evaluation.closed_doors import evaluate, score_prediction, summarise
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.maps.closed_door_maps import find_triples, read_cells
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.models.forest_files import load_forests
 from layoutexplore.training import closed_doors as training
-from layoutexplore.training.closed_doors import building_of, collect, find_sources, fit, samples_of, save
+from layoutexplore.training.closed_doors import collect, find_sources, fit, samples_of, save
+from layoutexplore.training.folds import building_of
 from layoutexplore.training.shut_rooms import add_outer_doors, find_doorways, plan_cells, shut_rooms
 
 WALL, WIDTH, DEPTH = 6, 80, 90  # cells

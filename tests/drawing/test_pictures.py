@@ -20,7 +20,8 @@ from layoutexplore.envs.viewer import draw_text
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.grid import OccupancyGrid, Pose
-from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import layoutexplore  # noqa: F401  (registers the environments)
-from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 
 ROOMS = """
 #########################

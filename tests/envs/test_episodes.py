@@ -17,7 +17,8 @@ from layoutexplore.envs.motion import MotionConfig
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.envs.plans import PlanSource
 from layoutexplore.errors import ConfigError, LayoutExploreError, StartError, UnknownNameError
-from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.robot import OdometryNoise
 from tests.envs.cases import FRONTIER, IDS, MOTION, ROOMS, cases, choose, make, rollout, rooms
@@ -240,7 +241,7 @@ def test_plans_are_drawn_from_several_and_from_a_function() -> None:
 
 def test_a_plan_file_is_loaded_once_and_again_when_it_changes(tmp_path: Path) -> None:
     path = tmp_path / "rooms.geojson"
-    rooms().save(path)
+    save_plan(rooms(), path)
     source, rng = PlanSource(path), np.random.default_rng(0)
     first = source.draw(rng)[1]
     assert source.draw(rng)[1] is first

@@ -34,7 +34,8 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.tour_features import tour_features
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
-from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 

@@ -23,7 +23,7 @@ from layoutexplore.envs.rewards import (
 from layoutexplore.envs.room_progress import RoomLedger
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.grids.grid import Pose
-from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.exploration import distance_to_coverage
 from layoutexplore.simulation.coverage import Coverage
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig

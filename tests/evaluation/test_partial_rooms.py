@@ -12,7 +12,9 @@ from layoutexplore import cli
 from layoutexplore.agents import make_agent
 from layoutexplore.evaluation.partial_rooms import find_items, score
 from layoutexplore.evaluation.partial_rooms_summary import calibration_error, f1, matthews, summarise
-from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import make_room_predictor
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.training.snapshots import explore
@@ -103,7 +105,7 @@ def test_measures() -> None:
 
 def test_command(plan: FloorPlan, tmp_path: Path) -> None:
     path = tmp_path / "flat.geojson"
-    plan.save(path)
+    save_plan(plan, path)
     found = tmp_path / "found.json"
     arguments = [str(path), "-p", "none", "-p", "layout", "-s", "short", "--json", str(found)]
     result = CliRunner().invoke(cli.app, ["evaluate", "partial-rooms", *arguments])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import classify_frontiers
 from layoutexplore.frontiers.detection import find_frontiers
-from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import FALSE_CLOSED_AREA, OraclePredictor, make_predictor
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 

@@ -127,7 +127,13 @@ def test_offered_frontiers_are_listed_as_if_one_by_one(cells: NDArray[np.int8], 
     grid, ground, outlook = (
         OccupancyGrid(cells, 0.1),
         Ground(cells.shape, 0.1, 0.1),
-        Outlook(cells.shape, config),
+        Outlook(
+            cells.shape,
+            config.resolution,
+            min_size=config.frontier_min_size,
+            gain_range=min(config.gain_range, config.lidar.range_max),
+            gain_rays=config.gain_rays,
+        ),
     )
     ground.note((0, cells.shape[0], 0, cells.shape[1]))
     start = Cell(*map(int, free[data.draw(st.integers(0, len(free) - 1))]))

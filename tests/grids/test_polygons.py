@@ -14,9 +14,9 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from shapely import LineString, Polygon
 
+from layoutexplore.grids.morphology import inflate
 from layoutexplore.grids.outlines import trace
 from layoutexplore.grids.polygons import fill, polygons_of, resample_solid, seal_diagonals
-from layoutexplore.planning.shortest_paths import inflate
 
 settings.register_profile("kernels", deadline=None)
 settings.load_profile("kernels")

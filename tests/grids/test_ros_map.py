@@ -52,7 +52,7 @@ def test_every_value_survives_scale_and_raw(tmp_path: Path, cells: NDArray[np.in
 
 def test_what_is_written(tmp_path: Path) -> None:
     grid = OccupancyGrid(np.array([[0, 100], [-1, 30]], np.int8), 0.05)
-    grid.save(tmp_path / "hall.yaml")
+    save_grid(grid, tmp_path / "hall.yaml")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["hall.pgm", "hall.yaml"]
     pixels = cv2.imread(str(tmp_path / "hall.pgm"), cv2.IMREAD_UNCHANGED)
     assert pixels.tolist() == [[205, 205], [254, 0]]

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutexplore.evaluation.cross_validation import deal_folds
-from layoutexplore.evaluation.segmentation import Case, MapScore, seed_spread
+from layoutexplore.evaluation.segmentation import MapScore, seed_spread
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.layout.merging.adjacency_graph import (
     AREA,
@@ -29,14 +28,11 @@ from layoutexplore.layout.merging.agglomeration import Rest, merge_pieces
 from layoutexplore.layout.merging.line_evidence import BESIDE_LINE, EvidenceConfig, count_rooms, find_evidence
 from layoutexplore.layout.merging.line_rooms import split_line_rooms
 from layoutexplore.layout.merging.slivers import absorb_slivers
+from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.training.explored_maps import explore, explored_examples
-from layoutexplore.training.room_merging import (
-    TrainingConfig,
-    first_forest,
-    make_example,
-    mean_forest,
-    train_forest,
-)
+from layoutexplore.training.folds import deal_folds
+from layoutexplore.training.merging_examples import make_example
+from layoutexplore.training.room_merging import TrainingConfig, first_forest, mean_forest, train_forest
 
 
 def plan() -> np.ndarray:

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 import shapely
 
+from layoutexplore.drawing.layouts import draw_layout
 from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.layout.export import layout_to_geojson
 from layoutexplore.layout.lines.topology import spread
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import BORDER, FaceKind, Layout
@@ -107,19 +109,21 @@ def test_scores_tell_walls_from_furniture() -> None:
 def test_details_are_computed_late_from_what_the_layout_keeps() -> None:
     grid = plan(furniture=True)
     first, second = reconstruct(grid), reconstruct(grid)
-    eager = json.dumps(first.to_geojson()), first.cell_scores
+    eager = json.dumps(layout_to_geojson(first)), first.cell_scores
     grid.cells[:] = -1  # the mapper writes into the same array
     late = pickle.loads(pickle.dumps(second))
-    assert json.dumps(late.to_geojson()) == eager[0]
+    assert json.dumps(layout_to_geojson(late)) == eager[0]
     assert np.array_equal(late.cell_scores, eager[1])
-    kinds = {feature["properties"]["kind"] for feature in late.to_geojson()["features"]}
+    kinds = {feature["properties"]["kind"] for feature in layout_to_geojson(late)["features"]}
     assert kinds == {"room", "face", "line", "wall"}
-    assert late.draw(panel=120).shape[1] % 5 == 0  # map, clean map, lines, faces, rooms
+    assert draw_layout(late, panel=120).shape[1] % 5 == 0  # map, clean map, lines, faces, rooms
 
 
 def test_exported_faces_know_their_neighbours() -> None:
     layout = reconstruct(plan())
-    features = [f["properties"] for f in layout.to_geojson()["features"] if f["properties"]["kind"] == "face"]
+    features = [
+        f["properties"] for f in layout_to_geojson(layout)["features"] if f["properties"]["kind"] == "face"
+    ]
     weights = {(f["id"], n["face"]): n["weight"] for f in features for n in f["neighbours"]}
     for face in layout.faces:
         assert [n["face"] for n in features[face.id]["neighbours"]] == list(face.neighbours)

@@ -17,11 +17,11 @@ from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.ros_map import load_grid
-from layoutexplore.layout.alignment import Posture, posture_of
+from layoutexplore.layout.canonical import Posture, posture_of
+from layoutexplore.layout.export import layout_to_geojson
 from layoutexplore.layout.frame import to_world
-from layoutexplore.layout.pipeline import reconstruct
-from layoutexplore.layout.registry import METHOD_MODULES
-from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.layout.pipeline import METHOD_MODULES, reconstruct
+from layoutexplore.maps.library import load_plan
 from layoutexplore.speed.floors import half_explored
 
 Move = Callable[[NDArray[np.generic]], NDArray[np.generic]]
@@ -36,7 +36,7 @@ MOVES: dict[str, tuple[Move, Move]] = {
 
 def generated(furniture: int = 0) -> OccupancyGrid:
     """A generated apartment, with boxes of furniture."""
-    raster = FloorPlan.load("apartment:5").rasterize(0.1, margin=0.5)
+    raster = load_plan("apartment:5").rasterize(0.1, margin=0.5)
     cells = np.select([raster.occupied, raster.free], [100, 0], -1).astype(np.int8)
     rng = np.random.default_rng(1)
     for row, col in np.argwhere(cells == 0)[rng.integers(0, (cells == 0).sum(), furniture)]:
@@ -281,4 +281,4 @@ def test_hard_inputs_have_an_answer_twice_the_same(method: str, name: str) -> No
     assert np.array_equal(np.unique(layout.labels[layout.labels > 0]), [room.id for room in layout.rooms])
     assert all(room.polygon.is_valid and room.area > 0 for room in layout.rooms)
     assert layout.rooms or layout.warnings or method == "rose"
-    assert layout.to_geojson()["type"] == "FeatureCollection"
+    assert layout_to_geojson(layout)["type"] == "FeatureCollection"

@@ -12,19 +12,19 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from layoutexplore.bits import ones
-from layoutexplore.grids.bitsets import count_bits, set_bits
-from layoutexplore.layout.alignment import Posture, surfaces
+from layoutexplore.grids.bitsets import count_bits, set_bits, true_cells
+from layoutexplore.grids.components import components
+from layoutexplore.grids.flood import spread_in_place
+from layoutexplore.layout.alignment import surfaces
+from layoutexplore.layout.canonical import Posture
 from layoutexplore.layout.lines.declutter import _circular_peaks
 from layoutexplore.layout.lines.face_clusters import renumber
 from layoutexplore.layout.lines.segments import AlignedSegments
 from layoutexplore.layout.lines.walls import find_walls, grouped_median, merge_walls
-from layoutexplore.layout.merging.adjacency_graph import spread_in_place
 from layoutexplore.layout.merging.agglomeration import FEATURE_COUNT
 from layoutexplore.layout.merging.door_gaps import LONG, SHORT, WIDTH, OpeningConfig, find_openings, free_runs
 from layoutexplore.layout.merging.merge_forest import load_forest
-from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.models.forest import log_odds
-from layoutexplore.union_find import components
 
 masks = hnp.arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 150)), elements=st.booleans())
 maps = hnp.arrays(

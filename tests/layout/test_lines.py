@@ -12,6 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sklearn.cluster import DBSCAN
 
+from layoutexplore.grids.components import components
 from layoutexplore.layout.lines.face_clusters import (
     FaceGraph,
     cluster_faces,
@@ -32,7 +33,6 @@ from layoutexplore.layout.lines.segments import (
 )
 from layoutexplore.layout.lines.topology import label_components
 from layoutexplore.layout.lines.walls import chain_lines, find_walls, grouped_median, merge_walls
-from layoutexplore.union_find import components
 
 BOX = (0.5, 1.0, 9.5, 7.0)
 DIRECTIONS = np.array([0.0, 0.7, np.pi / 2, 2.9])

@@ -21,7 +21,8 @@ from layoutexplore.layout.merging.method import DefaultConfig
 from layoutexplore.layout.merging.watershed import closed_space, distance_basins
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
-from layoutexplore.training.room_merging import TrainingConfig, first_forest, make_example, train_forest
+from layoutexplore.training.merging_examples import make_example
+from layoutexplore.training.room_merging import TrainingConfig, first_forest, train_forest
 
 
 def office(clutter: bool = False) -> OccupancyGrid:

@@ -12,13 +12,14 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from layoutexplore.drawing.layouts import draw_layout
 from layoutexplore.errors import ConfigError, MapError, UnknownNameError
 from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.layout.export import layout_to_geojson
 from layoutexplore.layout.lines.ias15 import Ias15Config, mean_shift_directions, without_islands
 from layoutexplore.layout.lines.rose2 import Rose2Config
 from layoutexplore.layout.merging.method import DefaultConfig
-from layoutexplore.layout.pipeline import LayoutCache, reconstruct
-from layoutexplore.layout.registry import METHOD_MODULES, layout_method
+from layoutexplore.layout.pipeline import METHOD_MODULES, LayoutCache, layout_method, reconstruct
 from layoutexplore.layout.types import BORDER, FaceKind
 
 METHODS = ("rose", "rose2", "ias15")
@@ -86,7 +87,7 @@ def check(layout, grid):
     for a, b in itertools.combinations(layout.rooms, 2):
         assert a.polygon.intersection(b.polygon).area < 1e-6
     assert layout.rooms or layout.warnings or layout.method == "rose"
-    json.dumps(layout.to_geojson())
+    json.dumps(layout_to_geojson(layout))
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -95,7 +96,7 @@ def test_hard_inputs_have_an_answer(method, name):
     grid = hard_inputs()[name]
     layout = reconstruct(grid, method)
     check(layout, grid)
-    assert layout.draw(grid, panel=80).dtype == np.uint8
+    assert draw_layout(layout, grid, panel=80).dtype == np.uint8
 
 
 @pytest.mark.parametrize("method", ["rose2", "ias15"])

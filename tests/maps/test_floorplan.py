@@ -18,8 +18,9 @@ from shapely import LineString, Polygon
 
 from layoutexplore.errors import MapError
 from layoutexplore.grids.grid import Cell, Pose
-from layoutexplore.maps.floorplan import Door, FloorPlan, PlanRaster, Room, floorplan_from_ascii
-from layoutexplore.maps.raster import grow
+from layoutexplore.grids.morphology import grow
+from layoutexplore.maps.floorplan import Door, FloorPlan, PlanRaster, Room
+from layoutexplore.maps.tracing import floorplan_from_ascii
 
 with np.errstate(invalid="ignore"):
     NOT_FINITE = Polygon([(0, 0), (math.nan, 2), (2, 0)])

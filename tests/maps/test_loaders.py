@@ -16,8 +16,11 @@ from shapely import LineString
 from typer.testing import CliRunner
 
 from layoutexplore.errors import LayoutExploreError, MapError, UnknownNameError
+from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.maps import expand_plans, load_plan, plan_names, splits
-from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 
 RADIUS = 0.2
 
@@ -227,7 +230,7 @@ def test_bad_houseexpo_rooms(tmp_path: Path) -> None:
 
 def test_a_ros_map_is_a_floor_plan(tmp_path: Path) -> None:
     grid = floorplan_from_ascii("#######\n#aaaaa#\n#aaaaa#\n#######", 0.5).rasterize(0.5, margin=0.0).grid
-    grid.save(tmp_path / "hall.yaml")
+    save_grid(grid, tmp_path / "hall.yaml")
     plan = load_plan(tmp_path / "hall.yaml")
     assert plan.metadata["format"] == "ROS map"
     assert [room.polygon.area for room in plan.rooms] == [2.5]
@@ -281,8 +284,8 @@ def test_a_folder_gives_each_plan_once(tmp_path: Path, data_dir: Path) -> None:
     assert len(expand_plans(data_dir / "floorplans")) == 28 + 7 + 5 + 5
     write_kth(tmp_path)
     write_houseexpo(tmp_path)
-    FloorPlan.load("apartment-03").save(tmp_path / "own.geojson")
-    floorplan_from_ascii("###\n#a#\n###").rasterize(1.0).grid.save(tmp_path / "ros.yaml")
+    save_plan(load_plan("apartment-03"), tmp_path / "own.geojson")
+    save_grid(floorplan_from_ascii("###\n#a#\n###").rasterize(1.0).grid, tmp_path / "ros.yaml")
     (tmp_path / "notes.txt").write_text("not a plan")
     (tmp_path / "meta.json").write_text("{}")
     names = [Path(source).name for source in expand_plans(tmp_path)]

@@ -11,6 +11,7 @@ from layoutexplore.maps import load_plan, plan_names, splits
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator import FAMILIES
 from layoutexplore.maps.generator import shipped as ship
+from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.library import PLAN_FOLDER
 
 
@@ -81,5 +82,5 @@ def test_some_are_furnished_and_some_have_closed_doors(plans: dict[str, FloorPla
 
 def test_a_plan_survives_a_round_trip(plans: dict[str, FloorPlan], tmp_path: Path) -> None:
     plan = plans["curved-01"]
-    plan.save(tmp_path / "copy.geojson")
+    save_plan(plan, tmp_path / "copy.geojson")
     assert load_plan(tmp_path / "copy.geojson").content_hash == plan.content_hash

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.metrics.segmentation import MEASURES, score_segmentation, truth_labels
+from layoutexplore.maps.painted_rooms import truth_labels
+from layoutexplore.metrics.segmentation import MEASURES, score_segmentation
 
 
 def row(text: str) -> np.ndarray:

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.grids.grid import Cell
+from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning import canonical_search as wavefront
 from layoutexplore.planning.shortest_paths import (
     descend,
     distance_matrix,
     distances_between,
     geodesic_distances,
-    inflate,
 )
 
 

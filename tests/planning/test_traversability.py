@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
-from layoutexplore.planning.shortest_paths import descend, geodesic_distances, inflate
+from layoutexplore.grids.morphology import inflate
+from layoutexplore.planning.shortest_paths import descend, geodesic_distances
 from layoutexplore.planning.traversability import Ground
 
 

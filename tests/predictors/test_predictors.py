@@ -20,7 +20,9 @@ from layoutexplore.agents import make_agent
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.frontiers.decision import STOP, Decision
 from layoutexplore.frontiers.detection import FrontierClusters, find_frontiers
-from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.library import load_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import load_forests, save_forests
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
@@ -33,13 +35,9 @@ from layoutexplore.predictors.seen_rooms import Regions, home_regions, seen_regi
 from layoutexplore.predictors.shape_baselines import main_angle
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 from layoutexplore.training.explorations import stopped_explorations
-from layoutexplore.training.predictor_forests import (
-    TrainingConfig,
-    deal_groups,
-    fit_frontier_forests,
-    train_models,
-)
-from layoutexplore.training.predictor_samples import Samples, gather, group_buildings, join
+from layoutexplore.training.folds import deal_groups, group_buildings
+from layoutexplore.training.predictor_forests import TrainingConfig, fit_frontier_forests, train_models
+from layoutexplore.training.predictor_samples import Samples, gather, join
 
 PLAN = """
 #########################
@@ -258,7 +256,7 @@ def test_a_model_of_ones_own(tmp_path: Path) -> None:
 def test_training_from_the_command_line(tmp_path: Path) -> None:
     wide = "\n".join(row[:20] + row[19:20] * 4 + row[20:] for row in PLAN.strip().splitlines())
     for name, plan in (("north", PLAN), ("south", wide)):
-        floorplan_from_ascii(plan, resolution=0.9, name=name).save(tmp_path / f"{name}.geojson")
+        save_plan(floorplan_from_ascii(plan, resolution=0.9, name=name), tmp_path / f"{name}.geojson")
     paths = [str(tmp_path / f"{name}.geojson") for name in ("north", "south")]
     out = tmp_path / "models"
     arguments = [
@@ -302,8 +300,10 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
 
 
 def test_a_plan_that_is_seen_at_once_teaches_nothing(tmp_path: Path) -> None:
-    floorplan_from_ascii("####\n#aa#\n####", resolution=0.9, name="closet").save(tmp_path / "closet.geojson")
-    floorplan_from_ascii(PLAN, resolution=0.9, name="house").save(tmp_path / "house.geojson")
+    save_plan(
+        floorplan_from_ascii("####\n#aa#\n####", resolution=0.9, name="closet"), tmp_path / "closet.geojson"
+    )
+    save_plan(floorplan_from_ascii(PLAN, resolution=0.9, name="house"), tmp_path / "house.geojson")
     closet, house = (str(tmp_path / f"{name}.geojson") for name in ("closet", "house"))
     options = ["--no-network", "--stops", "2", "--trees", "4", "--out", str(tmp_path / "models")]
     result = CliRunner().invoke(cli.app, ["evaluate", "train-predictor", closet, *options])
@@ -332,7 +332,7 @@ def test_the_models_that_ship_are_small() -> None:
 
 
 def test_the_networks_have_a_say() -> None:
-    plan = FloorPlan.load("office-04")
+    plan = load_plan("office-04")
     decision = Simulation(plan, SimulationConfig(sensor="indoor")).reset(seed=1)
     with_it, without = (make_room_predictor(name) for name in ("layout", "layout:network=off"))
     assert (with_it.rooms(decision).room_ids != without.rooms(decision).room_ids).any()
@@ -349,7 +349,7 @@ def test_networks_are_asked_where_trees_are_in_doubt(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(FrontierNetwork, "judge", sure)
     total = 0
     for seed in range(6):
-        decision = Simulation(FloorPlan.load("office-04"), SimulationConfig(sensor="indoor")).reset(seed=seed)
+        decision = Simulation(load_plan("office-04"), SimulationConfig(sensor="indoor")).reset(seed=seed)
         judged, trees = (
             make_predictor(name).predict(decision).columns for name in ("layout", "layout:network=off")
         )

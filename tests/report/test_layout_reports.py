@@ -25,7 +25,8 @@ from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.cli import app
 from layoutexplore.evaluation.partial_rooms import Item, RoomScore, score
-from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.predictors import RoomMap, make_room_predictor
 from layoutexplore.predictors.snapshot import Snapshot
@@ -96,7 +97,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
     """Runs with and without a layout on two plans."""
     plans = tmp_path_factory.mktemp("plans")
     for name, scale in (("small", 0.5), ("large", 0.7)):
-        floorplan_from_ascii(OFFICES, resolution=scale, name=name).save(plans / f"{name}.geojson")
+        save_plan(floorplan_from_ascii(OFFICES, resolution=scale, name=name), plans / f"{name}.geojson")
     agents = ("nearest", "layout-nearest", FLIPPED, "layout-nearest:stop_area=8,predictor=oracle")
     config = BenchmarkConfig(plans=(str(plans),), starts=1, agents=agents)
     return run_benchmark(config, tmp_path_factory.mktemp("results") / "out").folder
@@ -140,7 +141,7 @@ def test_decisive_moments_are_drawn(tmp_path: Path, folder: ResultsFolder) -> No
 
 
 def test_a_report_without_layouts_has_no_such_parts(tmp_path: Path) -> None:
-    floorplan_from_ascii(OFFICES, resolution=0.5, name="small").save(tmp_path / "small.geojson")
+    save_plan(floorplan_from_ascii(OFFICES, resolution=0.5, name="small"), tmp_path / "small.geojson")
     config = BenchmarkConfig(plans=(str(tmp_path / "small.geojson"),), starts=1, agents=("nearest", "tour"))
     html = whole(write_report(run_benchmark(config, tmp_path / "out").folder)[0])
     assert (
@@ -202,7 +203,7 @@ def test_a_room_is_drawn_with_what_is_right_wrong_and_missed(snapshots: list[Sna
 
 
 def test_partial_rooms_page(tmp_path: Path) -> None:
-    floorplan_from_ascii(OFFICES, resolution=0.7, name="flat & <odd>").save(tmp_path / "flat.geojson")
+    save_plan(floorplan_from_ascii(OFFICES, resolution=0.7, name="flat & <odd>"), tmp_path / "flat.geojson")
     out = tmp_path / "deep" / "report"
     arguments = [
         str(tmp_path / "flat.geojson"),
@@ -241,7 +242,9 @@ def test_partial_rooms_page(tmp_path: Path) -> None:
 
 def test_partial_rooms_page_without_any_room(tmp_path: Path) -> None:
     """One large hall: it is seen at once, and nothing is left to judge but frontiers."""
-    floorplan_from_ascii("####\n#aa#\n#aa#\n####", resolution=1.5, name="hut").save(tmp_path / "hut.geojson")
+    save_plan(
+        floorplan_from_ascii("####\n#aa#\n#aa#\n####", resolution=1.5, name="hut"), tmp_path / "hut.geojson"
+    )
     out = tmp_path / "out"
     result = CliRunner().invoke(
         app, ["evaluate", "partial-rooms", str(tmp_path / "hut.geojson"), "-p", "none", "--out", str(out)]

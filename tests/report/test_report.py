@@ -23,7 +23,8 @@ from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import COLUMNS, ResultsFolder
 from layoutexplore.drawing.film import Film
 from layoutexplore.errors import ConfigError, ResultsError
-from layoutexplore.maps.floorplan import floorplan_from_ascii
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.report.exploration import build, caveats, headline, write_report
 from layoutexplore.report.page import interval, png_uri, render
@@ -67,7 +68,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
     """Results of three agents on two plans with two sensors."""
     plans = tmp_path_factory.mktemp("plans")
     for name, scale in (("small", 0.6), ("large & <odd>", 1.0)):
-        floorplan_from_ascii(PLAN, resolution=scale, name=name).save(plans / f"{scale}.geojson")
+        save_plan(floorplan_from_ascii(PLAN, resolution=scale, name=name), plans / f"{scale}.geojson")
     config = BenchmarkConfig(
         plans=(str(plans),),
         starts=1,

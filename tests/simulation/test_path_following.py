@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.planning.traversability import Ground
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig

@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from layoutexplore.errors import ConfigError, MapError, StartError
 from layoutexplore.frontiers.decision import STOP
 from layoutexplore.grids.grid import Pose
-from layoutexplore.maps.floorplan import FloorPlan, floorplan_from_ascii
+from layoutexplore.grids.morphology import disc_offsets
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.sensing.lidar import LidarConfig
-from layoutexplore.simulation.robot import OdometryNoise, Robot, disc_offsets, draw_start
+from layoutexplore.simulation.robot import OdometryNoise, Robot, draw_start
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 
 THREE_ROOMS = """

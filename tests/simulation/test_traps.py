@@ -21,18 +21,19 @@ from shapely import Polygon, affinity
 
 from layoutexplore.agents import describe_agents
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.episode import play, prepare, run_seed
-from layoutexplore.benchmark.plans import start_pose
+from layoutexplore.benchmark.episode import prepare
 from layoutexplore.envs.curriculum import FIRST_SEED
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Path as CellPath
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps import load_plan, splits
-from layoutexplore.maps.floorplan import FloorPlan, Room, floorplan_from_ascii
+from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.generator import generate
 from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.sensing.lidar import SENSORS, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.episode import play, run_seed, start_pose
 from layoutexplore.simulation.robot import OdometryNoise
 from layoutexplore.simulation.simulation import Simulation
 

@@ -12,6 +12,7 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.layout.frame import angles_to_world, ranks, to_world
 from layoutexplore.layout.lines.face_model import FaceModel, WallModel
@@ -19,7 +20,6 @@ from layoutexplore.layout.lines.face_outlines import outline
 from layoutexplore.layout.lines.segments import AlignedSegments
 from layoutexplore.layout.lines.walls import WallGroups
 from layoutexplore.layout.timing import StageTimer
-from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.layout.types import (
     BORDER,
     OUTSIDE,

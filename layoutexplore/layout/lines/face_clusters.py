@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.components import components
 from layoutexplore.layout.lines.faces import Arrangement
 from layoutexplore.layout.lines.walls import sums
-from layoutexplore.union_find import components
 
 Number = TypeVar("Number", np.int32, np.int64)
 

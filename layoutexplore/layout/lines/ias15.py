@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.components import components
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.canonical import laid_down
 from layoutexplore.layout.frame import ranks, undirected
@@ -34,10 +35,9 @@ from layoutexplore.layout.lines.segments import (
     segment_angles,
 )
 from layoutexplore.layout.lines.walls import chain_lines, find_walls
-from layoutexplore.layout.registry import register_method
+from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, empty_layout, has_free_space
-from layoutexplore.union_find import components
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid
 from layoutexplore.layout.frame import angles_to_world
 from layoutexplore.layout.lines.assemble import clean_grid
 from layoutexplore.layout.lines.declutter import DeclutterConfig, find_structure, mixture_threshold
-from layoutexplore.layout.registry import register_method
+from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, ScoreDetails
 

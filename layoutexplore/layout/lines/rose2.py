@@ -29,7 +29,7 @@ from layoutexplore.layout.lines.face_model import FaceConfig, WallModel, build_f
 from layoutexplore.layout.lines.segments import AlignedSegments, SegmentConfig, align, find_segments
 from layoutexplore.layout.lines.topology import TopologyConfig, split_rooms
 from layoutexplore.layout.lines.walls import WallGroups, find_walls, merge_walls
-from layoutexplore.layout.registry import register_method
+from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, ScoreDetails, empty_layout, has_free_space
 

@@ -20,6 +20,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.components import components, join, number_sets
 from layoutexplore.grids.grid import FREE, OccupancyGrid
 from layoutexplore.layout.lines.face_clusters import merge_small, renumber
 from layoutexplore.layout.lines.face_model import (
@@ -32,7 +33,6 @@ from layoutexplore.layout.lines.face_model import (
     with_lines,
 )
 from layoutexplore.layout.lines.faces import Arrangement
-from layoutexplore.union_find import components, join, number_sets
 
 
 @dataclass(frozen=True, kw_only=True)

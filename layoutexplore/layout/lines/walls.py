@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.components import join, number_sets
 from layoutexplore.layout.lines.segments import AlignedSegments
-from layoutexplore.union_find import join, number_sets
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,10 +11,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.bitsets import count_bits, set_bits
+from layoutexplore.grids.bitsets import count_bits, set_bits, true_cells
+from layoutexplore.grids.flood import spread_in_place
 from layoutexplore.layout.merging.door_gaps import Openings
 from layoutexplore.layout.merging.line_evidence import LineEvidence, count_rooms
-from layoutexplore.layout.true_cells import true_cells
 
 # Columns of the node table. AREA: known free cells; SPACE: all cells; SIDES: sides shared with anything else;
 # OPEN_END: sides towards unknown space; ROWS..: bounding box, half open; PEAK: largest distance to the
@@ -120,49 +120,6 @@ def add_node(whole: NDArray[np.float64], part: NDArray[np.float64]) -> None:
     whole[ROW0], whole[COL0] = min(whole[ROW0], part[ROW0]), min(whole[COL0], part[COL0])
     whole[ROW1], whole[COL1] = max(whole[ROW1], part[ROW1]), max(whole[COL1], part[COL1])
     whole[PEAK] = max(whole[PEAK], part[PEAK])
-
-
-@njit("void(int32[:,::1], boolean[:,::1], int64[::1], int64)", cache=True, nogil=True)
-def _spread(out: NDArray[np.int32], wall: NDArray[np.bool_], front: NDArray[np.int64], steps: int) -> None:
-    """Spread labels in place from the cells of a front."""
-    rows, cols = out.shape
-    for _ in range(steps):
-        fresh = np.empty(4 * len(front), np.int64)
-        m = 0
-        for i in front:
-            r, c = i // cols, i % cols
-            for d in range(4):
-                rr, cc = r + (d == 0) - (d == 1), c + (d == 2) - (d == 3)
-                if 0 <= rr < rows and 0 <= cc < cols and wall[rr, cc] and out[rr, cc] == 0:
-                    out[rr, cc] = out[r, c]
-                    fresh[m] = rr * cols + cc
-                    m += 1
-        front = fresh[:m]
-
-
-@njit("boolean[:,::1](int32[:,::1], int64[::1])", cache=True, nogil=True)
-def _beside_walls(labels: NDArray[np.int32], wall: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Labelled cells with a cell of the wall (flat) among their 4-neighbours."""
-    rows, cols = labels.shape
-    out = np.zeros((rows, cols), np.bool_)
-    for i in wall:
-        r, c = i // cols, i % cols
-        for d in range(4):
-            rr, cc = r + (d == 0) - (d == 1), c + (d == 2) - (d == 3)
-            if 0 <= rr < rows and 0 <= cc < cols and labels[rr, cc] > 0:
-                out[rr, cc] = True
-    return out
-
-
-def spread_in_place(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: int) -> None:
-    """Spread labels into the walls by 4-neighbours, at most `steps` cells deep.
-
-    Args:
-        labels: int32 (rows, cols), contiguous; changed.
-        wall: bool (rows, cols), contiguous.
-        steps: In cells.
-    """
-    _spread(labels, wall, true_cells(_beside_walls(labels, true_cells(wall))), steps)
 
 
 @njit(cache=True, nogil=True)

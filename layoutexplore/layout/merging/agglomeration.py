@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.components import root_of
 from layoutexplore.layout.merging.adjacency_graph import (
     ACROSS_ROWS,
     APART,
@@ -39,7 +40,6 @@ from layoutexplore.layout.merging.adjacency_graph import (
     add_node,
 )
 from layoutexplore.models.forest import Forest, Numbers, log_odds
-from layoutexplore.union_find import root_of
 
 FEATURES = (
     "log_area_small", "log_area_large", "openness", "contact", "contact_share_small", "contact_share_large",

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.layout.true_cells import true_cells
+from layoutexplore.grids.bitsets import true_cells
 
 WIDTH, LONG, SHORT = range(3)
 """Columns of the table of gaps: width, longer and shorter run of wall beside it, all in cells."""

@@ -18,12 +18,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.bitsets import count_bits, set_bits
+from layoutexplore.grids.bitsets import count_bits, set_bits, true_cells
+from layoutexplore.grids.components import join, number_sets
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.layout.alignment import surfaces
 from layoutexplore.layout.lines.face_clusters import FaceGraph, cluster_faces
-from layoutexplore.layout.true_cells import true_cells
-from layoutexplore.union_find import join, number_sets
 
 BESIDE_LINE = 0.05
 """What a cell beside a line counts in the rooms of the lines: walls are thicker than lines and step aside."""

@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.components import join, root_of
 from layoutexplore.layout.merging.adjacency_graph import OPEN, PASS, PEAK, PieceGraph
-from layoutexplore.union_find import join, root_of
 
 
 @njit(

@@ -32,24 +32,18 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.flood import grow_in_place
+from layoutexplore.grids.bitsets import true_cells
+from layoutexplore.grids.flood import grow_in_place, spread_in_place
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.layout.alignment import (
-    Turned,
-    main_direction,
-    posture_of,
-    surfaces,
-    trinary_part,
-    turn,
-    turn_back,
-)
+from layoutexplore.layout.alignment import Turned, main_direction, surfaces, turn, turn_back
+from layoutexplore.layout.canonical import posture_of, trinary_part
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.lines.assemble import freed, place_walls
 from layoutexplore.layout.lines.declutter import DeclutterConfig, Directions, find_directions
 from layoutexplore.layout.lines.face_model import WallModel
 from layoutexplore.layout.lines.rose2 import Rose2Config, chain_walls, with_perpendicular
 from layoutexplore.layout.lines.segments import find_segments
-from layoutexplore.layout.merging.adjacency_graph import PieceGraph, piece_graph, spread_in_place
+from layoutexplore.layout.merging.adjacency_graph import PieceGraph, piece_graph
 from layoutexplore.layout.merging.agglomeration import Rest, merge_pieces
 from layoutexplore.layout.merging.details import DefaultDetails
 from layoutexplore.layout.merging.door_gaps import OpeningConfig, find_openings
@@ -60,9 +54,8 @@ from layoutexplore.layout.merging.slivers import absorb_slivers
 from layoutexplore.layout.merging.wall_components import building_parts
 from layoutexplore.layout.merging.watershed import closed_space, distance_basins
 from layoutexplore.layout.outlines import rooms_of_labels
-from layoutexplore.layout.registry import register_method
+from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
-from layoutexplore.layout.true_cells import true_cells
 from layoutexplore.layout.types import Layout, LayoutRoom, empty_layout, has_free_space
 from layoutexplore.models.forest import Forest
 

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.components import root_of
 from layoutexplore.layout.merging.adjacency_graph import (
     DOOR,
     EDGE_COLUMNS,
@@ -23,7 +24,6 @@ from layoutexplore.layout.merging.adjacency_graph import (
     add_node,
     find_edge,
 )
-from layoutexplore.union_find import root_of
 
 
 @njit(cache=True, nogil=True)

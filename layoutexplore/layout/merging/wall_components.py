@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.layout.true_cells import true_cells
-from layoutexplore.union_find import join, root_of
+from layoutexplore.grids.bitsets import true_cells
+from layoutexplore.grids.components import join, root_of
 
 
 @njit(cache=True, nogil=True)

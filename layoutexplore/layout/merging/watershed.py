@@ -7,9 +7,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.bitsets import true_cells
+from layoutexplore.grids.components import root_of
 from layoutexplore.grids.grid import FREE, UNKNOWN
-from layoutexplore.layout.true_cells import true_cells
-from layoutexplore.union_find import root_of
 
 STEPS = 8
 """Heights a cell: distances are compared in eighths of a cell, so that equal ones stay equal wherever they are."""

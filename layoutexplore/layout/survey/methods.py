@@ -22,7 +22,7 @@ from layoutexplore.grids.flood import grow_labels
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.layout.canonical import laid_down
 from layoutexplore.layout.outlines import layout_of_labels
-from layoutexplore.layout.registry import register_method
+from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.survey.voronoi import VoronoiConfig, voronoi_labels
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, empty_layout, has_free_space

@@ -12,7 +12,7 @@ from layoutexplore.agents.rl.card import PolicySpec, spec_of
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig, merge, read_config
 from layoutexplore.agents.rl.network import Actor
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
-from layoutexplore.toml_text import to_toml
+from layoutexplore.files import to_toml
 
 SLOTS = 12
 

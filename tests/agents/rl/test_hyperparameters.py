@@ -9,7 +9,7 @@ import pytest
 
 from layoutexplore.agents.rl.hyperparameters import DEFAULTS, algorithms, read_config
 from layoutexplore.errors import ConfigError, UnknownNameError
-from layoutexplore.toml_text import to_toml
+from layoutexplore.files import to_toml
 
 
 def written(tmp_path: Path, text: str) -> Path:

@@ -15,9 +15,10 @@ from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.agent import PolicyAgent  # noqa: E402
 from layoutexplore.agents.rl.card import WEIGHTS, find_policy, read_card, read_spec  # noqa: E402
 from layoutexplore.agents.rl.policy_file import load_actor, save_policy, save_tensors  # noqa: E402
-from layoutexplore.benchmark.episode import play, prepare  # noqa: E402
+from layoutexplore.benchmark.episode import prepare  # noqa: E402
 from layoutexplore.errors import ConfigError, MissingExtraError, ResultsError, UnknownNameError  # noqa: E402
 from layoutexplore.simulation.config import SimulationConfig  # noqa: E402
+from layoutexplore.simulation.episode import play  # noqa: E402
 from tests.agents.rl.cases import observations, random_actor, spec  # noqa: E402
 
 

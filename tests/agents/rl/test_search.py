@@ -33,14 +33,14 @@ from layoutexplore.agents.rl.search import (  # noqa: E402
     explore_group,
     read_explorations,
 )
-from layoutexplore.benchmark.episode import play  # noqa: E402
 from layoutexplore.errors import ConfigError, LayoutExploreError, ResultsError  # noqa: E402
+from layoutexplore.files import to_toml  # noqa: E402
 from layoutexplore.frontiers.tour_features import TourConfig  # noqa: E402
-from layoutexplore.maps.floorplan import floorplan_from_ascii  # noqa: E402
+from layoutexplore.maps.tracing import floorplan_from_ascii  # noqa: E402
 from layoutexplore.metrics.exploration import score_curve  # noqa: E402
 from layoutexplore.simulation.config import SimulationConfig  # noqa: E402
+from layoutexplore.simulation.episode import play  # noqa: E402
 from layoutexplore.simulation.simulation import Simulation  # noqa: E402
-from layoutexplore.toml_text import to_toml  # noqa: E402
 from tests.agents.rl.cases import SMALL_SEARCH, Silent  # noqa: E402
 
 

@@ -225,7 +225,7 @@ def test_motion(algorithm: str, tmp_path: Path) -> None:
         "learning": learning[algorithm],
         "evaluation": {"plans": ["apartment-01"], "every": 32},
     }
-    from layoutexplore.toml_text import to_toml
+    from layoutexplore.files import to_toml
 
     path = tmp_path / "motion.toml"
     path.write_text(to_toml(table))

@@ -1,0 +1,137 @@
+"""Morphology on masks: discs, inflation, growing."""
+
+from __future__ import annotations
+
+import functools
+import math
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grids.grid import check_resolution
+
+
+def inflate(occupied: NDArray[np.bool_], radius: float, resolution: float) -> NDArray[np.bool_]:
+    """Cells whose centre is closer than the radius to the centre of an occupied cell.
+
+    Args:
+        occupied: bool (rows, cols).
+        radius: In metres; 0 gives a copy.
+        resolution: Side of a cell in metres.
+
+    Returns:
+        bool (rows, cols). Outside of the array there is nothing.
+
+    Example:
+        >>> inflate(np.array([[False, False, False, True]]), radius=0.2, resolution=0.1).tolist()
+        [[False, False, True, True]]
+    """
+    check_resolution(resolution)
+    if not (math.isfinite(radius) and radius >= 0):
+        raise ConfigError(f"the radius must be metres, 0 or more, got {radius}")
+    world = check_mask(occupied)
+    reach = radius / resolution
+    near = _disc(reach)
+    if near.size == 1:
+        return world.copy()
+    if reach <= 8:
+        return cv2.dilate(world.view(np.uint8), near).view(np.bool_)
+    distance = cv2.distanceTransform((~world).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return distance.astype(np.float64) ** 2 < _squared(reach) if world.any() else world.copy()
+
+
+def check_mask(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The mask, C-contiguous; raises `MapError` unless it is bool (rows, cols) and not empty."""
+    if mask.ndim != 2 or mask.dtype != np.bool_ or mask.size == 0:
+        raise MapError(
+            f"planning needs a non-empty bool array in two dimensions, got {mask.dtype} {mask.shape}"
+        )
+    return np.ascontiguousarray(mask)
+
+
+def _squared(reach: float) -> float:
+    """The square of a reach in cells; centres at exactly the radius are not closer, whatever the rounding of the division."""
+    return reach * reach - 1e-9
+
+
+@lru_cache(maxsize=16)
+def _disc(reach: float) -> NDArray[np.uint8]:
+    """uint8 (n, n): 1 where a cell's centre is closer than `reach` cells to that of the middle one, and in the middle."""
+    span = np.arange(-math.ceil(reach), math.ceil(reach) + 1)
+    near = (span[:, None] ** 2 + span[None, :] ** 2) < _squared(reach)
+    near[near.shape[0] // 2, near.shape[1] // 2] = True
+    rows = np.flatnonzero(near.any(axis=1))
+    disc = near[rows[0] : rows[-1] + 1, rows[0] : rows[-1] + 1].astype(np.uint8)
+    disc.setflags(write=False)
+    return disc
+
+
+def grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:
+    """Free cells within an octile geodesic distance of the seeds, the free seeds included.
+
+    Args:
+        seeds: bool (rows, cols).
+        free: bool (rows, cols), where the way may lead; no corner is cut.
+        steps: Distance in cells.
+    """
+    return _grow(np.ascontiguousarray(seeds & free), np.ascontiguousarray(free), steps + 1e-4)
+
+
+@njit(cache=True, nogil=True)
+def _grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], limit: float) -> NDArray[np.bool_]:
+    """Label-correcting wave from all border seeds at once."""
+    rows, cols = seeds.shape
+    distance = np.full((rows, cols), np.inf, np.float32)
+    queued = np.zeros((rows, cols), np.bool_)
+    front = np.empty(rows * cols, np.int32)
+    behind = np.empty(rows * cols, np.int32)
+    size = 0
+    for r in range(rows):
+        for c in range(cols):
+            if seeds[r, c]:
+                distance[r, c] = 0.0
+                front[size] = r * cols + c
+                size += 1
+    while size:
+        following = 0
+        for k in range(size):
+            r, c = divmod(front[k], cols)
+            queued[r, c] = False
+            for dr in range(-1, 2):
+                for dc in range(-1, 2):
+                    rr, cc = r + dr, c + dc
+                    if (
+                        (dr == 0 and dc == 0)
+                        or rr < 0
+                        or cc < 0
+                        or rr >= rows
+                        or cc >= cols
+                        or not free[rr, cc]
+                    ):
+                        continue
+                    if dr != 0 and dc != 0 and not (free[r, cc] and free[rr, c]):
+                        continue
+                    further = distance[r, c] + np.float32(1.4142135 if dr != 0 and dc != 0 else 1.0)
+                    if further < distance[rr, cc] and further <= limit:
+                        distance[rr, cc] = further
+                        if not queued[rr, cc]:
+                            queued[rr, cc] = True
+                            behind[following] = rr * cols + cc
+                            following += 1
+        front, behind = behind, front
+        size = following
+    return distance < np.inf
+
+
+@functools.lru_cache(maxsize=16)
+def disc_offsets(radius: float) -> NDArray[np.int32]:
+    """int32 (n, 2): offsets of the cells whose centres are closer than `radius` (in cells) to the centre of cell (0, 0)."""
+    reach = math.ceil(radius)
+    span = np.arange(-reach, reach + 1)
+    rows, cols = np.meshgrid(span, span, indexing="ij")
+    inside = rows**2 + cols**2 < radius**2
+    return np.stack([rows[inside], cols[inside]], axis=1).astype(np.int32)

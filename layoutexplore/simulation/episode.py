@@ -1,0 +1,167 @@
+"""An exploration from start to end: an agent asked at every decision, with the curve and the times."""
+
+from __future__ import annotations
+
+import math
+import time
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import LayoutExploreError
+from layoutexplore.frontiers.decision import Agent, Decision, Predictor, Privileged
+from layoutexplore.grids.grid import Pose
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.robot import draw_start
+from layoutexplore.simulation.simulation import Simulation
+
+MAX_DECISIONS = 20_000
+"""A run that is not over after this many decisions is stuck: the longest real ones take a few hundred."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What one exploration left behind.
+
+    Attributes:
+        curve: float64 (n, 2), metres travelled and coverage 0..1, a row a scan.
+        track: float64 (n, 3), poses at the corners of the way walked.
+        decision_ms: Milliseconds of every choice.
+        seconds: Duration of the whole run, without the questions asked beside it.
+        prediction_ms: Milliseconds of the prediction at every decision; empty without a predictor.
+        notes: What the probe noted; None without one.
+    """
+
+    curve: NDArray[np.float64]
+    track: NDArray[np.float64]
+    decision_ms: list[float] = field(repr=False)
+    seconds: float = 0.0
+    prediction_ms: list[float] = field(default_factory=list, repr=False)
+    notes: Any = None
+
+
+class Probe(Protocol):
+    """Asks questions beside a run, without touching it."""
+
+    seconds: float
+    """Time that asking took."""
+
+    def before(self, agent: Agent) -> None:
+        """The agent is about to choose."""
+
+    def note(self, decision: Decision, choice: int | NDArray[np.int32], prediction_ms: float) -> None:
+        """It has chosen."""
+
+    def end(self) -> Any:
+        """What was noted."""
+
+
+class TimedPredictor:
+    """A predictor whose time is measured: predicting is part of deciding."""
+
+    def __init__(self, inner: Predictor) -> None:
+        self.inner = inner
+        self.name = inner.name
+        self.ms = 0.0
+        if isinstance(inner, Privileged):
+            self.reveal = inner.reveal
+
+    def predict(self, decision: Decision) -> Decision:
+        """What the predictor makes of the decision."""
+        asked = time.perf_counter()
+        completed = self.inner.predict(decision)
+        self.ms += 1000 * (time.perf_counter() - asked)
+        return completed
+
+
+def play(
+    simulation: Simulation,
+    agent: Agent,
+    *,
+    seed: int = 0,
+    start: Pose | None = None,
+    on_step: Callable[[Simulation], None] | None = None,
+    probe: Callable[[Simulation], Probe] | None = None,
+) -> Episode:
+    """Explore until the simulation or the agent ends the run.
+
+    Args:
+        simulation: What to explore; it is reset.
+        agent: Who explores; it is reset.
+        seed: For both.
+        start: Where to begin; drawn from the seed when None.
+        on_step: Called after the reset and after every decision.
+        probe: Makes what asks beside the run, of the simulation after its reset; only where a predictor is
+            timed.
+
+    Raises:
+        LayoutExploreError: The agent is stuck: it decides and decides and the run does not end.
+    """
+    began = time.perf_counter()
+    decision = simulation.reset(seed=seed, start=start)
+    agent.reset(seed)
+    if isinstance(agent, Privileged):
+        agent.reveal(simulation.truth)
+    took: list[float] = []
+    timed = simulation.predictor if isinstance(simulation.predictor, TimedPredictor) else None
+    asked_beside = probe(simulation) if probe and timed else None
+    predictions: list[float] = []
+    predicted = 0.0
+    if on_step:
+        on_step(simulation)
+    while not simulation.done:
+        if asked_beside:
+            asked_beside.before(agent)
+        asked = time.perf_counter()
+        choice = agent.act(decision)
+        took.append(1000 * (time.perf_counter() - asked))
+        if timed:
+            predictions.append(timed.ms - predicted)
+            took[-1] += predictions[-1]
+            predicted = timed.ms
+        if asked_beside:
+            asked_beside.note(decision, choice, predictions[-1])
+        decision = simulation.step(choice)
+        if on_step:
+            on_step(simulation)
+        if simulation.decisions > MAX_DECISIONS:
+            raise LayoutExploreError(
+                f"agent {agent.name!r} is stuck: {MAX_DECISIONS} decisions, {simulation.distance:.0f} m, "
+                f"{100 * simulation.coverage:.1f} % seen"
+            )
+    seconds = time.perf_counter() - began - (asked_beside.seconds if asked_beside else 0.0)
+    notes = asked_beside.end() if asked_beside else None
+    return Episode(simulation.curve[:, :2], corners(simulation.track), took, seconds, predictions, notes)
+
+
+def corners(track: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The rows of a track (n, 3) at which the way bends, and its ends: the same line with fewer points.
+
+    Example:
+        >>> corners(np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0)], float))[:, :2].tolist()
+        [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]]
+    """
+    moved = np.concatenate([[True], np.any(np.diff(track[:, :2], axis=0) != 0, axis=1)])
+    places = track[moved]
+    if len(places) < 3:
+        return np.asarray(places)
+    steps = np.diff(places[:, :2], axis=0)
+    heading = np.arctan2(steps[:, 1], steps[:, 0])
+    bends = np.abs(np.remainder(np.diff(heading) + math.pi, 2 * math.pi) - math.pi) > 1e-6
+    return np.asarray(places[np.concatenate([[True], bends, [True]])])
+
+
+def run_seed(seed: int, plan: str, start: int) -> int:
+    """The seed of a cell: the same for all agents and sensors, different for every plan and start."""
+    return int(np.random.SeedSequence([seed, zlib.crc32(plan.encode()), start]).generate_state(1)[0])
+
+
+def start_pose(plan: FloorPlan, simulation: SimulationConfig, seed: int, start: int) -> Pose:
+    """Start number `start` on a plan: the same for every sensor and agent."""
+    rng = np.random.default_rng(run_seed(seed, plan.name, start))
+    return draw_start(plan.rasterize(simulation.resolution), simulation.robot_radius, rng)

@@ -1,0 +1,65 @@
+"""Examples for the learnt merging of regions: which pairs of regions are one room in truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.grids.grid import FREE
+from layoutexplore.layout.alignment import turn_back
+from layoutexplore.layout.merging.adjacency_graph import PieceGraph
+from layoutexplore.layout.merging.method import DefaultConfig, find_pieces
+from layoutexplore.layout.timing import StageTimer
+
+SIMULATED = "simulated"
+"""Building of the simulated maps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """A map to learn from.
+
+    Attributes:
+        graph: Its pieces.
+        rooms: float64 (pieces + 1, rooms + 1), known free cells of each piece in each true room, column 0 in
+            none.
+        building: Maps of one building are trained on together or not at all.
+        kind: Maps of one kind and building share one weight.
+    """
+
+    graph: PieceGraph
+    rooms: NDArray[np.float64]
+    building: str
+    kind: str
+
+
+def make_example(
+    cells: NDArray[np.int8],
+    truth: NDArray[np.int32],
+    resolution: float,
+    *,
+    building: str,
+    kind: str,
+    config: DefaultConfig | None = None,
+) -> Example:
+    """Cut a map into pieces and count whose they are.
+
+    Args:
+        cells: int8 (rows, cols), the map.
+        truth: int32 (rows, cols), true room of each cell, 0 for none.
+        resolution: Metres a cell.
+        building: Name of the building.
+        kind: Kind of map, such as "empty".
+        config: Options of the default method.
+    """
+    pieces = find_pieces(cells, resolution, config or DefaultConfig(), StageTimer())
+    labels = turn_back(pieces.labels, pieces.turned, (cells.shape[0], cells.shape[1]))
+    free = cells == FREE
+    columns = int(truth.max(initial=0)) + 1
+    keys = labels[free].astype(np.int64) * columns + truth[free]
+    counts = np.bincount(keys, minlength=len(pieces.part) * columns).reshape(-1, columns).astype(np.float64)
+    rooms = np.zeros((len(pieces.graph.nodes), columns))
+    np.add.at(rooms, pieces.part, counts)
+    return Example(pieces.graph, rooms, building, kind)
