@@ -27,7 +27,7 @@ from layoutexplore.envs.egocentric_maps import (
     draw_local_map,
 )
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontiers.decision import Decision
+from layoutexplore.frontiers.decision import Decision, FrontierTable
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 
@@ -281,20 +281,20 @@ def action_mask(decision: Decision, max_frontiers: int) -> NDArray[np.int8]:
 def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[np.float32]:
     """float32 (max_frontiers * features,): a row of `FRONTIER_FEATURES` per slot, zero in slots without a frontier."""
     table = np.zeros((config.max_frontiers, len(FRONTIER_FEATURES)), np.float32)
-    columns = decision.columns[:, : config.max_frontiers]
-    count = columns.shape[1]
+    shown = decision.table.first(config.max_frontiers)
+    count = len(shown.x)
     if count:
         rank = detour = np.zeros(count)
         if config.detour:
             rank, detour = (column[:count] for column in tour_features(decision, config.tour))
         limits = _FRONTIER_LOW, _FRONTIER_HIGH
-        _encode(columns, decision.pose, config.length_scale, config.area_scale, rank, detour, limits, table)
+        _encode(shown, decision.pose, config.length_scale, config.area_scale, rank, detour, limits, table)
     return table.ravel()
 
 
 @njit(cache=True, nogil=True)
 def _encode(
-    columns: NDArray[np.float64],
+    shown: FrontierTable,
     pose: tuple[float, float, float],
     metres: float,
     square_metres: float,
@@ -303,26 +303,26 @@ def _encode(
     limits: tuple[NDArray[np.float32], NDArray[np.float32]],
     table: NDArray[np.float32],
 ) -> None:
-    """Write the rows of `FRONTIER_FEATURES` from `Decision.columns`, a row a frontier."""
+    """Write the rows of `FRONTIER_FEATURES` from a table of frontiers, a row a frontier."""
     (x, y, theta), (low, high) = pose, limits
-    for k in range(columns.shape[1]):
-        dx, dy = columns[0, k] - x, columns[1, k] - y
+    for k in range(len(shown.x)):
+        dx, dy = shown.x[k] - x, shown.y[k] - y
         ahead = (dx * math.cos(theta) + dy * math.sin(theta)) / metres
         left = (dy * math.cos(theta) - dx * math.sin(theta)) / metres
         row = (
             1.0,
             ahead,
             left,
-            columns[2, k] / metres,
-            columns[3, k] / metres,
+            shown.path_length[k] / metres,
+            shown.straight_distance[k] / metres,
             math.atan2(left, ahead) / math.pi,
-            columns[4, k] / metres,
-            columns[5, k] / square_metres,
+            shown.size[k] / metres,
+            shown.visible_area[k] / square_metres,
             detour[k] / metres,
             rank[k],
-            columns[6, k],
-            columns[7, k] / square_metres,
-            columns[8, k],
+            shown.closed[k],
+            shown.expected_area[k] / square_metres,
+            shown.confidence[k],
         )
         for n in range(len(row)):
             table[k, n] = min(max(row[n], low[n]), high[n])
@@ -337,7 +337,7 @@ def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame)
         map_x = ((pose.x - grid.origin.x) / grid.resolution - frame.col) / cells
         map_y = ((pose.y - grid.origin.y) / grid.resolution - frame.row) / cells
         span = cells * grid.resolution / config.length_scale
-    expected = sum(decision.columns[7].tolist())
+    expected = sum(decision.table.expected_area.tolist())
     values = (
         math.cos(pose.theta),
         math.sin(pose.theta),

@@ -38,20 +38,15 @@ def draw_dashboard(simulation: Simulation, size: tuple[int, int], agent: str) ->
     image[:] = palette.PAPER
     image[0] = palette.RULE
     pad = round(0.02 * width)
-    columns = [pad, round(0.36 * width), round(0.50 * width), round(0.645 * width)]
+    left = [pad, round(0.36 * width), round(0.50 * width), round(0.645 * width)]
     state = _REASONS[simulation.stop_reason]
     subtitle = ", ".join(part for part in (agent, f"{simulation.lidar.config.name} lidar", state) if part)
-    room = columns[1] - columns[0] - pad
-    _field(image, columns[0], simulation.plan.name, subtitle, room)
-    _field(
-        image,
-        columns[1],
-        f"{100 * simulation.coverage:.1f} %",
-        "coverage",
-        columns[2] - columns[1] - pad // 2,
-    )
-    _field(image, columns[2], f"{simulation.distance:.0f} m", "travelled", columns[3] - columns[2] - pad // 2)
-    _draw_curve(image[1:, columns[3] :], simulation.curve, simulation.config.coverage_goal, pad)
+    _field(image, left[0], simulation.plan.name, subtitle, left[1] - left[0] - pad)
+    room = left[2] - left[1] - pad // 2
+    _field(image, left[1], f"{100 * simulation.coverage:.1f} %", "coverage", room)
+    room = left[3] - left[2] - pad // 2
+    _field(image, left[2], f"{simulation.distance:.0f} m", "travelled", room)
+    _draw_curve(image[1:, left[3] :], simulation.curve, simulation.config.coverage_goal, pad)
     return image
 
 

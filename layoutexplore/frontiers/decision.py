@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol, overload, runtime_checkable
+from typing import Any, NamedTuple, Protocol, overload, runtime_checkable
 
 import numpy as np
 from numba import njit
@@ -67,15 +67,69 @@ class Frontier:
     room: int | None = None
 
 
+class FrontierTable(NamedTuple):
+    """The numbers of k frontiers, a column float64 (k,) each; numba kernels take it as it is.
+
+    Attributes:
+        x: Of the centroid, in metres (world).
+        y: Of the centroid, in metres (world).
+        path_length: Geodesic distance from the robot to the viewpoint, in metres.
+        straight_distance: From the robot to the centroid, in metres.
+        size: Length of the frontier, in metres.
+        visible_area: Unknown area in view of the viewpoint, in square metres.
+        closed: 1 where the frontier is predicted to be closed, -1 where open, 0 where nothing is predicted.
+        expected_area: Predicted unknown area behind it, in square metres; 0 where nothing is predicted.
+        confidence: Probability that `closed` is right; 0 where nothing is predicted.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    path_length: NDArray[np.float64]
+    straight_distance: NDArray[np.float64]
+    size: NDArray[np.float64]
+    visible_area: NDArray[np.float64]
+    closed: NDArray[np.float64]
+    expected_area: NDArray[np.float64]
+    confidence: NDArray[np.float64]
+
+    @staticmethod
+    def zeros(count: int) -> FrontierTable:
+        """A table of so many frontiers of which nothing is known."""
+        return FrontierTable(*np.zeros((len(FrontierTable._fields), count)))
+
+    @staticmethod
+    def of(frontiers: Sequence[Frontier]) -> FrontierTable:
+        """The table of some frontiers."""
+        if isinstance(frontiers, FrontierList):
+            return frontiers.table
+        table = FrontierTable.zeros(len(frontiers))
+        for k, frontier in enumerate(frontiers):
+            closed = frontier.is_closed
+            table.x[k], table.y[k] = frontier.centroid
+            table.path_length[k], table.straight_distance[k] = (
+                frontier.path_length,
+                frontier.straight_distance,
+            )
+            table.size[k], table.visible_area[k] = frontier.size, frontier.visible_area
+            table.closed[k] = 0.0 if closed is None else 1.0 if closed else -1.0
+            table.expected_area[k] = frontier.expected_area or 0.0
+            table.confidence[k] = frontier.confidence or 0.0
+        return table
+
+    def first(self, count: int) -> FrontierTable:
+        """The first rows, at most so many, as views."""
+        return FrontierTable(*(column[:count] for column in self))
+
+
 class FrontierList(Sequence[Frontier]):
-    """Frontiers kept as columns; each becomes a `Frontier` when it is asked for.
+    """Frontiers kept as a table; each becomes a `Frontier` when it is asked for.
 
     Most decisions of a training run ask for one of forty.
 
     Args:
         clusters: The frontiers' cells, and maybe others.
         kept: int64 (k,), the numbers of the clusters that are the frontiers.
-        columns: float64 (9, k), as `Decision.columns`.
+        table: Their numbers.
         viewpoints: int32 (k, 2), as (row, col).
         rooms: int (k,), the ids of the predicted rooms; None without a prediction.
     """
@@ -84,11 +138,11 @@ class FrontierList(Sequence[Frontier]):
         self,
         clusters: FrontierClusters,
         kept: NDArray[np.int64],
-        columns: NDArray[np.float64],
+        table: FrontierTable,
         viewpoints: NDArray[np.int32],
         rooms: NDArray[np.integer] | None = None,
     ) -> None:
-        self.columns, self.viewpoints = columns, viewpoints
+        self.table, self.viewpoints = table, viewpoints
         self._clusters, self._kept, self._rooms = clusters, kept, rooms
         self._made: dict[int, Frontier] = {}
 
@@ -105,9 +159,12 @@ class FrontierList(Sequence[Frontier]):
         rooms: NDArray[np.integer],
     ) -> FrontierList:
         """The same frontiers with what a predictor says of them, an entry each."""
-        columns = self.columns.copy()
-        columns[6], columns[7], columns[8] = np.where(is_closed, 1.0, -1.0), area, confidence
-        return FrontierList(self._clusters, self._kept, columns, self.viewpoints, rooms)
+        table = self.table._replace(
+            closed=np.where(is_closed, 1.0, -1.0),
+            expected_area=np.array(area, np.float64),
+            confidence=np.array(confidence, np.float64),
+        )
+        return FrontierList(self._clusters, self._kept, table, self.viewpoints, rooms)
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -125,10 +182,11 @@ class FrontierList(Sequence[Frontier]):
         return self._made[k]
 
     def _make(self, k: int) -> Frontier:
-        x, y, path_length, straight_distance, size, visible_area, side, area, confidence = self.columns[
-            :, k
-        ].tolist()
-        frontier = Frontier(
+        x, y, path_length, straight_distance, size, visible_area, closed, area, confidence = (
+            column.item(k) for column in self.table
+        )
+        predicted = self._rooms is not None
+        return Frontier(
             cells=self._clusters.cluster(int(self._kept[k])),
             size=size,
             centroid=(x, y),
@@ -136,12 +194,10 @@ class FrontierList(Sequence[Frontier]):
             path_length=path_length,
             straight_distance=straight_distance,
             visible_area=visible_area,
-        )
-        if self._rooms is None:
-            return frontier
-        room = int(self._rooms[k])
-        return dataclasses.replace(
-            frontier, is_closed=side > 0, expected_area=area, confidence=confidence, room=room
+            is_closed=closed > 0 if predicted else None,
+            expected_area=area if predicted else None,
+            confidence=confidence if predicted else None,
+            room=None if self._rooms is None else int(self._rooms[k]),
         )
 
 
@@ -157,26 +213,6 @@ def _gather(
     for n in range(len(kept)):
         members[starts[n] : starts[n + 1]] = cells[offsets[kept[n]] : offsets[kept[n] + 1]]
     return members, starts
-
-
-def frontier_columns(frontiers: Sequence[Frontier]) -> NDArray[np.float64]:
-    """Frontiers as `Decision.columns` has them."""
-    if isinstance(frontiers, FrontierList):
-        return frontiers.columns
-    rows = [
-        (
-            *f.centroid,
-            f.path_length,
-            f.straight_distance,
-            f.size,
-            f.visible_area,
-            0.0 if f.is_closed is None else 1.0 if f.is_closed else -1.0,
-            f.expected_area or 0.0,
-            f.confidence or 0.0,
-        )
-        for f in frontiers
-    ]
-    return np.array(rows, np.float64).reshape(-1, 9).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,13 +250,9 @@ class Decision:
     goal: tuple[float, float] | None = None
 
     @cached_property
-    def columns(self) -> NDArray[np.float64]:
-        """float64 (9, k): a row for each thing that there is to tell of the frontiers.
-
-        x and y of the centroid, path length, straight distance, size, visible area, class (1 closed, -1 open,
-        0 not predicted), expected area and confidence (0 when there is no prediction).
-        """
-        return frontier_columns(self.frontiers)
+    def table(self) -> FrontierTable:
+        """The numbers of the frontiers, by column."""
+        return FrontierTable.of(self.frontiers)
 
     @cached_property
     def viewpoints(self) -> NDArray[np.int32]:
@@ -261,7 +293,7 @@ class Decision:
         """
         numbers = np.asarray(chosen, np.int64)
         lengths = np.zeros((len(numbers) + 1, len(numbers) + 1), np.float32)
-        lengths[0, 1:] = lengths[1:, 0] = self.columns[2, numbers]
+        lengths[0, 1:] = lengths[1:, 0] = self.table.path_length[numbers]
         between = self.paths.lengths if self.paths else distance_matrix
         lengths[1:, 1:] = between(self.traversable, self.viewpoints[numbers], self.grid.resolution)
         return lengths

@@ -103,7 +103,7 @@ def area_left(frontier: Frontier) -> float:
 
 def sizeable_frontiers(decision: Decision, min_size: float = TOUR_SIZE) -> NDArray[np.int64]:
     """Indices int64 (k,) of the frontiers of at least that size in metres; of all when there is none."""
-    sizes = decision.columns[4]
+    sizes = decision.table.size
     large = np.flatnonzero(sizes >= min_size - 1e-6)
     return large if len(large) else np.arange(len(sizes))
 
@@ -119,7 +119,8 @@ def ready_frontiers(
         area: Square metres; closed frontiers with less left wait.
     """
     chosen = sizeable_frontiers(decision, min_size)
-    goes = (decision.columns[6, chosen] <= 0.0) | (decision.columns[7, chosen] >= area)
+    table = decision.table
+    goes = (table.closed[chosen] <= 0.0) | (table.expected_area[chosen] >= area)
     return chosen[goes] if goes.any() else chosen
 
 
@@ -127,7 +128,8 @@ def tour_weights(
     decision: Decision, chosen: NDArray[np.int64], config: TourConfig = PLAIN_TOUR
 ) -> NDArray[np.float64]:
     """What reaching each of some frontiers int64 (k,) is worth to a latency tour: float64 (k,)."""
-    visible, expected = np.minimum(decision.columns[5, chosen], config.most_area), decision.columns[7, chosen]
+    visible = np.minimum(decision.table.visible_area[chosen], config.most_area)
+    expected = decision.table.expected_area[chosen]
     weights: NDArray[np.float64] = (
         visible**config.area_exponent * (1.0 + expected) ** config.expected_exponent
     )
@@ -144,7 +146,7 @@ def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFe
     count = len(decision.frontiers)
     if count == 0:
         return TourFeatures(np.zeros(0), np.zeros(0))
-    judged = decision.columns[6, 0] != 0.0
+    judged = decision.table.closed[0] != 0.0
     ready = ready_frontiers(decision, LAYOUT_TOUR_SIZE if judged else TOUR_SIZE, config.little_left)
     distances = np.minimum(decision.path_lengths(ready).astype(np.float64), _UNCONNECTED)
     order = latency_tour(
@@ -166,7 +168,7 @@ def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFe
     if len(others):
         there = decision.path_lengths_from(int(ready[first - 1]), others).astype(np.float64)
         detour[others] = np.maximum(
-            decision.columns[2, others] + np.minimum(there, _UNCONNECTED) - distances[0, first], 0.0
+            decision.table.path_length[others] + np.minimum(there, _UNCONNECTED) - distances[0, first], 0.0
         )
     return TourFeatures(rank, detour)
 
@@ -177,8 +179,8 @@ def _as_weighed(
     """The distances float64 (k + 1, k + 1) with the ways from the robot, index 0, as the configuration counts them."""
     ways = distances[0] * (1.0 + config.first_leg)
     if config.hold and decision.goal is not None:
-        middles = decision.columns[:2, chosen].T
-        ways[1:] -= config.hold * (np.hypot(*(middles - decision.goal).T) < SAME_GOAL)
+        (x, y), table = decision.goal, decision.table
+        ways[1:] -= config.hold * (np.hypot(table.x[chosen] - x, table.y[chosen] - y) < SAME_GOAL)
     weighed = distances.copy()
     weighed[0] = weighed[:, 0] = np.maximum(ways, 0.0)
     return weighed

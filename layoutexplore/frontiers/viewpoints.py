@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.frontiers.decision import FrontierList
+from layoutexplore.frontiers.decision import FrontierList, FrontierTable
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.visible_area import OpenView
 from layoutexplore.grids.boxes import Box
@@ -84,10 +84,11 @@ class Outlook:
         kept, lengths = kept[order], lengths[order]
         areas = self._view.areas(grid.cells, view[kept], changed)
         middles = grid.cells_to_world(_middles(clusters.cells, clusters.offsets)[kept])
-        columns = np.zeros((9, len(kept)))
-        columns[:2], columns[2], columns[4], columns[5] = middles.T, lengths, sizes[kept], areas
-        columns[3] = np.hypot(middles[:, 0] - here.x, middles[:, 1] - here.y)
-        return FrontierList(clusters, kept, columns, view[kept])
+        table = FrontierTable.zeros(len(kept))
+        table.x[:], table.y[:] = middles.T
+        table.path_length[:], table.size[:], table.visible_area[:] = lengths, sizes[kept], areas
+        table.straight_distance[:] = np.hypot(table.x - here.x, table.y - here.y)
+        return FrontierList(clusters, kept, table, view[kept])
 
     def _without_exhausted(self, clusters: FrontierClusters) -> FrontierClusters:
         """The clusters without the cells that were looked at in vain."""

@@ -186,7 +186,7 @@ class LayoutPredictor:
         cells, resolution = decision.grid.cells, decision.grid.resolution
         regions = seen_regions(cells, resolution)
         around = look_around(cells, decision.clusters, regions, resolution, self._memory)
-        scores = judge_frontiers(frontier_features(around, decision.columns[5]), self._frontiers)
+        scores = judge_frontiers(frontier_features(around, decision.table.visible_area), self._frontiers)
         if self._frontier_network:
             doubtful = np.flatnonzero((np.abs(scores[:2] - _CHANGES[:, None]) < DOUBT).any(axis=0))
             found = self._frontier_network.judge(draw_windows(around, doubtful)).T

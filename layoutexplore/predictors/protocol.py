@@ -55,7 +55,7 @@ def with_classes(
         confidence: float64 (k,), probability that each class is right; 1 when None.
     """
     count = len(decision.frontiers)
-    frontiers = FrontierList(decision.clusters, np.arange(count), decision.columns, decision.viewpoints)
+    frontiers = FrontierList(decision.clusters, np.arange(count), decision.table, decision.viewpoints)
     sure = np.ones(count) if confidence is None else confidence
     judged = frontiers.judged(classes.is_closed, classes.remaining_area, sure, classes.room)
     return dataclasses.replace(decision, frontiers=judged)

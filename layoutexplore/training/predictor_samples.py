@@ -127,7 +127,7 @@ def gather(snapshots: Sequence[Sequence[Snapshot]]) -> Samples:
             grid = snapshot.decision.grid
             regions = seen_regions(grid.cells, grid.resolution)
             around, true = _look(snapshot, regions)
-            features.append(frontier_features(around, snapshot.decision.columns[5]))
+            features.append(frontier_features(around, snapshot.decision.table.visible_area))
             closed.append(true.is_closed)
             area.append(true.remaining_area)
             building.append(np.full(len(true.is_closed), snapshot.plan))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontiers.decision import Frontier, frontier_columns
+from layoutexplore.frontiers.decision import Frontier, FrontierTable
 from layoutexplore.frontiers.tour_features import (
     LAYOUT_TOUR_SIZE,
     TourConfig,
@@ -53,9 +53,9 @@ def decision(frontiers: list[Frontier], points: NDArray[np.float64]) -> Any:
         return distances[index + 1, np.asarray(chosen) + 1]
 
     placed = tuple(replace(f, path_length=float(distances[0, k + 1])) for k, f in enumerate(frontiers))
-    columns = frontier_columns(placed)
+    table = FrontierTable.of(placed)
     return SimpleNamespace(
-        path_lengths=path_lengths, path_lengths_from=path_lengths_from, frontiers=placed, columns=columns
+        path_lengths=path_lengths, path_lengths_from=path_lengths_from, frontiers=placed, table=table
     )
 
 

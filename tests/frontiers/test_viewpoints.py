@@ -119,7 +119,7 @@ def test_facing_looks_into_the_unknown() -> None:
 @settings(max_examples=60, deadline=None)
 @given(cells=TRINARY, data=st.data())
 def test_offered_frontiers_are_listed_as_if_one_by_one(cells: NDArray[np.int8], data: st.DataObject) -> None:
-    """Cells that were looked at in vain are left out, and what is kept as columns is what each frontier tells."""
+    """Cells that were looked at in vain are left out, and what is kept as a table is what each frontier tells."""
     free = np.argwhere(cells == 0)
     if len(free) == 0:
         return
@@ -165,7 +165,7 @@ def test_offered_frontiers_are_listed_as_if_one_by_one(cells: NDArray[np.int8], 
                 frontier.size,
                 frontier.visible_area,
             )
-            assert tuple(found.columns[:, k].tolist()) == (*told, 0.0, 0.0, 0.0)
+            assert tuple(column[k] for column in found.table) == (*told, 0.0, 0.0, 0.0)
         if len(found):
             chosen = found[data.draw(st.integers(0, len(found) - 1))].cells
             looked_at_in_vain = chosen[: data.draw(st.integers(1, len(chosen)))]
