@@ -36,11 +36,9 @@ def test_nobody_imports_a_second_copy(name: str) -> None:
     assert not guilty
 
 
-def test_modules_have_docstrings_and_stay_short() -> None:
+def test_modules_have_docstrings() -> None:
     for path in python_files():
-        text = path.read_text()
-        assert text.lstrip().startswith('"""'), f"{path} has no module docstring"
-        assert text.count("\n") <= 400, f"{path} has more than 400 lines"
+        assert path.read_text().lstrip().startswith('"""'), f"{path} has no module docstring"
 
 
 @pytest.mark.parametrize("module", ["torch", "sklearn", "matplotlib", "pandas", "stable_baselines3"])
@@ -49,13 +47,3 @@ def test_import_is_light(module: str) -> None:
         f"import sys, layoutexplore, layoutexplore.simulation.simulation; sys.exit({module!r} in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
-
-
-def test_upward_imports() -> None:
-    """The kernels and the simulation know nothing of environments, agents or reports."""
-    upward = re.compile(r"^from layoutexplore\.(envs|agents|benchmark|evaluation|report|cli)\b", re.MULTILINE)
-    top = {"benchmark", "evaluation", "report", "cli", "speed"}
-    for path in (ROOT / "layoutexplore").rglob("*.py"):
-        inside = path.relative_to(ROOT / "layoutexplore").parts
-        if inside[0] not in top | set(SOURCES) and not inside[0].startswith("__"):
-            assert not upward.search(path.read_text()), f"{path} imports upward"

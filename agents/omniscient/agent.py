@@ -44,6 +44,9 @@ class Clairvoyant:
         self._rest = Nearest(name, NearestOptions())
         self.reset(0)
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}>"
+
     def reset(self, seed: int) -> None:
         """Forget the floor plan; `reveal` must follow."""
         self._truth: Truth | None = None

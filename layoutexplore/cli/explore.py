@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.grids.ros_map import save_grid
-
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -126,6 +124,7 @@ def save_run(folder: Path, simulation: Simulation, pictures: dict[int, bytes]) -
     import numpy as np
 
     from layoutexplore.files import write_atomically
+    from layoutexplore.grids.ros_map import save_grid
 
     save_grid(simulation.mapper.grid, folder / "map.yaml")
     tables = {

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.maps.geojson import save_plan
-
 if TYPE_CHECKING:
     from layoutexplore.maps.floorplan import FloorPlan
 
@@ -83,6 +81,7 @@ def import_plan(
 ) -> None:
     """Read a floor plan of any known format and write it as our GeoJSON."""
     from layoutexplore.maps import load_plan
+    from layoutexplore.maps.geojson import save_plan
 
     plan = load_plan(path, resolution=resolution)
     save_plan(plan, out)
@@ -101,6 +100,7 @@ def generate_plan(
 ) -> None:
     """Generate a floor plan."""
     from layoutexplore.maps.generator import generate
+    from layoutexplore.maps.geojson import save_plan
 
     plan = generate(family, seed) if area is None else generate(family, seed, area=area)
     save_plan(plan, out)

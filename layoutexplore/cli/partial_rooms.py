@@ -11,7 +11,6 @@ import typer
 
 from layoutexplore.cli.json_file import write_json
 from layoutexplore.files import check_places
-from layoutexplore.maps.library import load_plan
 
 ROOM_COLUMNS = (
     "rooms",
@@ -65,7 +64,7 @@ def partial_rooms(
     from layoutexplore.errors import require
     from layoutexplore.evaluation.partial_rooms import score
     from layoutexplore.evaluation.partial_rooms_summary import summarise
-    from layoutexplore.maps.library import find_plans
+    from layoutexplore.maps.library import find_plans, load_plan
     from layoutexplore.predictors import make_room_predictor, predictor_names
     from layoutexplore.processes import command_line
     from layoutexplore.report.partial_rooms import Gallery, write_report

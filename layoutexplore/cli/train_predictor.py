@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.training.predictor import NetworkTrainer, buildings_of, explore_plans, forget_networks
-
 if TYPE_CHECKING:
     from layoutexplore.predictors.snapshot import Snapshot
 
@@ -65,6 +63,7 @@ def train_predictor(
     from layoutexplore.errors import ConfigError, require
     from layoutexplore.maps.library import find_plans
     from layoutexplore.training.folds import deal_groups
+    from layoutexplore.training.predictor import NetworkTrainer, buildings_of, explore_plans, forget_networks
     from layoutexplore.training.predictor_forests import TrainingConfig, train_models
     from layoutexplore.training.predictor_samples import join
 

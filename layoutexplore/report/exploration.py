@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import math
 import platform
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
@@ -388,7 +389,8 @@ def _counts(rows: Sequence[Row]) -> dict[str, int]:
 def _columns() -> list[tuple[str, str]]:
     """Name and meaning of the columns of results.csv, from the documentation of `Row`."""
     text = (Row.__doc__ or "").split("Attributes:")[1]
-    pairs = (line.strip().split(": ", 1) for line in text.strip().splitlines())
+    entries = re.sub(r"\n {12,}", " ", text).strip().splitlines()  # an entry that goes on is indented further
+    pairs = (line.strip().split(": ", 1) for line in entries)
     return [(name, meaning) for name, meaning in pairs]
 
 

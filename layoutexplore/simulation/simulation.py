@@ -86,7 +86,7 @@ class Simulation:
             `decision` too.
 
     Example:
-        >>> from layoutexplore.maps.floorplan import floorplan_from_ascii
+        >>> from layoutexplore.maps.tracing import floorplan_from_ascii
         >>> plan = floorplan_from_ascii('''
         ... ###########
         ... #....#....#

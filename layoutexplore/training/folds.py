@@ -64,7 +64,7 @@ def group_buildings(plans: Sequence[FloorPlan]) -> dict[str, str]:
     Two buildings that are taken for one cost a little data and no honesty.
 
     Example:
-        >>> from layoutexplore.maps.floorplan import floorplan_from_ascii
+        >>> from layoutexplore.maps.tracing import floorplan_from_ascii
         >>> group_buildings([floorplan_from_ascii(".a", name=name) for name in ("Roland1", "Roland2", "Ursy")])
         {'Roland1': 'Roland1', 'Roland2': 'Roland1', 'Ursy': 'Ursy'}
     """

@@ -28,7 +28,7 @@ from layoutexplore.frontiers.decision import Decision
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
-from layoutexplore.simulation.episode import _Timed, corners, play
+from layoutexplore.simulation.episode import TimedPredictor, corners, play
 
 FLAT = """
 ##############
@@ -244,7 +244,6 @@ def test_a_changed_plan_is_noticed(tmp_path: Path) -> None:
     config = BenchmarkConfig(plans=(str(path),), starts=1, agents=("nearest",))
     run_benchmark(config, tmp_path / "out")
     save_plan(floorplan_from_ascii(FLAT, resolution=0.6, name="plan"), path)
-    runner.load.cache_clear()
     with pytest.raises(ResultsError, match=r"plans\.plan"):
         run_benchmark(config, tmp_path / "out")
 
@@ -379,5 +378,5 @@ def test_predicting_is_part_of_deciding(plans: Path) -> None:
     )
     episode = play(simulation, agent)
     timed = simulation.predictor
-    assert simulation.stop_reason == "coverage" and isinstance(timed, _Timed)
+    assert simulation.stop_reason == "coverage" and isinstance(timed, TimedPredictor)
     assert timed.ms > 0 and timed.name == "oracle" and len(episode.decision_ms) == simulation.decisions

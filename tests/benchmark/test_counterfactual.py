@@ -196,7 +196,7 @@ def test_what_is_kept_survives_the_file(plan: FloorPlan, tmp_path: Path) -> None
             for f in dataclasses.fields(Moment):
                 mine, theirs = getattr(a, f.name), getattr(b, f.name)
                 assert np.array_equal(mine, theirs, equal_nan=isinstance(mine, float)), f.name
-    folder.save_episode(row, dataclasses.replace(episode, counterfactual=None))
+    folder.save_episode(row, dataclasses.replace(episode, notes=None))
     assert folder.counterfactual(row) is None
 
 
@@ -256,7 +256,7 @@ def test_drift_beyond_the_grid_is_survived(plan: FloorPlan) -> None:
         sensor="indoor", odometry_noise=OdometryNoise(translation=0.5, rotation=0.5), max_distance=40.0
     )
     for seed in range(3):
-        told = play(*prepare(plan, config, AGENT), seed=seed, explain=True).notes
+        told = play(*prepare(plan, config, AGENT), seed=seed, probe=Asides).notes
         assert told is not None and len(told.log)
 
 

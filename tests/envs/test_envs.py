@@ -85,7 +85,7 @@ def test_reset_without_a_seed_goes_on_with_the_stream(name: str, options: dict[s
 
 
 def test_another_process_gives_the_same_episodes() -> None:
-    script = "import tests.env_cases as t\n"
+    script = "import tests.envs.cases as t\n"
     script += "for name, options in t.CASES: print(t.digest(t.rollout(t.make(name, **options), 5)))"
     environment = os.environ | {"PYTHONHASHSEED": "7", "PYTHONPATH": str(Path(__file__).parents[2])}
     told = subprocess.run(

@@ -303,7 +303,7 @@ def test_a_script_needs_no_main_guard(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
         "import gymnasium, layoutexplore, numpy as np\n"
-        "from layoutexplore.maps.floorplan import floorplan_from_ascii\n"
+        "from layoutexplore.maps.tracing import floorplan_from_ascii\n"
         "plan = floorplan_from_ascii('#####\\n#...#\\n#...#\\n#####', resolution=1.0)\n"
         "def mine(transition): return 7.0\n"
         "env = gymnasium.make_vec('LayoutExplore/Motion-v0', num_envs=2, backend='processes', workers=2,\n"

@@ -11,8 +11,7 @@ from scipy.signal import find_peaks
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from layoutexplore.bits import ones
-from layoutexplore.grids.bitsets import count_bits, set_bits, true_cells
+from layoutexplore.grids.bitsets import count_bits, ones, set_bits, true_cells
 from layoutexplore.grids.components import components
 from layoutexplore.grids.flood import spread_in_place
 from layoutexplore.layout.alignment import surfaces
