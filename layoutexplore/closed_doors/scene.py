@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.runs import run_lengths
 
 LARGEST = 20.0
 """Longest side of a room behind a closed door, in metres."""
@@ -119,9 +120,7 @@ def wall_thickness(cells: NDArray[np.int8], resolution: float) -> int:
     """Usual thickness of the walls in cells: that of most stretches that are not free between two free cells."""
     counts = np.zeros(round(0.8 / resolution) + 1, np.int64)
     for turned in (cells, cells.T):
-        free = np.pad(turned == FREE, ((0, 0), (1, 1)), constant_values=True).ravel()
-        edges = np.flatnonzero(np.diff(free.astype(np.int8)))
-        lengths = edges[1:][free[edges[1:] + 1]] - edges[:-1][free[edges[1:] + 1]]
+        lengths = run_lengths(turned != FREE)
         lengths = lengths[lengths < len(counts)]
         counts += np.bincount(lengths, minlength=len(counts))
     counts[: max(round(0.2 / resolution), 2)] = 0
@@ -145,9 +144,7 @@ def _solid(mask: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:
 
 def _run_lengths(cells: NDArray[np.int8], resolution: float) -> NDArray[np.float64]:
     """Metres of free space in runs along rows, by their length in cells, smoothed over 5 cells."""
-    free = np.pad(cells == FREE, ((0, 0), (1, 1))).astype(np.int8).ravel()
-    step = np.diff(free)
-    lengths = np.flatnonzero(step == -1) - np.flatnonzero(step == 1)
+    lengths = run_lengths(cells == FREE)
     most = round(LARGEST / resolution) + 3
     counts = np.bincount(lengths[lengths < most], minlength=most) * resolution
     return np.asarray(np.convolve(counts, np.ones(5), "same"))

@@ -1,4 +1,4 @@
-"""The connected parts of a mask, found by its runs: cells are looked at eight at once, and only what touches is joined."""
+"""Connected components: of masks and labels by their runs, of graphs by disjoint sets."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-_ALL_SET = np.uint64(0x0101010101010101)
-"""Eight cells of the mask, side by side in one word."""
+from layoutexplore.grids.runs import find_runs
 
 
 def label_components(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
@@ -31,58 +30,22 @@ def label_components(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
     return labels, int(count)
 
 
-@njit(cache=True, nogil=True)
-def _label(mask: NDArray[np.uint8]) -> tuple[NDArray[np.int32], int]:
-    rows, cols = mask.shape
-    runs = np.empty((rows * (cols // 2 + 1), 3), np.int32)
-    parent = np.empty(len(runs), np.int32)
-    row = np.zeros((cols // 8 + 1) * 8, np.uint8)  # Ends with a cell that is not set.
-    words = row.view(np.uint64)
-    count, above, behind = 0, 0, 0
-    for r in range(rows):
-        for c in range(cols):
-            row[c] = mask[r, c]
-        begin, first = count, _next_set(row, words, 0)
-        while first < cols:
-            last = _next_bare(row, words, first)
-            runs[count, 0], runs[count, 1], runs[count, 2] = r, first, last
-            parent[count] = count
-            while above < behind and runs[above, 2] <= first:
-                above += 1
-            k = above
-            while k < behind and runs[k, 1] < last:
-                join(parent, k, count)
-                k += 1
-            count += 1
-            first = _next_set(row, words, last)
-        above, behind = begin, count
-    number = number_sets(parent[:count])
-    labels = np.zeros((rows, cols), np.int32)
-    for k in range(count):
-        labels[runs[k, 0], runs[k, 1] : runs[k, 2]] = np.int32(number[k] + 1)
-    return labels, number.max() + 1 if count else 0
+def split_labels(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Split the cells of each label into their 4-connected parts.
 
+    Args:
+        labels: int32 (rows, cols), -1 for none.
 
-@njit(cache=True, nogil=True)
-def _next_set(row: NDArray[np.uint8], words: NDArray[np.uint64], c: int) -> int:
-    """First column from `c` on that is set; the row's length if there is none."""
-    while c < row.size and row[c] == 0:
-        c += 1
-        if c & 7 == 0:
-            while c < row.size and words[c >> 3] == 0:
-                c += 8
-    return min(c, row.size)
+    Returns:
+        int32 (rows, cols), the part of each cell, numbered from 0 by the first cell, row by row, and -1 where
+        there is no label; and the parts' sizes int64 (n,) in cells.
 
-
-@njit(cache=True, nogil=True)
-def _next_bare(row: NDArray[np.uint8], words: NDArray[np.uint64], c: int) -> int:
-    """First column from `c` on that is not set; there is one."""
-    while row[c]:
-        c += 1
-        if c & 7 == 0:
-            while words[c >> 3] == _ALL_SET:
-                c += 8
-    return c
+    Example:
+        >>> parts, sizes = split_labels(np.array([[5, 5, -1], [3, 5, 3]], np.int32))
+        >>> parts.tolist(), sizes.tolist()
+        ([[0, 0, -1], [1, 0, 2]], [3, 1, 1])
+    """
+    return _split(np.ascontiguousarray(labels, np.int32))
 
 
 @njit(cache=True, nogil=True)
@@ -114,6 +77,57 @@ def number_sets(parent: NDArray[np.int32]) -> NDArray[np.int64]:
         else:
             number[k] = number[root]
     return number
+
+
+@njit(cache=True, nogil=True)
+def join_runs(runs: NDArray[np.int32], cells: NDArray[Any], aside: int) -> NDArray[np.int64]:
+    """The connected part int64 (n,) of each run, numbered from 0 by first run: runs join those of equal cells in the row below.
+
+    Args:
+        runs: int32 (n, 3), as `find_runs` finds them.
+        cells: The (rows, cols) they were found in.
+        aside: 0 where they must share a column, 1 where it is enough that they touch at a corner.
+    """
+    parent = np.empty(len(runs), np.int32)
+    # Runs `begin` <= k are of this row, `below` <= j < end of the row before, as far as they can still touch.
+    row, begin, below, end = -1, 0, 0, 0
+    for k in range(len(runs)):
+        parent[k] = k
+        r, first, last = runs[k]
+        if r != row:
+            below, end = (begin if r == row + 1 else k), k
+            begin, row = k, r
+        # Runs of a row lie side by side, so what ends before this run touches none of those that follow either.
+        while below < end and runs[below, 2] + aside <= first:
+            below += 1
+        j = below
+        while j < end and runs[j, 1] < last + aside:
+            if cells[r - 1, runs[j, 1]] == cells[r, first]:
+                join(parent, j, k)
+            j += 1  # `below` stays: the last of these may touch the next run of this row as well.
+    return number_sets(parent)
+
+
+@njit(cache=True, nogil=True)
+def _label(mask: NDArray[np.uint8]) -> tuple[NDArray[np.int32], int]:
+    runs = find_runs(mask, np.uint8(0))
+    number = join_runs(runs, mask, 0)
+    labels = np.zeros(mask.shape, np.int32)
+    for k in range(len(runs)):
+        labels[runs[k, 0], runs[k, 1] : runs[k, 2]] = np.int32(number[k] + 1)
+    return labels, number.max() + 1 if len(runs) else 0
+
+
+@njit(cache=True, nogil=True)
+def _split(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    runs = find_runs(labels, np.int32(-1))
+    number = join_runs(runs, labels, 0)
+    parts = np.full(labels.shape, -1, np.int32)
+    sizes = np.zeros(number.max() + 1 if len(runs) else 0, np.int64)
+    for k in range(len(runs)):
+        parts[runs[k, 0], runs[k, 1] : runs[k, 2]] = np.int32(number[k])
+        sizes[number[k]] += runs[k, 2] - runs[k, 1]
+    return parts, sizes
 
 
 @njit(cache=True, nogil=True)

@@ -19,7 +19,7 @@ from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
-from layoutexplore.layout.merging.door_gaps import next_blocked
+from layoutexplore.grids.runs import run_end
 
 DOOR_WIDTHS = (0.45, 2.2)
 """Metres: narrowest and widest gap that counts as a door."""
@@ -139,9 +139,9 @@ def _gaps(occupied: NDArray[np.bool_], sizes: NDArray[np.int64]) -> NDArray[np.i
     count = 0
     for r in range(rows):
         line = occupied[r]
-        before = next_blocked(line, 0)
+        before = run_end(line, 0, False)
         while before < cols:
-            c, behind = before + 1, next_blocked(line, before + 1)
+            c, behind = before + 1, run_end(line, before + 1, False)
             n = behind - c
             if narrowest <= n <= widest and behind < cols:
                 middle = c + n // 2
@@ -286,21 +286,6 @@ def _spread(
 
 
 @njit(cache=True, nogil=True)
-def _run_end(row: NDArray[np.int32], c: int, label: int) -> int:
-    """Where the run of a label that column `c` lies in ends; eight cells are compared at once."""
-    while c + 8 <= row.size:
-        differ = np.int32(0)
-        for k in range(8):
-            differ |= row[np.uint64(c + k)] ^ label
-        if differ:
-            break
-        c += 8
-    while c < row.size and row[c] == label:
-        c += 1
-    return c
-
-
-@njit(cache=True, nogil=True)
 def _sum_up(
     labels: NDArray[np.int32], door_width: NDArray[np.float32], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -312,7 +297,7 @@ def _sum_up(
         c = 0
         while c < cols:
             label, begin = row[c], c
-            c = _run_end(row, c, label)
+            c = run_end(row, c, label)
             if label == 0:
                 continue
             some = False

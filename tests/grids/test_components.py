@@ -5,11 +5,12 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+import scipy.ndimage
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from layoutexplore.grids.components import label_components
+from layoutexplore.grids.components import label_components, split_labels
 
 
 def check(mask: NDArray[np.bool_]) -> None:
@@ -57,3 +58,21 @@ def test_a_spiral_is_one_part() -> None:
     assert label_components(mask)[1] == 1 and label_components(~mask)[1] == 1
     check(mask)
     check(~mask)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_split_labels_match_scipy(seed: int) -> None:
+    labels = np.random.default_rng(seed).integers(-1, 3, (13, 17)).astype(np.int32)
+    parts, sizes = split_labels(labels)
+    count = 0
+    for value in range(3):
+        expected, n = scipy.ndimage.label(labels == value)
+        count += n
+        for k in range(1, n + 1):
+            (found,) = np.unique(parts[expected == k])
+            assert sizes[found] == (expected == k).sum()
+    assert count == len(sizes)
+    assert (parts[labels < 0] == -1).all()
+    firsts = np.unique(parts[labels >= 0], return_index=True)[1]
+    assert (np.diff(firsts) > 0).all()

@@ -6,7 +6,6 @@ import itertools
 
 import numpy as np
 import pytest
-import scipy.ndimage
 import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -31,7 +30,6 @@ from layoutexplore.layout.lines.segments import (
     find_segments,
     segment_angles,
 )
-from layoutexplore.layout.lines.topology import label_components
 from layoutexplore.layout.lines.walls import chain_lines, find_walls, grouped_median, merge_walls
 
 BOX = (0.5, 1.0, 9.5, 7.0)
@@ -255,22 +253,6 @@ def test_small_rooms_join_the_most_open_neighbour():
 def test_components_are_numbered_by_their_first_member():
     assert components(np.array([3, 1]), np.array([0, 2]), 5).tolist() == [0, 1, 1, 0, 2]
     assert renumber(np.array([7, -1, 3, 7])).tolist() == [0, -1, 1, 0]
-
-
-@given(seeds)
-@settings(max_examples=30, deadline=None)
-def test_label_components_match_scipy(seed):
-    labels = np.random.default_rng(seed).integers(-1, 3, (13, 17)).astype(np.int32)
-    part, size = label_components(labels)
-    count = 0
-    for value in range(3):
-        expected, n = scipy.ndimage.label(labels == value)
-        count += n
-        for k in range(1, n + 1):
-            (found,) = np.unique(part[expected == k])
-            assert size[found] == (expected == k).sum()
-    assert count == len(size)
-    assert (part[labels < 0] == -1).all()
 
 
 def test_segments_follow_a_wall_in_metres():

@@ -16,11 +16,10 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.components import components, join, number_sets
+from layoutexplore.grids.components import components, split_labels
 from layoutexplore.grids.grid import FREE, OccupancyGrid
 from layoutexplore.layout.lines.face_clusters import merge_small, renumber
 from layoutexplore.layout.lines.face_model import (
@@ -111,7 +110,7 @@ def _find_cuts(
     # Only the open cells are looked at: they are a small part of most grids.
     labels = np.full(grid.shape, -1, np.int32)
     labels.reshape(-1)[open_cells] = np.append(room[faces.group], -1)[faces.painted.reshape(-1)[open_cells]]
-    part, size = label_components(labels)
+    part, size = split_labels(labels)
     part_of = part.reshape(-1)[open_cells]
     large = np.append(size * grid.resolution**2 >= options.split_area, False)
     at = open_cells[large[part_of]]
@@ -244,50 +243,3 @@ def _connected(
     same_face = same_room & (group[left] == group[right])
     face = components(left[same_face], right[same_face], len(arrangement))
     return face, np.where(of_cell < 0, -1, piece)
-
-
-def label_components(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """4-connected components of cells of equal label.
-
-    Args:
-        labels: int32 (rows, cols), negative for none.
-
-    Returns:
-        Component of each cell int32 (rows, cols), in raster order, -1 for none; and the components' sizes in
-        cells.
-    """
-    part = np.full(labels.shape, -1, np.int32)
-    parent = np.empty(labels.size + 1, np.int32)
-    size = np.zeros(labels.size + 1, np.int64)
-    count = _label_components(np.ascontiguousarray(labels, np.int32), part, parent, size)
-    return part, size[:count].copy()
-
-
-@njit(cache=True, nogil=True)
-def _label_components(
-    labels: NDArray[np.int32], part: NDArray[np.int32], parent: NDArray[np.int32], size: NDArray[np.int64]
-) -> int:
-    rows, cols = labels.shape
-    used = 0
-    for row in range(rows):
-        for col in range(cols):
-            label = labels[row, col]
-            if label < 0:
-                continue
-            up = part[row - 1, col] if row > 0 and labels[row - 1, col] == label else -1
-            left = part[row, col - 1] if col > 0 and labels[row, col - 1] == label else -1
-            if up < 0 and left < 0:
-                parent[used] = used
-                part[row, col] = used
-                used += 1
-            else:
-                part[row, col] = max(up, left)
-                if up >= 0 and left >= 0 and up != left:
-                    join(parent, up, left)
-    number = number_sets(parent[:used])
-    for row in range(rows):
-        for col in range(cols):
-            if part[row, col] >= 0:
-                part[row, col] = number[part[row, col]]
-                size[part[row, col]] += 1
-    return int(number.max()) + 1 if used else 0

@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grids.bitsets import true_cells
+from layoutexplore.grids.runs import run_end
 
 WIDTH, LONG, SHORT = range(3)
 """Columns of the table of gaps: width, longer and shorter run of wall beside it, all in cells."""
@@ -69,27 +70,12 @@ def free_runs(blocked: NDArray[np.bool_]) -> NDArray[np.int16]:
                 lengths[c] = 0
                 c += 1
                 continue
-            end = next_blocked(line, c)
+            end = run_end(line, c, False)
             length = np.int16(min(end - c, 32767))
             for k in range(c, end):
                 lengths[k] = length
             c = end
     return out
-
-
-@njit(cache=True, nogil=True)
-def next_blocked(line: NDArray[np.bool_], c: int) -> int:
-    """The first blocked cell from `c` on, or the line's length; eight cells are looked at at once."""
-    while c + 8 <= line.size:
-        some = False
-        for k in range(8):
-            some |= line[np.uint64(c + k)]
-        if some:
-            break
-        c += 8
-    while c < line.size and not line[c]:
-        c += 1
-    return c
 
 
 @njit(cache=True, nogil=True)

@@ -6,65 +6,33 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.bitsets import true_cells
-from layoutexplore.grids.components import join, root_of
+from layoutexplore.grids.components import join_runs
+from layoutexplore.grids.runs import find_runs
 
 
-@njit(cache=True, nogil=True)
-def _runs(
-    cells: NDArray[np.int64], occupied: NDArray[np.bool_]
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Runs of cells along the rows, (n, 4) as begin, end, row and occupied cells, and each row's first run."""
-    rows, cols = occupied.shape
-    runs = np.empty((len(cells), 4), np.int32)
-    first = np.zeros(rows + 1, np.int64)
-    n = 0
-    for i in cells:
-        r, c = i // cols, i % cols
-        if n == 0 or runs[n - 1, 2] != r or runs[n - 1, 1] != c:
-            runs[n, 0], runs[n, 2], runs[n, 3] = c, r, 0
-            n += 1
-            first[r + 1] += 1
-        runs[n - 1, 1] = c + 1
-        runs[n - 1, 3] += occupied[r, c]
-    return runs[:n], np.cumsum(first)
-
-
-@njit("boolean[:,::1](int64[::1], boolean[:,::1], float64, float64, float64)", cache=True, nogil=True)
+@njit("boolean[:,::1](uint8[:,::1], boolean[:,::1], float64, float64, float64)", cache=True, nogil=True)
 def _building(
-    solid: NDArray[np.int64], occupied: NDArray[np.bool_], resolution: float, area: float, length: float
+    solid: NDArray[np.uint8], occupied: NDArray[np.bool_], resolution: float, area: float, length: float
 ) -> NDArray[np.bool_]:
-    runs, first = _runs(solid, occupied)
-    parent = np.arange(len(runs)).astype(np.int32)
-    for r in range(1, occupied.shape[0]):
-        above, end = first[r - 1], first[r]
-        for k in range(first[r], first[r + 1]):
-            while above < end and runs[above, 1] < runs[k, 0]:
-                above += 1
-            other = above
-            while other < end and runs[other, 0] <= runs[k, 1]:
-                join(parent, k, other)
-                other += 1
-    boxes = np.empty((len(runs), 4), np.int32)  # by root: first and last row and column
-    filled = np.zeros(len(runs), np.int64)
+    runs = find_runs(solid, np.uint8(0))
+    number = join_runs(runs, solid, 1)
+    count = number.max() + 1 if len(runs) else 0
+    # By part: first row and column, row and column behind the last (half open), and the occupied cells.
+    low = np.full((count, 2), max(occupied.shape), np.int64)
+    high, filled = np.zeros((count, 2), np.int64), np.zeros(count, np.int64)
     for k in range(len(runs)):
-        root = root_of(parent, k)
-        begin, end, r = runs[k, 0], runs[k, 1], runs[k, 2]
-        if root == k:  # the first run of its part
-            boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3] = r, r + 1, begin, end
-        boxes[root, 1] = max(boxes[root, 1], r + 1)
-        boxes[root, 2], boxes[root, 3] = min(boxes[root, 2], begin), max(boxes[root, 3], end)
-        filled[root] += runs[k, 3]
+        part = number[k]
+        r, begin, end = runs[k]
+        low[part, 0], low[part, 1] = min(low[part, 0], r), min(low[part, 1], begin)
+        high[part, 0], high[part, 1] = max(high[part, 0], r + 1), max(high[part, 1], end)
+        for c in range(begin, end):
+            filled[part] += occupied[r, c]
     out = np.zeros(occupied.shape, np.bool_)
     for k in range(len(runs)):
-        root = root_of(parent, k)
-        box = boxes[root]
-        if (
-            filled[root] * resolution**2 >= area
-            or max(box[1] - box[0], box[3] - box[2]) * resolution > length
-        ):
-            for c in range(runs[k, 0], runs[k, 1]):
-                out[runs[k, 2], c] = True
+        part = number[k]
+        longest = max(high[part, 0] - low[part, 0], high[part, 1] - low[part, 1])
+        if filled[part] * resolution**2 >= area or longest * resolution > length:
+            out[runs[k, 0], runs[k, 1] : runs[k, 2]] = True
     return out
 
 
@@ -80,5 +48,5 @@ def building_parts(
         area: Parts of the building have this occupied area at least [m2] ...
         length: ... or are longer than this [m].
     """
-    solid = true_cells(occupied | doors)
+    solid = np.ascontiguousarray(occupied | doors).view(np.uint8)
     return np.asarray(_building(solid, np.ascontiguousarray(occupied), resolution, area, length))

@@ -1,0 +1,70 @@
+"""Runs of equal cells along the rows of a grid: most primitives on grids touch a run once instead of its every cell."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@njit(cache=True, nogil=True)
+def run_end(line: NDArray[Any], c: int, value: Any) -> int:
+    """The first column from `c` on whose cell differs from a value; the line's length if there is none.
+
+    Args:
+        line: Integers or bools (cols,).
+        c: Column, from 0 to the line's length.
+        value: Of the type of the cells.
+    """
+    # Eight cells are compared without a branch in between, so that the compiler puts them into one register.
+    # The unsigned index spares the check for negative ones.
+    while c + 8 <= line.size:
+        differ = line[np.uint64(c)] ^ value
+        for k in range(1, 8):
+            differ |= line[np.uint64(c + k)] ^ value
+        if differ:
+            break
+        c += 8
+    while c < line.size and line[c] == value:
+        c += 1
+    return c
+
+
+@njit(cache=True, nogil=True)
+def find_runs(cells: NDArray[Any], background: Any) -> NDArray[np.int32]:
+    """The longest runs of equal cells along the rows: int32 (n, 3) as row, first column and column behind the last.
+
+    Args:
+        cells: Integers (rows, cols).
+        background: Value of the cells that belong to no run; of the type of the cells.
+
+    Returns:
+        In raster order.
+    """
+    rows, cols = cells.shape
+    # Room for a run a cell costs nothing: pages that are not written are never fetched.
+    runs = np.empty((rows * cols, 3), np.int32)
+    n = 0
+    for r in range(rows):
+        c = 0
+        while c < cols:
+            value, first = cells[r, c], c
+            c = run_end(cells[r], c, value)
+            if value != background:
+                runs[n, 0], runs[n, 1], runs[n, 2] = r, first, c
+                n += 1
+    return runs[:n]
+
+
+def run_lengths(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The lengths int64 (n,) in cells of all runs of true cells along the rows of a mask (rows, cols), in raster order.
+
+    Example:
+        >>> run_lengths(np.array([[True, True, False, True], [True, False, False, False]])).tolist()
+        [2, 1, 1]
+    """
+    # A false cell before and behind every row: no run goes on in the next one, and each has both its ends.
+    steps = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8).ravel())
+    return np.asarray(np.flatnonzero(steps == -1) - np.flatnonzero(steps == 1))
