@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.agents.base import Heuristic, Options, OptionsT, option, register
+from layoutexplore.agents.base import Heuristic, OptionsT, register
 from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.tour_features import sizeable_frontiers
+from layoutexplore.options import Options, option
 
 _TIE = 1e-9
 """Scores that differ by less than this share of the largest one are equal."""

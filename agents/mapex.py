@@ -21,13 +21,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.agents.base import Heuristic, option, register
+from layoutexplore.agents.base import Heuristic, register
 from layoutexplore.agents.greedy import GreedyOptions, best_index, visible_areas
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.frontiers.decision import Choice, Decision, Frontier
 from layoutexplore.frontiers.tour_features import sizeable_frontiers
 from layoutexplore.frontiers.visible_area import ray_table
 from layoutexplore.grids.grid import FREE, OCCUPIED
+from layoutexplore.options import option
 
 RAYS = 120
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from layoutexplore.agents.base import Options, option, register
+from layoutexplore.agents.base import register
 from layoutexplore.errors import require
 from layoutexplore.frontiers.decision import Agent
+from layoutexplore.options import Options, option
 
 
 @dataclass(frozen=True, kw_only=True)

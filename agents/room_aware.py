@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.agents.base import Heuristic, option, register
+from layoutexplore.agents.base import Heuristic, register
 from layoutexplore.agents.greedy import GreedyOptions, best_index
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import STOP, Choice, Decision, Frontier
 from layoutexplore.frontiers.tour_features import BEGUN, SURE, area_left, ready_frontiers, sizeable_frontiers
+from layoutexplore.options import option
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.agents.base import Heuristic, option, register
+from layoutexplore.agents.base import Heuristic, register
 from layoutexplore.agents.greedy import GreedyOptions
 from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.tour_features import sizeable_frontiers, tour_weights
+from layoutexplore.options import option
 from layoutexplore.planning.latency_tours import latency_tour
 from layoutexplore.planning.tours import open_tour
 

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from layoutexplore.agents.base import Heuristic, option, register
+from layoutexplore.agents.base import Heuristic, register
 from layoutexplore.agents.greedy import GreedyOptions, best_index, visible_areas
 from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.tour_features import sizeable_frontiers
+from layoutexplore.options import option
 
 
 @dataclass(frozen=True, kw_only=True)

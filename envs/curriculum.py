@@ -6,24 +6,22 @@ that an episode depends on the seed alone.
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from layoutexplore.envs.plans import load
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.options import NON_NEGATIVE, SHARE, Rule, check
 from layoutexplore.sensing.lidar import sensor
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise
-
-T = TypeVar("T", bound="_Table")
 
 Range = tuple[float, float]
 
@@ -36,30 +34,7 @@ _ATTEMPTS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Table:
-    """What can be read from a table of a TOML file."""
-
-    @classmethod
-    def from_table(cls: type[T], table: Mapping[str, Any]) -> T:
-        """One made of a table; lists become tuples.
-
-        Raises:
-            UnknownNameError: There is no such key; the closest ones are suggested.
-            ConfigError: A value makes no sense.
-        """
-        known = [f.name for f in dataclasses.fields(cls)]
-        for key in table:
-            if key not in known:
-                raise unknown_name(f"key of {cls.__name__}", key, known)
-        values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
-        try:
-            return cls(**values)
-        except TypeError as error:
-            raise ConfigError(f"{cls.__name__}: {error}") from error
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlanSampler(_Table):
+class PlanSampler:
     """Draws floor plans: generated ones of all families, and shipped ones in between. Usable as `plan=` of an environment.
 
     An environment hands its `progress` (0 ... 1, how far the training is; 1 unless set) to the sampler: the
@@ -106,17 +81,17 @@ class PlanSampler(_Table):
         for family, weight in self.families.items():
             if family not in FAMILIES:
                 raise unknown_name("family", family, FAMILIES)
-            _check(f"weight of {family}", weight, 0.0, math.inf)
+            NON_NEGATIVE.convert(f"weight of {family}", weight)
         if self.families and not sum(self.families.values()) > 0:
             raise ConfigError("families: at least one weight must be above 0")
-        for name in ("area", "clutter", "door_width", "closed_doors"):
-            _check_range(name, getattr(self, name), *LIMITS[name])
-        _check("seeds", self.seeds, 0, 2**31)
-        if not isinstance(self.seeds, int):
-            raise ConfigError(f"seeds must be a whole number, got {self.seeds!r}")
-        _check("shipped_share", self.shipped_share, 0.0, 1.0)
-        _check("first_area", self.first_area, 0.0, math.inf)
-        _check("growth", self.growth, 0.0, 1.0)
+        ranges = {name: LIMITS[name] for name in ("area", "clutter", "door_width", "closed_doors")}
+        check(self, **{name: Rule(count=2, low=low, high=high) for name, (low, high) in ranges.items()})
+        for name in ranges:
+            least, greatest = getattr(self, name)
+            if least > greatest:
+                raise ConfigError(f"{name}: the least value comes first, got {(least, greatest)!r}")
+        seeds = Rule(kind=int, low=0, high=2**31)
+        check(self, seeds=seeds, shipped_share=SHARE, first_area=NON_NEGATIVE, growth=SHARE)
         if self.shipped_share > 0 and not self.shipped:
             raise ConfigError("shipped: name plans or splits to draw from, or set shipped_share to 0")
         object.__setattr__(self, "_names", _shipped_names(self.shipped) if self.shipped_share > 0 else ())
@@ -144,7 +119,7 @@ class PlanSampler(_Table):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Randomisation(_Table):
+class Randomisation:
     """What changes from episode to episode besides the plan and the start; each is drawn from the values listed.
 
     Attributes:
@@ -170,15 +145,13 @@ class Randomisation(_Table):
         for name in ("range_noise", "dropout", "drift"):
             if not getattr(self, name):
                 raise ConfigError(f"{name}: list at least one value")
-        limits = {
-            "range_noise": (0.0, 10.0),
-            "dropout": (0.0, 0.99),
-            "drift": (0.0, 1.0),
-            "robot_radius": (0.01, 2.0),
-        }
-        for name, (low, high) in limits.items():
-            for value in getattr(self, name):
-                _check(name, value, low, high)
+        check(
+            self,
+            range_noise=Rule(count=-1, low=0.0, high=10.0),
+            dropout=Rule(count=-1, low=0.0, high=0.99),
+            drift=Rule(count=-1, low=0.0, high=1.0),
+            robot_radius=Rule(count=-1, low=0.01, high=2.0),
+        )
 
     def draw(self, rng: np.random.Generator, config: SimulationConfig) -> SimulationConfig:
         """The configuration of an episode."""
@@ -222,18 +195,3 @@ def _shipped_names(specs: tuple[str, ...]) -> tuple[str, ...]:
     from layoutexplore.maps import expand_plans
 
     return tuple(name for spec in specs for name in expand_plans(spec))
-
-
-def _check(name: str, value: Any, low: float, high: float) -> None:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not number or not math.isfinite(value) or not low <= value <= high:
-        raise ConfigError(f"{name} must be a number from {low:g} to {high:g}, got {value!r}")
-
-
-def _check_range(name: str, value: Any, low: float, high: float) -> None:
-    if not isinstance(value, tuple) or len(value) != 2:
-        raise ConfigError(f"{name} is a pair (least, greatest), got {value!r}")
-    for number in value:
-        _check(name, number, low, high)
-    if value[0] > value[1]:
-        raise ConfigError(f"{name}: the least value comes first, got {value!r}")

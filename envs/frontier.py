@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.curriculum import Randomisation
-from layoutexplore.envs.observation import Observation, ObservationConfig, Observer, check_counts
+from layoutexplore.envs.observation import Observation, ObservationConfig, Observer
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.privileged import PrivilegedView
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Predictor
+from layoutexplore.options import COUNT
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 
@@ -191,7 +192,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
             raise ConfigError(
                 f"invalid_penalty must be a finite number of 0 or more, got {invalid_penalty!r}"
             )
-        check_counts(max_invalid_actions=(max_invalid_actions, 1))
+        COUNT.convert("max_invalid_actions", max_invalid_actions)
         self._invalid_penalty, self._max_invalid_actions = float(invalid_penalty), max_invalid_actions
 
     def reset(

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.egocentric_maps import CHANNELS, Trail, draw_local_map
-from layoutexplore.envs.observation import Observation, check_counts, check_positive
+from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.errors import ConfigError
+from layoutexplore.options import COUNT, POSITIVE, Rule, check
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 
@@ -64,13 +65,15 @@ class MotionConfig:
     area_scale: float = 10.0
 
     def __post_init__(self) -> None:
-        check_counts(local_size=(self.local_size, 8), scan_beams=(self.scan_beams, 1))
-        check_positive(
-            forward=self.forward,
-            turn=self.turn,
-            local_span=self.local_span,
-            length_scale=self.length_scale,
-            area_scale=self.area_scale,
+        check(
+            self,
+            forward=POSITIVE,
+            turn=POSITIVE,
+            local_size=Rule(kind=int, low=8),
+            local_span=POSITIVE,
+            scan_beams=COUNT,
+            length_scale=POSITIVE,
+            area_scale=POSITIVE,
         )
 
     @property
@@ -205,10 +208,8 @@ class MotionEnv(ExplorationEnv[Any]):
         )
         if actions not in ACTIONS:
             raise ConfigError(f"actions must be one of {', '.join(ACTIONS)}, got {actions!r}")
-        if max_steps is not None:
-            check_counts(max_steps=(max_steps, 1))
         self.motion = motion or MotionConfig()
-        self._max_steps = max_steps
+        self._max_steps = Rule(kind=int, low=1, optional=True).convert("max_steps", max_steps)
         self.observation_space = self.motion.space
         self.action_space = (
             spaces.Discrete(3) if actions == "discrete" else spaces.Box(-1.0, 1.0, (2,), np.float32)

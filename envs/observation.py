@@ -26,10 +26,10 @@ from layoutexplore.envs.egocentric_maps import (
     draw_global_map,
     draw_local_map,
 )
-from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision, FrontierTable
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.options import COUNT, POSITIVE, Rule, check
 
 Observation = dict[str, NDArray[np.generic]]
 """Arrays by name."""
@@ -125,16 +125,15 @@ class ObservationConfig:
     area_scale: float = 10.0
 
     def __post_init__(self) -> None:
-        check_counts(
-            max_frontiers=(self.max_frontiers, 1),
-            local_size=(self.local_size, 8),
-            global_size=(self.global_size, 8),
-        )
-        check_positive(
-            local_span=self.local_span,
-            global_min_span=self.global_min_span,
-            length_scale=self.length_scale,
-            area_scale=self.area_scale,
+        check(
+            self,
+            max_frontiers=COUNT,
+            local_size=Rule(kind=int, low=8),
+            local_span=POSITIVE,
+            global_size=Rule(kind=int, low=8),
+            global_min_span=POSITIVE,
+            length_scale=POSITIVE,
+            area_scale=POSITIVE,
         )
 
     @property
@@ -167,20 +166,6 @@ def bounds(features: Mapping[str, tuple[float, float]]) -> tuple[NDArray[np.floa
     """The least and the greatest values of named features, each float32 (features,)."""
     low, high = np.array(list(features.values()), np.float32).T
     return low, high
-
-
-def check_counts(**counts: tuple[int, int]) -> None:
-    """Raise `ConfigError` unless every value, given as (value, least), is a whole number and large enough."""
-    for name, (value, least) in counts.items():
-        if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < least:
-            raise ConfigError(f"{name} must be a whole number, {least} or more, got {value!r}")
-
-
-def check_positive(**values: float) -> None:
-    """Raise `ConfigError` unless every value is a finite number above 0."""
-    for name, value in values.items():
-        if not isinstance(value, (int, float, np.number)) or not math.isfinite(value) or value <= 0:
-            raise ConfigError(f"{name} must be a finite number above 0, got {value!r}")
 
 
 class Observer:

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.frontier import FrontierEnv
 from layoutexplore.envs.motion import MotionEnv
-from layoutexplore.envs.observation import Observation, check_counts
+from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.vector_buffers import Arrays
 from layoutexplore.envs.vector_workers import Crew, LocalCrew, ProcessCrew
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.options import COUNT
 from layoutexplore.processes import usable_cores
 
 BACKENDS = ("serial", "threads", "processes")
@@ -257,9 +258,9 @@ def _crew(
     limit: int | None,
 ) -> Crew:
     """The crew that a vector environment asks for."""
-    check_counts(num_envs=(count, 1), workers=(1 if workers is None else workers, 1))
-    if limit is not None:
-        check_counts(max_episode_steps=(limit, 1))
+    COUNT.convert("num_envs", count)
+    for name, value in (("workers", workers), ("max_episode_steps", limit)):
+        COUNT.convert(name, 1 if value is None else value)
     cores = usable_cores()
     if backend is None:
         backend = "processes" if count > 1 and (cores if workers is None else workers) > 1 else "serial"

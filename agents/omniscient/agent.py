@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.agents.base import Options, option, register
+from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Nearest, NearestOptions
 from layoutexplore.agents.omniscient.route_planner import RouteConfig, WatchmanPlanner
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Choice, Decision, Truth
 from layoutexplore.grids.grid import Cell
+from layoutexplore.options import Options, option
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
 
 

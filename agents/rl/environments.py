@@ -13,6 +13,7 @@ from layoutexplore.envs.curriculum import PlanSampler, Randomisation
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.rewards import PathToMarks
+from layoutexplore.options import from_table
 
 GENERATED = "generated"
 """The word for plans without end, drawn by a `PlanSampler`."""
@@ -44,4 +45,8 @@ def environment_arguments(config: TrainingConfig) -> dict[str, Any]:
 
 def plan_source(config: TrainingConfig) -> PlanSpec:
     """What the environments draw their floor plans from."""
-    return PlanSampler.from_table(config.generator) if config.plans == (GENERATED,) else config.plans
+    return (
+        from_table(PlanSampler, config.generator, "[generator]")
+        if config.plans == (GENERATED,)
+        else config.plans
+    )

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from typing import Any
 
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.frontiers.tour_features import TourConfig
+from layoutexplore.options import COUNT, POSITIVE, Rule, check, rule_like
 
 DEFAULTS = Path(__file__).resolve().parent.parent / "hyperparameters.toml"
 """The shipped hyper-parameters."""
@@ -49,10 +49,8 @@ class NetworkConfig:
     detour_weight: float = 5.0
 
     def __post_init__(self) -> None:
-        if self.encoder not in ENCODERS:
-            raise unknown_name("encoder", self.encoder, ENCODERS)
-        for name in ("width", "layers", "heads"):
-            check_whole(f"network.{name}", getattr(self, name))
+        encoder = Rule(kind=str, choices=ENCODERS)
+        check(self, "network.", encoder=encoder, width=COUNT, layers=COUNT, heads=COUNT)
         if self.width % self.heads:
             raise ConfigError(f"network.heads must divide network.width, got {self.heads} and {self.width}")
 
@@ -79,8 +77,7 @@ class ImitationConfig:
     batch_size: int = 256
 
     def __post_init__(self) -> None:
-        for name in ("episodes", "rounds", "epochs", "batch_size"):
-            check_whole(f"imitation.{name}", getattr(self, name))
+        check(self, "imitation.", episodes=COUNT, rounds=COUNT, epochs=COUNT, batch_size=COUNT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,15 +100,11 @@ class SearchConfig:
     outlier: float = 0.4
 
     def __post_init__(self) -> None:
-        for name in ("round", "pairs"):
-            check_whole(f"search.{name}", getattr(self, name))
+        check(self, "search.", round=COUNT, pairs=COUNT, spread=POSITIVE, trust=POSITIVE, outlier=POSITIVE)
         if self.round % (2 * self.pairs):
             raise ConfigError(
                 f"search.round must be a multiple of twice search.pairs, got {self.round} and {self.pairs}"
             )
-        for name in ("spread", "trust", "outlier"):
-            if not getattr(self, name) > 0:
-                raise ConfigError(f"search.{name} must be above 0, got {getattr(self, name)}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,8 +124,7 @@ class EvaluationConfig:
     references: tuple[str, ...] = ("tour", "nearest")
 
     def __post_init__(self) -> None:
-        check_whole("evaluation.every", self.every)
-        check_whole("evaluation.starts", self.starts)
+        check(self, "evaluation.", every=COUNT, starts=COUNT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,12 +180,9 @@ class TrainingConfig:
     search: SearchConfig | None = None
 
     def __post_init__(self) -> None:
-        for name in ("steps", "envs", "checkpoint_every"):
-            check_whole(name, getattr(self, name))
-        for name in ("workers", "seed", "critic_steps", "max_steps"):
-            check_whole(name, getattr(self, name), least=0)
-        if not 0 <= self.averaging < 1:
-            raise ConfigError(f"averaging is a share from 0 to less than 1, got {self.averaging}")
+        check(self, steps=COUNT, envs=COUNT, checkpoint_every=COUNT, averaging=Rule(low=0.0, below=1.0))
+        natural = Rule(kind=int, low=0)
+        check(self, workers=natural, seed=natural, critic_steps=natural, max_steps=natural)
         if not self.plans or not self.sensors:
             raise ConfigError("training needs at least one of plans and of sensors")
 
@@ -252,43 +241,9 @@ def merge(defaults: Mapping[str, Any], changes: Mapping[str, Any], where: str) -
         if isinstance(old, dict) and isinstance(value, dict):
             merged[key] = merge(old, value, f"{where} [{key}]")
         else:
-            merged[key] = _checked(old, value, f"{key} {where}")
+            plain = rule_like(old).convert(f"{key} {where}", value)
+            merged[key] = type(old)(plain)
     return merged
-
-
-def check_whole(name: str, value: object, least: int = 1) -> None:
-    """Raise `ConfigError` unless the value is a whole number, large enough."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise ConfigError(f"{name} must be a whole number, {least} or more, got {value!r}")
-
-
-def _checked(old: Any, value: Any, what: str) -> Any:
-    """The value in the type of the one it replaces."""
-    if isinstance(old, float) and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value)
-    if isinstance(value, tuple):
-        value = list(value)
-    if type(value) is not type(old):
-        names = {
-            bool: "true or false",
-            int: "a whole number",
-            float: "a number",
-            str: "a text",
-            list: "a list",
-            dict: "a table",
-        }
-        raise ConfigError(f"{what} must be {names[type(old)]}, got {value!r}")
-    if isinstance(value, float) and not math.isfinite(value):
-        raise ConfigError(f"{what} must be a finite number, got {value!r}")
-    if isinstance(value, list):
-        kind, kinds = (
-            ("names", str) if not old or isinstance(old[0], str) else (f"{len(old)} numbers", (int, float))
-        )
-        if not all(isinstance(item, kinds) for item in value) or (
-            kinds is not str and len(value) != len(old)
-        ):
-            raise ConfigError(f"{what} must be a list of {kind}, got {value!r}")
-    return value
 
 
 def _build(algorithm: str, table: dict[str, Any]) -> TrainingConfig:

@@ -9,15 +9,14 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import layoutexplore
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.options import COUNT, FLAG, Rule, check, check_keys, from_table
 from layoutexplore.sensing.lidar import SENSORS, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise
-
-T = TypeVar("T")
 
 QUICK_AGENTS = (
     "random",
@@ -72,14 +71,9 @@ class BenchmarkConfig:
                 raise ConfigError(f"a benchmark needs at least one of {name}")
             if twice := sorted({value for value in values if values.count(value) > 1}):
                 raise ConfigError(f"{name} names {twice[0]!r} twice")
-        for name, least in (("starts", 1), ("seed", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ConfigError(f"{name} must be a whole number, {least} or more, got {value!r}")
         if not isinstance(self.baseline, str) or not self.baseline:
             raise ConfigError(f"baseline must be the name of an agent, got {self.baseline!r}")
-        if not isinstance(self.explain, bool):
-            raise ConfigError(f"explain must be true or false, got {self.explain!r}")
+        check(self, starts=COUNT, seed=Rule(kind=int, low=0), explain=FLAG)
         for name in self.sensors:
             if name not in self.lidars and name not in SENSORS:
                 raise unknown_name("sensor", name, [*SENSORS, *self.lidars])
@@ -126,7 +120,7 @@ def read_config(path: Path) -> dict[str, Any]:
         raise ConfigError(f"cannot read the configuration {path}: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path} is not valid TOML: {error}") from error
-    _check_keys(table, BenchmarkConfig, f"in {path}")
+    check_keys(table, [f.name for f in dataclasses.fields(BenchmarkConfig)], str(path))
     for name in ("simulation", "lidars"):
         if not isinstance(table.get(name, {}), dict):
             raise ConfigError(f"{name} in {path} must be a table, got {table[name]!r}")
@@ -145,34 +139,14 @@ def _simulation(table: dict[str, Any], where: str) -> SimulationConfig:
         raise ConfigError(f"{where}: name the sensors in the list `sensors` of the file, not here")
     table = dict(table)
     if "odometry_noise" in table:
-        table["odometry_noise"] = _build(OdometryNoise, table["odometry_noise"], f"{where} odometry_noise")
-    return _build(SimulationConfig, table, where)
+        table["odometry_noise"] = from_table(
+            OdometryNoise, table["odometry_noise"], f"{where} odometry_noise"
+        )
+    return from_table(SimulationConfig, table, where)
 
 
 def _lidar(name: str, table: Any, where: str) -> LidarConfig:
-    _check_keys(table, LidarConfig, f"in {where}")
-    return _build(LidarConfig, {**table, "name": name}, where)
-
-
-def _build(kind: type[T], table: dict[str, Any], where: str) -> T:
-    _check_keys(table, kind, f"in {where}")
-    fields = dataclasses.fields(kind)  # type: ignore[arg-type]
-    needed = [f.name for f in fields if f.default is f.default_factory is dataclasses.MISSING]
-    if lacking := [name for name in needed if name not in table]:
-        raise ConfigError(f"{where}: missing {' and '.join(lacking)}")
-    try:
-        return kind(**table)
-    except (TypeError, ConfigError) as error:
-        raise ConfigError(f"{where}: {error}") from error
-
-
-def _check_keys(table: Any, kind: Any, where: str) -> None:
-    if not isinstance(table, dict):
-        raise ConfigError(f"expected a table {where}, got {table!r}")
-    known = [f.name for f in dataclasses.fields(kind)]
-    for key in table:
-        if key not in known:
-            raise unknown_name(f"key {where}:", key, known)
+    return from_table(LidarConfig, {**table, "name": name} if isinstance(table, dict) else table, where)
 
 
 def _strings(value: Any, where: str) -> tuple[str, ...]:

@@ -9,15 +9,14 @@ learnt one of its own.
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision, Frontier
+from layoutexplore.options import NON_NEGATIVE, check
 from layoutexplore.planning.latency_tours import latency_tour
 
 TOUR_SIZE = 1.0
@@ -74,11 +73,7 @@ class TourConfig:
     little_left: float = LITTLE_LEFT
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if not number or not math.isfinite(value) or value < 0:
-                raise ConfigError(f"tour.{field.name} must be a finite number of 0 or more, got {value!r}")
+        check(self, "tour.", **{field.name: NON_NEGATIVE for field in dataclasses.fields(self)})
 
 
 PLAIN_TOUR = TourConfig()

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import importlib
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from numbers import Integral, Real
 from typing import Any, TypeVar
 
 import numpy as np
@@ -15,6 +13,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.layout.types import Layout
+from layoutexplore.options import rule_like
 
 
 def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None) -> Layout:
@@ -107,38 +106,23 @@ class LayoutMethod:
             return self.config_class()
         defaults = {f.name: f.default for f in fields(self.config_class)}
         if isinstance(config, self.config_class):
-            self._check({name: getattr(config, name) for name in defaults}, defaults)
+            self._converted({name: getattr(config, name) for name in defaults}, defaults)
             return config
         if isinstance(config, dict):
-            self._check(config, defaults)
-            return replace(self.config_class(), **config)
+            return replace(self.config_class(), **self._converted(config, defaults))
         raise ConfigError(
             f"the {self.name} method takes a {self.config_class.__name__}, got {type(config).__name__}"
         )
 
-    def _check(self, options: Mapping[str, Any], defaults: Mapping[str, Any]) -> None:
-        for name, value in options.items():
+    def _converted(self, options: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
+        """The options, each of the kind of its default."""
+        for name in options:
             if name not in defaults:
                 raise unknown_name(f"option of the {self.name} method", str(name), defaults)
-            if not _is_like(value, defaults[name]):
-                kind = _KINDS.get(type(defaults[name]), "a finite number")
-                raise ConfigError(
-                    f"the {self.name} method's {name} must be {kind}, such as {defaults[name]}; got {value!r}"
-                )
-
-
-_KINDS = {bool: "True or False", int: "a whole number", tuple: "finite numbers in a tuple"}
-
-
-def _is_like(value: Any, default: Any) -> bool:
-    """Whether a value is of the kind of an option's default: a flag, finite numbers, whole ones where the default is whole."""
-    if isinstance(default, tuple):
-        return isinstance(value, tuple) and len(value) == len(default) and all(map(_is_like, value, default))
-    if isinstance(default, bool) or isinstance(value, bool):
-        return isinstance(default, bool) and isinstance(value, bool)
-    if default is None and value is None:
-        return True
-    return isinstance(value, Integral if isinstance(default, int) else Real) and math.isfinite(value)
+        where = f"the {self.name} method's "
+        return {
+            name: rule_like(defaults[name]).convert(where + name, value) for name, value in options.items()
+        }
 
 
 _METHODS: dict[str, LayoutMethod] = {}

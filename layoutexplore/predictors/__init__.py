@@ -9,10 +9,12 @@ alone, in less time; `rectangle`, `hull`, `parallel-wall` and `face-subset` are 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.frontiers.decision import Predictor
+from layoutexplore.options import Options, option, parse_spec
 from layoutexplore.predictors.learned import LayoutPredictor
 from layoutexplore.predictors.oracle import FALSE_CLOSED_AREA, OraclePredictor
 from layoutexplore.predictors.protocol import RoomMap, RoomPredictor, with_classes
@@ -35,14 +37,35 @@ __all__ = [
     "with_classes",
 ]
 
-_BUILDERS: dict[str, Callable[[], RoomPredictor]] = {
-    "none": lambda: ShapePredictor("none", None),
-    "rectangle": lambda: ShapePredictor("rectangle", rectangle_outline),
-    "hull": lambda: ShapePredictor("hull", hull_outline),
-    "parallel-wall": lambda: ShapePredictor("parallel-wall", parallel_outline),
-    "face-subset": FaceSubsetPredictor,
-    "oracle": OraclePredictor,
-    "layout": LayoutPredictor,
+
+@dataclass(frozen=True, kw_only=True)
+class OracleOptions(Options):
+    """Parameters of `oracle`."""
+
+    flip: float = option(0.0, "probability that a room is judged wrongly", low=0.0, high=1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayoutOptions(Options):
+    """Parameters of `layout`."""
+
+    model: str = option("", "folder of models of one's own")
+    network: str = option("on", "whether the networks have a say", choices=("on", "off"))
+
+
+_BUILDERS: dict[str, tuple[Options, Callable[[Any], RoomPredictor]]] = {
+    "none": (Options(), lambda _: ShapePredictor("none", None)),
+    "rectangle": (Options(), lambda _: ShapePredictor("rectangle", rectangle_outline)),
+    "hull": (Options(), lambda _: ShapePredictor("hull", hull_outline)),
+    "parallel-wall": (Options(), lambda _: ShapePredictor("parallel-wall", parallel_outline)),
+    "face-subset": (Options(), lambda _: FaceSubsetPredictor()),
+    "oracle": (OracleOptions(), lambda options: OraclePredictor(flip=options.flip)),
+    "layout": (
+        LayoutOptions(),
+        lambda options: LayoutPredictor(
+            Path(options.model) if options.model else None, network=options.network == "on"
+        ),
+    ),
 }
 
 
@@ -52,7 +75,7 @@ def predictor_names() -> list[str]:
 
 
 def make_predictor(spec: str) -> Predictor | None:
-    """A predictor from `NAME` or `NAME:key=value`; None for "none".
+    """A predictor from `NAME` or `NAME:key=value,...`; None for "none".
 
     Raises:
         UnknownNameError: There is no predictor of that name.
@@ -73,20 +96,5 @@ def make_room_predictor(spec: str) -> RoomPredictor:
         UnknownNameError: There is no predictor of that name.
         ConfigError: It has no such parameter, or the value makes no sense.
     """
-    name, _, text = spec.partition(":")
-    if name not in _BUILDERS:
-        raise unknown_name("predictor", name, predictor_names())
-    if not text:
-        return _BUILDERS[name]()
-    key, _, value = text.partition("=")
-    if (name, key) == ("layout", "model") and value:
-        return LayoutPredictor(Path(value))
-    if (name, key, value) == ("layout", "network", "off"):
-        return LayoutPredictor(network=False)
-    if (name, key) != ("oracle", "flip"):
-        known = "oracle:flip=SHARE, layout:model=FOLDER and layout:network=off"
-        raise ConfigError(f"predictor {spec!r}: the parameters that there are: {known}")
-    try:
-        return OraclePredictor(flip=float(value))
-    except ValueError as error:
-        raise ConfigError(f"predictor {spec!r}: flip is a probability 0..1, got {value!r}") from error
+    name, options = parse_spec("predictor", spec, {name: known for name, (known, _) in _BUILDERS.items()})
+    return _BUILDERS[name][1](options)

@@ -152,7 +152,8 @@ class LayoutPredictor:
     """
 
     def __init__(self, folder: Path | None = None, *, network: bool = True) -> None:
-        self.name = f"layout:model={folder}" if folder else "layout" if network else "layout:network=off"
+        changed = [f"model={folder}"] * (folder is not None) + ["network=off"] * (not network)
+        self.name = ":".join(["layout", *([",".join(changed)] if changed else [])])
         paths = [(folder or FOLDER) / path.name for path in (FRONTIER_MODEL, CELL_MODEL)]
         self._frontiers = load_forests(paths[0], FEATURES, ("closed", "leftover", "area"))
         self._cells = load_forests(paths[1], cell_features.FEATURES, ("first", "inside"))

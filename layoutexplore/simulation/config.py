@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.options import COUNT, NON_NEGATIVE, POSITIVE, SHARE, Rule, check
 from layoutexplore.sensing.lidar import LidarConfig, sensor
 from layoutexplore.simulation.robot import PERFECT_ODOMETRY, OdometryNoise
 
@@ -48,37 +47,22 @@ class SimulationConfig:
 
     def __post_init__(self) -> None:
         sensor(self.sensor)
-        for name in (
-            "resolution",
-            "robot_radius",
-            "scan_spacing",
-            "coverage_goal",
-            "gain_range",
-            "gain_rays",
-        ):
-            _check(name, getattr(self, name), above=0.0)
-        if not isinstance(self.gain_rays, int):
-            raise ConfigError(f"gain_rays must be a whole number above 0, got {self.gain_rays!r}")
-        for name in ("turn_cost", "frontier_min_size", "gone_share"):
-            _check(name, getattr(self, name), least=0.0)
-        for name, whole in (("coverage_goal", "the target area"), ("gone_share", "a frontier")):
-            if getattr(self, name) > 1:
-                raise ConfigError(
-                    f"{name} is a share of {whole} and cannot exceed 1, got {getattr(self, name)}"
-                )
-        if self.max_distance is not None:
-            _check("max_distance", self.max_distance, above=0.0)
-        _check("odometry_noise.translation", self.odometry_noise.translation, least=0.0)
-        _check("odometry_noise.rotation", self.odometry_noise.rotation, least=0.0)
+        check(
+            self,
+            resolution=POSITIVE,
+            robot_radius=POSITIVE,
+            scan_spacing=POSITIVE,
+            coverage_goal=Rule(above=0.0, high=1.0),
+            max_distance=Rule(above=0.0, optional=True),
+            turn_cost=NON_NEGATIVE,
+            frontier_min_size=NON_NEGATIVE,
+            gain_range=POSITIVE,
+            gain_rays=COUNT,
+            gone_share=SHARE,
+        )
+        check(self.odometry_noise, "odometry_noise.", translation=NON_NEGATIVE, rotation=NON_NEGATIVE)
 
     @property
     def lidar(self) -> LidarConfig:
         """The sensor's configuration."""
         return sensor(self.sensor)
-
-
-def _check(name: str, value: float, *, above: float = -math.inf, least: float = -math.inf) -> None:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not (number and math.isfinite(value) and value > above and value >= least):
-        bound = f"above {above:g}" if math.isfinite(above) else f"{least:g} or more"
-        raise ConfigError(f"{name} must be a finite number {bound}, got {value!r}")

@@ -8,7 +8,6 @@ walls 0.10-0.20 m, exterior walls 0.30-0.40 m, door leaves 0.8-1.0 m.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.options import Rule, check
 
 TOPOLOGIES = ("I", "L", "T", "Z", "U", "H", "comb", "fishbone", "ring", "eight")
 """Corridor skeletons of the right-angled families; see `skeleton.py` for what each looks like."""
@@ -74,19 +74,15 @@ class PlanConfig:
     topology: str | None = None
 
     def __post_init__(self) -> None:
-        for name, (low, high) in LIMITS.items():
-            value = getattr(self, name)
-            if value is not None:
-                _check_number(name, value, low, high)
-        if self.topology is not None and self.topology not in TOPOLOGIES:
-            raise unknown_name("topology", str(self.topology), TOPOLOGIES)
-        if self.rooms is not None:
-            self._check_rooms()
-
-    def _check_rooms(self) -> None:
-        if isinstance(self.rooms, bool) or not isinstance(self.rooms, (int, np.integer)) or self.rooms < 3:
-            raise ConfigError(f"rooms must be a whole number of at least 3, got {self.rooms!r}")
-        if self.area is not None and not MIN_ROOM_AREA <= self.area / self.rooms <= MAX_ROOM_AREA:
+        left_open = {f.name for f in dataclasses.fields(self) if f.default is None}
+        limits = {
+            name: Rule(low=low, high=high, optional=name in left_open) for name, (low, high) in LIMITS.items()
+        }
+        rooms = Rule(kind=int, low=3, optional=True)
+        check(self, **limits, rooms=rooms, topology=Rule(kind=str, choices=TOPOLOGIES, optional=True))
+        if self.area is None or self.rooms is None:
+            return
+        if not MIN_ROOM_AREA <= self.area / self.rooms <= MAX_ROOM_AREA:
             raise ConfigError(
                 f"{self.rooms} rooms on {self.area:g} m2 is {self.area / self.rooms:.1f} m2 a room: "
                 f"ask for {MIN_ROOM_AREA:g} to {MAX_ROOM_AREA:g} m2"
@@ -137,10 +133,3 @@ class DrawnConfig:
     topology: str | None
     scale: float = 1.0
     """Factor on the room widths, by which a wanted number of rooms is met."""
-
-
-def _check_number(name: str, value: object, low: float, high: float) -> None:
-    """Raise `ConfigError` unless the value is a finite number between the limits."""
-    number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    if not number or not math.isfinite(float(value)) or not low <= float(value) <= high:  # type: ignore[arg-type]
-        raise ConfigError(f"{name} must be a number from {low:g} to {high:g}, got {value!r}")

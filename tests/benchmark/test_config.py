@@ -58,7 +58,7 @@ def test_configuration_from_toml(tmp_path: Path) -> None:
         ("[simulation]\nresolution = 'fine'", r"study\.toml \[simulation\]: resolution"),
         ("[simulation]\nresolution = true", "resolution must be a finite number"),
         ("[simulation]\ngain_rays = 1.5", "gain_rays must be a whole number"),
-        ("[simulation]\ngone_share = 7", "gone_share is a share"),
+        ("[simulation]\ngone_share = 7", "gone_share must be a number from 0 to 1"),
         ("baseline = 3", "baseline must be the name of an agent"),
     ],
 )

@@ -13,6 +13,7 @@ from layoutexplore.envs.curriculum import FIRST_SEED, PlanSampler, Randomisation
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.maps.generator.shipped import SHIPPED
+from layoutexplore.options import from_table
 from layoutexplore.simulation.config import SimulationConfig
 from tests.envs.cases import FRONTIER, rooms
 
@@ -107,10 +108,10 @@ def test_tables_of_a_file_are_read() -> None:
         range_noise = [0.0, 0.02]
         """
     )
-    assert PlanSampler.from_table(tables["plans"]) == PlanSampler(
+    assert from_table(PlanSampler, tables["plans"], "plans") == PlanSampler(
         families={"office": 2, "school": 1}, area=(300, 900.0), clutter=(0.0, 0.2), seeds=500, first_area=400
     )
-    assert Randomisation.from_table(tables["randomisation"]) == Randomisation(
+    assert from_table(Randomisation, tables["randomisation"], "randomisation") == Randomisation(
         sensors=("stage", "indoor"), range_noise=(0.0, 0.02)
     )
 
@@ -123,7 +124,7 @@ def test_tables_of_a_file_are_read() -> None:
         (PlanSampler, {"families": {"office": -1}}, ConfigError, "weight of office"),
         (PlanSampler, {"families": {"office": 0}}, ConfigError, "above 0"),
         (PlanSampler, {"area": [900, 300]}, ConfigError, "least value"),
-        (PlanSampler, {"area": 300}, ConfigError, "pair"),
+        (PlanSampler, {"area": 300}, ConfigError, "list of 2"),
         (PlanSampler, {"clutter": [0, 3]}, ConfigError, "clutter"),
         (PlanSampler, {"shipped": ["trian"]}, UnknownNameError, "train"),
         (PlanSampler, {"shipped": []}, ConfigError, "shipped"),
@@ -137,4 +138,4 @@ def test_tables_of_a_file_are_read() -> None:
 )
 def test_tables_are_checked(kind: Any, table: dict[str, Any], error: type[Exception], text: str) -> None:
     with pytest.raises(error, match=text):
-        kind.from_table(table)
+        from_table(kind, table, "plans")

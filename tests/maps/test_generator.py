@@ -195,7 +195,7 @@ def test_angled_and_curved_are_not_right_angled() -> None:
         ({"closed_doors": -0.1}, "closed_doors must be"),
         ({"door_width": 3.0}, "door_width must be"),
         ({"interior_wall": 0.0}, "interior_wall must be"),
-        ({"rooms": 2}, "at least 3"),
+        ({"rooms": 2}, "rooms must be a whole number, 3 or more"),
         ({"rooms": 12.5}, "whole number"),
         ({"area": 200.0, "rooms": 190}, "ask for 6 to 150 m2"),
         ({"topology": "rng"}, "did you mean 'ring'"),

@@ -71,7 +71,7 @@ def test_every_predictor_by_name() -> None:
         make_predictor("layuot")
     with pytest.raises(ConfigError, match="flip"):
         make_predictor("layout:flip=1")
-    with pytest.raises(ConfigError, match="network=off"):
+    with pytest.raises(ConfigError, match="known: off, on"):
         make_predictor("layout:network=maybe")
 
 

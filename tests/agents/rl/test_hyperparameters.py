@@ -42,7 +42,7 @@ def test_a_file_changes_the_shipped_ones_and_flags_win(tmp_path: Path) -> None:
         ("[learning]\nlearning_rat = 1e-3", r"\[learning\]: 'learning_rat': did you mean 'learning_rate'"),
         ('algorithm = "dqn"\n[network]\nwidth = 8', "unknown hyper-parameter of 'dqn' in .*'network'"),
         ('algorithm = "sac"', "unknown algorithm 'sac'"),
-        ('[network]\nencoder = "lstm"', "unknown encoder 'lstm'"),
+        ('[network]\nencoder = "lstm"', "unknown network.encoder 'lstm'"),
         ("[network]\nheads = 5", "heads must divide"),
         ("steps = 1.5", "steps .* must be a whole number, got 1.5"),
         ("steps = 0", "steps must be a whole number, 1 or more"),

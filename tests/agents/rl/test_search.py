@@ -211,7 +211,7 @@ def test_what_cannot_be_explored_is_told_before_anything_is_written(
     ("table", "message"),
     [
         ({"round": 6}, "multiple of twice"),
-        ({"spread": 0.0}, "spread must be above 0"),
+        ({"spread": 0.0}, "spread must be a finite number above 0"),
         ({"pairs": 0}, "pairs must be a whole"),
     ],
 )

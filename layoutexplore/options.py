@@ -1,0 +1,276 @@
+"""Options: which values a configuration takes, and how they are read from tables and from `NAME:key=value,...`.
+
+A configuration is a frozen dataclass that calls `check` in its `__post_init__`. What is chosen by a text on the
+command line, an agent or a predictor, has its parameters in a child of `Options` and is read by `parse_spec`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any, TypeVar
+
+import numpy as np
+
+from layoutexplore.errors import ConfigError, unknown_name
+
+T = TypeVar("T")
+
+Value = bool | int | float | str
+
+_ONE = {bool: "true or false", int: "a whole number", float: "a number", str: "a text", dict: "a table"}
+_MANY = {bool: "flags", int: "whole numbers", float: "numbers", str: "names"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rule:
+    """Which values an option may have. NumPy's numbers are numbers, True and False are not; a number is finite.
+
+    Attributes:
+        kind: bool, int, float (whole numbers included), str or dict.
+        low: Least number.
+        high: Greatest number.
+        above: All numbers are greater than this.
+        below: All numbers are less than this.
+        choices: The only texts; any when empty.
+        optional: Whether None is a value, too.
+        count: So many values in a tuple or list, any number of them when -1; None for a single value.
+    """
+
+    kind: type = float
+    low: float = -math.inf
+    high: float = math.inf
+    above: float = -math.inf
+    below: float = math.inf
+    choices: tuple[str, ...] = ()
+    optional: bool = False
+    count: int | None = None
+
+    def __str__(self) -> str:
+        limits = [
+            f"{self.low:g} or more" if self.low > -math.inf else "",
+            f"above {self.above:g}" if self.above > -math.inf else "",
+            f"at most {self.high:g}" if self.high < math.inf else "",
+            f"below {self.below:g}" if self.below < math.inf else "",
+        ]
+        bounds = " and ".join(limit for limit in limits if limit)
+        if self.low > -math.inf and self.high < math.inf:
+            bounds = f"from {self.low:g} to {self.high:g}"
+        elif self.low > -math.inf:
+            bounds = f", {bounds}"
+        if self.count is not None:
+            what = f"a list of {'' if self.count < 0 else f'{self.count} '}{_MANY[self.kind]}"
+        else:
+            what = _ONE[self.kind]
+            if self.kind is float and not (math.isfinite(self.low) and math.isfinite(self.high)):
+                what = "a finite number"
+        return f"{what} {bounds}".replace(" ,", ",").rstrip()
+
+    def convert(self, name: str, value: Any) -> Any:
+        """The value, NumPy's numbers as Python's own and a list as a tuple.
+
+        Raises:
+            ConfigError: The value is not allowed; the message begins with the option's name.
+        """
+        if value is None and self.optional:
+            return None
+        if self.count is None:
+            good = self._allows(value)
+        else:
+            good = isinstance(value, (tuple, list)) and self.count in (-1, len(value))
+            good = good and all(map(self._allows, value))
+        if not good:
+            raise ConfigError(f"{name} must be {self}, got {value!r}")
+        values = (value,) if self.count is None else value
+        for text in values if self.choices else ():
+            if text not in self.choices:
+                raise unknown_name(name, text, self.choices)
+        plain = tuple(item.item() if isinstance(item, np.generic) else item for item in values)
+        return plain[0] if self.count is None else plain
+
+    def _allows(self, value: Any) -> bool:
+        if self.kind not in (int, float):
+            return isinstance(value, (bool, np.bool_) if self.kind is bool else self.kind)
+        if isinstance(value, bool) or not isinstance(value, Integral if self.kind is int else Real):
+            return False
+        number = float(value)
+        return math.isfinite(number) and self.low <= number <= self.high and self.above < number < self.below
+
+
+COUNT = Rule(kind=int, low=1)
+POSITIVE = Rule(above=0.0)
+NON_NEGATIVE = Rule(low=0.0)
+SHARE = Rule(low=0.0, high=1.0)
+FLAG = Rule(kind=bool)
+
+
+def rule_like(default: Any) -> Rule:
+    """The rule of which a default is an example: numbers as many as its own, any number of names, None or a number."""
+    if default is None:
+        return Rule(optional=True)
+    if isinstance(default, (tuple, list)):
+        kinds = {type(item) for item in default}
+        if kinds <= {str}:
+            return Rule(kind=str, count=-1)
+        return Rule(kind=int if kinds == {int} else float, count=len(default))
+    return Rule(kind=type(default))
+
+
+def check(config: object, prefix: str = "", /, **rules: Rule) -> None:
+    """Check fields of a frozen dataclass, each by its rule; NumPy's numbers become Python's own.
+
+    Args:
+        config: The configuration that is being made.
+        prefix: What stands before a field's name in a message.
+        rules: By the fields' names.
+
+    Raises:
+        ConfigError: A value is not allowed.
+    """
+    for name, rule in rules.items():
+        object.__setattr__(config, name, rule.convert(prefix + name, getattr(config, name)))
+
+
+def check_keys(table: Any, known: Iterable[str], where: str) -> None:
+    """Raise `ConfigError` unless it is a table with known keys only; the closest known ones are suggested."""
+    if not isinstance(table, Mapping):
+        raise ConfigError(f"expected a table in {where}, got {table!r}")
+    known = list(known)
+    for key in table:
+        if key not in known:
+            raise unknown_name(f"key in {where}:", str(key), known)
+
+
+def from_table(kind: type[T], table: Any, where: str) -> T:
+    """A configuration from a table of a TOML file; lists become tuples.
+
+    Args:
+        kind: Its dataclass.
+        table: Values of its fields.
+        where: File and table, for messages.
+
+    Raises:
+        UnknownNameError: There is no such key; the closest ones are suggested.
+        ConfigError: A key is missing, or a value makes no sense.
+    """
+    fields = dataclasses.fields(kind)  # type: ignore[arg-type]
+    check_keys(table, [f.name for f in fields], where)
+    needed = [f.name for f in fields if f.default is f.default_factory is dataclasses.MISSING]
+    if lacking := [name for name in needed if name not in table]:
+        raise ConfigError(f"{where}: missing {' and '.join(lacking)}")
+    try:
+        return kind(**{key: tuple(v) if isinstance(v, list) else v for key, v in table.items()})
+    except ConfigError as error:
+        raise type(error)(f"{where}: {error}") from error
+    except TypeError as error:
+        raise ConfigError(f"{where}: {error}") from error
+
+
+def option(
+    default: Value,
+    text: str,
+    *,
+    low: float = -math.inf,
+    high: float = math.inf,
+    choices: tuple[str, ...] = (),
+    positional: bool = False,
+) -> Any:
+    """A field of an `Options` class.
+
+    Args:
+        default: Its default; it also decides the type that is read from a text.
+        text: What it means, with its unit.
+        low: Least number that makes sense.
+        high: Greatest number that makes sense.
+        choices: The words that are allowed; for a text.
+        positional: Whether the value may stand right behind the colon without the key, `NAME:VALUE`; for one
+            text.
+    """
+    rule = Rule(kind=type(default), low=low, high=high, choices=choices)
+    return dataclasses.field(default=default, metadata={"text": text, "rule": rule, "positional": positional})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Parameters of what is chosen by name; subclasses add fields made by `option`.
+
+    Raises:
+        ConfigError: A value has the wrong type or lies outside what makes sense.
+    """
+
+    def __post_init__(self) -> None:
+        check(self, **{field.name: field.metadata["rule"] for field in dataclasses.fields(self)})
+
+
+def parse_spec(what: str, spec: str, known: Mapping[str, Options]) -> tuple[str, Options]:
+    """Name and options from `NAME` or `NAME:key=value,key=value`.
+
+    Args:
+        what: What is chosen, "agent" or "predictor", for messages.
+        spec: The text.
+        known: The default options by name.
+
+    Raises:
+        UnknownNameError: There is no such name or parameter; the closest ones are suggested.
+        ConfigError: The text is not of that form, or a value makes no sense.
+    """
+    name, colon, text = spec.strip().partition(":")
+    if name not in known:
+        raise unknown_name(what, name, known)
+    if not colon:
+        return name, known[name]
+    if not text.strip():
+        form = f"write {name!r} or NAME:key=value,key=value"
+        raise ConfigError(f"{what} {spec!r}: nothing follows the colon; {form}")
+    fields = {field.name: field for field in dataclasses.fields(known[name])}
+    first = next((key for key, field in fields.items() if field.metadata["positional"]), "")
+    values: dict[str, Value] = {}
+    for number, item in enumerate(text.split(",")):
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if first and number == 0 and key not in fields:
+            key, equals, value = first, "=", item.strip()
+        if not (equals and key and value):
+            raise ConfigError(f"{what} {spec!r}: {item.strip()!r} is not of the form key=value")
+        if key not in fields:
+            if not fields:
+                raise ConfigError(f"{what} {spec!r}: it has no parameters")
+            raise unknown_name(f"parameter of {what} {name!r}", key, fields)
+        if key in values:
+            raise ConfigError(f"{what} {spec!r}: {key!r} is given twice")
+        values[key] = _read(f"{what} {spec!r}: {key}", fields[key].metadata["rule"].kind, value)
+    try:
+        return name, dataclasses.replace(known[name], **values)
+    except ConfigError as error:
+        raise ConfigError(f"{what} {spec!r}: {error}") from None
+
+
+def format_spec(name: str, options: Options, defaults: Options) -> str:
+    """The text that `parse_spec` reads: parameters in their order, those that have their default left out."""
+    fields = sorted(dataclasses.fields(options), key=lambda field: not field.metadata["positional"])
+    changed = [
+        ("" if field.metadata["positional"] else f"{field.name}=")
+        + format_value(getattr(options, field.name))
+        for field in fields
+        if getattr(options, field.name) != getattr(defaults, field.name)
+    ]
+    return f"{name}:{','.join(changed)}" if changed else name
+
+
+def format_value(value: Value) -> str:
+    """A value as it is written in a text; 1.0 is "1"."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
+
+
+def _read(name: str, kind: type[Value], text: str) -> Value:
+    """The value of a text in the type of a parameter."""
+    try:
+        if kind is bool:
+            return {"true": True, "false": False}[text.lower()]
+        return kind(text)
+    except (ValueError, KeyError):
+        raise ConfigError(f"{name} must be {_ONE[kind]}, got {text!r}") from None
