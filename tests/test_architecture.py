@@ -315,7 +315,7 @@ def test_names_in_backticks_exist() -> None:
 
 
 def test_tests_mirror_the_rooms() -> None:
-    top = {"test_architecture.py", "test_packaging.py", "test_readme.py"}
+    top = {"test_architecture.py", "test_packaging.py", "test_readme.py", *(f"test_{name}.py" for name in HALL)}
     loose = {p.name for p in (ROOT / "tests").glob("test_*.py")} - top
     folders = {
         ".".join(p.parent.relative_to(ROOT / "tests").parts) for p in (ROOT / "tests").rglob("test_*.py")
