@@ -79,15 +79,31 @@ def modules() -> dict[str, Path]:
 
 
 @cache
+def text_of(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+@cache
+def files_of_tests() -> tuple[Path, ...]:
+    return tuple(sorted((ROOT / "tests").rglob("*.py")))
+
+
+@cache
 def tree(module: str) -> ast.Module:
-    return ast.parse(modules()[module].read_text(encoding="utf-8"))
+    return ast.parse(text_of(modules()[module]))
+
+
+@cache
+def nodes(module: str) -> tuple[ast.AST, ...]:
+    """Every node of a module's tree."""
+    return tuple(ast.walk(tree(module)))
 
 
 @cache
 def imports(module: str) -> frozenset[str]:
     """Modules of the package that a module imports, inside functions and for type checkers too."""
     found = set()
-    for node in ast.walk(tree(module)):
+    for node in nodes(module):
         if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "layoutexplore":
             home = (node.module or "").partition(".")[2]
             for name in node.names:
@@ -119,7 +135,8 @@ def circles(arrows: dict[str, set[str]]) -> list[list[str]]:
     return sorted(sorted(group) for group in groups)
 
 
-def functions(module: str) -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
+@cache
+def functions(module: str) -> tuple[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef], ...]:
     """Every function with its dotted name."""
 
     def walk(node: ast.AST, prefix: str) -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
@@ -132,7 +149,7 @@ def functions(module: str) -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFun
             else:
                 yield from walk(child, prefix)
 
-    return walk(tree(module), module)
+    return tuple(walk(tree(module), module))
 
 
 def is_kernel(node: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
@@ -150,8 +167,7 @@ def length(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
 
 @cache
 def comment_lines(module: str) -> frozenset[int]:
-    text = modules()[module].read_text(encoding="utf-8")
-    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+    tokens = tokenize.generate_tokens(io.StringIO(text_of(modules()[module])).readline)
     return frozenset(token.start[0] for token in tokens if token.type == tokenize.COMMENT)
 
 
@@ -194,14 +210,12 @@ def test_the_hall_is_empty() -> None:
 
 
 def test_files_are_short() -> None:
-    check("long files", {n for n, p in modules().items() if p.read_text().count("\n") > LINES_OF_FILE})
+    check("long files", {n for n, p in modules().items() if text_of(p).count("\n") > LINES_OF_FILE})
 
 
 def test_lines_are_short() -> None:
-    paths = [*modules().values(), *(ROOT / "tests").rglob("*.py")]
-    wide = {
-        str(p.relative_to(ROOT)) for p in paths if any(len(s) > COLUMNS for s in p.read_text().splitlines())
-    }
+    paths = [*modules().values(), *files_of_tests()]
+    wide = {str(p.relative_to(ROOT)) for p in paths if any(len(s) > COLUMNS for s in text_of(p).splitlines())}
     check("wide lines", wide)
 
 
@@ -244,7 +258,7 @@ def test_public_names_mean_one_thing() -> None:
 def test_heavy_packages_stay_where_they_are_needed() -> None:
     guilty = set()
     for module in modules():
-        for node in ast.walk(tree(module)):
+        for node in nodes(module):
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             names += [n.name for n in node.names] if isinstance(node, ast.Import) else []
             for name in names:
@@ -258,7 +272,7 @@ def test_columns_have_names() -> None:
     guilty = {
         module
         for module in modules()
-        for node in ast.walk(tree(module))
+        for node in nodes(module)
         if isinstance(node, ast.Subscript)
         and (getattr(node.value, "attr", "") == "columns" or getattr(node.value, "id", "") == "columns")
         and any(
@@ -285,29 +299,31 @@ DOTTED = re.compile(r"`(layoutexplore(?:\.\w+)+)`")
 FILE = re.compile(r"`((?:layoutexplore|envs|agents|maps|tests|\.images)/[\w./-]*\w)`")
 
 
+@cache
+def names_of(module: str) -> frozenset[str]:
+    """Names that a module uses, defines or imports."""
+    names = {node.id for node in nodes(module) if isinstance(node, ast.Name)}
+    for node in tree(module).body:
+        names |= {node.name} if isinstance(node, (ast.FunctionDef, ast.ClassDef)) else set()
+        names |= {a.asname or a.name for a in node.names} if isinstance(node, ast.ImportFrom) else set()
+    return frozenset(names)
+
+
+@cache
 def exists(dotted: str) -> bool:
     """Whether a dotted name of the package can be reached, without importing what needs an extra."""
     parts = dotted.split(".")[1:]
     for k in range(len(parts), 0, -1):
         module = ".".join(parts[:k])
         if module in modules():
-            rest = parts[k:]
-            if not rest:
-                return True
-            names = {t.id for n in tree(module).body for t in ast.walk(n) if isinstance(t, ast.Name)}
-            for node in tree(module).body:
-                names |= {node.name} if isinstance(node, (ast.FunctionDef, ast.ClassDef)) else set()
-                names |= (
-                    {a.asname or a.name for a in node.names} if isinstance(node, ast.ImportFrom) else set()
-                )
-            return rest[0] in names
+            return not parts[k:] or parts[k] in names_of(module)
     return hasattr(importlib.import_module("layoutexplore"), parts[0])
 
 
 def test_names_in_backticks_exist() -> None:
     missing = set()
-    for path in [*modules().values(), *(ROOT / "tests").rglob("*.py"), ROOT / "README.md"]:
-        text = path.read_text(encoding="utf-8")
+    for path in [*modules().values(), *files_of_tests(), ROOT / "README.md"]:
+        text = text_of(path)
         here = path.relative_to(ROOT)
         missing |= {f"{here}: {name}" for name in DOTTED.findall(text) if not exists(name)}
         missing |= {f"{here}: {name}" for name in FILE.findall(text) if not (ROOT / name).exists()}
@@ -315,7 +331,12 @@ def test_names_in_backticks_exist() -> None:
 
 
 def test_tests_mirror_the_rooms() -> None:
-    top = {"test_architecture.py", "test_packaging.py", "test_readme.py", *(f"test_{name}.py" for name in HALL)}
+    top = {
+        "test_architecture.py",
+        "test_packaging.py",
+        "test_readme.py",
+        *(f"test_{name}.py" for name in HALL),
+    }
     loose = {p.name for p in (ROOT / "tests").glob("test_*.py")} - top
     folders = {
         ".".join(p.parent.relative_to(ROOT / "tests").parts) for p in (ROOT / "tests").rglob("test_*.py")
@@ -325,11 +346,11 @@ def test_tests_mirror_the_rooms() -> None:
     check("rooms without tests", {room(m) for m in modules()} - {f.partition(".")[0] for f in folders} - HALL)
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "tests").rglob("*.py")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", files_of_tests(), ids=lambda p: p.stem)
 def test_no_test_imports_a_private_name(path: Path) -> None:
     private = {
         f"{path.relative_to(ROOT)}: {name.name}"
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(ast.parse(text_of(path)))
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("layoutexplore")
         for name in node.names
         if name.name.startswith("_") and not name.name.startswith("__")
@@ -344,13 +365,11 @@ def test_lengths_are_in_metres() -> None:
     for module in modules():
         if room(module) == "grids":
             continue
+        lines = text_of(modules()[module]).splitlines()
         for node, after in zip(tree(module).body, [*tree(module).body[1:], None], strict=True):
             if not isinstance(node, ast.Assign) or not isinstance(node.value, (ast.Constant, ast.Tuple)):
                 continue
-            lines = (
-                modules()[module].read_text(encoding="utf-8").splitlines()[node.lineno - 1 : node.end_lineno]
-            )
-            said = " ".join(lines).partition("#")[2]
+            said = " ".join(lines[node.lineno - 1 : node.end_lineno]).partition("#")[2]
             if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
                 said += str(after.value.value)
             numbers = [n.value for n in ast.walk(node.value) if isinstance(n, ast.Constant)]
