@@ -19,3 +19,16 @@ def data_dir() -> Path:
             f"no data folder at {folder}: set LAYOUTEXPLORE_DATA to run the tests on real floor plans"
         )
     return folder
+
+
+@pytest.fixture
+def closed_door_maps(tmp_path: Path) -> Path:
+    """A folder with two explored maps of one office, its truth and a prediction."""
+    from tests.closed_doors.cases import draw, office
+
+    for k, shut in ((1, (2,)), (2, (2, 3))):
+        seen, truth = office(shut)
+        draw(seen, tmp_path / f"office_{k}_doors_IN.png")
+        draw(truth, tmp_path / "office_GT.png")
+    draw(truth, tmp_path / "office_1_doors_OUT.png")
+    return tmp_path

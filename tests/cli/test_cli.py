@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -217,36 +216,3 @@ def test_progress_is_told(terminal: bool) -> None:
         line.advance(2, 2, 1.0, "house")
     assert "reading" in file.getvalue() and "2/2 runs" in file.getvalue()
     assert clock(59.6) == "1:00" and clock(3600) == "1:00:00"
-
-
-README = (Path(__file__).parents[2] / "README.md").read_text()
-
-
-def test_the_readme_names_every_agent_and_sensor() -> None:
-    from layoutexplore.agents import agent_names
-    from layoutexplore.sensing.lidar import SENSORS
-
-    assert [name for name in (*agent_names(), *SENSORS) if f"| `{name}` |" not in README] == []
-
-
-def test_the_readme_opens_with_the_two_commands() -> None:
-    first, second = re.findall(r"^python3\.11 .*$", README, re.MULTILINE)[:2]
-    assert first.endswith("pip install -q '.[bench]' && .venv/bin/layoutexplore benchmark")
-    assert second.endswith("pip install -q -e '.[all,test]' -c tests/constraints.txt && .venv/bin/pytest -q")
-
-
-@pytest.mark.parametrize(
-    "block",
-    re.findall(r"```python\n(.*?)```", README, re.DOTALL),
-    ids=["gymnasium", "simulation", "vector", "layout"],
-)
-def test_the_readme_runs(block: str, capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(block, "README.md", "exec"), {})
-    assert capsys.readouterr().out
-
-
-def test_the_readme_configuration_is_read(tmp_path: Path) -> None:
-    from layoutexplore.benchmark.config import BenchmarkConfig, read_config
-
-    (tmp_path / "study.toml").write_text(re.findall(r"```toml\n(.*?)```", README, re.DOTALL)[0])
-    assert BenchmarkConfig(**read_config(tmp_path / "study.toml")).simulation_with("noisy").lidar.beams == 360

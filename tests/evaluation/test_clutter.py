@@ -5,9 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from layoutexplore.evaluation.clutter import ClutterConfig, add_clutter, line_error, run_study, wall_lines
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.evaluation.clutter import (
+    SHAPES,
+    ClutterConfig,
+    ClutterTrial,
+    add_clutter,
+    line_error,
+    run_study,
+    summarise,
+    table,
+    wall_lines,
+)
 from layoutexplore.grids.grid import OccupancyGrid, Pose
-from layoutexplore.layout.frame import angles_to_local, angles_to_world
 from layoutexplore.layout.lines.rose import RoseConfig, rose
 
 
@@ -66,6 +76,72 @@ def test_the_study_does_not_depend_on_where_the_map_lies() -> None:
     assert here.error == pytest.approx(there.error) and here.raw_error == there.raw_error
 
 
-def test_angles_to_local_undoes_angles_to_world() -> None:
-    origin, angles = Pose(1.0, 2.0, 2.5), np.array([0.0, 1.0, 3.0])
-    assert angles_to_local(angles_to_world(angles, origin), origin) == pytest.approx(angles)
+def hall():
+    cells = np.zeros((200, 200), np.int8)
+    cells[[10, 90, 190]] = 100
+    cells[:, [10, 100, 190]] = 100
+    return OccupancyGrid(cells, 0.05)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_clutter_only_fills_free_cells(shape):
+    grid = hall()
+    cluttered = add_clutter(grid, shape, 30, 9, np.random.default_rng(0))
+    changed = cluttered.cells != grid.cells
+    assert changed.sum() > 30
+    assert (grid.cells[changed] == 0).all()
+    again = add_clutter(grid, shape, 30, 9, np.random.default_rng(0))
+    assert np.array_equal(cluttered.cells, again.cells)
+
+
+def test_study_of_a_clean_hall():
+    told = []
+    config = ClutterConfig(shapes=("square", "star"), counts=(20, 60), sizes=(3, 15))
+    summary, trials = run_study({"hall": hall()}, config, progress=lambda *what: told.append(what))
+    assert told == [("maps cluttered", 1, 1)]
+    assert summary.trials == len(trials) == 8
+    assert summary.median_precision > 0.95
+    assert summary.clean_scores["hall"] < 0.2
+    assert summary.error < summary.raw_error
+    assert set(table(trials, "shape")) == {"square", "star"}
+
+
+def test_summary_correlates_score_and_precision():
+    trials = [
+        ClutterTrial(
+            map="a",
+            shape="star",
+            count=20,
+            size=2,
+            precision=1 - k / 10,
+            recall=0.5,
+            score=k / 20,
+            error=1.0,
+            raw_error=2.0,
+        )
+        for k in range(5)
+    ]
+    summary = summarise(trials, {})
+    assert summary.correlation == pytest.approx(-1)
+    assert summary.median_precision == pytest.approx(0.8)
+    assert np.isnan(summarise(trials[:1], {}).correlation)
+
+
+def test_line_error_is_the_cost_of_the_best_move():
+    truth = np.array([[0.0, 0.0, 4.0, 0.0], [0.0, 5.0, 0.0, 9.0]])
+    parallel = np.array([[1.0, 1.0, 3.0, 1.0]])
+    assert line_error(parallel, truth) == pytest.approx(0)
+    skew = np.array([[0.0, 1.0, 2.0, 3.0]])
+    assert line_error(skew, truth) == pytest.approx(np.pi / 4 * 2 / 2)
+    assert line_error(np.zeros((0, 4)), truth) == np.inf
+
+
+def test_nonsense_studies_are_refused():
+    with pytest.raises(ConfigError, match="blob"):
+        ClutterConfig(shapes=("blob",))
+    with pytest.raises(ConfigError):
+        ClutterConfig(counts=())
+    with pytest.raises(MapError):
+        run_study({})
+    with pytest.raises(MapError, match="void"):
+        run_study({"void": OccupancyGrid(np.zeros((9, 9), np.int8), 0.1)})

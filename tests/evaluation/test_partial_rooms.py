@@ -73,24 +73,6 @@ def test_items_are_rooms_in_part_with_a_frontier(snapshots: list[Snapshot]) -> N
             assert (snapshot.truth.raster.room_ids[item.mask] == item.room).all()
 
 
-def test_stored_snapshots_are_the_same(plan: FloorPlan, snapshots: list[Snapshot], tmp_path: Path) -> None:
-    for _ in range(2):  # The first writes, the second reads.
-        kept = explore(
-            plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7), store=tmp_path
-        )
-        assert [s.coverage for s in kept] == [s.coverage for s in snapshots]
-        for a, b in zip(kept, snapshots, strict=True):
-            assert (
-                np.array_equal(a.decision.grid.cells, b.decision.grid.cells)
-                and a.decision.pose == b.decision.pose
-            )
-            assert [f.viewpoint for f in a.decision.frontiers] == [f.viewpoint for f in b.decision.frontiers]
-            assert [f.visible_area for f in a.decision.frontiers] == [
-                f.visible_area for f in b.decision.frontiers
-            ]
-    assert len(list(tmp_path.iterdir())) == 1
-
-
 def test_measures() -> None:
     a, b = np.array([True, True, False, False]), np.array([True, False, False, False])
     assert (

@@ -9,8 +9,10 @@ import scipy.ndimage
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from layoutexplore.grids.components import label_components, split_labels
+from layoutexplore.grids.components import components, label_components, split_labels
 
 
 def check(mask: NDArray[np.bool_]) -> None:
@@ -76,3 +78,15 @@ def test_split_labels_match_scipy(seed: int) -> None:
     assert (parts[labels < 0] == -1).all()
     firsts = np.unique(parts[labels >= 0], return_index=True)[1]
     assert (np.diff(firsts) > 0).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 30), st.integers(0, 40), st.integers(0, 10**6))
+def test_components_are_numbered_by_their_first_member(count: int, edges: int, seed: int) -> None:
+    first, second = np.random.default_rng(seed).integers(0, count, (2, edges))
+    found = components(first, second, count)
+    _, slow = connected_components(
+        coo_array((np.ones(edges), (first, second)), (count, count)), directed=False
+    )
+    firsts = [slow.tolist().index(s) for s in slow]
+    assert found.tolist() == [sorted(set(firsts)).index(f) for f in firsts]

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from shapely import Polygon, affinity
 
+from layoutexplore.envs.curriculum import FIRST_SEED
 from layoutexplore.maps import load_plan, plan_names, splits
-from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.generator import FAMILIES
+from layoutexplore.maps.floorplan import FloorPlan, Room
+from layoutexplore.maps.generator import FAMILIES, generate
 from layoutexplore.maps.generator import shipped as ship
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.library import PLAN_FOLDER
@@ -84,3 +90,56 @@ def test_a_plan_survives_a_round_trip(plans: dict[str, FloorPlan], tmp_path: Pat
     plan = plans["curved-01"]
     save_plan(plan, tmp_path / "copy.geojson")
     assert load_plan(tmp_path / "copy.geojson").content_hash == plan.content_hash
+
+
+def shape_table(plan: FloorPlan) -> NDArray[np.float64]:
+    """float64 (rooms, 2): area and squared outline of each room; turning, mirroring and moving a plan changes nothing."""
+    return np.array([(room.polygon.area, room.polygon.length**2) for room in plan.rooms])
+
+
+def is_copy(a: FloorPlan, b: FloorPlan) -> bool:
+    """Whether four fifths of the rooms of the larger plan have a partner of the same size and outline in the other."""
+    first, second = np.log(shape_table(a)), np.log(shape_table(b))
+    apart = np.abs(first[:, None] - second[None]).max(axis=2)
+    same = (apart < 0.03).astype(float)
+    matched = same[linear_sum_assignment(same, maximize=True)].sum()
+    return bool(matched >= 0.8 * max(len(first), len(second)))
+
+
+def turned(plan: FloorPlan) -> FloorPlan:
+    """The plan mirrored, turned and moved, with one room gone: what a hash does not see."""
+
+    def change(room: Room) -> Room:
+        mirrored = affinity.scale(room.polygon, -1, 1, origin=(0, 0))
+        return replace(room, polygon=affinity.translate(affinity.rotate(mirrored, 90, origin=(0, 0)), 3, 5))
+
+    return replace(
+        plan,
+        name="copy",
+        rooms=tuple(change(room) for room in plan.rooms[1:]),
+        doors=(),
+        walls=Polygon(),
+        furniture=Polygon(),
+        passages=Polygon(),
+    )
+
+
+def test_copies_are_found() -> None:
+    plan = load_plan("office-04")
+    assert is_copy(plan, turned(plan)) and plan.content_hash != turned(plan).content_hash
+
+
+def test_no_test_plan_is_a_copy_of_a_training_plan() -> None:
+    table = splits()
+    parts = {split: [load_plan(name) for name in table[split]] for split in ("train", "validation", "test")}
+    for one, other in itertools.combinations(parts, 2):
+        pairs = itertools.product(parts[one], parts[other])
+        assert [(a.name, b.name) for a, b in pairs if is_copy(a, b) or a.building == b.building] == []
+
+
+def test_generated_training_plans_are_none_of_the_shipped() -> None:
+    shipped = [load_plan(name) for name in (*splits()["test"], *splits()["validation"])]
+    assert max(int(plan.metadata["seed"]) for plan in shipped) < FIRST_SEED
+    for plan in shipped[::3]:
+        drawn = generate(str(plan.metadata["family"]), FIRST_SEED)
+        assert not is_copy(drawn, plan)

@@ -83,3 +83,11 @@ def test_too_many_leaves_have_no_masks() -> None:
     arguments = (forest.feature, forest.threshold, forest.left, forest.right, forest.roots, forest.bias)
     assert leaf_masks(*arguments) is None
     assert forest.score(np.zeros((9, FEATURES))) == pytest.approx(walked(forest, np.zeros((9, FEATURES))))
+
+
+def test_a_forest_by_hand() -> None:
+    numbers = [np.array(v, np.int32) for v in ([1, -1, -1], [1, 0, 0], [2, 0, 0], [0])]
+    forest = Forest(
+        numbers[0], np.array([0.5, -1.0, 2.0], np.float32), numbers[1], numbers[2], numbers[3], 0.25
+    )
+    assert forest.score(np.array([[9.0, 0.5], [0.0, 0.6]], np.float32)).tolist() == [-0.75, 2.25]

@@ -12,13 +12,16 @@ from hypothesis import strategies as st
 
 from layoutexplore.errors import ConfigError, MapError, StartError
 from layoutexplore.frontiers.decision import STOP
+from layoutexplore.frontiers.decision import Path as CellPath
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.sensing.lidar import LidarConfig
+from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise, Robot, draw_start
-from layoutexplore.simulation.simulation import Simulation, SimulationConfig
+from layoutexplore.simulation.simulation import Simulation
+from tests.plans import offices
 
 THREE_ROOMS = """
 ##############################
@@ -234,3 +237,26 @@ def test_plan_without_room_for_the_robot() -> None:
 
 def test_disc_offsets() -> None:
     assert len(disc_offsets(1.0)) == 1 and len(disc_offsets(1.5)) == 9 and len(disc_offsets(2.0)) == 9
+
+
+def test_the_robot_gets_no_further_than_the_lidar_sees() -> None:
+    config = SimulationConfig(sensor="stage")
+    simulation = Simulation(offices(), config)
+    ahead = config.lidar.beams // 2
+    for seed in range(12):
+        simulation.reset(seed=seed)
+        seen = float(simulation.lidar.scan(simulation.pose)[ahead])
+        moved = simulation.drive(50.0).moved
+        assert moved <= seen - config.robot_radius + simulation.raster.resolution
+        assert moved < seen < 50.0
+
+
+def test_paths_that_jump_or_begin_elsewhere_are_refused() -> None:
+    simulation = Simulation(offices())
+    decision = simulation.reset(seed=0)
+    here = np.array(decision.grid.world_to_cell(decision.pose.x, decision.pose.y), np.int32)
+    paths: list[CellPath] = [np.stack([here, here + 2]), np.stack([here + 1, here + 2])]
+    for path, said in zip(paths, ("jumps", "starts at"), strict=True):
+        with pytest.raises(ConfigError, match=said):
+            simulation.step(path)
+    assert simulation.distance == 0.0

@@ -1,0 +1,60 @@
+"""Names and options of agents."""
+
+from __future__ import annotations
+
+import pytest
+
+from layoutexplore.agents import make_agent
+from layoutexplore.agents.base import register
+from layoutexplore.agents.greedy import Nearest, NearestOptions
+from layoutexplore.errors import ConfigError, UnknownNameError
+
+
+@pytest.mark.parametrize(
+    ("spec", "name"),
+    [
+        ("nearest:min_size=0.40", "nearest:min_size=0.4"),
+        (" nearest : min_size = 1".replace(" :", ":"), "nearest"),
+        ("nearest:distance=straight,min_size=0.5", "nearest:min_size=0.5,distance=straight"),
+        ("cost-utility-0.9:alpha=0.9", "cost-utility-0.9"),
+        ("clairvoyant:rounds=3", "clairvoyant:rounds=3"),
+    ],
+)
+def test_specs_have_a_canonical_name(spec: str, name: str) -> None:
+    assert make_agent(spec).name == name
+    assert make_agent(make_agent(spec).name).name == name
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ("nearst", "did you mean 'nearest'"),
+        ("nearest:minsize=1", "did you mean 'min_size'"),
+        ("nearest:", "nothing follows the colon"),
+        ("nearest:min_size", "not of the form key=value"),
+        ("nearest:min_size=", "not of the form key=value"),
+        ("nearest:min_size=1,min_size=2", "given twice"),
+        ("nearest:min_size=big", "must be a number, got 'big'"),
+        ("nearest:min_size=nan", "must be a finite number, 0 or more"),
+        ("nearest:min_size=-1", "must be a finite number, 0 or more"),
+        ("nearest:distance=euclid", "unknown distance 'euclid'"),
+        ("cost-utility:alpha=1.5", "from 0 to 1"),
+        ("clairvoyant:rounds=2.5", "a whole number"),
+        ("random:p=1", "has no parameters"),
+        ("", "unknown agent"),
+    ],
+)
+def test_bad_specs_say_what_is_wrong(spec: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        make_agent(spec)
+
+
+def test_unknown_names_are_unknown_name_errors() -> None:
+    with pytest.raises(UnknownNameError):
+        make_agent("toor")
+
+
+def test_a_name_is_given_once() -> None:
+    register("nearest", "the same again", Nearest, NearestOptions())
+    with pytest.raises(ConfigError, match="already"):
+        register("nearest", "another", Nearest, NearestOptions(min_size=3.0))

@@ -1,0 +1,40 @@
+"""Rooms behind closed doors: found, completed, and left alone where nothing is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from layoutexplore.closed_doors import predict_closed_rooms
+from layoutexplore.closed_doors.models import shipped_models
+from layoutexplore.closed_doors.prediction import door_probability, find_doors
+from layoutexplore.evaluation.closed_doors import score_prediction
+from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
+from tests.closed_doors.cases import WALL, WIDTH, office
+
+
+def test_closed_doors_are_found_and_open_ones_are_not() -> None:
+    def doors(shut: tuple[int, ...]) -> list[tuple[int, int]]:
+        models = shipped_models()
+        found = find_doors(
+            office(shut)[0], 0.05, lambda turns, edges, features: door_probability(features, models)
+        )
+        assert not any(found[1:])
+        return [(door.start, door.stop) for door in found[0]]
+
+    assert doors((1, 4)) == [(10 + k * (WIDTH + WALL) + 25, 10 + k * (WIDTH + WALL) + 45) for k in (1, 4)]
+    assert doors(()) == []
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_a_shut_room_between_its_neighbours_is_predicted(turns: int) -> None:
+    seen, truth = (np.ascontiguousarray(np.rot90(cells, turns)) for cells in office((2,)))
+    predicted = predict_closed_rooms(OccupancyGrid(seen, 0.05))
+    score = score_prediction(predicted.grid.free, seen == FREE, truth == FREE)
+    assert score.iou > 0.8
+    assert np.array_equal(predicted.grid.cells[seen != UNKNOWN], seen[seen != UNKNOWN])
+
+
+def test_a_grid_without_anything_known_stays_as_it_is() -> None:
+    predicted = predict_closed_rooms(OccupancyGrid(np.full((50, 60), UNKNOWN, np.int8), 0.05))
+    assert predicted.doors == 0 and not predicted.rooms.any()

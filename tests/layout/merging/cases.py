@@ -1,0 +1,94 @@
+"""Grids and graphs that the tests of the merging method share."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import strategies as st
+
+from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.layout.merging.adjacency_graph import (
+    DOOR,
+    EDGE_COLUMNS,
+    NODE_COLUMNS,
+    OPEN,
+    PASS,
+    SPACE,
+    PieceGraph,
+)
+
+
+def office(clutter: bool = False) -> OccupancyGrid:
+    """A corridor of 2 m with three rooms of 4 m x 5 m on either side, doors of 0.9 m, at 0.05 m; walls of 0.2 m."""
+    cells = np.full((260, 280), -1, np.int8)
+    cells[10:250, 10:270] = 100
+    cells[110:150, 14:266] = 0
+    for k in range(3):
+        left = 14 + 84 * k + (2 if k == 2 else 0)
+        for rows, door in (((14, 106), (106, 110)), ((154, 246), (150, 154))):
+            cells[rows[0] : rows[1], left : left + 80] = 0
+            cells[door[0] : door[1], left + 30 : left + 48] = 0
+    if clutter:
+        rng = np.random.default_rng(3)
+        for r, c in rng.integers(20, 240, (25, 2)):
+            if (cells[r - 2 : r + 6, c - 2 : c + 6] == 0).all():
+                cells[r : r + 3, c : c + 3] = 100
+    return OccupancyGrid(cells, 0.05)
+
+
+def plan() -> np.ndarray:
+    """Two rooms of 4 m x 5 m side by side above a corridor of 2 m, walls of 0.2 m, doors of 0.9 m, at 0.05 m."""
+    cells = np.full((170, 190), UNKNOWN, np.int8)
+    cells[10:164, 10:178] = 100
+    cells[14:54, 14:174] = 0
+    cells[58:158, 14:92] = 0
+    cells[58:158, 96:174] = 0
+    cells[54:58, 40:58] = 0
+    cells[54:58, 120:138] = 0
+    return cells
+
+
+def rooms_of(cells: np.ndarray) -> np.ndarray:
+    truth = np.zeros(cells.shape, np.int32)
+    truth[14:54], truth[58:158, 14:92], truth[58:158, 96:174] = 1, 2, 3
+    return np.where(cells == 0, truth, 0).astype(np.int32)
+
+
+@st.composite
+def graphs(draw: st.DrawFn) -> PieceGraph:
+    count = draw(st.integers(2, 9))
+    rng = np.random.default_rng(draw(st.integers(0, 10**6)))
+    pairs = [(a, b) for a in range(1, count + 1) for b in range(a + 1, count + 1) if rng.random() < 0.5]
+    nodes = np.zeros((count + 1, NODE_COLUMNS))
+    nodes[1:] = rng.integers(1, 60, (count, NODE_COLUMNS))
+    edges = rng.integers(0, 6, (len(pairs), EDGE_COLUMNS)).astype(np.float64)
+    edges[:, DOOR] = np.minimum(edges[:, DOOR], edges[:, OPEN])
+    rooms = rng.integers(0, 5, (count + 1, 3)).astype(np.float64)
+    return PieceGraph(nodes, np.array(pairs, np.int32).reshape(-1, 2), edges, rooms, 1.0)
+
+
+def slow_parts(graph: PieceGraph, area: float) -> list[set[int]]:
+    """The pieces that become one: each sliver in turn, by size, looks at all contacts of what it belongs to."""
+    groups = {k: {k} for k in range(1, len(graph.nodes))}
+    of = {k: k for k in groups}
+    order = sorted(groups, key=lambda k: (graph.nodes[k, SPACE], k))
+    for k in order:
+        if sum(graph.nodes[m, SPACE] for m in groups[of[k]]) >= area:
+            continue
+        found: dict[int, list[float]] = {}
+        for (a, b), edge in zip(graph.ends.tolist(), graph.edges, strict=True):
+            if edge[OPEN] > 0 and (of[a] == of[k]) != (of[b] == of[k]):
+                other = of[b] if of[a] == of[k] else of[a]
+                sums = found.setdefault(other, [0.0, 0.0, 0.0])
+                sums[0] += edge[OPEN]
+                sums[1] += edge[DOOR]
+                sums[2] = max(sums[2], edge[PASS])
+        if found:
+            top = max((v[2] * (0.5 if v[1] > 0.5 * v[0] else 1.0), v[0]) for v in found.values())
+            best = {o for o, v in found.items() if (v[2] * (0.5 if v[1] > 0.5 * v[0] else 1.0), v[0]) == top}
+            if len(best) > 1:
+                return []  # a tie: any choice is right
+            other, mine = best.pop(), of[k]
+            groups[other] |= groups.pop(mine)
+            for m in groups[other]:
+                of[m] = other
+    return list(groups.values())

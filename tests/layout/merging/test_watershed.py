@@ -1,0 +1,35 @@
+"""Watershed basins of the distance to the nearest wall."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis.extra import numpy as hnp
+
+from layoutexplore.layout.merging.watershed import closed_space, distance_basins
+
+
+@settings(max_examples=40, deadline=None)
+@given(hnp.arrays(np.bool_, (12, 14)))
+def test_basins_cover_the_open_cells(blocked: np.ndarray) -> None:
+    labels = distance_basins(blocked, 0.1, share=0.85, wide=1.5)
+    assert ((labels > 0) == ~blocked).all()
+    assert sorted(np.unique(labels[labels > 0])) == list(range(1, labels.max() + 1))
+
+
+def test_a_passage_parts_two_basins_and_a_wide_one_does_not() -> None:
+    blocked = np.ones((42, 82), bool)
+    blocked[1:41, 1:40] = False
+    blocked[1:41, 42:81] = False
+    blocked[18:24, 40:42] = False
+    assert distance_basins(blocked, 0.1, share=0.85, wide=3.0).max() == 2
+    blocked[1:41, 40:42] = False
+    assert distance_basins(blocked, 0.1, share=0.85, wide=3.0).max() == 1
+
+
+def test_chinks_of_unknown_space_are_closed_and_wide_ones_stay() -> None:
+    cells = np.zeros((60, 60), np.int8)
+    cells[:, 20:24] = -1
+    cells[:, 40:55] = -1
+    space = closed_space(cells, 0.05, 0.25)
+    assert space[30, 22] and not space[30, 47]

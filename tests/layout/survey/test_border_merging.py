@@ -1,0 +1,59 @@
+"""Regions that merge over long common borders."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from layoutexplore.layout.survey.border_merging import Borders, _target, merge_by_borders
+
+
+def test_borders_count_distinct_cells_and_merge() -> None:
+    labels = np.array([[1, 1, 2], [1, 1, 2], [0, 0, 3]], np.int32)
+    borders = Borders(labels)
+    assert borders.shares[1][2] == 2 and borders.shares[1][3] == 1
+    assert borders.shares[2][1] == 2
+    assert borders.around(1) == {1, 2, 3}
+    borders.merge(3, 2)
+    assert borders.area == [2, 4, 3, 0]
+    assert borders.perimeter == [0, *(sum(borders.shares[k].values()) for k in (1, 2, 3))]
+    assert 3 not in borders.shares[1] and borders.shares[1][2] == 3
+
+
+def slow_merging(labels: np.ndarray, resolution: float, merge_area: float) -> np.ndarray:
+    """Every merge starts again from the smallest piece."""
+    borders = Borders(labels)
+    merged = labels.copy()
+    while True:
+        alive = sorted((area, piece) for piece, area in enumerate(borders.area) if piece > 0 and area > 0)
+        targets = (
+            (piece, _target(borders, piece, area * resolution**2, merge_area)) for area, piece in alive
+        )
+        piece, target = next((pair for pair in targets if pair[1] > 0), (0, 0))
+        if target == 0:
+            return merged
+        borders.merge(piece, target)
+        merged[merged == piece] = target
+
+
+@settings(max_examples=60, deadline=None)
+@given(hnp.arrays(np.int32, (12, 13), elements=st.integers(0, 6)), st.sampled_from([0.05, 0.3, 1.0]))
+def test_pieces_merge_as_if_every_merge_started_again(labels: np.ndarray, resolution: float) -> None:
+    wide = np.ascontiguousarray(np.repeat(np.repeat(labels, 3, axis=0), 3, axis=1))
+    assert (merge_by_borders(wide, resolution, merge_area=12.5) == slow_merging(wide, resolution, 12.5)).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(hnp.arrays(np.int32, (10, 11), elements=st.integers(0, 3)))
+def test_borders_are_counted_as_in_the_slow_way(labels: np.ndarray) -> None:
+    borders = Borders(labels)
+    padded = np.pad(labels, 1)
+    inside = np.pad(np.ones(labels.shape, bool), 1)  # what lies beyond the map is nobody's border
+    for label in range(1, labels.max(initial=0) + 1):
+        near = np.zeros(padded.shape, bool)
+        for r, c in np.argwhere(padded == label):
+            near[r - 1 : r + 2, c - 1 : c + 2] = True
+        counts = np.bincount(padded[near & inside & (padded != label)])
+        assert borders.shares[label] == {k: n for k, n in enumerate(counts.tolist()) if n > 0}

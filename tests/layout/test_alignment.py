@@ -1,0 +1,43 @@
+"""The main direction of a map, and turning it there and back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from layoutexplore.layout.alignment import main_direction, surfaces, turn, turn_back
+from tests.layout.merging.cases import office
+
+maps = hnp.arrays(
+    np.int8, st.tuples(st.integers(1, 9), st.integers(1, 11)), elements=st.sampled_from([-1, 0, 100])
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(maps)
+def test_surfaces_are_occupied_cells_beside_free_ones(cells: np.ndarray) -> None:
+    padded = np.pad(cells, 1, constant_values=-1)
+    found = surfaces(cells)
+    for r, c in np.ndindex(cells.shape):
+        assert found[r, c] == (cells[r, c] == 100 and bool((padded[r : r + 3, c : c + 3] == 0).any()))
+
+
+@pytest.mark.parametrize("angle", [0.1, -0.4, 0.7])
+def test_labels_turn_there_and_back(angle: float) -> None:
+    grid = office()
+    turned = turn(grid.cells, angle, (0, 0))
+    back = turn_back((turned.cells == 0).astype(np.int32), turned, grid.shape) > 0
+    assert (back != grid.free).mean() < 0.05
+
+
+def test_the_main_direction_is_the_peak_modulo_a_right_angle() -> None:
+    profile = np.zeros(720)
+    profile[[80, 440]] = 1.0
+    assert main_direction(profile) == pytest.approx(np.radians(20))
+    profile = np.zeros(720)
+    profile[700] = 1.0
+    assert main_direction(profile) == pytest.approx(np.radians(-5))
+    assert main_direction(np.ones(720)) == 0.0

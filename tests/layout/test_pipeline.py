@@ -1,0 +1,335 @@
+"""The line methods on clean buildings, hard inputs and random grids."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import json
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from layoutexplore.drawing.layouts import draw_layout
+from layoutexplore.errors import ConfigError, MapError, UnknownNameError
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.layout.export import layout_to_geojson
+from layoutexplore.layout.lines.ias15 import Ias15Config
+from layoutexplore.layout.lines.rose2 import Rose2Config
+from layoutexplore.layout.merging.method import DefaultConfig
+from layoutexplore.layout.pipeline import METHOD_MODULES, LayoutCache, layout_method, reconstruct
+from layoutexplore.layout.types import BORDER, FaceKind
+
+METHODS = ("rose", "rose2", "ias15")
+
+
+def building(resolution=0.05, unknown=1.0):
+    """Three rooms of 4 x 4 m on either side of a corridor of 2 m, walls of 0.1 m, doors of 0.9 m, all on the corridor."""
+    scale = 1 / resolution
+    pad = round(unknown * scale)
+    rows, cols = round(10 * scale), round(12 * scale)
+    cells = np.zeros((rows, cols), np.int8)
+    wall = round(0.1 * scale)
+    for y in (0.0, 4.0, 6.0, 9.9):
+        cells[round(y * scale) : round(y * scale) + wall] = 100
+    for x in (0.0, 4.0, 8.0, 11.9):
+        for low, high in ((0.0, 4.0), (6.0, 10.0)):
+            cells[round(low * scale) : round(high * scale), round(x * scale) : round(x * scale) + wall] = 100
+    cells[:, :wall] = cells[:, -wall:] = 100
+    for y, x in itertools.product((4.0, 6.0), (1.5, 5.5, 9.5)):
+        cells[round(y * scale) : round(y * scale) + wall, round(x * scale) : round((x + 0.9) * scale)] = 0
+    return OccupancyGrid(np.pad(cells, pad, constant_values=-1), resolution)
+
+
+def hard_inputs():
+    rng = np.random.default_rng(0)
+    rows, cols = np.mgrid[:200, :200] - 100
+    radius, angle = np.hypot(rows, cols), np.arctan2(rows, cols)
+    inputs = {
+        name: np.full((200, 200), value)
+        for name, value in (("all unknown", -1), ("all free", 0), ("all occupied", 100))
+    }
+    beams = np.sin(angle * 40) > 0
+    inputs["single scan"] = np.select(
+        [(radius < 70) & beams, (np.abs(radius - 70) < 1) & beams], [0, 100], -1
+    )
+    inputs["salt noise"] = np.where(rng.random((200, 200)) < 0.05, 100, 0)
+    inputs["circular room"] = np.select([np.abs(radius - 80) < 1.5, radius < 80], [100, 0], -1)
+    two = np.full((200, 200), 100)
+    two[20:90, 20:140] = two[95:180, 20:180] = two[85:100, 70:90] = 0
+    inputs["two levels"] = two
+    inputs["tiny"] = np.pad(np.pad(np.zeros((14, 14)), 1, constant_values=100), 2, constant_values=-1)
+    inputs["one cell"] = np.zeros((1, 1))
+    inputs["one row"] = np.where(np.arange(60) % 3, 0, 100)[None]
+    lone = np.zeros((150, 150))
+    lone[75, 20:130] = 100
+    inputs["one wall"] = lone
+    spot = np.full((60, 60), -1)
+    spot[30, 30], spot[30, 31] = 0, 100
+    inputs["one free cell"] = spot
+    return {
+        name: OccupancyGrid(np.ascontiguousarray(c, np.int8), 0.05, Pose(1, 2, 0.3))
+        for name, c in inputs.items()
+    }
+
+
+def check(layout, grid):
+    assert layout.labels.shape == grid.shape
+    labels = layout.room_labels(grid)
+    assert not labels[grid.occupied].any()
+    assert set(np.unique(labels)) <= {0, *(r.id for r in layout.rooms)}
+    assert [r.id for r in layout.rooms] == list(range(1, len(layout.rooms) + 1))
+    for room in layout.rooms:
+        assert room.polygon.is_valid and room.area > 0
+        assert 0 <= room.seen_share <= 1
+    for a, b in itertools.combinations(layout.rooms, 2):
+        assert a.polygon.intersection(b.polygon).area < 1e-6
+    assert layout.rooms or layout.warnings or layout.method == "rose"
+    json.dumps(layout_to_geojson(layout))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", list(hard_inputs()))
+def test_hard_inputs_have_an_answer(method, name):
+    grid = hard_inputs()[name]
+    layout = reconstruct(grid, method)
+    check(layout, grid)
+    assert draw_layout(layout, grid, panel=80).dtype == np.uint8
+
+
+@pytest.mark.parametrize("method", ["rose2", "ias15"])
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=8, deadline=None)
+def test_random_grids_never_break_a_method(method, seed):
+    rng = np.random.default_rng(seed)
+    cells = rng.choice(
+        np.array([-1, 0, 100], np.int8),
+        (rng.integers(1, 90), rng.integers(1, 90)),
+        p=rng.dirichlet((1, 1, 1)),
+    )
+    grid = OccupancyGrid(np.repeat(np.repeat(cells, 2, axis=0), 2, axis=1), 0.1)
+    check(reconstruct(grid, method), grid)
+
+
+@pytest.mark.parametrize("method", ["rose2", "ias15"])
+def test_a_clean_building_has_its_rooms(method):
+    grid = building()
+    layout = reconstruct(grid, method)
+    check(layout, grid)
+    assert len(layout.rooms) == 7
+    areas = sorted(r.area for r in layout.rooms)
+    assert areas[:6] == pytest.approx([16] * 6, rel=0.1)
+    assert areas[6] == pytest.approx(24, rel=0.1)
+    assert all(r.is_closed and not r.is_partial and r.seen_share > 0.95 for r in layout.rooms)
+    assert np.count_nonzero(layout.labels) > 0.97 * grid.free.sum()
+    assert np.degrees(layout.directions) % 90 == pytest.approx([0, 0], abs=0.5) or np.allclose(
+        np.abs(np.mod(np.degrees(layout.directions) + 45, 90) - 45), 0, atol=0.5
+    )
+
+
+def partition_changes(labels, other):
+    """Cells that are not in the same room of two labellings, matched by largest overlap."""
+    table = np.zeros((labels.max() + 1, other.max() + 1), np.int64)
+    np.add.at(table, (labels.ravel(), other.ravel()), 1)
+    return labels.size - int(table.max(axis=1).sum())
+
+
+@pytest.mark.parametrize("method", ["rose2", "ias15"])
+@pytest.mark.parametrize("turn", ["quarter", "half", "left-right", "up-down"])
+def test_turned_and_mirrored_maps_give_the_same_rooms(method, turn):
+    ways = {
+        "quarter": lambda a, k=1: np.rot90(a, k),
+        "half": lambda a, k=2: np.rot90(a, k),
+        "left-right": lambda a, k=0: np.fliplr(a),
+        "up-down": lambda a, k=0: np.flipud(a),
+    }
+    back = {
+        "quarter": lambda a: np.rot90(a, -1),
+        "half": lambda a: np.rot90(a, 2),
+        "left-right": np.fliplr,
+        "up-down": np.flipud,
+    }
+    grid = building()
+    turned = OccupancyGrid(np.ascontiguousarray(ways[turn](grid.cells)), grid.resolution)
+    first, second = reconstruct(grid, method), reconstruct(turned, method)
+    assert len(first.rooms) == len(second.rooms)
+    perimeter = sum(r.polygon.length for r in first.rooms) / grid.resolution
+    assert partition_changes(first.labels, back[turn](second.labels)) < 2 * perimeter
+
+
+@pytest.mark.parametrize("method", ["rose2", "ias15"])
+def test_resolution_and_origin_leave_the_rooms_where_they_are(method):
+    coarse, fine = (reconstruct(building(resolution), method) for resolution in (0.1, 0.05))
+    assert len(coarse.rooms) == len(fine.rooms) == 7
+    for room in coarse.rooms:
+        other = max(fine.rooms, key=lambda r: r.polygon.intersection(room.polygon).area)
+        assert room.polygon.intersection(other.polygon).area / room.polygon.union(other.polygon).area > 0.85
+    grid = building(0.1)
+    moved = reconstruct(OccupancyGrid(grid.cells, 0.1, Pose(5.0, -3.0, np.pi / 2)), method)
+    for room, other in zip(coarse.rooms, moved.rooms, strict=True):
+        turned = shapely.transform(room.polygon, lambda p: np.stack((5.0 - p[:, 1], p[:, 0] - 3.0), axis=1))
+        assert turned.symmetric_difference(other.polygon).area < 1e-6
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_layouts_are_deterministic(method):
+    grid = building()
+    first, second = reconstruct(grid, method), reconstruct(grid, method)
+    assert np.array_equal(first.labels, second.labels)
+    assert np.array_equal(first.segments, second.segments)
+    assert [r.polygon for r in first.rooms] == [r.polygon for r in second.rooms]
+
+
+def test_faces_know_their_neighbours_and_rooms():
+    layout = reconstruct(building(), "rose2")
+    faces = layout.faces
+    assert {f.kind for f in faces} >= {FaceKind.INTERNAL, FaceKind.EXTERNAL}
+    for face in faces:
+        for edge in face.edges:
+            assert 0 <= edge.weight <= 1
+            assert edge.line == BORDER or not layout.lines[edge.line].is_border
+        for neighbour in face.neighbours:
+            assert face.id in faces[neighbour].neighbours
+    for room in layout.rooms:
+        union = shapely.union_all([faces[i].polygon for i in room.faces])
+        assert union.symmetric_difference(room.polygon).area < 1e-6
+        assert all(faces[i].room == room.id for i in room.faces)
+    assert sum(line.is_border for line in layout.lines) == 4
+    for wall in layout.walls:
+        assert wall.length > 0
+        assert not layout.lines[wall.line].is_border
+
+
+def test_half_of_a_building_has_partial_and_open_rooms():
+    grid = building()
+    cells = grid.cells.copy()
+    cells[:, 130:] = -1
+    layout = reconstruct(OccupancyGrid(cells, grid.resolution), "rose2")
+    assert any(r.is_partial for r in layout.rooms)
+    assert any(not r.is_closed for r in layout.rooms)
+
+
+def test_rooms_that_are_apart_are_split():
+    cells = np.full((120, 260), -1, np.int8)
+    cells[20:100, 20:240] = 0
+    cells[[20, 99], 20:240] = 100
+    cells[20:100, [20, 239]] = 100
+    cells[20:100, 105:155] = -1  # never seen: two rooms, or one with an unseen middle
+    cells[[20, 99], 105:155] = 100
+    grid = OccupancyGrid(cells, 0.05)
+    assert len(reconstruct(grid, "rose2", {"split": False}).rooms) == 1
+    assert len(reconstruct(grid, "rose2").rooms) == 2
+
+
+def test_labels_follow_the_growing_grid():
+    grid = building()
+    layout = reconstruct(grid, "rose2")
+    later = OccupancyGrid(np.where(grid.cells == 0, 100, grid.cells).astype(np.int8), grid.resolution)
+    assert not layout.room_labels(later).any()
+    assert layout.room_labels() is layout.labels
+    with pytest.raises(MapError, match="layout is of a grid"):
+        layout.room_labels(building(0.1))
+
+
+def test_configuration():
+    grid = building(0.1)
+    assert len(reconstruct(grid, "rose2", Rose2Config(split=False)).rooms) == 7
+    with pytest.raises(UnknownNameError, match="line_distance"):
+        reconstruct(grid, "rose2", {"line_distanc": 1.0})
+    with pytest.raises(UnknownNameError, match="rose2"):
+        reconstruct(grid, "rose3")
+    with pytest.raises(ConfigError, match="Rose2Config"):
+        reconstruct(grid, "rose2", Ias15Config())
+    for bad in (
+        {"level": 0},
+        {"sigma": 0},
+        {"votes": 0},
+        {"split_area": -1},
+        {"inside_share": 2},
+        {"margin": -1},
+        {"deviation": 0},
+    ):
+        with pytest.raises(ConfigError):
+            Rose2Config(**bad)
+    with pytest.raises(ConfigError):
+        Ias15Config(bandwidth=0)
+
+
+def test_rose_cleans_and_keeps_the_walls():
+    grid = building()
+    cells = grid.cells.copy()
+    rng = np.random.default_rng(0)
+    for row, col in rng.integers(30, 200, (40, 2)):
+        cells[row : row + 3, col : col + 3] = np.where(
+            cells[row : row + 3, col : col + 3] == 0, 100, cells[row : row + 3, col : col + 3]
+        )
+    cluttered = OccupancyGrid(cells, grid.resolution)
+    layout = reconstruct(cluttered, "rose")
+    kept = layout.clean_grid.occupied
+    assert (kept & grid.occupied).sum() / kept.sum() > 0.95
+    assert (layout.clean_grid.cells[cluttered.occupied & ~kept] == 0).all()
+    assert layout.structure_score < 0.2
+
+
+def test_manhattan_option_drops_other_directions():
+    cells = building().cells.copy()
+    for k in range(60):
+        cells[120 - k, 40 + k] = cells[121 - k, 40 + k] = 100
+    grid = OccupancyGrid(cells, 0.05)
+    free, axes = (reconstruct(grid, "ias15", {"manhattan": option}) for option in (False, True))
+    assert len(free.directions) > len(axes.directions) == 2
+
+
+def test_cache_keeps_the_layout_while_the_walls_stay():
+    grid = building(0.1)
+    cache, exact = LayoutCache("rose2"), LayoutCache("rose2", exact=True)
+    layouts = cache(grid), exact(grid)
+    assert (cache(grid), exact(grid)) == layouts
+    grid.cells[0, 0] = 0  # the mapper writes into the same array
+    assert cache(grid) is layouts[0]
+    assert exact(grid) is not layouts[1]
+    grid.cells[0, 0] = 100
+    assert cache(grid) is not layouts[0]
+    assert cache(OccupancyGrid(grid.cells, 0.2)).clean_grid.resolution == 0.2
+
+
+@pytest.mark.parametrize("method", list(METHOD_MODULES))
+@pytest.mark.parametrize("value", ["wide", None, (1, 2, 3), float("nan"), float("inf"), [1.0]])
+def test_options_that_make_no_sense_are_named(method, value):
+    grid = OccupancyGrid(np.zeros((4, 4), np.int8), 0.1)
+    for option in dataclasses.fields(layout_method(method).config()):
+        if value != option.default:
+            with pytest.raises(ConfigError, match=f"{option.name} must be"):
+                reconstruct(grid, method, {option.name: value})
+
+
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [
+        ("morphological", {"depth": 0.0}),
+        ("morphological", {"area_min": 50.0}),
+        ("distance", {"area_max": -1.0}),
+        ("voronoi", {"neighbourhood": 0}),
+        ("voronoi", {"spacing": -0.1}),
+    ],
+)
+def test_the_classic_methods_refuse_lengths_and_areas_that_cannot_be(method, options):
+    with pytest.raises(ConfigError, match=next(iter(options))):
+        reconstruct(OccupancyGrid(np.zeros((4, 4), np.int8), 0.1), method, options)
+
+
+def test_numbers_of_every_kind_are_taken_and_flags_are_no_numbers():
+    grid = OccupancyGrid(np.zeros((30, 30), np.int8), 0.1)
+    config = {"room_area": 2, "chink": np.float32(0.25)}
+    assert reconstruct(grid, "default", config).rooms[0].area == reconstruct(grid).rooms[0].area
+    for method, options in (
+        ("rose2", {"split": 1}),
+        ("rose2", {"split_rounds": 1.5}),
+        ("default", {"chink": True}),
+    ):
+        with pytest.raises(ConfigError, match=next(iter(options))):
+            reconstruct(grid, method, options)
+    with pytest.raises(ConfigError, match="chink"):
+        reconstruct(grid, "default", dataclasses.replace(DefaultConfig(), chink=float("nan")))

@@ -1,0 +1,16 @@
+"""Fixtures that the tests of predictors share."""
+
+from __future__ import annotations
+
+import pytest
+
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.simulation.simulation import Simulation, SimulationConfig
+from tests.plans import PLAN
+
+
+@pytest.fixture(scope="module")
+def decision() -> Decision:
+    plan = floorplan_from_ascii(PLAN, resolution=0.9)
+    return Simulation(plan, SimulationConfig(sensor="short")).reset(seed=2)

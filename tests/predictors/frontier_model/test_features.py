@@ -1,0 +1,143 @@
+"""Features of frontiers: finite, the same in mirrored and turned maps, remembered."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers.detection import FrontierClusters, find_frontiers
+from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, UNKNOWN_BIT, draw_chart
+from layoutexplore.predictors.frontier_model.feature_kernels import TOUCHED, flood_unknown
+from layoutexplore.predictors.frontier_model.features import (
+    BLOCK,
+    FEATURES,
+    ProbeMemory,
+    _changed_blocks,
+    _probe,
+    frontier_features,
+    look_around,
+)
+from layoutexplore.predictors.seen_rooms import seen_regions
+from tests.predictors.cases import grids, nothing_seen
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    cells=hnp.arrays(
+        np.int8, st.tuples(st.integers(3, 24), st.integers(3, 24)), elements=st.sampled_from([-1, 0, 0, 100])
+    )
+)
+def test_every_free_cell_has_a_region_and_features_are_finite(cells: NDArray[np.int8]) -> None:
+    regions = seen_regions(cells, 0.2)
+    assert ((regions.labels > 0) == (cells == 0)).all()
+    clusters = find_frontiers(cells)
+    if len(clusters):
+        features = frontier_features(look_around(cells, clusters, regions, 0.2), np.zeros(len(clusters)))
+        assert features.shape == (len(clusters), len(FEATURES)) and np.isfinite(features).all()
+
+
+def test_mirrored_and_turned_frontiers_look_the_same() -> None:
+    cells = np.full((60, 60), -1, np.int8)
+    cells[10:40, 10:40] = 100
+    cells[12:38, 12:38] = 0
+    cells[20:29, 38:40] = 0
+    cells[15:20, 40] = -1
+    expected = None
+    for turns in range(4):
+        for mirrored in (False, True):
+            seen = np.ascontiguousarray(np.rot90(cells[:, ::-1] if mirrored else cells, turns))
+            first, regions = FrontierClusters.of([find_frontiers(seen).cluster(0)]), seen_regions(seen, 0.1)
+            features = frontier_features(look_around(seen, first, regions, 0.1), np.zeros(1))
+            names = [
+                k
+                for k, name in enumerate(FEATURES)
+                if name.startswith(("open_", "doors_", "size", "width", "region"))
+            ]
+            expected = features[:, names] if expected is None else expected
+            np.testing.assert_allclose(features[:, names], expected, rtol=1e-5)
+
+
+def features_of(
+    cells: NDArray[np.int8], clusters: FrontierClusters, resolution: float, memory: ProbeMemory | None = None
+) -> NDArray[np.float32]:
+    """The features of frontiers with nothing in sight."""
+    around = look_around(cells, clusters, seen_regions(cells, resolution), resolution, memory)
+    return frontier_features(around, np.zeros(len(clusters)))
+
+
+@settings(max_examples=40, deadline=None)
+@given(cells=grids, where=st.tuples(st.integers(0, 3), st.integers(0, 3)))
+def test_a_larger_grid_tells_nothing_more(cells: NDArray[np.int8], where: tuple[int, int]) -> None:
+    clusters = find_frontiers(cells)
+    if not len(clusters):
+        return
+    larger = np.full((cells.shape[0] + 5, cells.shape[1] + 7), -1, np.int8)
+    larger[where[0] : where[0] + cells.shape[0], where[1] : where[1] + cells.shape[1]] = cells
+    moved = FrontierClusters(clusters.cells + np.array(where, np.int32), clusters.offsets)
+    np.testing.assert_array_equal(features_of(larger, moved, 0.2), features_of(cells, clusters, 0.2))
+
+
+@settings(max_examples=12, deadline=None)
+@given(data=st.data())
+def test_a_memory_changes_nothing(data: st.DataObject) -> None:
+    rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
+    cells = rng.choice(np.array([-1, 0, 0, 100], np.int8), (30, 150))
+    memory = ProbeMemory()
+    for _ in range(4):
+        clusters = find_frontiers(cells)
+        np.testing.assert_array_equal(
+            features_of(cells, clusters, 0.4, memory), features_of(cells, clusters, 0.4)
+        )
+        r, c = rng.integers(0, 26), rng.integers(0, 146)
+        cells[r : r + 4, c : c + 4] = rng.choice(np.array([-1, 0, 100], np.int8), (4, 4))
+
+
+@settings(max_examples=60, deadline=None)
+@given(cells=grids, seed=st.integers(0, 1000))
+def test_floods_that_meet_no_barrier_are_shared(cells: NDArray[np.int8], seed: int) -> None:
+    """Probing all barriers at once writes what floods with each of them write; doors are scattered thinly, or not at all."""
+    clusters = find_frontiers(cells)
+    if not len(clusters):
+        return
+    rng = np.random.default_rng(seed)
+    chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 3.0)
+    chart.code[rng.random(chart.code.shape) < rng.choice([0.0, 0.01, 0.3])] |= DOOR_BIT
+    members = clusters.cluster(0) + np.int32(chart.margin)
+    depths, barriers = (
+        np.array([1, 2, 4], np.int64),
+        np.array([0, ALONG_ROWS | ALONG_COLS, DOOR_BIT], np.int64),
+    )
+    stamp, queue = np.zeros(chart.code.size, np.int32), np.zeros(chart.code.size, np.int32)
+    one = (
+        np.array([0, len(members)], np.int64),
+        np.zeros(1, np.int64),
+        depths,
+        np.array([8, 1, 3, 1], np.int64),
+        barriers,
+    )
+    found = np.zeros((1, len(FEATURES)), np.float32)
+    _, touched = _probe(chart.code, members, *one, stamp, 0, queue, found)
+    first = FEATURES.index("open_area_0.3")
+    for b, barrier in enumerate(barriers):
+        out, cells_touched = np.zeros(8, np.float32), np.zeros(TOUCHED, np.int32)
+        met = flood_unknown(chart.code, barrier, members, depths, stamp, 10 + b, queue, out, cells_touched)
+        np.testing.assert_array_equal(found[0, first + 8 * b : first + 8 * (b + 1)], out)
+        np.testing.assert_array_equal(touched[0, b], cells_touched)
+        assert met & UNKNOWN_BIT or not out.any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 100_000))
+def test_changed_blocks_against_a_slow_version(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    before = rng.integers(0, 64, rng.integers(1, 40, 2), np.uint8)
+    after = before.copy()
+    after[rng.random(before.shape) < 0.02] ^= 4
+    changed = _changed_blocks(before, after)
+    expected = np.zeros_like(changed, np.bool_)
+    for r, c in np.argwhere(before != after):
+        expected[r // BLOCK, c // BLOCK] = True
+    assert changed.shape == tuple(-(-n // BLOCK) for n in before.shape) and ((changed > 0) == expected).all()

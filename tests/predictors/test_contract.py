@@ -1,0 +1,48 @@
+"""What every predictor has in common."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
+from layoutexplore.predictors.oracle import OraclePredictor
+from layoutexplore.predictors.seen_rooms import seen_regions
+
+
+def test_every_predictor_by_name() -> None:
+    assert predictor_names()[0] == "none" and {
+        "rectangle",
+        "hull",
+        "parallel-wall",
+        "face-subset",
+        "oracle",
+        "layout",
+    } < set(predictor_names())
+    assert make_predictor("none") is None and make_room_predictor("none").name == "none"
+    with pytest.raises(UnknownNameError, match="layout"):
+        make_predictor("layuot")
+    with pytest.raises(ConfigError, match="flip"):
+        make_predictor("layout:flip=1")
+    with pytest.raises(ConfigError, match="known: off, on"):
+        make_predictor("layout:network=maybe")
+
+
+@pytest.mark.parametrize("name", [*predictor_names(), "layout:network=off"])
+def test_rooms_hold_what_is_seen_and_nothing_in_walls(name: str, decision: Decision) -> None:
+    predictor = make_room_predictor(name)
+    if isinstance(predictor, OraclePredictor):
+        return
+    cells = decision.grid.cells
+    rooms = predictor.rooms(decision)
+    regions = seen_regions(cells, decision.grid.resolution)
+    assert rooms.room_ids.dtype == np.int32 and rooms.passable.dtype == np.bool_
+    assert (rooms.room_ids[cells == 0] == regions.labels[cells == 0]).all()
+    assert not rooms.room_ids[cells == 100].any() and not rooms.passable[cells == 100].any()
+    assert rooms.passable[cells == 0].all()
+    judged = predictor.predict(decision)
+    for frontier in judged.frontiers:
+        assert isinstance(frontier.is_closed, bool) and (frontier.expected_area or 0.0) >= 0.0
+        assert 0.0 <= (frontier.confidence or 0.0) <= 1.0 and frontier.room is not None

@@ -1,0 +1,65 @@
+"""The learned predictor: forests, and networks where forests are in doubt."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.maps.library import load_plan
+from layoutexplore.predictors import make_predictor, make_room_predictor
+from layoutexplore.predictors.frontier_model.network import FrontierNetwork
+from layoutexplore.predictors.learned import FOLDER, FRONTIER_NETWORK, ROOM_NETWORK
+from layoutexplore.predictors.seen_rooms import seen_regions
+from layoutexplore.simulation.simulation import Simulation, SimulationConfig
+
+
+def test_the_layout_is_completed_when_somebody_looks(decision: Decision) -> None:
+    predictor = make_predictor("layout")
+    assert predictor is not None
+    judged = predictor.predict(decision)
+    labels = judged.layout.labels
+    assert labels.shape == decision.grid.shape and labels.dtype == np.int32
+    seen = seen_regions(decision.grid.cells, decision.grid.resolution)
+    assert labels.max() <= seen.count and (labels > 0).sum() >= (seen.labels > 0).sum()
+    again = make_predictor("layout")
+    assert again is not None
+    assert [f.expected_area for f in again.predict(decision).frontiers] == [
+        f.expected_area for f in judged.frontiers
+    ]
+
+
+def test_the_models_that_ship_are_small() -> None:
+    models = [path for pattern in ("*.json", "*.safetensors") for path in FOLDER.glob(pattern)]
+    assert {ROOM_NETWORK, FRONTIER_NETWORK} <= set(models) and sum(
+        path.stat().st_size for path in models
+    ) < 3_000_000
+
+
+def test_the_networks_have_a_say() -> None:
+    plan = load_plan("office-04")
+    decision = Simulation(plan, SimulationConfig(sensor="indoor")).reset(seed=1)
+    with_it, without = (make_room_predictor(name) for name in ("layout", "layout:network=off"))
+    assert (with_it.rooms(decision).room_ids != without.rooms(decision).room_ids).any()
+
+
+def test_networks_are_asked_where_trees_are_in_doubt(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Networks that are sure that all is closed change those frontiers and no others."""
+    asked: list[int] = []
+
+    def sure(_network: FrontierNetwork, windows: NDArray[np.uint8]) -> NDArray[np.float32]:
+        asked.append(len(windows))
+        return np.full((len(windows), 3), 30.0, np.float32)
+
+    monkeypatch.setattr(FrontierNetwork, "judge", sure)
+    total = 0
+    for seed in range(6):
+        decision = Simulation(load_plan("office-04"), SimulationConfig(sensor="indoor")).reset(seed=seed)
+        judged, trees = (
+            make_predictor(name).predict(decision).table for name in ("layout", "layout:network=off")
+        )
+        differ = (np.array(judged) != np.array(trees)).any(axis=0)
+        total += len(differ)
+        assert np.count_nonzero(differ) == asked[-1] and (judged.closed[differ] == 1).all()
+    assert len(asked) == 6 and 0 < sum(asked) < total / 2

@@ -1,0 +1,94 @@
+"""Rooms as far as they are seen: regions that part at doors, and the one that a frontier belongs to."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.layout.merging.door_gaps import free_runs, widens
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.predictors.seen_rooms import Regions, _gaps, find_doors, home_regions, seen_regions
+from tests.plans import PLAN
+
+
+def test_regions_part_at_doors() -> None:
+    raster = floorplan_from_ascii(PLAN, resolution=0.9).rasterize(0.1)
+    cells = np.where(raster.occupied, 100, 0).astype(np.int8)
+    regions = seen_regions(cells, 0.1)
+    assert regions.count == 4
+    for room in range(1, 5):
+        owners = regions.labels[(raster.room_ids == room) & raster.free]
+        assert (owners == np.bincount(owners).argmax()).mean() > 0.98
+    boxes = regions.boxes
+    for region in range(1, 5):
+        rows, cols = np.nonzero(regions.labels == region)
+        assert boxes[region].tolist() == [len(rows), rows.min(), cols.min(), rows.max() + 1, cols.max() + 1]
+
+
+def test_the_home_of_a_frontier() -> None:
+    labels = np.array([[1, 1, 2, 2, 3]], np.int32)
+    regions = Regions(labels, 3, np.zeros(labels.shape, np.float32))
+    clusters = FrontierClusters.of(
+        [np.array([[0, k] for k in part], np.int32) for part in ((0, 2, 3), (1, 2), (4,))]
+    )
+    assert home_regions(regions, clusters).tolist() == [2, 1, 3]
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 100_000))
+def test_gaps_against_a_slow_version(seed: int) -> None:
+    """Lines of wall with holes; whether the space widens is told by the runs of all cells."""
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((25, 60)) < rng.uniform(0, 0.1)
+    for r in rng.integers(0, 25, 3):
+        occupied[r] |= rng.random(60) < 0.85
+    narrowest, widest, wall, widening, depth = sizes = (2, 14, 2, 2, 3)
+    runs, expected = free_runs(occupied), []
+    for r, line in enumerate(occupied):
+        for left, right in itertools.pairwise(np.flatnonzero(line).tolist()):
+            n = right - left - 1
+            if not narrowest <= n <= widest:
+                continue
+            near: NDArray[np.bool_] = np.logical_or.reduce(np.pad(occupied, 1)[r : r + 3, 1:-1])
+            sides = near[max(left + 1 - wall, 0) : left + 1], near[right : right + wall]
+            walled = any(len(part) == wall and part.all() for part in sides)
+            middle = left + 1 + n // 2
+            if walled and all(widens(runs, r, middle, step, depth, n + widening) for step in (-1, 1)):
+                expected.append([r, left + 1, n])
+    assert _gaps(occupied, np.array(sizes, np.int64)).tolist() == expected
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 100_000))
+def test_sums_of_regions_against_slow_ones(seed: int) -> None:
+    """Labels in runs of all lengths, shorter and longer than what is compared at once; doors at few cells."""
+    rng = np.random.default_rng(seed)
+    labels = rng.integers(0, 5, (6, 60)).repeat(rng.integers(1, 30, 60), axis=1).astype(np.int32)
+    width = np.where(rng.random(labels.shape) < 0.02, rng.uniform(0.5, 2.0, labels.shape), 0.0).astype(
+        np.float32
+    )
+    regions = Regions(labels, 4, width)
+    for region in range(1, 5):
+        rows, cols = np.nonzero(labels == region)
+        expected = (
+            [len(rows), rows.min(), cols.min(), rows.max() + 1, cols.max() + 1] if len(rows) else [0] * 5
+        )
+        assert regions.boxes[region].tolist() == expected
+        total = 0.0
+        for value in width[rows, cols]:
+            total += 1.0 / np.float64(value) if value > 0 else 0.0
+        assert regions.doors[region] == pytest.approx(total, rel=1e-6)
+
+
+def test_doors_are_the_narrower_of_two_gaps() -> None:
+    rows = ["#########", "#...#...#", "#.......#", "#...#...#", "#########"]
+    cells = np.array([[c == "#" for c in row] for row in rows])
+    width = find_doors(np.kron(cells, np.ones((8, 8), np.bool_)), 0.1)
+    assert width.dtype == np.float32 and np.unique(width).tolist() == pytest.approx([0.0, 0.8])
+    assert (width[18:22, 34:38] > 0).all() and not width[:16].any() and not width[24:].any()

@@ -1,0 +1,70 @@
+"""Training the models for closed doors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from layoutexplore.cli import app
+from layoutexplore.closed_doors import predict_closed_rooms
+from layoutexplore.closed_doors.features import FEATURES
+from layoutexplore.evaluation.closed_doors import score_prediction
+from layoutexplore.grids.grid import FREE, OccupancyGrid
+from layoutexplore.models.forest_files import load_forests
+from layoutexplore.training import closed_doors as training
+from layoutexplore.training.closed_doors import collect, find_sources, fit, samples_of, save
+from layoutexplore.training.folds import building_of
+from tests.closed_doors.cases import office
+
+
+def test_learning_from_maps(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    samples = [collect(*office(shut), 0.05, rng) for shut in ((2,), (1, 4), (0, 3, 5))]
+    assert [int(s.is_door.sum()) for s in samples] == [1, 2, 3]
+    assert all(
+        s.boxes.shape == (len(s.agreement), len(FEATURES)) and s.agreement.max() > 0.9 for s in samples
+    )
+    models = fit(samples, trees=60)
+    seen, truth = office((3,))
+    predicted = predict_closed_rooms(OccupancyGrid(seen, 0.05), models)
+    assert score_prediction(predicted.grid.free, seen == FREE, truth == FREE).iou > 0.9
+    save(models, tmp_path / "models", "a note")
+    again = load_forests(tmp_path / "models" / "rooms.json", FEATURES)["agreement"]
+    boxes = samples[0].boxes
+    assert np.allclose(again.score(boxes), models.rooms.score(boxes), atol=1e-3)
+
+
+def test_samples_are_kept(closed_door_maps: Path, tmp_path: Path) -> None:
+    sources = find_sources(closed_door_maps, [])
+    assert [s.name for s in sources[:2]] == ["office_2_doors", "office-shut-0"]
+    first = samples_of(sources[0], tmp_path / "cache")
+    again = samples_of(sources[0], tmp_path / "cache")
+    assert first is not None and again is not None and np.array_equal(first.boxes, again.boxes)
+    assert [p.name for p in (tmp_path / "cache").iterdir()] == ["office_2_doors.npz"]
+    assert building_of("battle_2") == building_of("battle_1") == building_of("battle2") == "battle"
+
+
+def test_command_holds_buildings_out(
+    closed_door_maps: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(training, "SHUT_AGAIN", 1)
+    for path in list(closed_door_maps.glob("office_*")):
+        if "OUT" not in path.name:
+            (closed_door_maps / path.name.replace("office", "school")).write_bytes(path.read_bytes())
+    arguments = [
+        "evaluate",
+        "closed-doors",
+        str(closed_door_maps),
+        "--out",
+        str(tmp_path / "out"),
+        "--no-report",
+        "--folds",
+        "2",
+    ]
+    result = CliRunner().invoke(app, [*arguments, "--cache", str(tmp_path / "cache")])
+    assert result.exit_code == 0, result.output
+    assert "every building was held out" in result.output and result.output.count("never seen") == 4
+    assert len(list((tmp_path / "cache").iterdir())) == 4

@@ -1,0 +1,79 @@
+"""Training a predictor from the command line."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from layoutexplore import cli
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.predictors import make_room_predictor
+from layoutexplore.predictors.learned import FRONTIER_MODEL, FRONTIER_NETWORK, ROOM_NETWORK
+from tests.plans import PLAN
+
+
+def test_training_from_the_command_line(tmp_path: Path) -> None:
+    wide = "\n".join(row[:20] + row[19:20] * 4 + row[20:] for row in PLAN.strip().splitlines())
+    for name, plan in (("north", PLAN), ("south", wide)):
+        save_plan(floorplan_from_ascii(plan, resolution=0.9, name=name), tmp_path / f"{name}.geojson")
+    paths = [str(tmp_path / f"{name}.geojson") for name in ("north", "south")]
+    out = tmp_path / "models"
+    arguments = [
+        "evaluate",
+        "train-predictor",
+        *paths,
+        "--folds",
+        "2",
+        "--stops",
+        "2",
+        "--trees",
+        "4",
+        "--out",
+        str(out),
+    ]
+    network = ["office:7", "--stretched", "1", "--first-steps", "2", "--steps", "2", "--frontier-steps", "2"]
+    result = CliRunner().invoke(cli.app, [*arguments, *network, "--store", str(tmp_path / "store")])
+    assert result.exit_code == 0, result.output
+    assert "held out" in result.output and "hidden_iou" in result.output
+    notes = [
+        json.loads((out / folder / FRONTIER_MODEL.name).read_text())["note"]
+        for folder in ("fold1", "fold2", ".")
+    ]
+    frontiers, buildings = zip(*(map(int, re.findall(r"\d+", note)) for note in notes), strict=True)
+    assert buildings == (2, 2, 3), "a copy is of its plan's building, so that it is held out with it"
+    assert (out / "fold1" / "held_out.json").read_text() != (out / "fold2" / "held_out.json").read_text()
+    assert make_room_predictor(f"layout:model={out}").name.startswith("layout:")
+    networks = [path.name for path in (ROOM_NETWORK, FRONTIER_NETWORK)]
+    assert all((out / folder / name).exists() for folder in ("fold1", "fold2", ".") for name in networks)
+    alone = [*arguments, "office:7", "--no-network", "--store", str(tmp_path / "store")]
+    assert CliRunner().invoke(cli.app, alone).exit_code == 0
+    for folder, more in zip(("fold1", "fold2", "."), frontiers, strict=True):
+        fewer = json.loads((out / folder / FRONTIER_MODEL.name).read_text())["note"]
+        assert int(fewer.split()[0]) < more, "copies are learnt from"
+    assert not any(list(out.rglob(name)) for name in networks), "a network of an earlier training has no say"
+    for wrong in (["--folds", "3"], ["--folds", "2", "--no-forests"]):
+        result = CliRunner().invoke(
+            cli.app, [*arguments[:4], *wrong, "--stops", "2", "--no-network", "--out", str(tmp_path / "no")]
+        )
+        assert result.exit_code != 0 and not (tmp_path / "no").exists()
+
+
+def test_a_plan_that_is_seen_at_once_teaches_nothing(tmp_path: Path) -> None:
+    save_plan(
+        floorplan_from_ascii("####\n#aa#\n####", resolution=0.9, name="closet"), tmp_path / "closet.geojson"
+    )
+    save_plan(floorplan_from_ascii(PLAN, resolution=0.9, name="house"), tmp_path / "house.geojson")
+    closet, house = (str(tmp_path / f"{name}.geojson") for name in ("closet", "house"))
+    options = ["--no-network", "--stops", "2", "--trees", "4", "--out", str(tmp_path / "models")]
+    result = CliRunner().invoke(cli.app, ["evaluate", "train-predictor", closet, *options])
+    assert (
+        result.exit_code != 0
+        and "nothing to learn from" in str(result.exception)
+        and not (tmp_path / "models").exists()
+    )
+    result = CliRunner().invoke(cli.app, ["evaluate", "train-predictor", closet, house, *options])
+    assert result.exit_code == 0 and (tmp_path / "models" / FRONTIER_MODEL.name).exists(), result.output

@@ -1,0 +1,80 @@
+"""Training the forests of the learned predictor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from layoutexplore.agents import make_agent
+from layoutexplore.errors import ConfigError
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.models.forest_files import load_forests, save_forests
+from layoutexplore.predictors import make_predictor, make_room_predictor
+from layoutexplore.simulation.simulation import Simulation, SimulationConfig
+from layoutexplore.training.explorations import stopped_explorations
+from layoutexplore.training.folds import deal_groups
+from layoutexplore.training.predictor_forests import TrainingConfig, fit_frontier_forests, train_models
+from layoutexplore.training.predictor_samples import Samples, gather, join
+from tests.plans import PLAN
+
+
+def test_forests_are_what_was_trained(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    names = tuple("abcdefgh")
+    features = rng.normal(size=(600, len(names))).astype(np.float32)
+    closed = features[:, 3] > 0
+    area = np.abs(features[:, 5]).astype(float) * 3
+    samples = Samples(
+        features, closed, area, np.where(rng.random(600) < 0.5, "a", "b"), np.ones(600, np.bool_), []
+    )
+    forests = fit_frontier_forests(samples, TrainingConfig(trees=15, rate=0.3, feature_share=1.0))
+    assert ((forests["closed"].probability(features) > 0.5) == closed).mean() > 0.95
+    path = tmp_path / "model.json"
+    save_forests(path, forests, names, "a test")
+    again = load_forests(path, names)
+    np.testing.assert_allclose(
+        again["area"].score(features), forests["area"].score(features), rtol=1e-3, atol=1e-3
+    )
+    with pytest.raises(ConfigError, match="train it again"):
+        load_forests(path, ("size",))
+    with pytest.raises(ConfigError, match="'inside' is missing"):
+        load_forests(path, names, ("inside",))
+
+
+def test_generated_plans_do_not_outvote_real_ones() -> None:
+    """Where most frontiers are of generated plans, which are otherwise, trees still believe the real ones."""
+    rng = np.random.default_rng(0)
+    features = rng.normal(size=(900, 2)).astype(np.float32)
+    real = np.arange(900) < 200
+    closed = (features[:, 0] > 0) == real
+    building = np.where(real, "house", np.array([f"generated {k % 50}" for k in range(900)]))
+    forests = fit_frontier_forests(
+        Samples(features, closed, np.ones(900), building, real, []), TrainingConfig(trees=15, rate=0.3)
+    )
+    assert ((forests["closed"].probability(features) > 0.5) == closed)[real].mean() > 0.95
+
+
+def test_a_model_of_ones_own(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="frontier_model"):
+        make_predictor(f"layout:model={tmp_path}")
+    plans = [floorplan_from_ascii(PLAN, resolution=0.9, name=name) for name in ("one", "other")]
+    explorations = [
+        e for plan in plans for e in stopped_explorations(plan, make_agent, 1, 4, tmp_path / "store")
+    ]
+    samples = join([gather(explorations[:2]), gather(explorations[2:])], {"other": "house"})
+    assert set(samples.building.tolist()) == {cell.building for cell in samples.cells} == {"one", "house"}
+    others = samples.of_buildings(lambda name: name != "one")
+    assert set(others.building.tolist()) == {"house"} and len(others.features) == len(
+        gather(explorations[2:]).features
+    )
+    assert deal_groups(["a", "b", "b"], 2) == deal_groups(["b", "a"], 2)
+    train_models(samples, tmp_path, {"flat": "house"}, TrainingConfig(trees=3, cell_trees=3))
+    predictor = make_room_predictor(f"layout:model={tmp_path}")
+    assert (
+        predictor.name == f"layout:model={tmp_path}" and "house" in (tmp_path / "held_out.json").read_text()
+    )
+    decision = Simulation(plans[0], SimulationConfig(sensor="short"), predictor).reset(seed=2)
+    assert all(f.is_closed is not None for f in decision.frontiers)
+    assert predictor.rooms(decision).room_ids.shape == decision.grid.shape

@@ -1,0 +1,60 @@
+"""Training the forest that merges regions into rooms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.layout.merging.agglomeration import merge_pieces
+from layoutexplore.layout.merging.merge_forest import load_forest, save_forest
+from layoutexplore.layout.pipeline import reconstruct
+from layoutexplore.training.merging_examples import make_example
+from layoutexplore.training.room_merging import TrainingConfig, mean_forest, train_forest
+from tests.layout.merging.cases import office, plan, rooms_of
+
+
+def test_a_judge_can_be_trained_stored_and_read(tmp_path: Path) -> None:
+    grid = office(clutter=True)
+    truth = reconstruct(office()).labels
+    example = make_example(grid.cells, truth, 0.05, building="a", kind="x")
+    forest = train_forest([example, example], TrainingConfig(rounds=1, trees=5, leaves=4))
+    save_forest(forest, tmp_path / "model.json", note="test")
+    again = load_forest(tmp_path / "model.json")
+    assert (
+        (again.feature == forest.feature).all()
+        and (again.threshold == forest.threshold).all()
+        and again.bias == forest.bias
+    )
+    assert (merge_pieces(example.graph, again) == merge_pieces(example.graph, forest)).all()
+    (tmp_path / "other.json").write_text('{"features": ["x"], "bias": 0, "trees": []}')
+    with pytest.raises(ConfigError, match="train"):
+        load_forest(tmp_path / "other.json")
+
+
+def test_kinds_of_maps_weigh_what_they_are_given() -> None:
+    rooms = rooms_of(plan())
+    parted = make_example(plan(), rooms, 0.05, building="a", kind="parted")  # no two pieces are one room
+    whole = make_example(plan(), np.minimum(rooms, 1), 0.05, building="a", kind="whole")  # all are
+    for weights in ({}, {"whole": 4.0}, {"whole": 0.5, "parted": 2.0}):
+        forest = train_forest(
+            [parted, whole], TrainingConfig(rounds=1, forests=1, trees=2, kind_weights=weights)
+        )
+        assert forest.bias == pytest.approx(
+            np.log(weights.get("whole", 1.0) / weights.get("parted", 1.0)), abs=1e-5
+        )
+
+
+def test_the_mean_of_judges_is_a_judge() -> None:
+    example = make_example(plan(), rooms_of(plan()), 0.05, building="a", kind="x")
+    config = TrainingConfig(rounds=1, forests=1, trees=4, leaves=4)
+    one, other = (
+        train_forest([example, example], TrainingConfig(**{**config.__dict__, "seed": s})) for s in (0, 1)
+    )
+    both = mean_forest([one, other])
+    assert len(both.roots) == 8 and both.bias == pytest.approx((one.bias + other.bias) / 2)
+    assert (merge_pieces(example.graph, mean_forest([one])) == merge_pieces(example.graph, one)).all()
+    again = train_forest([example, example], config)
+    assert (again.threshold == one.threshold).all()
