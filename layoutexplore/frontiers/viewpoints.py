@@ -20,6 +20,7 @@ from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.visible_area import OpenView
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.planning.traversability import DistanceField
 
 MAX_REACH = 1.5
@@ -122,7 +123,7 @@ def choose_viewpoints(
     Returns:
         int32 (k, 2) viewpoints, bool (k,) whether there is one, and the clusters without, for the next call.
     """
-    offsets = _disc_offsets(math.ceil(MAX_REACH / resolution))
+    offsets = _nearest_first(math.ceil(MAX_REACH / resolution))
     return _choose(cells, distances, farthest, clusters.cells, clusters.offsets, offsets, vain)
 
 
@@ -145,14 +146,10 @@ def facing(cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tupl
 
 
 @functools.lru_cache(maxsize=8)
-def _disc_offsets(radius: int) -> NDArray[np.int32]:
+def _nearest_first(radius: int) -> NDArray[np.int32]:
     """int32 (n, 2): the offsets within a radius in cells, nearest first, ties by row and column."""
-    span = np.arange(-radius, radius + 1)
-    rows, cols = (a.ravel() for a in np.meshgrid(span, span, indexing="ij"))
-    squared = rows**2 + cols**2
-    order = np.lexsort((cols, rows, squared))
-    order = order[squared[order] <= radius**2]
-    return np.stack([rows[order], cols[order]], axis=1).astype(np.int32)
+    offsets = disc_offsets(radius, closed=True)
+    return offsets[np.argsort((offsets**2).sum(axis=1), kind="stable")]
 
 
 @njit(cache=True, nogil=True)

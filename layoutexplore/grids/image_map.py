@@ -177,5 +177,6 @@ def _inside_of_background(
 
 
 def _disc(radius: float, resolution: float) -> NDArray[np.uint8]:
+    # OpenCV's ellipse is broader than `morphology.disc`; the thresholds above were found with it.
     cells = max(1, round(radius / resolution))
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * cells + 1, 2 * cells + 1)), np.uint8)

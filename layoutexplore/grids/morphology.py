@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from functools import lru_cache
 
@@ -35,7 +34,7 @@ def inflate(occupied: NDArray[np.bool_], radius: float, resolution: float) -> ND
         raise ConfigError(f"the radius must be metres, 0 or more, got {radius}")
     world = check_mask(occupied)
     reach = radius / resolution
-    near = _disc(reach)
+    near = disc(reach)
     if near.size == 1:
         return world.copy()
     if reach <= 8:
@@ -53,21 +52,41 @@ def check_mask(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.ascontiguousarray(mask)
 
 
-def _squared(reach: float) -> float:
-    """The square of a reach in cells; centres at exactly the radius are not closer, whatever the rounding of the division."""
-    return reach * reach - 1e-9
+def _squared(radius: float) -> float:
+    """The square of a radius in cells, so that cells at exactly the radius lie outside whatever its division has rounded."""
+    return radius * radius - 1e-9
 
 
-@lru_cache(maxsize=16)
-def _disc(reach: float) -> NDArray[np.uint8]:
-    """uint8 (n, n): 1 where a cell's centre is closer than `reach` cells to that of the middle one, and in the middle."""
-    span = np.arange(-math.ceil(reach), math.ceil(reach) + 1)
-    near = (span[:, None] ** 2 + span[None, :] ** 2) < _squared(reach)
+@lru_cache(maxsize=32)
+def disc(radius: float, *, closed: bool = False) -> NDArray[np.uint8]:
+    """The cells around a middle one, uint8 (n, n): 1 where the centre lies within a radius, and always in the middle.
+
+    Args:
+        radius: In cells, 0 or more.
+        closed: Whether centres at exactly the radius belong to the disc.
+
+    Returns:
+        As small as possible (n is odd), read-only.
+
+    Example:
+        >>> disc(1.0).tolist(), disc(1.0, closed=True).tolist()
+        ([[1]], [[0, 1, 0], [1, 1, 1], [0, 1, 0]])
+    """
+    span = np.arange(-math.ceil(radius), math.ceil(radius) + 1)
+    squares = span[:, None] ** 2 + span[None, :] ** 2
+    near = squares <= radius * radius if closed else squares < _squared(radius)
     near[near.shape[0] // 2, near.shape[1] // 2] = True
     rows = np.flatnonzero(near.any(axis=1))
-    disc = near[rows[0] : rows[-1] + 1, rows[0] : rows[-1] + 1].astype(np.uint8)
-    disc.setflags(write=False)
-    return disc
+    out = near[rows[0] : rows[-1] + 1, rows[0] : rows[-1] + 1].astype(np.uint8)
+    out.setflags(write=False)
+    return out
+
+
+@lru_cache(maxsize=32)
+def disc_offsets(radius: float, *, closed: bool = False) -> NDArray[np.int32]:
+    """The offsets int32 (n, 2) of the cells of `disc` from the middle one, in raster order."""
+    near = disc(radius, closed=closed)
+    return np.ascontiguousarray(np.argwhere(near) - near.shape[0] // 2, np.int32)
 
 
 def grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:
@@ -125,13 +144,3 @@ def _grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], limit: float) -> ND
         front, behind = behind, front
         size = following
     return distance < np.inf
-
-
-@functools.lru_cache(maxsize=16)
-def disc_offsets(radius: float) -> NDArray[np.int32]:
-    """int32 (n, 2): offsets of the cells whose centres are closer than `radius` (in cells) to the centre of cell (0, 0)."""
-    reach = math.ceil(radius)
-    span = np.arange(-reach, reach + 1)
-    rows, cols = np.meshgrid(span, span, indexing="ij")
-    inside = rows**2 + cols**2 < radius**2
-    return np.stack([rows[inside], cols[inside]], axis=1).astype(np.int32)

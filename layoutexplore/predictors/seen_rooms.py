@@ -8,7 +8,7 @@ walked to soonest. Shadows do not matter: the distance is measured to walls alon
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -19,6 +19,7 @@ from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.morphology import disc
 from layoutexplore.grids.runs import run_end
 
 DOOR_WIDTHS = (0.45, 2.2)
@@ -86,17 +87,10 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
     part[inner] = cells[box]
     occupied, free = part == OCCUPIED, part == FREE
     doors = find_doors(occupied, resolution)
-    shut = cv2.dilate((occupied | (doors > 0)).view(np.uint8), _disc(CORE / resolution))
+    shut = cv2.dilate((occupied | (doors > 0)).view(np.uint8), disc(CORE / resolution, closed=True))
     grown, count = _grow(*label_components(free & (shut == 0)), free)
     labels[box], door_width[box] = grown[inner], doors[inner]
     return Regions(labels, count, door_width)
-
-
-@lru_cache(maxsize=8)
-def _disc(radius: float) -> NDArray[np.uint8]:
-    """Cells no further than a radius from the middle one."""
-    reach = np.arange(-int(radius), int(radius) + 1)
-    return (np.hypot(reach[:, None], reach) <= radius).astype(np.uint8)
 
 
 def find_doors(occupied: NDArray[np.bool_], resolution: float) -> NDArray[np.float32]:
