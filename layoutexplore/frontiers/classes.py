@@ -16,6 +16,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.components import label_components
+from layoutexplore.grids.grid import UNKNOWN
+
 
 @dataclass(frozen=True, kw_only=True)
 class ClassConfig:
@@ -86,7 +89,7 @@ def classify_frontiers(
     members = np.concatenate(frontiers).astype(np.int32) if len(frontiers) else np.empty((0, 2), np.int32)
     depth = max(1, round(config.depth / resolution))
     total, seen = _count_rooms(cells, room_ids, passable)
-    component, components = _label(cells, members, passable)
+    component, components = label_components((cells == UNKNOWN) & passable)
     by_room = _count_components(component, components, room_ids, len(total))
     room = _rooms_behind(cells, members, offsets, room_ids, passable, depth, len(total))
     other, beyond = _reached(component, members, offsets, by_room, room)
@@ -111,36 +114,6 @@ def _count_rooms(
                 total[room_ids[r, c]] += 1
                 seen[room_ids[r, c]] += cells[r, c] != -1
     return total, seen
-
-
-@njit(cache=True, nogil=True)
-def _label(
-    cells: NDArray[np.int8], members: NDArray[np.int32], passable: NDArray[np.bool_]
-) -> tuple[NDArray[np.int32], int]:
-    """Number the 4-connected components of the unknown passable cells that touch a frontier, from 1."""
-    rows, cols = cells.shape
-    component = np.zeros((rows, cols), np.int32)
-    stack = np.empty((rows * cols, 2), np.int32)
-    count = 0
-    for n in range(len(members)):
-        for step in range(4):
-            r, c = members[n, 0] + (step == 0) - (step == 1), members[n, 1] + (step == 2) - (step == 3)
-            if not _unknown_at(cells, passable, r, c) or component[r, c]:
-                continue
-            count += 1
-            component[r, c] = count
-            stack[0] = r, c
-            size = 1
-            while size:
-                size -= 1
-                row, col = stack[size]
-                for turn in range(4):
-                    r, c = row + (turn == 0) - (turn == 1), col + (turn == 2) - (turn == 3)
-                    if _unknown_at(cells, passable, r, c) and component[r, c] == 0:
-                        component[r, c] = count
-                        stack[size] = r, c
-                        size += 1
-    return component, count
 
 
 @njit(cache=True, nogil=True)
