@@ -21,6 +21,7 @@ from layoutexplore.frontiers.visible_area import OpenView
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.morphology import disc_offsets
+from layoutexplore.grids.rays import is_free_line
 from layoutexplore.planning.traversability import DistanceField
 
 MAX_REACH = 1.5
@@ -153,26 +154,6 @@ def _nearest_first(radius: int) -> NDArray[np.int32]:
 
 
 @njit(cache=True, nogil=True)
-def _sees(cells: NDArray[np.int8], row: int, col: int, to_row: int, to_col: int) -> bool:
-    """Whether the line between two cell centres runs through known free cells only (a 4-connected traversal)."""
-    d_row, d_col = to_row - row, to_col - col
-    step_row, step_col = (1 if d_row > 0 else -1), (1 if d_col > 0 else -1)
-    n_row, n_col = abs(d_row), abs(d_col)
-    i, j = 0, 0
-    while i < n_row or j < n_col:
-        # The next border crossed: compare (i + 1/2) / n_row with (j + 1/2) / n_col without a division.
-        if j >= n_col or (i < n_row and (1 + 2 * i) * n_col < (1 + 2 * j) * n_row):
-            row += step_row
-            i += 1
-        else:
-            col += step_col
-            j += 1
-        if cells[row, col] != 0:
-            return False
-    return True
-
-
-@njit(cache=True, nogil=True)
 def _without(
     cells: NDArray[np.int32], offsets: NDArray[np.int64], cols: int, left_out: NDArray[np.int64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
@@ -278,7 +259,7 @@ def _look_around(
             0 <= r < rows
             and 0 <= c < cols
             and distances[r + 1, c + 1] <= farthest
-            and _sees(cells, row, col, r, c)
+            and is_free_line(cells, row, col, r, c)
         ):
             view[0], view[1] = r, c
             return True
@@ -315,7 +296,7 @@ def _looked_at(
     for n in range(len(frontier)):
         r, c = frontier[n]
         # From the frontier to the viewpoint, as `_choose` looked: a traversal is not symmetric at corners.
-        seen[n] = (r - row) ** 2 + (c - col) ** 2 <= reach**2 and _sees(cells, r, c, row, col)
+        seen[n] = (r - row) ** 2 + (c - col) ** 2 <= reach**2 and is_free_line(cells, r, c, row, col)
     return seen
 
 

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 _STEEPEST = 1.0 - 1e-9
 
@@ -52,3 +53,27 @@ def steps(dx: float, dy: float, x_leads: bool, cols: int) -> tuple[np.uint64, np
     """Change of a cell's index in a ravelled grid of `cols` columns where the ray of `trace` moves on along and across."""
     step_x, step_y = (1 if dx >= 0.0 else -1), (cols if dy >= 0.0 else -cols)
     return np.uint64(step_x if x_leads else step_y), np.uint64(step_y if x_leads else step_x)
+
+
+@njit(cache=True, nogil=True)
+def is_free_line(cells: NDArray[np.int8], row: int, col: int, to_row: int, to_col: int) -> bool:
+    """Whether the line from one cell's centre to another's runs through free cells only; the first cell is not looked at.
+
+    At a corner it steps to the next column first, so that the way back may run through other cells.
+    """
+    d_row, d_col = to_row - row, to_col - col
+    step_row, step_col = (1 if d_row > 0 else -1), (1 if d_col > 0 else -1)
+    n_row, n_col = abs(d_row), abs(d_col)
+    i, j = 0, 0
+    while i < n_row or j < n_col:
+        # The next border crossed: compare (i + 1/2) / n_row with (j + 1/2) / n_col without a division. From
+        # centre to centre this is exact, which `trace`, in floating point, would not be at corners.
+        if j >= n_col or (i < n_row and (1 + 2 * i) * n_col < (1 + 2 * j) * n_row):
+            row += step_row
+            i += 1
+        else:
+            col += step_col
+            j += 1
+        if cells[row, col] != 0:
+            return False
+    return True

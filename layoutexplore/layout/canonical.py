@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
+from layoutexplore.grids.polygons import Point
 from layoutexplore.layout.frame import angles_to_world, extent, ranks, to_world, undirected
-from layoutexplore.layout.types import BORDER, Details, Face, FaceEdge, Layout, Line, Point, Wall
+from layoutexplore.layout.types import BORDER, Details, Face, FaceEdge, Layout, Line, Wall
 
 ConfigT = TypeVar("ConfigT")
 Side = TypeVar("Side", Line, Wall)

@@ -18,9 +18,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
-
-Point = tuple[float, float]
-"""A world point (x, y) in metres."""
+from layoutexplore.grids.polygons import Point
 
 OUTSIDE = -1
 """The neighbour of a face across an edge behind which there is no face."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
 from layoutexplore.sensing.lidar import (
     Lidar,
@@ -26,9 +27,6 @@ from layoutexplore.sensing.lidar import (
     position_in_cells,
 )
 from layoutexplore.sensing.scan_kernels import Changes, cast_and_mark, weigh
-
-Box = tuple[int, int, int, int]
-"""Half-open box of cells: (row0, row1, col0, col1)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from layoutexplore.layout.lines.face_clusters import (
     merge_small,
 )
 from layoutexplore.layout.lines.face_outlines import paint_faces
-from layoutexplore.layout.lines.faces import Arrangement, Box, LineSet, arrange, clip_lines, cover_lines
+from layoutexplore.layout.lines.faces import Arrangement, Bounds, LineSet, arrange, clip_lines, cover_lines
 from layoutexplore.layout.lines.segments import AlignedSegments
 from layoutexplore.layout.lines.walls import WallGroups
 from layoutexplore.layout.timing import StageTimer
@@ -232,7 +232,7 @@ def with_lines(lines: WallGroups, direction: NDArray[np.int64], offset: NDArray[
     )
 
 
-def _box(grid: OccupancyGrid, segments: NDArray[np.float64], margin: float) -> Box:
+def _box(grid: OccupancyGrid, segments: NDArray[np.float64], margin: float) -> Bounds:
     width, height = extent(grid)
     x, y = segments[:, ::2], segments[:, 1::2]
     return (

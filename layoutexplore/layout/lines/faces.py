@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from layoutexplore.layout.lines.segments import AlignedSegments
 from layoutexplore.layout.lines.walls import sums
 
-Box = tuple[float, float, float, float]
+Bounds = tuple[float, float, float, float]
 """x0, y0, x1, y1 in metres of the local frame."""
 
 SNAP = 1e-5
@@ -40,7 +40,7 @@ class LineSet:
     offset: NDArray[np.float64]
     start: NDArray[np.float64]
     end: NDArray[np.float64]
-    box: Box
+    box: Bounds
 
     def __len__(self) -> int:
         return len(self.angle)
@@ -103,7 +103,7 @@ class Arrangement:
         return self.vertices[self.edges.reshape(-1)[inner]], offsets
 
 
-def clip_lines(angle: NDArray[np.float64], offset: NDArray[np.float64], box: Box) -> LineSet:
+def clip_lines(angle: NDArray[np.float64], offset: NDArray[np.float64], box: Bounds) -> LineSet:
     """Clip lines (n,) to a box and add its four sides.
 
     Of parallel lines that lie closer than 2 `SNAP` all become the first: with a third line they would share a
