@@ -13,7 +13,7 @@ from layoutexplore.cli.json_file import write_json
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
-    from layoutexplore.training.closed_doors import Samples, Source
+    from layoutexplore.training.closed_doors import ClosedDoorSamples, Source
 
 COLUMNS = ("before", "free_iou", "iou", "iqm", "iqm_low", "iqm_high", "precision", "recall")
 
@@ -81,7 +81,9 @@ def closed_doors(
         write_json(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
 
 
-def _learn_from(folder: Path, plans: Sequence[str], cache: Path | None) -> list[tuple[Source, Samples]]:
+def _learn_from(
+    folder: Path, plans: Sequence[str], cache: Path | None
+) -> list[tuple[Source, ClosedDoorSamples]]:
     """The samples of all maps and plans."""
     from rich.console import Console
 

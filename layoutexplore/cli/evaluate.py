@@ -291,12 +291,12 @@ def train(
     """Train the judge of the default method, which decides what pieces of a map are one room."""
     from layoutexplore.layout.merging.merge_forest import save_forest
     from layoutexplore.maps.painted_rooms import find_cases
-    from layoutexplore.training.room_merging import train_judge
+    from layoutexplore.training.room_merging import train_classifier
 
     check_places(out.parent)
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
     weights = _weights(weight, cases)
-    forest = train_judge(
+    forest = train_classifier(
         cases,
         resolution=resolution,
         simulated=simulated,

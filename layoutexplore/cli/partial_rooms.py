@@ -70,7 +70,7 @@ def partial_rooms(
     from layoutexplore.report.partial_rooms import Gallery, write_report
     from layoutexplore.sensing.lidar import sensor as find_sensor
     from layoutexplore.training.explorations import PROTOCOL_AGENT, SENSORS
-    from layoutexplore.training.snapshots import explore
+    from layoutexplore.training.snapshots import explore_plan
 
     if out is not None:
         require("jinja2", "bench")
@@ -83,7 +83,9 @@ def partial_rooms(
         for plan in [load_plan(source)]
         for name in sensors
         for seed in range(starts)
-        for snapshot in explore(plan, make_agent(PROTOCOL_AGENT), sensor=name, seed=seed, store=snapshots)
+        for snapshot in explore_plan(
+            plan, make_agent(PROTOCOL_AGENT), sensor=name, seed=seed, store=snapshots
+        )
     )
     names = [p.name for p in predictors]
     gallery = Gallery("layout" if "layout" in names else names[0])

@@ -64,8 +64,8 @@ def train_predictor(
     from layoutexplore.maps.library import find_plans
     from layoutexplore.training.folds import deal_groups
     from layoutexplore.training.predictor import NetworkTrainer, buildings_of, explore_plans, forget_networks
-    from layoutexplore.training.predictor_forests import TrainingConfig, train_models
-    from layoutexplore.training.predictor_samples import join
+    from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
+    from layoutexplore.training.predictor_samples import join_samples
 
     if folds and not forests:
         raise ConfigError("folds are tested with trees and networks: leave --no-forests out, or --folds")
@@ -84,8 +84,8 @@ def train_predictor(
             progress=lambda done, total, name: line.advance(done, total, done / total, name),
         )
     groups = buildings_of(seen, folds)
-    config = TrainingConfig(trees=trees, cell_trees=trees // 2)
-    samples = join(seen.samples, groups) if forests else None
+    config = PredictorForestConfig(trees=trees, cell_trees=trees // 2)
+    samples = join_samples(seen.samples, groups) if forests else None
     if samples:
         typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells")
     trainer = (
@@ -133,12 +133,12 @@ def _test(asked: Mapping[str, Sequence[Snapshot]], models: Mapping[str, Path]) -
     from layoutexplore.evaluation.partial_rooms import Scores, score
     from layoutexplore.evaluation.partial_rooms_summary import summarise
     from layoutexplore.predictors import make_room_predictor
-    from layoutexplore.predictors.learned import LayoutPredictor
+    from layoutexplore.predictors.learned import LearnedPredictor
 
     merged = Scores([], [], {})
     with ProgressLine(Console(), "plans tested") as progress:
         for k, (name, snapshots) in enumerate(asked.items()):
-            layout = LayoutPredictor(models[name])
+            layout = LearnedPredictor(models[name])
             layout.name = "layout"
             part = score(snapshots, [layout, make_room_predictor("none")])
             merged.rooms.extend(part.rooms)

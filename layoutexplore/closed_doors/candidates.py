@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.closed_doors.doors import Door
+from layoutexplore.closed_doors.doors import ClosedDoor
 from layoutexplore.closed_doors.scene import LARGEST, Scene, peaks
 from layoutexplore.grids.grid import FREE
 
@@ -22,7 +22,7 @@ _LINES, _NEAREST, _SIDES = (
 _USUAL = 3  # usual widths and depths tried
 
 
-def rectangles(scene: Scene, door: Door) -> NDArray[np.int64]:
+def rectangles(scene: Scene, door: ClosedDoor) -> NDArray[np.int64]:
     """Candidates int64 (n, 4) as top, left, bottom, right (bottom and right not included)."""
     top, middle = door.row - max(scene.thickness - door.recess_other, 1), (door.start + door.stop) // 2
     nearest = max(top - 2 * scene.thickness, 0)
@@ -66,7 +66,7 @@ def rectangles(scene: Scene, door: Door) -> NDArray[np.int64]:
     return np.asarray(boxes[scene.count("possible", boxes) >= 0.75 * size])
 
 
-def _beside(scene: Scene, door: Door, sign: int, reach: int) -> list[int]:
+def _beside(scene: Scene, door: ClosedDoor, sign: int, reach: int) -> list[int]:
     """Edges beside the door: at its jamb, halfway to the next door of the wall, and at that door's jamb."""
     t, jamb = scene.thickness, max(round(0.15 / scene.resolution), 1)
     around = np.array(scene.leaves[max(door.row - 3, 0) : door.row + 4].any(axis=0))

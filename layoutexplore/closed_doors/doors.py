@@ -31,7 +31,7 @@ _BEHIND, _AHEAD = 3.0, 5.0  # metres looked at behind and ahead
 
 
 @dataclass(frozen=True)
-class Door:
+class ClosedDoor:
     """A closed door in a grid turned so that the unknown space lies towards lower rows.
 
     Attributes:

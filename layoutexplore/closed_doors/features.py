@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.closed_doors.doors import Door
+from layoutexplore.closed_doors.doors import ClosedDoor
 from layoutexplore.closed_doors.scene import Scene, peaks
 
 FEATURES = (
@@ -39,7 +39,7 @@ FEATURES = (
 """What is known of a rectangle; see `describe`."""
 
 
-def describe(scene: Scene, door: Door, boxes: NDArray[np.int64]) -> NDArray[np.float64]:
+def describe(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> NDArray[np.float64]:
     """`FEATURES` of rectangles, float64 (n, features); lengths in metres, shares 0..1."""
     top, left, bottom, right = boxes.T
     height, width = bottom - top, right - left
@@ -87,7 +87,7 @@ def describe(scene: Scene, door: Door, boxes: NDArray[np.int64]) -> NDArray[np.f
     return np.stack(columns, 1).astype(np.float64)
 
 
-def _fit(scene: Scene, door: Door, boxes: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+def _fit(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> list[NDArray[np.float64]]:
     """Distances to this door and the next ones, how usual the size is, lines beyond, and the mirrored plan."""
     top, left, bottom, right = boxes.T
     res, reach = scene.resolution, scene.thickness + 4

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.candidates import rectangles
-from layoutexplore.closed_doors.doors import DOOR_FEATURES, Door, door_features, find_edges, is_marked
+from layoutexplore.closed_doors.doors import DOOR_FEATURES, ClosedDoor, door_features, find_edges, is_marked
 from layoutexplore.closed_doors.features import FEATURES, describe
 from layoutexplore.closed_doors.models import Models, shipped_models
 from layoutexplore.closed_doors.scene import Scene, room_space, wall_thickness
@@ -74,7 +74,7 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
     """
     models = models or shipped_models()
     cells = np.where(grid.free, FREE, np.where(grid.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
-    doors = find_doors(
+    doors = find_closed_doors(
         cells, grid.resolution, lambda turns, edges, features: door_probability(features, models)
     )
     rooms, doorways = np.zeros(grid.shape, np.bool_), np.zeros(grid.shape, np.bool_)
@@ -106,7 +106,7 @@ def door_probability(features: NDArray[np.float32], models: Models) -> NDArray[n
     return chances
 
 
-def _best_room(scene: Scene, door: Door, models: Models) -> tuple[tuple[int, ...], float]:
+def _best_room(scene: Scene, door: ClosedDoor, models: Models) -> tuple[tuple[int, ...], float]:
     """The best rectangle behind a door (top, left, bottom, right) and its estimated agreement, 0 without any."""
     boxes = rectangles(scene, door)
     if not len(boxes):
@@ -118,7 +118,7 @@ def _best_room(scene: Scene, door: Door, models: Models) -> tuple[tuple[int, ...
     return tuple(int(v) for v in boxes[best]), float(agreement[best]) * door.probability
 
 
-def find_doors(cells: NDArray[np.int8], resolution: float, judge: Judge) -> list[list[Door]]:
+def find_closed_doors(cells: NDArray[np.int8], resolution: float, judge: Judge) -> list[list[ClosedDoor]]:
     """The closed doors of a grid turned by 0, 1, 2 and 3 quarters (`numpy.rot90`).
 
     Args:
@@ -138,15 +138,18 @@ def find_doors(cells: NDArray[np.int8], resolution: float, judge: Judge) -> list
         numbers = np.concatenate([edges, steps], axis=1)[likely].tolist()
         found = zip(numbers, chances[likely].tolist(), strict=True)
         doors.append(
-            [Door(row, start, stop, least, most, chance) for (row, start, stop, least, most), chance in found]
+            [
+                ClosedDoor(row, start, stop, least, most, chance)
+                for (row, start, stop, least, most), chance in found
+            ]
         )
     return doors
 
 
 def turned_scenes(
-    cells: NDArray[np.int8], resolution: float, doors: Sequence[Sequence[Door]]
+    cells: NDArray[np.int8], resolution: float, doors: Sequence[Sequence[ClosedDoor]]
 ) -> Iterator[Scene]:
-    """The grid turned by 0, 1, 2 and 3 quarters, with its doors as from `find_doors`; something must be known."""
+    """The grid turned by 0, 1, 2 and 3 quarters, with its doors as from `find_closed_doors`; something must be known."""
     leaves = np.zeros(cells.shape, np.bool_)
     for turns, found in enumerate(doors):
         for door in found:
@@ -163,7 +166,7 @@ def turned_scenes(
         yield Scene(view, resolution, thickness, around, shut, mirrored, likeness, space)
 
 
-def without_doors(cells: NDArray[np.int8], doors: Sequence[Sequence[Door]]) -> NDArray[np.int8]:
+def without_doors(cells: NDArray[np.int8], doors: Sequence[Sequence[ClosedDoor]]) -> NDArray[np.int8]:
     """The cells int8 (rows, cols) with the leaves of doors, their jambs and niches unknown: walls as if without doors."""
     out = cells.copy()
     for turns, found in enumerate(doors):

@@ -28,7 +28,7 @@ from layoutexplore.processes import end_with_parent
 
 if TYPE_CHECKING:
     from layoutexplore.closed_doors.models import Models
-    from layoutexplore.training.closed_doors import Samples, Source
+    from layoutexplore.training.closed_doors import ClosedDoorSamples, Source
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def evaluate(
 def cross_validate(
     triples: Sequence[Triple],
     folds: int,
-    learnt: Sequence[tuple[Source, Samples]],
+    learnt: Sequence[tuple[Source, ClosedDoorSamples]],
     *,
     resolution: float,
     out: Path | None = None,

@@ -21,7 +21,7 @@ from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.models.forest import Forest
 from layoutexplore.training.folds import Progress, _silent, deal_folds
-from layoutexplore.training.room_merging import TrainingConfig, train_forest, training_examples
+from layoutexplore.training.room_merging import MergingTrainingConfig, train_forest, training_examples
 from layoutexplore.training.simulated_maps import simulated_examples
 
 
@@ -55,7 +55,7 @@ def cross_validate(
     extra = simulated_examples(simulated, tuple(plans), progress=progress)
     for seed in range(seeds):
         for fold in range(folds):
-            config = TrainingConfig(seed=seed, kind_weights=weights or {})
+            config = MergingTrainingConfig(seed=seed, kind_weights=weights or {})
             forest = train_forest([*(e for e in examples if dealt[e.building] != fold), *extra], config)
             progress("judges trained", seed * folds + fold + 1, seeds * folds)
 

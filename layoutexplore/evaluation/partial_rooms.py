@@ -19,7 +19,7 @@ from scipy import ndimage
 from layoutexplore.frontiers.classes import classify_frontiers
 from layoutexplore.frontiers.decision import Decision, Privileged
 from layoutexplore.grids.grid import UNKNOWN
-from layoutexplore.predictors.protocol import RoomMap, RoomPredictor
+from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor
 from layoutexplore.predictors.snapshot import Snapshot
 
 SEEN = (0.05, 0.95)
@@ -147,7 +147,7 @@ class Item:
     frontier: NDArray[np.int32]
 
 
-Watch = Callable[[Snapshot, Item, RoomMap, RoomScore], None]
+Watch = Callable[[Snapshot, Item, RoomLabels, RoomScore], None]
 """Told of a scored room: the snapshot, the true room, the predicted rooms, and the score."""
 
 
@@ -168,7 +168,7 @@ def find_items(snapshot: Snapshot) -> list[Item]:
     return items
 
 
-def _score_room(snapshot: Snapshot, item: Item, rooms: RoomMap, predictor: str) -> RoomScore:
+def _score_room(snapshot: Snapshot, item: Item, rooms: RoomLabels, predictor: str) -> RoomScore:
     resolution = snapshot.truth.raster.resolution
     found = predicted_hidden(snapshot.decision.grid.cells, item, rooms)
     hidden = item.mask & ~item.seen
@@ -190,7 +190,7 @@ def _score_room(snapshot: Snapshot, item: Item, rooms: RoomMap, predictor: str) 
     )
 
 
-def predicted_hidden(cells: NDArray[np.int8], item: Item, rooms: RoomMap) -> NDArray[np.bool_]:
+def predicted_hidden(cells: NDArray[np.int8], item: Item, rooms: RoomLabels) -> NDArray[np.bool_]:
     """Unknown cells of the predicted room that holds most of the item's frontier cells."""
     owners = rooms.room_ids[item.frontier[:, 0], item.frontier[:, 1]]
     owners = owners[owners > 0]

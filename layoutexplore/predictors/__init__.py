@@ -15,9 +15,9 @@ from typing import Any
 
 from layoutexplore.frontiers.decision import Predictor
 from layoutexplore.options import Options, option, parse_spec
-from layoutexplore.predictors.learned import LayoutPredictor
+from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.oracle import FALSE_CLOSED_AREA, OraclePredictor
-from layoutexplore.predictors.protocol import RoomMap, RoomPredictor, with_classes
+from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor, with_classes
 from layoutexplore.predictors.shape_baselines import (
     FaceSubsetPredictor,
     ShapePredictor,
@@ -29,7 +29,7 @@ from layoutexplore.predictors.shape_baselines import (
 __all__ = [
     "FALSE_CLOSED_AREA",
     "OraclePredictor",
-    "RoomMap",
+    "RoomLabels",
     "RoomPredictor",
     "make_predictor",
     "make_room_predictor",
@@ -62,7 +62,7 @@ _BUILDERS: dict[str, tuple[Options, Callable[[Any], RoomPredictor]]] = {
     "oracle": (OracleOptions(), lambda options: OraclePredictor(flip=options.flip)),
     "layout": (
         LayoutOptions(),
-        lambda options: LayoutPredictor(
+        lambda options: LearnedPredictor(
             Path(options.model) if options.model else None, network=options.network == "on"
         ),
     ),

@@ -29,7 +29,7 @@ _BLOCK = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Chart:
+class BitMap:
     """A grid with a margin.
 
     Attributes:
@@ -41,7 +41,7 @@ class Chart:
     margin: int
 
 
-def draw_chart(cells: NDArray[np.int8], regions: Regions, resolution: float, margin: float) -> Chart:
+def draw_bit_map(cells: NDArray[np.int8], regions: Regions, resolution: float, margin: float) -> BitMap:
     """Draw what is known.
 
     Args:
@@ -54,7 +54,7 @@ def draw_chart(cells: NDArray[np.int8], regions: Regions, resolution: float, mar
         >>> cells = np.full((3, 9), -1, np.int8)
         >>> cells[1, :3] = 100
         >>> regions = Regions(np.zeros((3, 9), np.int32), 0, np.zeros((3, 9), np.float32))
-        >>> draw_chart(cells, regions, 0.2, 0.2).code[2].tolist()
+        >>> draw_bit_map(cells, regions, 0.2, 0.2).code[2].tolist()
         [20, 2, 2, 2, 20, 20, 20, 20, 20, 20, 20]
     """
     border = max(round(margin / resolution), 1)
@@ -65,10 +65,10 @@ def draw_chart(cells: NDArray[np.int8], regions: Regions, resolution: float, mar
     _draw(cells, regions.door_width, box, border, code)
     box += border
     _extend_walls(code, box, max(round(WALL_MIN / resolution), 1), round(EXTENSION_REACH / resolution))
-    return Chart(code, border)
+    return BitMap(code, border)
 
 
-def continued_walls(chart: Chart) -> NDArray[np.bool_]:
+def extended_walls(chart: BitMap) -> NDArray[np.bool_]:
     """The unknown cells of the grid, without the margin, that continue a wall."""
     inner = slice(chart.margin, -chart.margin)
     return np.asarray(chart.code[inner, inner] & (ALONG_ROWS | ALONG_COLS) > 0)

@@ -34,19 +34,19 @@ from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import load_forests
 from layoutexplore.models.network_files import load_weights, shapes_of
 from layoutexplore.predictors.cell_model import features as cell_features
-from layoutexplore.predictors.cell_model.features import Candidates, add_judgement, find_candidates
-from layoutexplore.predictors.cell_model.network import LAYERS, RoomNetwork
-from layoutexplore.predictors.cell_model.network_input import make_scene
+from layoutexplore.predictors.cell_model.features import Candidates, add_first_estimate, find_candidates
+from layoutexplore.predictors.cell_model.network import LAYERS, CellNetwork
+from layoutexplore.predictors.cell_model.network_input import make_network_input
 from layoutexplore.predictors.cell_model.room_shapes import room_shapes
 from layoutexplore.predictors.frontier_model.features import (
     FEATURES,
-    ProbeMemory,
+    FeatureCache,
     frontier_features,
     look_around,
 )
 from layoutexplore.predictors.frontier_model.network import SHAPES, FrontierNetwork
-from layoutexplore.predictors.frontier_model.network_input import draw_windows
-from layoutexplore.predictors.protocol import RoomMap, with_classes
+from layoutexplore.predictors.frontier_model.network_input import draw_crops
+from layoutexplore.predictors.protocol import RoomLabels, with_classes
 from layoutexplore.predictors.room_completion import complete_regions
 from layoutexplore.predictors.seen_rooms import Regions, seen_regions
 
@@ -68,7 +68,7 @@ FOLDER = Path(__file__).parent
 
 FRONTIER_MODEL, CELL_MODEL = (FOLDER / name for name in ("frontier_model.json", "cell_model.json"))
 
-ROOM_NETWORK, FRONTIER_NETWORK = (FOLDER / name for name in ("rooms.safetensors", "frontiers.safetensors"))
+CELL_NETWORK, FRONTIER_NETWORK = (FOLDER / name for name in ("rooms.safetensors", "frontiers.safetensors"))
 
 ROOM_SHARE, FRONTIER_SHARE = 0.6, 0.5
 """Weight of the networks' log-odds, of squares and of frontiers, against those of the trees."""
@@ -85,7 +85,7 @@ class PredictedLayout:
         cells: int8 (rows, cols), what is known; not copied.
         regions: The seen rooms.
         resolution: Metres per cell.
-        forests: As for `judge_cells`.
+        forests: As for `classify_cells`.
         network: Judges as well, if there is one.
     """
 
@@ -95,18 +95,18 @@ class PredictedLayout:
         regions: Regions,
         resolution: float,
         forests: dict[str, Forest],
-        network: RoomNetwork | None = None,
+        network: CellNetwork | None = None,
     ) -> None:
         self._cells, self._regions, self._resolution = cells, regions, resolution
         self._forests, self._network = forests, network
 
     @cached_property
-    def rooms(self) -> RoomMap:
+    def rooms(self) -> RoomLabels:
         """The completed rooms, and the unseen rest of the building as one more."""
         candidates = find_candidates(self._cells, self._regions, self._resolution)
-        probability = judge_cells(candidates, self._resolution, self._forests)
+        probability = classify_cells(candidates, self._resolution, self._forests)
         if self._network:
-            scene = make_scene(self._cells, self._regions, candidates, self._resolution)
+            scene = make_network_input(self._cells, self._regions, candidates, self._resolution)
             probability = agreed(probability, self._network.judge(scene))
         return complete_regions(self._cells, self._regions, room_shapes(self._cells, candidates, probability))
 
@@ -140,7 +140,7 @@ class PredictedLayout:
         return np.where(ids > self._regions.count, np.int32(0), ids)
 
 
-class LayoutPredictor:
+class LearnedPredictor:
     """Completed rooms and judged frontiers.
 
     Args:
@@ -157,15 +157,15 @@ class LayoutPredictor:
         paths = [(folder or FOLDER) / path.name for path in (FRONTIER_MODEL, CELL_MODEL)]
         self._frontiers = load_forests(paths[0], FEATURES, ("closed", "leftover", "area"))
         self._cells = load_forests(paths[1], cell_features.FEATURES, ("first", "inside"))
-        rooms, frontiers = ((folder or FOLDER) / path.name for path in (ROOM_NETWORK, FRONTIER_NETWORK))
+        rooms, frontiers = ((folder or FOLDER) / path.name for path in (CELL_NETWORK, FRONTIER_NETWORK))
         networks = [path for path in (rooms, frontiers) if network and path.exists()]
         self._room_network = (
-            RoomNetwork(load_weights(rooms, shapes_of(LAYERS))) if rooms in networks else None
+            CellNetwork(load_weights(rooms, shapes_of(LAYERS))) if rooms in networks else None
         )
         self._frontier_network = (
             FrontierNetwork(load_weights(frontiers, SHAPES)) if frontiers in networks else None
         )
-        self._memory = ProbeMemory()
+        self._memory = FeatureCache()
         self._files = [*paths, *networks]
 
     @property
@@ -173,7 +173,7 @@ class LayoutPredictor:
         """Of the models."""
         return fingerprint(self._files)
 
-    def rooms(self, decision: Decision) -> RoomMap:
+    def rooms(self, decision: Decision) -> RoomLabels:
         """The seen regions with what is thought to lie behind their frontiers."""
         cells, resolution = decision.grid.cells, decision.grid.resolution
         return PredictedLayout(
@@ -187,17 +187,17 @@ class LayoutPredictor:
         cells, resolution = decision.grid.cells, decision.grid.resolution
         regions = seen_regions(cells, resolution)
         around = look_around(cells, decision.clusters, regions, resolution, self._memory)
-        scores = judge_frontiers(frontier_features(around, decision.table.visible_area), self._frontiers)
+        scores = score_frontiers(frontier_features(around, decision.table.visible_area), self._frontiers)
         if self._frontier_network:
             doubtful = np.flatnonzero((np.abs(scores[:2] - _CHANGES[:, None]) < DOUBT).any(axis=0))
-            found = self._frontier_network.judge(draw_windows(around, doubtful)).T
+            found = self._frontier_network.judge(draw_crops(around, doubtful)).T
             scores[:, doubtful] += FRONTIER_SHARE * (found - scores[:, doubtful])
         classes, confidence = classify(scores, around.homes.astype(np.int32))
         layout = PredictedLayout(cells, regions, resolution, self._cells, self._room_network)
         return dataclasses.replace(with_classes(decision, classes, confidence), layout=layout)
 
 
-def judge_frontiers(features: NDArray[np.float32], forests: dict[str, Forest]) -> NDArray[np.float64]:
+def score_frontiers(features: NDArray[np.float32], forests: dict[str, Forest]) -> NDArray[np.float64]:
     """What the trees find float64 (3, k): log-odds of "closed" and "leftover", log of 1 + square metres left.
 
     Args:
@@ -213,7 +213,7 @@ def classify(
     """Classes and areas, and the probability that each class is right.
 
     Args:
-        scores: float64 (3, k), as of `judge_frontiers`.
+        scores: float64 (3, k), as of `score_frontiers`.
         rooms: int32 (k,), the room that each frontier lies in.
     """
     closed, leftover = 1.0 / (1.0 + np.exp(-scores[:2]))
@@ -226,7 +226,9 @@ def classify(
     return classes, np.where(is_closed, closed, 1.0 - closed)
 
 
-def judge_cells(candidates: Candidates, resolution: float, forests: dict[str, Forest]) -> NDArray[np.float64]:
+def classify_cells(
+    candidates: Candidates, resolution: float, forests: dict[str, Forest]
+) -> NDArray[np.float64]:
     """Probability float64 (n,) that each cell belongs to the room of its region, judged twice.
 
     Args:
@@ -235,7 +237,7 @@ def judge_cells(candidates: Candidates, resolution: float, forests: dict[str, Fo
         forests: "first" (log-odds), which is followed by "inside", which knows what the first one thinks.
     """
     first = forests["first"].probability(candidates.features)
-    return forests["inside"].probability(add_judgement(candidates, first, resolution))
+    return forests["inside"].probability(add_first_estimate(candidates, first, resolution))
 
 
 def agreed(probability: NDArray[np.float64], log_odds: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
 from layoutexplore.frontiers.decision import Decision, Truth
-from layoutexplore.predictors.protocol import RoomMap, with_classes
+from layoutexplore.predictors.protocol import RoomLabels, with_classes
 
 FALSE_CLOSED_AREA = 0.3
 """Square metres that a frontier wrongly called closed is said to have left: little enough to be put off."""
@@ -55,10 +55,10 @@ class OraclePredictor:
         )
         return with_classes(decision, self._wrong(classes))
 
-    def rooms(self, decision: Decision) -> RoomMap:
+    def rooms(self, decision: Decision) -> RoomLabels:
         """The true rooms."""
         assert self._truth is not None, "a simulation reveals the truth before the first decision"
-        return RoomMap(self._truth.raster.room_ids, self._truth.raster.free)
+        return RoomLabels(self._truth.raster.room_ids, self._truth.raster.free)
 
     def _wrong(self, classes: FrontierClasses) -> FrontierClasses:
         wrong = self._flipped[classes.room]

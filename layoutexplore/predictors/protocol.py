@@ -14,7 +14,7 @@ from layoutexplore.frontiers.decision import Decision, FrontierList
 
 
 @dataclass(frozen=True, eq=False)
-class RoomMap:
+class RoomLabels:
     """Predicted rooms.
 
     Attributes:
@@ -31,14 +31,14 @@ class RoomPredictor(Protocol):
 
     name: str
 
-    def rooms(self, decision: Decision) -> RoomMap:
+    def rooms(self, decision: Decision) -> RoomLabels:
         """The predicted rooms of a decision with at least one frontier."""
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with a class and an expected area for every frontier."""
 
 
-def classes_in(rooms: RoomMap, decision: Decision) -> FrontierClasses:
+def classes_in(rooms: RoomLabels, decision: Decision) -> FrontierClasses:
     """The classes of a decision's frontiers against predicted rooms, by the rule that holds for the true ones."""
     cells, clusters = decision.grid.cells, [f.cells for f in decision.frontiers]
     return classify_frontiers(cells, clusters, rooms.room_ids, rooms.passable, decision.grid.resolution)

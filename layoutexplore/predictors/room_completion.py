@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grids.grid import OCCUPIED, UNKNOWN
-from layoutexplore.predictors.protocol import RoomMap
+from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.seen_rooms import Regions
 
 
@@ -36,7 +36,7 @@ class Shape:
     mask: NDArray[np.bool_]
 
 
-def complete_regions(cells: NDArray[np.int8], regions: Regions, shapes: Mapping[int, Shape]) -> RoomMap:
+def complete_regions(cells: NDArray[np.int8], regions: Regions, shapes: Mapping[int, Shape]) -> RoomLabels:
     """The rooms that regions and their shapes make.
 
     What no room claims is one more room of its own, the unseen rest of the building; between it and what is
@@ -62,7 +62,7 @@ def complete_regions(cells: NDArray[np.int8], regions: Regions, shapes: Mapping[
     claimed = (unknown & (rooms > 0)).astype(np.uint8)
     wall = unknown & (claimed == 0) & (cv2.dilate(claimed, np.ones((3, 3), np.uint8)) > 0)
     rooms[unknown & (rooms == 0) & ~wall] = regions.count + 1
-    return RoomMap(rooms, (cells != OCCUPIED) & ~wall)
+    return RoomLabels(rooms, (cells != OCCUPIED) & ~wall)
 
 
 @njit(cache=True, nogil=True)

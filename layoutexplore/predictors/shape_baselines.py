@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.grid import OCCUPIED, UNKNOWN
-from layoutexplore.predictors.bit_map import continued_walls, draw_chart
-from layoutexplore.predictors.protocol import RoomMap, classes_in, with_classes
+from layoutexplore.predictors.bit_map import draw_bit_map, extended_walls
+from layoutexplore.predictors.protocol import RoomLabels, classes_in, with_classes
 from layoutexplore.predictors.room_completion import Shape, complete_regions
 from layoutexplore.predictors.seen_rooms import Regions, seen_regions
 
@@ -43,7 +43,7 @@ class ShapePredictor:
         self.name = name
         self._outline = outline
 
-    def rooms(self, decision: Decision) -> RoomMap:
+    def rooms(self, decision: Decision) -> RoomLabels:
         """The seen regions with their shapes filled."""
         cells, resolution = decision.grid.cells, decision.grid.resolution
         regions = seen_regions(cells, resolution)
@@ -114,11 +114,11 @@ class FaceSubsetPredictor:
 
     name = "face-subset"
 
-    def rooms(self, decision: Decision) -> RoomMap:
+    def rooms(self, decision: Decision) -> RoomLabels:
         """The seen regions with the faces they take."""
         cells, resolution = decision.grid.cells, decision.grid.resolution
         regions = seen_regions(cells, resolution)
-        lines = continued_walls(draw_chart(cells, regions, resolution, resolution))
+        lines = extended_walls(draw_bit_map(cells, regions, resolution, resolution))
         inner = ((cells == UNKNOWN) & ~lines).astype(np.uint8)
         _, faces, stats, _ = cv2.connectedComponentsWithStats(inner, connectivity=4)
         candidates = _neighbouring_faces(regions, faces, stats[:, cv2.CC_STAT_AREA] * resolution**2)

@@ -21,7 +21,7 @@ from layoutexplore.files import write_atomically
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.metrics.statistics import Interval
-from layoutexplore.predictors.protocol import RoomMap
+from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
 from layoutexplore.report.page import png_uri, render
@@ -69,7 +69,7 @@ class Gallery:
         self._best: list[RoomPicture] = []
         self._worst: list[RoomPicture] = []
 
-    def __call__(self, snapshot: Snapshot, item: Item, rooms: RoomMap, score: RoomScore) -> None:
+    def __call__(self, snapshot: Snapshot, item: Item, rooms: RoomLabels, score: RoomScore) -> None:
         """Keep a room if it is among the best or the worst so far."""
         if score.predictor != self.predictor or score.true_remaining < LEAST_HIDDEN:
             return
@@ -96,7 +96,7 @@ class Gallery:
         return [p for p in self._worst if (p.score.plan, p.score.room) not in taken]
 
 
-def draw_room(snapshot: Snapshot, item: Item, rooms: RoomMap) -> NDArray[np.uint8]:
+def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> NDArray[np.uint8]:
     """A half-seen room with its prediction, uint8 (h, w, 3) RGB, y up.
 
     The map as it was known; of the room what was seen, what is predicted rightly, wrongly, and not at all;

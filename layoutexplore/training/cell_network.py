@@ -22,7 +22,7 @@ from torch.nn import functional
 
 from layoutexplore.predictors.cell_model.network import LAYERS
 from layoutexplore.predictors.cell_model.network_input import PLANES, draw_planes, turned
-from layoutexplore.training.predictor_samples import SceneSample
+from layoutexplore.training.predictor_samples import CellNetworkSample
 from layoutexplore.training.torch_layers import Convolution, plain_weights
 
 Progress = Callable[[int, int, float], None]
@@ -30,7 +30,7 @@ Progress = Callable[[int, int, float], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class NetworkConfig:
+class CellNetworkConfig:
     """How the network is trained.
 
     Attributes:
@@ -55,8 +55,8 @@ class NetworkConfig:
     seed: int = 0
 
 
-class TrainableNetwork(nn.Module):
-    """The network of `RoomNetwork` with what training needs besides."""
+class TrainableCellNetwork(nn.Module):
+    """The network of `CellNetwork` with what training needs besides."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -78,42 +78,42 @@ class TrainableNetwork(nn.Module):
         return found
 
     def weights(self) -> dict[str, NDArray[np.float32]]:
-        """The weights as `RoomNetwork` takes them."""
+        """The weights as `CellNetwork` takes them."""
         return plain_weights({**self.layers, "judge": self.judge})
 
 
-def first_network(
-    generated: Sequence[SceneSample], config: NetworkConfig, progress: Progress
-) -> TrainableNetwork:
+def pretrain_cell_network(
+    generated: Sequence[CellNetworkSample], config: CellNetworkConfig, progress: Progress
+) -> TrainableCellNetwork:
     """A network that has learnt from generated plans, if there are any."""
     torch.manual_seed(config.seed)
-    network = TrainableNetwork()
+    network = TrainableCellNetwork()
     if generated:
         _train(network, generated, (), config.first_steps, config.first_rate, config, progress)
     return network
 
 
-def trained_network(
-    first: TrainableNetwork,
-    generated: Sequence[SceneSample],
-    real: Sequence[SceneSample],
-    config: NetworkConfig,
+def train_cell_network(
+    first: TrainableCellNetwork,
+    generated: Sequence[CellNetworkSample],
+    real: Sequence[CellNetworkSample],
+    config: CellNetworkConfig,
     progress: Progress,
 ) -> dict[str, NDArray[np.float32]]:
     """The weights of a network that goes on learning from all plans; the first one stays as it is."""
-    network = TrainableNetwork()
+    network = TrainableCellNetwork()
     network.load_state_dict(first.state_dict())
     _train(network, generated, real, config.steps, config.rate, config, progress)
     return network.weights()
 
 
 def _train(
-    network: TrainableNetwork,
-    generated: Sequence[SceneSample],
-    real: Sequence[SceneSample],
+    network: TrainableCellNetwork,
+    generated: Sequence[CellNetworkSample],
+    real: Sequence[CellNetworkSample],
     steps: int,
     rate: float,
-    config: NetworkConfig,
+    config: CellNetworkConfig,
     progress: Progress,
 ) -> None:
     rng = np.random.default_rng(config.seed)
@@ -143,7 +143,7 @@ def _train(
 
 
 def _batch(
-    samples: Sequence[SceneSample], config: NetworkConfig, rng: np.random.Generator
+    samples: Sequence[CellNetworkSample], config: CellNetworkConfig, rng: np.random.Generator
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Planes (batch, PLANES, window, window), truth and weights (batch, 2, window, window) of samples, each laid down anyhow."""
     size = config.window

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.candidates import rectangles
-from layoutexplore.closed_doors.doors import DOOR_FEATURES, Door
+from layoutexplore.closed_doors.doors import DOOR_FEATURES, ClosedDoor
 from layoutexplore.closed_doors.features import FEATURES, describe
 from layoutexplore.closed_doors.models import AGREEMENT, DOOR, DOOR_MODEL, ROOM_MODEL, Models
-from layoutexplore.closed_doors.prediction import find_doors, turned_scenes
+from layoutexplore.closed_doors.prediction import find_closed_doors, turned_scenes
 from layoutexplore.closed_doors.scene import Scene, integral
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.files import is_whole, read_arrays, write_atomically
@@ -43,7 +43,7 @@ _BEHIND = 0.35  # metres behind an edge that are hidden where it is a door
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class ClosedDoorSamples:
     """Edges and rectangles of one map or several.
 
     Attributes:
@@ -63,7 +63,7 @@ class Samples:
 
 def collect(
     cells: NDArray[np.int8], truth: NDArray[np.int8], resolution: float, rng: np.random.Generator
-) -> Samples:
+) -> ClosedDoorSamples:
     """The edges of a map and the rectangles behind its doors, with what is true of them.
 
     Args:
@@ -87,7 +87,7 @@ def collect(
         labels.append(is_door)
         return is_door.astype(np.float64)
 
-    doors = find_doors(cells, resolution, judge)
+    doors = find_closed_doors(cells, resolution, judge)
     features, agreement, weight = [np.empty((0, len(FEATURES)))], [np.empty(0)], [np.empty(0)]
     for turns, scene in enumerate(turned_scenes(cells, resolution, doors)):
         behind = np.rot90(hidden, turns), np.rot90(rooms, turns)
@@ -103,11 +103,15 @@ def collect(
     boxes_, agreed_, weight_ = (
         np.concatenate(part).astype(np.float32) for part in (features, agreement, weight)
     )
-    return Samples(np.concatenate(edges), np.concatenate(labels), boxes_, agreed_, weight_)
+    return ClosedDoorSamples(np.concatenate(edges), np.concatenate(labels), boxes_, agreed_, weight_)
 
 
 def agreement_of(
-    scene: Scene, door: Door, boxes: NDArray[np.int64], hidden: NDArray[np.bool_], rooms: NDArray[np.int32]
+    scene: Scene,
+    door: ClosedDoor,
+    boxes: NDArray[np.int64],
+    hidden: NDArray[np.bool_],
+    rooms: NDArray[np.int32],
 ) -> NDArray[np.float64]:
     """Hidden cells of each rectangle over the rectangle and the room behind the door together, float64 (n,)."""
     behind = rooms[max(door.row - 6, 0) : door.row + 1, door.start : door.stop]
@@ -125,7 +129,7 @@ def agreement_of(
     return np.asarray(inside(hidden & scene.possible) / np.maximum(size + room.sum() - inside(room), 1))
 
 
-def fit(samples: Iterable[Samples], *, trees: int = 150) -> Models:
+def fit(samples: Iterable[ClosedDoorSamples], *, trees: int = 150) -> Models:
     """Train both forests on the samples of several maps; `trees` is the number of those that judge rectangles."""
     from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostingRegressor
 
@@ -188,13 +192,13 @@ def find_sources(
     ]
 
 
-def samples_of(source: Source, cache: Path | None = None) -> Samples | None:
+def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples | None:
     """The samples of a map, kept in a folder where one is given; None where no room can be shut."""
     kept = cache / f"{source.name}.npz" if cache else None
     if kept is not None and is_whole(kept):
-        data = read_arrays(kept, *Samples.__dataclass_fields__)
+        data = read_arrays(kept, *ClosedDoorSamples.__dataclass_fields__)
         if data["boxes"].shape[1] == len(FEATURES) and data["edges"].shape[1] == len(DOOR_FEATURES):
-            return Samples(**data)
+            return ClosedDoorSamples(**data)
     rng = np.random.default_rng([*source.name.encode()])
     maps = _maps(source, rng)
     if maps is None:
@@ -202,7 +206,9 @@ def samples_of(source: Source, cache: Path | None = None) -> Samples | None:
     samples = collect(*maps, RESOLUTION, rng)
     if kept is not None:
         data_ = io.BytesIO()
-        np.savez_compressed(data_, **{name: getattr(samples, name) for name in Samples.__dataclass_fields__})
+        np.savez_compressed(
+            data_, **{name: getattr(samples, name) for name in ClosedDoorSamples.__dataclass_fields__}
+        )
         write_atomically(kept, data_.getvalue())
     return samples
 
@@ -223,7 +229,7 @@ def collect_all(
     sources: Sequence[Source],
     cache: Path | None = None,
     progress: Callable[[int, int, str], None] = lambda done, total, name: None,
-) -> Iterator[tuple[Source, Samples]]:
+) -> Iterator[tuple[Source, ClosedDoorSamples]]:
     """The samples of all maps, those left out where no room can be shut or a plan cannot be used."""
     for k, source in enumerate(sources):
         samples = None

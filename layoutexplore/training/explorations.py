@@ -16,7 +16,7 @@ import numpy as np
 from layoutexplore.frontiers.decision import Agent
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.predictors.snapshot import Snapshot
-from layoutexplore.training.snapshots import explore
+from layoutexplore.training.snapshots import explore_plan
 
 PROTOCOL_AGENT = "nearest"
 """Who explores where half-seen rooms are evaluated."""
@@ -43,7 +43,7 @@ def protocol_explorations(
     plan: FloorPlan, make_agent: MakeAgent, store: Path | None = None
 ) -> list[list[Snapshot]]:
     """The explorations by which half-seen rooms are evaluated, by each sensor; those in the store are not run again."""
-    return [explore(plan, make_agent(PROTOCOL_AGENT), sensor=sensor, store=store) for sensor in SENSORS]
+    return [explore_plan(plan, make_agent(PROTOCOL_AGENT), sensor=sensor, store=store) for sensor in SENSORS]
 
 
 def stopped_explorations(
@@ -63,7 +63,9 @@ def stopped_explorations(
             rng = np.random.default_rng([zlib.crc32(plan.content_hash.encode()), k, start])
             agent = make_agent(AGENTS[int(rng.integers(len(AGENTS)))])
             shares = np.sort(rng.uniform(*COVERAGES, snapshots)).tolist()
-            yield explore(plan, agent, sensor=sensor, seed=FIRST_SEED + start, coverages=shares, store=store)
+            yield explore_plan(
+                plan, agent, sensor=sensor, seed=FIRST_SEED + start, coverages=shares, store=store
+            )
 
 
 def stretched_copies(plan: FloorPlan, copies: int) -> Iterator[FloorPlan]:

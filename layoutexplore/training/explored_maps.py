@@ -32,7 +32,7 @@ LEAST = 10.0
 """A version with less free space is left out [m2]."""
 
 
-def explore(
+def explore_map(
     cells: NDArray[np.int8], resolution: float, rng: np.random.Generator, *, dense: bool
 ) -> NDArray[np.int8]:
     """A map as it may have been while it was explored: int8 (rows, cols), of the same cells, less of them known.
@@ -76,12 +76,12 @@ def explored_examples(
         kind: Kind of map.
         rng: Source of randomness.
     """
-    versions = [explore(cells, resolution, rng, dense=k % 4 == 0) for k in range(VERSIONS)]
+    versions = [explore_map(cells, resolution, rng, dense=k % 4 == 0) for k in range(VERSIONS)]
     for k in range(FURNISHED):
         added = furnish(cells == OCCUPIED, truth, float(rng.choice(DENSITIES[1:])), resolution, rng)
         furnished = np.where(added & (cells == FREE), OCCUPIED, cells).astype(np.int8)
         versions.append(
-            explore(furnished, resolution, rng, dense=k % 2 == 0) if rng.random() < 0.5 else furnished
+            explore_map(furnished, resolution, rng, dense=k % 2 == 0) if rng.random() < 0.5 else furnished
         )
     return [
         make_example(version, truth, resolution, building=building, kind=f"{kind}, explored")

@@ -22,7 +22,7 @@ from layoutexplore.predictors.frontier_model.network_input import KNOWN
 from layoutexplore.predictors.learned import LEFTOVER
 from layoutexplore.training.cell_network import Progress
 from layoutexplore.training.folds import building_weights
-from layoutexplore.training.predictor_samples import WindowSamples
+from layoutexplore.training.predictor_samples import CropSamples
 from layoutexplore.training.torch_layers import Convolution, plain_weights
 
 DRAWN = 32
@@ -104,9 +104,9 @@ def _twice(values: torch.Tensor) -> torch.Tensor:
     return functional.interpolate(values, scale_factor=2.0)
 
 
-def trained_frontier_network(
-    generated: Sequence[WindowSamples],
-    real: Sequence[WindowSamples],
+def train_frontier_network(
+    generated: Sequence[CropSamples],
+    real: Sequence[CropSamples],
     groups: Mapping[str, str],
     config: FrontierNetworkConfig,
     progress: Progress,
@@ -127,7 +127,7 @@ def trained_frontier_network(
     draws = _Draws(_Pool(generated, {}), _Pool(real, groups), config)
     network = TrainableFrontierNetwork(config.dropout)
     _train(network, draws, config, progress)
-    return rounded(network, draws.draw(CALIBRATED)[0])
+    return quantised_weights(network, draws.draw(CALIBRATED)[0])
 
 
 _Drawn = tuple[NDArray[np.uint8], np.bool_, np.float64, NDArray[np.uint8]]
@@ -141,7 +141,7 @@ _Batch = tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64], NDArra
 class _Pool:
     """Windows of several plans, drawn more often of a building with many than of one with few, but not as many times more."""
 
-    def __init__(self, parts: Sequence[WindowSamples], groups: Mapping[str, str]) -> None:
+    def __init__(self, parts: Sequence[CropSamples], groups: Mapping[str, str]) -> None:
         sizes = [len(part.closed) for part in parts]
         self.size, self._parts, self._first = sum(sizes), parts, np.cumsum([0, *sizes])
         names = np.repeat(np.array([groups.get(part.plan, part.plan) for part in parts], np.str_), sizes)
@@ -229,7 +229,9 @@ def _shares(windows: NDArray[np.uint8]) -> torch.Tensor:
     return torch.from_numpy(np.ascontiguousarray(windows)).permute(0, 3, 1, 2).float() / 255.0
 
 
-def rounded(network: TrainableFrontierNetwork, windows: NDArray[np.uint8]) -> dict[str, NDArray[np.generic]]:
+def quantised_weights(
+    network: TrainableFrontierNetwork, windows: NDArray[np.uint8]
+) -> dict[str, NDArray[np.generic]]:
     """Weights of a `FrontierNetwork`: every channel's as whole numbers up to 127, with scales.
 
     Args:

@@ -13,7 +13,7 @@ from layoutexplore.maps.library import load_plan
 if TYPE_CHECKING:
     from layoutexplore.maps.floorplan import FloorPlan
     from layoutexplore.predictors.snapshot import Snapshot
-    from layoutexplore.training.predictor_samples import Samples, SceneSample, WindowSamples
+    from layoutexplore.training.predictor_samples import CellNetworkSample, CropSamples, PredictorSamples
 
 
 StepsLine = Callable[[str], AbstractContextManager[Callable[[int, int, float], None]]]
@@ -34,9 +34,9 @@ class Explored:
 
     files: list[FloorPlan]
     copies: dict[str, str]
-    samples: list[Samples]
-    scenes: list[SceneSample]
-    windows: list[WindowSamples]
+    samples: list[PredictorSamples]
+    scenes: list[CellNetworkSample]
+    windows: list[CropSamples]
     asked: dict[str, list[Snapshot]]
 
 
@@ -59,7 +59,7 @@ def explore_plans(
         stopped_explorations,
         stretched_copies,
     )
-    from layoutexplore.training.predictor_samples import gather, gather_scenes, gather_windows
+    from layoutexplore.training.predictor_samples import gather, gather_crops, gather_network_inputs
 
     seen = Explored([], {}, [], [], [], {})
     for k, source in enumerate(sources):
@@ -78,8 +78,8 @@ def explore_plans(
             seen.samples.append(gather(found))
         if network:
             for exploration in found:
-                seen.scenes.extend(gather_scenes(exploration))
-                seen.windows.append(gather_windows(exploration, plan.name))
+                seen.scenes.extend(gather_network_inputs(exploration))
+                seen.windows.append(gather_crops(exploration, plan.name))
         progress(k + 1, len(sources), plan.name)
     if (forests and not any(len(part.closed) for part in seen.samples)) or (network and not seen.scenes):
         raise ConfigError(
@@ -123,32 +123,32 @@ class NetworkTrainer:
         frontier_steps: int,
         steps_line: StepsLine,
     ) -> None:
-        from layoutexplore.training.cell_network import NetworkConfig, first_network
+        from layoutexplore.training.cell_network import CellNetworkConfig, pretrain_cell_network
 
         self._config, self._frontier_steps = (
-            NetworkConfig(first_steps=first_steps, steps=steps),
+            CellNetworkConfig(first_steps=first_steps, steps=steps),
             frontier_steps,
         )
         self._steps_line = steps_line
         self._seen, self._groups = seen, groups
         self._generated = [sample for sample in seen.scenes if sample.plan not in groups]
         with self._steps_line("rooms of generated plans") as progress:
-            self._first = first_network(self._generated, self._config, progress)
+            self._first = pretrain_cell_network(self._generated, self._config, progress)
 
     def write(self, folder: Path, wanted: Callable[[str], bool]) -> None:
         """Train all networks with the real buildings of the wanted groups and write them into a folder."""
         from layoutexplore.models.network_files import save_weights
-        from layoutexplore.predictors.learned import FRONTIER_NETWORK, ROOM_NETWORK
-        from layoutexplore.training.cell_network import trained_network
-        from layoutexplore.training.frontier_network import FrontierNetworkConfig, trained_frontier_network
+        from layoutexplore.predictors.learned import CELL_NETWORK, FRONTIER_NETWORK
+        from layoutexplore.training.cell_network import train_cell_network
+        from layoutexplore.training.frontier_network import FrontierNetworkConfig, train_frontier_network
 
         plans = {plan for plan, group in self._groups.items() if wanted(group)}
         real = [sample for sample in self._seen.scenes if sample.plan in plans]
         with self._steps_line("rooms of all plans") as progress:
-            weights = trained_network(self._first, self._generated, real, self._config, progress)
+            weights = train_cell_network(self._first, self._generated, real, self._config, progress)
         note = f"{len(self._generated)} decisions of generated plans, {len(real)} of {len({s.plan for s in real})} others"
         save_weights(
-            folder / ROOM_NETWORK.name,
+            folder / CELL_NETWORK.name,
             {name: values.astype("float16") for name, values in weights.items()},
             note,
         )
@@ -156,7 +156,7 @@ class NetworkTrainer:
         windows = [part for part in self._seen.windows if part.plan in plans]
         with self._steps_line("frontiers of all plans") as progress:
             config = FrontierNetworkConfig(steps=self._frontier_steps)
-            rounded = trained_frontier_network(generated, windows, self._groups, config, progress)
+            rounded = train_frontier_network(generated, windows, self._groups, config, progress)
         counts = [sum(len(part.closed) for part in parts) for parts in (generated, windows)]
         note = f"{counts[0]} frontiers of generated plans, {counts[1]} of {len({part.plan for part in windows})} others"
         save_weights(folder / FRONTIER_NETWORK.name, rounded, note)
@@ -164,7 +164,7 @@ class NetworkTrainer:
 
 def forget_networks(folder: Path) -> None:
     """Those of an earlier training would go on judging, and may have learnt from what is held out now."""
-    from layoutexplore.predictors.learned import FRONTIER_NETWORK, ROOM_NETWORK
+    from layoutexplore.predictors.learned import CELL_NETWORK, FRONTIER_NETWORK
 
-    for path in (FRONTIER_NETWORK, ROOM_NETWORK):
+    for path in (FRONTIER_NETWORK, CELL_NETWORK):
         (folder / path.name).unlink(missing_ok=True)

@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from layoutexplore.models.forest import Forest, as_forest
 from layoutexplore.models.forest_files import save_forests
 from layoutexplore.predictors.cell_model import features as cell_features
-from layoutexplore.predictors.cell_model.features import add_judgement
+from layoutexplore.predictors.cell_model.features import add_first_estimate
 from layoutexplore.predictors.frontier_model.features import FEATURES
 from layoutexplore.predictors.learned import CELL_MODEL, FRONTIER_MODEL, LEFTOVER
 from layoutexplore.training.folds import building_weights, deal_groups
-from layoutexplore.training.predictor_samples import CellSamples, Samples
+from layoutexplore.training.predictor_samples import CellSamples, PredictorSamples
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingConfig:
+class PredictorForestConfig:
     """How the trees are grown.
 
     Attributes:
@@ -55,10 +55,12 @@ class TrainingConfig:
     inner_folds: int = 2
 
 
-DEFAULT_TRAINING = TrainingConfig()
+DEFAULT_TRAINING = PredictorForestConfig()
 
 
-def fit_frontier_forests(samples: Samples, config: TrainingConfig = DEFAULT_TRAINING) -> dict[str, Forest]:
+def fit_frontier_forests(
+    samples: PredictorSamples, config: PredictorForestConfig = DEFAULT_TRAINING
+) -> dict[str, Forest]:
     """Train "closed" and "leftover" (log-odds) and "area" (log of 1 + square metres)."""
     from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostingRegressor
 
@@ -84,7 +86,9 @@ def fit_frontier_forests(samples: Samples, config: TrainingConfig = DEFAULT_TRAI
     return forests | {"area": as_forest(model)}
 
 
-def fit_cell_forests(samples: Samples, config: TrainingConfig = DEFAULT_TRAINING) -> dict[str, Forest]:
+def fit_cell_forests(
+    samples: PredictorSamples, config: PredictorForestConfig = DEFAULT_TRAINING
+) -> dict[str, Forest]:
     """Train "first" and "inside" (log-odds), which say whether an unknown cell belongs to a room."""
     cells = [part for part in samples.cells if len(part.inside)]
     rng = np.random.default_rng(0)
@@ -100,7 +104,7 @@ def fit_cell_forests(samples: Samples, config: TrainingConfig = DEFAULT_TRAINING
         )
         for n in set(range(len(cells))) - set(others):
             part = cells[n]
-            judged[n] = add_judgement(
+            judged[n] = add_first_estimate(
                 part.candidates, forest.probability(part.candidates.features), part.resolution
             )
     truth = [part.inside[some] for part, some in zip(cells, chosen, strict=True)]
@@ -120,7 +124,9 @@ def _some_of_each_region(part: CellSamples, most: int, rng: np.random.Generator)
 
 
 def _fit_cells(
-    features: Sequence[NDArray[np.float32]], inside: Sequence[NDArray[np.bool_]], config: TrainingConfig
+    features: Sequence[NDArray[np.float32]],
+    inside: Sequence[NDArray[np.bool_]],
+    config: PredictorForestConfig,
 ) -> Forest:
     from sklearn.ensemble import HistGradientBoostingClassifier
 
@@ -136,7 +142,7 @@ def _fit_cells(
     return as_forest(model.fit(np.concatenate(features), np.concatenate(inside)))
 
 
-def _frontier_weights(samples: Samples, generated_share: float) -> NDArray[np.float64]:
+def _frontier_weights(samples: PredictorSamples, generated_share: float) -> NDArray[np.float64]:
     """Weights float64 (n,) of frontiers."""
     weights, generated = building_weights(samples.building), ~samples.real
     if generated.any() and samples.real.any():
@@ -146,7 +152,10 @@ def _frontier_weights(samples: Samples, generated_share: float) -> NDArray[np.fl
 
 
 def train_models(
-    samples: Samples, folder: Path, held_out: Mapping[str, str], config: TrainingConfig = DEFAULT_TRAINING
+    samples: PredictorSamples,
+    folder: Path,
+    held_out: Mapping[str, str],
+    config: PredictorForestConfig = DEFAULT_TRAINING,
 ) -> None:
     """Train both models and write them, with a list of what they have never seen, into a folder.
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
 from layoutexplore.maps.floorplan import PlanRaster
 from layoutexplore.predictors.cell_model.features import Candidates, find_candidates
-from layoutexplore.predictors.cell_model.network_input import Scene, make_scene
+from layoutexplore.predictors.cell_model.network_input import NetworkInput, make_network_input
 from layoutexplore.predictors.frontier_model.features import (
     FEATURES,
     Surroundings,
@@ -23,7 +23,7 @@ from layoutexplore.predictors.frontier_model.features import (
     look_around,
 )
 from layoutexplore.predictors.frontier_model.network_input import PLANES as WINDOW_PLANES
-from layoutexplore.predictors.frontier_model.network_input import SIDE, draw_truth, draw_windows
+from layoutexplore.predictors.frontier_model.network_input import SIDE, draw_crops, draw_truth
 from layoutexplore.predictors.seen_rooms import Regions, seen_regions
 from layoutexplore.predictors.snapshot import Snapshot
 
@@ -49,7 +49,7 @@ class CellSamples:
 
 
 @dataclass(frozen=True, eq=False)
-class SceneSample:
+class CellNetworkSample:
     """All squares of one decision.
 
     Attributes:
@@ -58,17 +58,17 @@ class SceneSample:
         plan: Name of the floor plan.
     """
 
-    scene: Scene
+    scene: NetworkInput
     inside: NDArray[np.bool_]
     plan: str
 
 
 @dataclass(frozen=True, eq=False)
-class WindowSamples:
+class CropSamples:
     """The windows of a plan's frontiers with what is true of the frontiers.
 
     Attributes:
-        windows: uint8 (n, SIDE, SIDE, PLANES), of `draw_windows`.
+        windows: uint8 (n, SIDE, SIDE, PLANES), of `draw_crops`.
         closed: bool (n,).
         area: float64 (n,), square metres left in the room behind.
         truth: uint8 (n, SIDE, SIDE), of `draw_truth`.
@@ -83,7 +83,7 @@ class WindowSamples:
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
+class PredictorSamples:
     """Frontiers and cells with what is true of them.
 
     Attributes:
@@ -102,7 +102,7 @@ class Samples:
     real: NDArray[np.bool_]
     cells: list[CellSamples]
 
-    def of_buildings(self, wanted: Callable[[str], bool]) -> Samples:
+    def of_buildings(self, wanted: Callable[[str], bool]) -> PredictorSamples:
         """The samples of the wanted buildings."""
         kept = np.isin(self.building, [name for name in np.unique(self.building).tolist() if wanted(name)])
         cells = [part for part in self.cells if wanted(part.building)]
@@ -113,10 +113,10 @@ class Samples:
             self.building[kept],
             self.real[kept],
         )
-        return Samples(*frontiers, cells)
+        return PredictorSamples(*frontiers, cells)
 
 
-def gather(snapshots: Sequence[Sequence[Snapshot]]) -> Samples:
+def gather(snapshots: Sequence[Sequence[Snapshot]]) -> PredictorSamples:
     """What trees learn from explorations, which may have shown nothing; every plan is a building of its own."""
     features, closed = [np.zeros((0, len(FEATURES)), np.float32)], [np.zeros(0, np.bool_)]
     area, building = [np.zeros(0)], [np.zeros(0, np.str_)]
@@ -134,10 +134,12 @@ def gather(snapshots: Sequence[Sequence[Snapshot]]) -> Samples:
             cells.append(_cell_samples(snapshot, regions, rng))
     names = np.concatenate(building)
     real = np.zeros(len(names), np.bool_)
-    return Samples(np.concatenate(features), np.concatenate(closed), np.concatenate(area), names, real, cells)
+    return PredictorSamples(
+        np.concatenate(features), np.concatenate(closed), np.concatenate(area), names, real, cells
+    )
 
 
-def join(parts: Sequence[Samples], groups: Mapping[str, str]) -> Samples:
+def join_samples(parts: Sequence[PredictorSamples], groups: Mapping[str, str]) -> PredictorSamples:
     """All samples in one; the building of a plan by its name, itself where there is none."""
     names, which = np.unique(np.concatenate([part.building for part in parts]), return_inverse=True)
     building = np.array([groups.get(name, name) for name in names.tolist()])[which]
@@ -147,7 +149,7 @@ def join(parts: Sequence[Samples], groups: Mapping[str, str]) -> Samples:
         for part in parts
         for cell in part.cells
     ]
-    return Samples(
+    return PredictorSamples(
         features=np.concatenate([part.features for part in parts]),
         closed=np.concatenate([part.closed for part in parts]),
         area=np.concatenate([part.area for part in parts]),
@@ -157,7 +159,7 @@ def join(parts: Sequence[Samples], groups: Mapping[str, str]) -> Samples:
     )
 
 
-def gather_scenes(snapshots: Iterable[Snapshot]) -> list[SceneSample]:
+def gather_network_inputs(snapshots: Iterable[Snapshot]) -> list[CellNetworkSample]:
     """What the network that judges squares learns from decisions, one entry for each that has squares to judge."""
     samples = []
     for snapshot in snapshots:
@@ -165,13 +167,13 @@ def gather_scenes(snapshots: Iterable[Snapshot]) -> list[SceneSample]:
         regions = seen_regions(grid.cells, grid.resolution)
         found = find_candidates(grid.cells, regions, grid.resolution)
         if len(found.cells):
-            scene = make_scene(grid.cells, regions, found, grid.resolution)
+            scene = make_network_input(grid.cells, regions, found, grid.resolution)
             inside = _are_inside(found, regions, snapshot.truth.raster)
-            samples.append(SceneSample(scene, inside, snapshot.plan))
+            samples.append(CellNetworkSample(scene, inside, snapshot.plan))
     return samples
 
 
-def gather_windows(snapshots: Iterable[Snapshot], plan: str) -> WindowSamples:
+def gather_crops(snapshots: Iterable[Snapshot], plan: str) -> CropSamples:
     """What the network that judges frontiers learns from decisions in a plan, of which there may be none."""
     windows, closed, area = (
         [np.zeros((0, SIDE, SIDE, WINDOW_PLANES), np.uint8)],
@@ -182,11 +184,11 @@ def gather_windows(snapshots: Iterable[Snapshot], plan: str) -> WindowSamples:
     for snapshot in snapshots:
         grid, raster = snapshot.decision.grid, snapshot.truth.raster
         around, true = _look(snapshot, seen_regions(grid.cells, grid.resolution))
-        windows.append(draw_windows(around))
+        windows.append(draw_crops(around))
         closed.append(true.is_closed)
         area.append(true.remaining_area)
         truth.append(draw_truth(around, true.room, raster.room_ids, raster.free))
-    return WindowSamples(
+    return CropSamples(
         np.concatenate(windows), np.concatenate(closed), np.concatenate(area), np.concatenate(truth), plan
     )
 

@@ -34,7 +34,7 @@ LEVELS = 200
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingConfig:
+class MergingTrainingConfig:
     """How the judge is trained.
 
     Attributes:
@@ -75,14 +75,14 @@ def first_forest() -> Forest:
     )
 
 
-def train_forest(examples: Sequence[Example], config: TrainingConfig | None = None) -> Forest:
+def train_forest(examples: Sequence[Example], config: MergingTrainingConfig | None = None) -> Forest:
     """Train a judge.
 
     Args:
         examples: Maps of at least one building.
         config: The options.
     """
-    config = config or TrainingConfig()
+    config = config or MergingTrainingConfig()
     forest, samples, keys = first_forest(), [], []
     for k in range(config.rounds):
         for example in examples:
@@ -111,7 +111,7 @@ def mean_forest(forests: Sequence[Forest]) -> Forest:
 
 
 def _weights(
-    samples: list[NDArray[np.float64]], keys: list[tuple[str, str]], config: TrainingConfig
+    samples: list[NDArray[np.float64]], keys: list[tuple[str, str]], config: MergingTrainingConfig
 ) -> NDArray[np.float64]:
     totals: dict[tuple[str, str], float] = {}
     for part, key in zip(samples, keys, strict=True):
@@ -150,7 +150,7 @@ def _quantised(table: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _fit(
-    table: NDArray[np.float64], weights: NDArray[np.float64], config: TrainingConfig, seed: int
+    table: NDArray[np.float64], weights: NDArray[np.float64], config: MergingTrainingConfig, seed: int
 ) -> Forest:
     from sklearn.ensemble import HistGradientBoostingClassifier
 
@@ -202,7 +202,7 @@ def _largest(cases: Sequence[Case], resolution: float) -> set[Case]:
     return {cases[k] for group in groups.values() for _, k in sorted(group)[:EXPLORED]}
 
 
-def train_judge(
+def train_classifier(
     cases: Sequence[Case],
     *,
     resolution: float,
@@ -215,4 +215,4 @@ def train_judge(
     """The judge that ships: trained on all given maps and on simulated ones; `weights` as in `cross_validate`."""
     examples = training_examples(cases, resolution, progress)
     examples += simulated_examples(simulated, tuple(plans), progress=progress)
-    return train_forest(examples, TrainingConfig(seed=seed, kind_weights=weights or {}))
+    return train_forest(examples, MergingTrainingConfig(seed=seed, kind_weights=weights or {}))

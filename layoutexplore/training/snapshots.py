@@ -29,7 +29,7 @@ COVERAGES = (0.2, 0.4, 0.6, 0.8)
 """Shares of coverage at which the protocol of Luperto et al. looks at an exploration."""
 
 
-def explore(
+def explore_plan(
     plan: FloorPlan,
     agent: Agent,
     *,

@@ -7,13 +7,13 @@ import pytest
 
 from layoutexplore.closed_doors.candidates import rectangles
 from layoutexplore.closed_doors.features import FEATURES, describe
-from layoutexplore.closed_doors.prediction import find_doors, turned_scenes
+from layoutexplore.closed_doors.prediction import find_closed_doors, turned_scenes
 from tests.closed_doors.cases import DEPTH, WALL, WIDTH, office
 
 
 def test_one_of_the_rectangles_is_the_room() -> None:
     seen, _ = office((2,))
-    doors = find_doors(
+    doors = find_closed_doors(
         seen, 0.05, lambda turns, edges, features: (features[:, 7] > 0.1) * (features[:, 0] < 2.0) * 1.0
     )
     (door,) = doors[0]

@@ -7,7 +7,7 @@ import pytest
 
 from layoutexplore.closed_doors import predict_closed_rooms
 from layoutexplore.closed_doors.models import shipped_models
-from layoutexplore.closed_doors.prediction import door_probability, find_doors
+from layoutexplore.closed_doors.prediction import door_probability, find_closed_doors
 from layoutexplore.evaluation.closed_doors import score_prediction
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from tests.closed_doors.cases import WALL, WIDTH, office
@@ -16,7 +16,7 @@ from tests.closed_doors.cases import WALL, WIDTH, office
 def test_closed_doors_are_found_and_open_ones_are_not() -> None:
     def doors(shut: tuple[int, ...]) -> list[tuple[int, int]]:
         models = shipped_models()
-        found = find_doors(
+        found = find_closed_doors(
             office(shut)[0], 0.05, lambda turns, edges, features: door_probability(features, models)
         )
         assert not any(found[1:])

@@ -17,7 +17,7 @@ from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import make_room_predictor
 from layoutexplore.predictors.snapshot import Snapshot
-from layoutexplore.training.snapshots import explore
+from layoutexplore.training.snapshots import explore_plan
 
 PLAN = """
 ####################
@@ -38,7 +38,7 @@ def plan() -> FloorPlan:
 
 @pytest.fixture(scope="module")
 def snapshots(plan: FloorPlan) -> list[Snapshot]:
-    return explore(plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
+    return explore_plan(plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
 
 
 def test_oracle_and_none(snapshots: list[Snapshot]) -> None:

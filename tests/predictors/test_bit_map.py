@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from numpy.typing import NDArray
 
-from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, UNKNOWN_BIT, draw_chart
+from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, UNKNOWN_BIT, draw_bit_map
 from tests.predictors.cases import grids, nothing_seen, wide
 
 
@@ -14,7 +14,7 @@ def test_walls_go_on_through_the_unknown() -> None:
     cells = np.full((9, 12), -1, np.int8)
     cells[4, 1:4] = 100
     cells[4, 8] = 0
-    chart = draw_chart(cells, nothing_seen(cells.shape), 0.15, 0.3)
+    chart = draw_bit_map(cells, nothing_seen(cells.shape), 0.15, 0.3)
     code = chart.code[chart.margin : -chart.margin, chart.margin : -chart.margin]
     assert np.argwhere(code & ALONG_ROWS).tolist() == [[4, 0], [4, 4], [4, 5], [4, 6], [4, 7]]
     assert not (code & ALONG_COLS).any()
@@ -23,7 +23,7 @@ def test_walls_go_on_through_the_unknown() -> None:
 @settings(max_examples=40, deadline=None)
 @given(cells=grids | wide)
 def test_a_chart_against_a_slow_one(cells: NDArray[np.int8]) -> None:
-    chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 0.4)
+    chart = draw_bit_map(cells, nothing_seen(cells.shape), 0.2, 0.4)
     padded = np.pad(cells, chart.margin, constant_values=-1)
     expected = np.zeros(padded.shape, np.uint8)
     for turned, bit in ((False, ALONG_ROWS), (True, ALONG_COLS)):

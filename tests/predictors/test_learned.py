@@ -10,7 +10,7 @@ from layoutexplore.frontiers.decision import Decision
 from layoutexplore.maps.library import load_plan
 from layoutexplore.predictors import make_predictor, make_room_predictor
 from layoutexplore.predictors.frontier_model.network import FrontierNetwork
-from layoutexplore.predictors.learned import FOLDER, FRONTIER_NETWORK, ROOM_NETWORK
+from layoutexplore.predictors.learned import CELL_NETWORK, FOLDER, FRONTIER_NETWORK
 from layoutexplore.predictors.seen_rooms import seen_regions
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 
@@ -32,7 +32,7 @@ def test_the_layout_is_completed_when_somebody_looks(decision: Decision) -> None
 
 def test_the_models_that_ship_are_small() -> None:
     models = [path for pattern in ("*.json", "*.safetensors") for path in FOLDER.glob(pattern)]
-    assert {ROOM_NETWORK, FRONTIER_NETWORK} <= set(models) and sum(
+    assert {CELL_NETWORK, FRONTIER_NETWORK} <= set(models) and sum(
         path.stat().st_size for path in models
     ) < 3_000_000
 

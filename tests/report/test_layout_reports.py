@@ -28,13 +28,13 @@ from layoutexplore.evaluation.partial_rooms import Item, RoomScore, score
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
-from layoutexplore.predictors import RoomMap, make_room_predictor
+from layoutexplore.predictors import RoomLabels, make_room_predictor
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
 from layoutexplore.report.exploration import write_report
 from layoutexplore.report.layout_section import stop_plot
 from layoutexplore.report.partial_rooms import Gallery, draw_room
-from layoutexplore.training.snapshots import explore
+from layoutexplore.training.snapshots import explore_plan
 
 OFFICES = """
 ################################
@@ -167,7 +167,7 @@ def test_marks_lie_in_their_frame(pairs: list[tuple[float, float]]) -> None:
 @pytest.fixture(scope="module")
 def snapshots() -> list[Snapshot]:
     plan = floorplan_from_ascii(OFFICES, resolution=0.7, name="offices")
-    return explore(plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
+    return explore_plan(plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
 
 
 def test_the_gallery_keeps_the_best_and_the_worst(snapshots: list[Snapshot]) -> None:
@@ -191,14 +191,14 @@ def test_a_room_is_drawn_with_what_is_right_wrong_and_missed(snapshots: list[Sna
     snapshot, item = next((s, i) for s in snapshots for i in find_items(s) if (i.mask & ~i.seen).sum() > 50)
     truth = snapshot.truth.raster
 
-    def colours(rooms: RoomMap, item: Item = item) -> set[tuple[int, ...]]:
+    def colours(rooms: RoomLabels, item: Item = item) -> set[tuple[int, ...]]:
         return set(map(tuple, draw_room(snapshot, item, rooms).reshape(-1, 3).tolist()))
 
-    true = colours(RoomMap(truth.room_ids, truth.free))
+    true = colours(RoomLabels(truth.room_ids, truth.free))
     assert SEEN in true and RIGHT in true and WRONG not in true and MISSED not in true
-    nothing = colours(RoomMap(np.zeros(truth.shape, np.int32), truth.free))
+    nothing = colours(RoomLabels(np.zeros(truth.shape, np.int32), truth.free))
     assert MISSED in nothing and RIGHT not in nothing and WRONG not in nothing
-    everything = colours(RoomMap(np.ones(truth.shape, np.int32), np.ones(truth.shape, np.bool_)))
+    everything = colours(RoomLabels(np.ones(truth.shape, np.int32), np.ones(truth.shape, np.bool_)))
     assert RIGHT in everything and WRONG in everything and MISSED not in everything
 
 

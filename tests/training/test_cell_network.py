@@ -5,26 +5,30 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from layoutexplore.predictors.cell_model.network import RoomNetwork
+from layoutexplore.predictors.cell_model.network import CellNetwork
 from tests.predictors.cell_model.cases import half_seen, scene_of
 
 
 def test_training_learns_a_half_seen_room() -> None:
     pytest.importorskip("torch")
-    from layoutexplore.training.cell_network import NetworkConfig, first_network, trained_network
-    from layoutexplore.training.predictor_samples import SceneSample
+    from layoutexplore.training.cell_network import (
+        CellNetworkConfig,
+        pretrain_cell_network,
+        train_cell_network,
+    )
+    from layoutexplore.training.predictor_samples import CellNetworkSample
 
     scene = scene_of(half_seen())
     inside = (scene.squares[:, 1] < 25) & (scene.squares[:, 0] > 3) & (scene.squares[:, 0] < 17)
-    sample = SceneSample(scene, inside, "a")
-    config = NetworkConfig(first_steps=40, steps=40, batch=4, window=24)
+    sample = CellNetworkSample(scene, inside, "a")
+    config = CellNetworkConfig(first_steps=40, steps=40, batch=4, window=24)
     told: list[tuple[int, int, float]] = []
-    first = first_network([sample], config, lambda *args: told.append(args))
-    weights = trained_network(first, [sample], [sample], config, lambda *args: told.append(args))
-    odds = RoomNetwork(weights).judge(scene)
+    first = pretrain_cell_network([sample], config, lambda *args: told.append(args))
+    weights = train_cell_network(first, [sample], [sample], config, lambda *args: told.append(args))
+    odds = CellNetwork(weights).judge(scene)
     assert ((odds > 0) == inside).mean() > 0.9
     assert told[39][:2] == (40, 40) and len(told) == 80 and told[-1][2] < told[0][2]
-    again = trained_network(first, [sample], [sample], config, lambda *_: None)
+    again = train_cell_network(first, [sample], [sample], config, lambda *_: None)
     assert all(np.array_equal(weights[name], again[name]) for name in weights), (
         "the same seed, the same network"
     )

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from layoutexplore.grids.grid import FREE, UNKNOWN
-from layoutexplore.training.explored_maps import explore, explored_examples
+from layoutexplore.training.explored_maps import explore_map, explored_examples
 from tests.layout.merging.cases import plan, rooms_of
 
 
 def test_explored_maps_show_the_map_itself() -> None:
     cells = plan()
     for dense in (True, False):
-        seen = explore(cells, 0.05, np.random.default_rng(0), dense=dense)
+        seen = explore_map(cells, 0.05, np.random.default_rng(0), dense=dense)
         known = seen != UNKNOWN
         assert (seen[known] == cells[known]).all()
         assert 0 < np.count_nonzero(seen == FREE) <= np.count_nonzero(cells == FREE)

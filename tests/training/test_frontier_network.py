@@ -20,7 +20,7 @@ from tests.predictors.frontier_model.cases import network_of
 
 def test_rounding_keeps_what_torch_has_learnt() -> None:
     torch = pytest.importorskip("torch")
-    from layoutexplore.training.frontier_network import TrainableFrontierNetwork, rounded
+    from layoutexplore.training.frontier_network import TrainableFrontierNetwork, quantised_weights
 
     torch.manual_seed(0)
     network, windows = TrainableFrontierNetwork(0.0), wide_and_narrow()[0]
@@ -29,7 +29,7 @@ def test_rounding_keeps_what_torch_has_learnt() -> None:
         for _ in range(40):
             network.train()(shares)  # The norms get to know the windows.
         expected = ((network.eval()(shares) + network(shares.flip(3))) / 2).numpy()
-    weights = rounded(network, windows)
+    weights = quantised_weights(network, windows)
     found = network_of(weights).judge(windows)
     for output in range(3):
         assert np.corrcoef(found[:, output], expected[:, output])[0, 1] > 0.97
@@ -48,8 +48,8 @@ def wide_and_narrow() -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
 
 def test_training_tells_wide_from_narrow() -> None:
     pytest.importorskip("torch")
-    from layoutexplore.training.frontier_network import FrontierNetworkConfig, trained_frontier_network
-    from layoutexplore.training.predictor_samples import WindowSamples
+    from layoutexplore.training.frontier_network import FrontierNetworkConfig, train_frontier_network
+    from layoutexplore.training.predictor_samples import CropSamples
 
     windows, closed = wide_and_narrow()
     area = np.where(closed, 0.5, 20.0)
@@ -57,19 +57,18 @@ def test_training_tells_wide_from_narrow() -> None:
         windows[..., 2] > 0, np.where(closed[:, None, None], ROOM_BEHIND, OTHER_ROOM), KNOWN
     ).astype(np.uint8)
     parts = [
-        WindowSamples(windows[k::2], closed[k::2], area[k::2], truth[k::2], name)
-        for k, name in enumerate("ab")
+        CropSamples(windows[k::2], closed[k::2], area[k::2], truth[k::2], name) for k, name in enumerate("ab")
     ]
     told: list[tuple[int, int, float]] = []
     config = FrontierNetworkConfig(steps=60, batch=32)
-    weights = trained_frontier_network(
+    weights = train_frontier_network(
         parts[:1], parts[1:], {"b": "house"}, config, lambda *args: told.append(args)
     )
     found = network_of(weights).judge(windows)
     assert (((found[:, 0] > 0) == closed).mean(), ((found[:, 1] > 0) == closed).mean()) > (0.95, 0.95)
     assert found[closed, 2].max() < found[~closed, 2].min()
     assert told[-1][:2] == (60, 60) and told[-1][2] < told[0][2]
-    again = trained_frontier_network(parts[:1], parts[1:], {"b": "house"}, config, lambda *_: None)
+    again = train_frontier_network(parts[:1], parts[1:], {"b": "house"}, config, lambda *_: None)
     assert all(np.array_equal(weights[name], again[name]) for name in SHAPES), (
         "the same seed, the same network"
     )
@@ -86,7 +85,7 @@ def test_squares_are_drawn_the_way_their_windows_lie() -> None:
         _Pool,
         _train,
     )
-    from layoutexplore.training.predictor_samples import WindowSamples
+    from layoutexplore.training.predictor_samples import CropSamples
 
     rng = np.random.default_rng(0)
     windows = np.zeros((64, SIDE, SIDE, PLANES), np.uint8)
@@ -96,7 +95,7 @@ def test_squares_are_drawn_the_way_their_windows_lie() -> None:
     truth = np.where(
         windows[..., 1] > 0, KNOWN, np.where(windows[..., 6] > 0, ROOM_BEHIND, OTHER_ROOM)
     ).astype(np.uint8)
-    pool = _Pool([WindowSamples(windows, np.ones(64, np.bool_), np.ones(64), truth, "a")], {})
+    pool = _Pool([CropSamples(windows, np.ones(64, np.bool_), np.ones(64), truth, "a")], {})
     config = FrontierNetworkConfig(steps=40, batch=16, rate=1e-2)
     draws, ways = _Draws(pool, _Pool([], {}), config), set()
     for _ in range(20):

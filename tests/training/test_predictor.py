@@ -12,7 +12,7 @@ from layoutexplore import cli
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import make_room_predictor
-from layoutexplore.predictors.learned import FRONTIER_MODEL, FRONTIER_NETWORK, ROOM_NETWORK
+from layoutexplore.predictors.learned import CELL_NETWORK, FRONTIER_MODEL, FRONTIER_NETWORK
 from tests.plans import PLAN
 
 
@@ -47,7 +47,7 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
     assert buildings == (2, 2, 3), "a copy is of its plan's building, so that it is held out with it"
     assert (out / "fold1" / "held_out.json").read_text() != (out / "fold2" / "held_out.json").read_text()
     assert make_room_predictor(f"layout:model={out}").name.startswith("layout:")
-    networks = [path.name for path in (ROOM_NETWORK, FRONTIER_NETWORK)]
+    networks = [path.name for path in (CELL_NETWORK, FRONTIER_NETWORK)]
     assert all((out / folder / name).exists() for folder in ("fold1", "fold2", ".") for name in networks)
     alone = [*arguments, "office:7", "--no-network", "--store", str(tmp_path / "store")]
     assert CliRunner().invoke(cli.app, alone).exit_code == 0

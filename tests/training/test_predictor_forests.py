@@ -15,8 +15,8 @@ from layoutexplore.predictors import make_predictor, make_room_predictor
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 from layoutexplore.training.explorations import stopped_explorations
 from layoutexplore.training.folds import deal_groups
-from layoutexplore.training.predictor_forests import TrainingConfig, fit_frontier_forests, train_models
-from layoutexplore.training.predictor_samples import Samples, gather, join
+from layoutexplore.training.predictor_forests import PredictorForestConfig, fit_frontier_forests, train_models
+from layoutexplore.training.predictor_samples import PredictorSamples, gather, join_samples
 from tests.plans import PLAN
 
 
@@ -26,10 +26,10 @@ def test_forests_are_what_was_trained(tmp_path: Path) -> None:
     features = rng.normal(size=(600, len(names))).astype(np.float32)
     closed = features[:, 3] > 0
     area = np.abs(features[:, 5]).astype(float) * 3
-    samples = Samples(
+    samples = PredictorSamples(
         features, closed, area, np.where(rng.random(600) < 0.5, "a", "b"), np.ones(600, np.bool_), []
     )
-    forests = fit_frontier_forests(samples, TrainingConfig(trees=15, rate=0.3, feature_share=1.0))
+    forests = fit_frontier_forests(samples, PredictorForestConfig(trees=15, rate=0.3, feature_share=1.0))
     assert ((forests["closed"].probability(features) > 0.5) == closed).mean() > 0.95
     path = tmp_path / "model.json"
     save_forests(path, forests, names, "a test")
@@ -51,7 +51,8 @@ def test_generated_plans_do_not_outvote_real_ones() -> None:
     closed = (features[:, 0] > 0) == real
     building = np.where(real, "house", np.array([f"generated {k % 50}" for k in range(900)]))
     forests = fit_frontier_forests(
-        Samples(features, closed, np.ones(900), building, real, []), TrainingConfig(trees=15, rate=0.3)
+        PredictorSamples(features, closed, np.ones(900), building, real, []),
+        PredictorForestConfig(trees=15, rate=0.3),
     )
     assert ((forests["closed"].probability(features) > 0.5) == closed)[real].mean() > 0.95
 
@@ -63,14 +64,14 @@ def test_a_model_of_ones_own(tmp_path: Path) -> None:
     explorations = [
         e for plan in plans for e in stopped_explorations(plan, make_agent, 1, 4, tmp_path / "store")
     ]
-    samples = join([gather(explorations[:2]), gather(explorations[2:])], {"other": "house"})
+    samples = join_samples([gather(explorations[:2]), gather(explorations[2:])], {"other": "house"})
     assert set(samples.building.tolist()) == {cell.building for cell in samples.cells} == {"one", "house"}
     others = samples.of_buildings(lambda name: name != "one")
     assert set(others.building.tolist()) == {"house"} and len(others.features) == len(
         gather(explorations[2:]).features
     )
     assert deal_groups(["a", "b", "b"], 2) == deal_groups(["b", "a"], 2)
-    train_models(samples, tmp_path, {"flat": "house"}, TrainingConfig(trees=3, cell_trees=3))
+    train_models(samples, tmp_path, {"flat": "house"}, PredictorForestConfig(trees=3, cell_trees=3))
     predictor = make_room_predictor(f"layout:model={tmp_path}")
     assert (
         predictor.name == f"layout:model={tmp_path}" and "house" in (tmp_path / "held_out.json").read_text()

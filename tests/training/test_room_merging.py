@@ -12,7 +12,7 @@ from layoutexplore.layout.merging.agglomeration import merge_pieces
 from layoutexplore.layout.merging.merge_forest import load_forest, save_forest
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.training.merging_examples import make_example
-from layoutexplore.training.room_merging import TrainingConfig, mean_forest, train_forest
+from layoutexplore.training.room_merging import MergingTrainingConfig, mean_forest, train_forest
 from tests.layout.merging.cases import office, plan, rooms_of
 
 
@@ -20,7 +20,7 @@ def test_a_judge_can_be_trained_stored_and_read(tmp_path: Path) -> None:
     grid = office(clutter=True)
     truth = reconstruct(office()).labels
     example = make_example(grid.cells, truth, 0.05, building="a", kind="x")
-    forest = train_forest([example, example], TrainingConfig(rounds=1, trees=5, leaves=4))
+    forest = train_forest([example, example], MergingTrainingConfig(rounds=1, trees=5, leaves=4))
     save_forest(forest, tmp_path / "model.json", note="test")
     again = load_forest(tmp_path / "model.json")
     assert (
@@ -40,7 +40,7 @@ def test_kinds_of_maps_weigh_what_they_are_given() -> None:
     whole = make_example(plan(), np.minimum(rooms, 1), 0.05, building="a", kind="whole")  # all are
     for weights in ({}, {"whole": 4.0}, {"whole": 0.5, "parted": 2.0}):
         forest = train_forest(
-            [parted, whole], TrainingConfig(rounds=1, forests=1, trees=2, kind_weights=weights)
+            [parted, whole], MergingTrainingConfig(rounds=1, forests=1, trees=2, kind_weights=weights)
         )
         assert forest.bias == pytest.approx(
             np.log(weights.get("whole", 1.0) / weights.get("parted", 1.0)), abs=1e-5
@@ -49,9 +49,10 @@ def test_kinds_of_maps_weigh_what_they_are_given() -> None:
 
 def test_the_mean_of_judges_is_a_judge() -> None:
     example = make_example(plan(), rooms_of(plan()), 0.05, building="a", kind="x")
-    config = TrainingConfig(rounds=1, forests=1, trees=4, leaves=4)
+    config = MergingTrainingConfig(rounds=1, forests=1, trees=4, leaves=4)
     one, other = (
-        train_forest([example, example], TrainingConfig(**{**config.__dict__, "seed": s})) for s in (0, 1)
+        train_forest([example, example], MergingTrainingConfig(**{**config.__dict__, "seed": s}))
+        for s in (0, 1)
     )
     both = mean_forest([one, other])
     assert len(both.roots) == 8 and both.bias == pytest.approx((one.bias + other.bias) / 2)

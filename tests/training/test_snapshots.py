@@ -11,7 +11,7 @@ from layoutexplore.agents import make_agent
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors.snapshot import Snapshot
-from layoutexplore.training.snapshots import explore
+from layoutexplore.training.snapshots import explore_plan
 
 PLAN = """
 ####################
@@ -32,12 +32,12 @@ def plan() -> FloorPlan:
 
 @pytest.fixture(scope="module")
 def snapshots(plan: FloorPlan) -> list[Snapshot]:
-    return explore(plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
+    return explore_plan(plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7))
 
 
 def test_stored_snapshots_are_the_same(plan: FloorPlan, snapshots: list[Snapshot], tmp_path: Path) -> None:
     for _ in range(2):  # The first writes, the second reads.
-        kept = explore(
+        kept = explore_plan(
             plan, make_agent("nearest"), sensor="short", seed=1, coverages=(0.3, 0.5, 0.7), store=tmp_path
         )
         assert [s.coverage for s in kept] == [s.coverage for s in snapshots]

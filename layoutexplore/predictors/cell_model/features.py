@@ -15,8 +15,8 @@ from layoutexplore.predictors.bit_map import (
     FREE_BIT,
     UNKNOWN_BIT,
     WALL_BIT,
-    Chart,
-    draw_chart,
+    BitMap,
+    draw_bit_map,
 )
 from layoutexplore.predictors.seen_rooms import Regions
 
@@ -97,7 +97,7 @@ def find_candidates(
         reach: Metres of way through the unknown up to which a cell is a candidate.
     """
     stride = max(round(spacing / resolution), 1)
-    chart = draw_chart(cells, regions, resolution, SIGHT + resolution)
+    chart = draw_bit_map(cells, regions, resolution, SIGHT + resolution)
     owner, way, crossed = _reach(chart.code, chart.margin, regions.labels, round(reach / resolution))
     first: NDArray[np.int32] = _one_each(owner[0], chart.margin, cells.shape, stride)
     found, rank = np.concatenate([first, first]), np.repeat(np.array([0, 1], np.int32), len(first))
@@ -121,7 +121,7 @@ def find_candidates(
     return Candidates(found, region, rank, features, stride, regions.boxes)
 
 
-def add_judgement(
+def add_first_estimate(
     candidates: Candidates, inside: NDArray[np.float64], resolution: float
 ) -> NDArray[np.float32]:
     """The features of the candidates with those that tell what a first judgement thinks.
@@ -230,7 +230,7 @@ def _first_axis(candidates: Candidates) -> NDArray[np.int64]:
     return np.where(rows, 0, 1)
 
 
-def _typical_room(chart: Chart, regions: Regions, resolution: float) -> tuple[float, float, float, float]:
+def _typical_room(chart: BitMap, regions: Regions, resolution: float) -> tuple[float, float, float, float]:
     """Median area, longer and shorter side of the rooms that are seen whole, and how many there are."""
     inner = slice(chart.margin, -chart.margin)
     beside = cv2.dilate(chart.code & UNKNOWN_BIT, np.ones((3, 3), np.uint8))[inner, inner] > 0

@@ -1,4 +1,4 @@
-"""The convolutional network that judges squares, run with numpy: a small U-Net over the planes of a `Scene`.
+"""The convolutional network that judges squares, run with numpy: a small U-Net over the planes of a `NetworkInput`.
 
 It sees what the trees see of each square, and what they see of all squares around it.
 `layoutexplore.training.cell_network` makes it.
@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from layoutexplore.models.network_files import Layers, Weights
-from layoutexplore.predictors.cell_model.network_input import PLANES, Planes, Scene, draw_planes
+from layoutexplore.predictors.cell_model.network_input import PLANES, NetworkInput, Planes, draw_planes
 
 WIDTHS = (32, 48, 64, 64)
 """Channels at full, half, fourth and eighth resolution."""
@@ -29,7 +29,7 @@ LAYERS: Layers = {
 """All but the last are followed by a ReLU."""
 
 
-class RoomNetwork:
+class CellNetwork:
     """A trained network.
 
     Args:
@@ -39,7 +39,7 @@ class RoomNetwork:
     def __init__(self, weights: Weights) -> None:
         self._weights = {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}
 
-    def judge(self, scene: Scene) -> NDArray[np.float32]:
+    def judge(self, scene: NetworkInput) -> NDArray[np.float32]:
         """Log-odds float32 (n,) that each square that a scene asks for belongs to the room of the region that asks."""
         if len(scene.squares) == 0:
             return np.zeros(0, np.float32)

@@ -20,7 +20,7 @@ from layoutexplore.predictors.bit_map import (
     FREE_BIT,
     UNKNOWN_BIT,
     WALL_BIT,
-    draw_chart,
+    draw_bit_map,
 )
 from layoutexplore.predictors.cell_model.features import FEATURES, SIGHT, Candidates
 from layoutexplore.predictors.seen_rooms import Regions
@@ -52,7 +52,7 @@ SHOWN = len(_SCALES) + len(_KINDS) * len(_RAYS)
 """Planes that tell what is known of a square and one of its regions."""
 
 PLANES = len(_BITS) + 2 * (SHOWN + 1 + 4)
-"""All planes: shares of the bits of a `Chart`; then, for either rank, what is known, whether a region asks, and whether the
+"""All planes: shares of the bits of a `BitMap`; then, for either rank, what is known, whether a region asks, and whether the
 squares above, below, to the left and to the right have the same one."""
 
 
@@ -60,7 +60,7 @@ _Number = TypeVar("_Number", np.uint8, np.int32)
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class NetworkInput:
     """A decision in squares.
 
     Attributes:
@@ -80,7 +80,9 @@ class Scene:
     features: NDArray[np.float16]
 
 
-def make_scene(cells: NDArray[np.int8], regions: Regions, candidates: Candidates, resolution: float) -> Scene:
+def make_network_input(
+    cells: NDArray[np.int8], regions: Regions, candidates: Candidates, resolution: float
+) -> NetworkInput:
     """A decision in squares.
 
     Args:
@@ -89,11 +91,11 @@ def make_scene(cells: NDArray[np.int8], regions: Regions, candidates: Candidates
         candidates: All squares of these regions.
         resolution: Metres per cell.
     """
-    chart, stride = draw_chart(cells, regions, resolution, SIGHT + resolution), candidates.stride
+    chart, stride = draw_bit_map(cells, regions, resolution, SIGHT + resolution), candidates.stride
     inner = slice(chart.margin, -chart.margin)
     code = _in_squares(chart.code[inner, inner], stride)
     bits = np.stack([((code & bit) > 0).mean(axis=(1, 3), dtype=np.float32) for bit in _BITS])
-    return Scene(
+    return NetworkInput(
         bits=bits.astype(np.float16),
         labels=_in_squares(regions.labels, stride).max(axis=(1, 3)).astype(np.int16),
         squares=(candidates.cells // stride).astype(np.int16),
@@ -111,7 +113,7 @@ def _in_squares(cells: NDArray[_Number], stride: int) -> NDArray[_Number]:
     return whole.reshape(rows, stride, cols, stride)
 
 
-def turned(scene: Scene, way: int) -> Scene:
+def turned(scene: NetworkInput, way: int) -> NetworkInput:
     """The scene as one of the 8 ways to lay it down: bit 0 of `way` turns the rows round, bit 1 the columns, bit 2 swaps them."""
     bits, labels, squares = scene.bits, scene.labels, scene.squares.copy()
     if way & 1:
@@ -141,7 +143,7 @@ class Planes:
     asked: NDArray[np.int64]
 
 
-def draw_planes(scene: Scene, corner: tuple[int, int] | None = None, size: int = 0) -> Planes:
+def draw_planes(scene: NetworkInput, corner: tuple[int, int] | None = None, size: int = 0) -> Planes:
     """The window around all squares that are asked for, with a rim of one square, or one of `size` squares from a corner on."""
     squares = scene.squares.astype(np.int64)
     low, high = (

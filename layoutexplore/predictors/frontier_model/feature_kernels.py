@@ -2,7 +2,7 @@
 
 A frontier has a frame: `forward` is the grid axis that points most into the unknown, `sideways` the other
 axis, turned so that the frontier's normal leans towards it. Mirrored situations look the same in this frame.
-All kernels read the bits of a `Chart` whose margin is wider than they look.
+All kernels read the bits of a `BitMap` whose margin is wider than they look.
 """
 
 from __future__ import annotations

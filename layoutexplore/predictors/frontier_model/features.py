@@ -1,6 +1,6 @@
 """What is known of a frontier's surroundings, as numbers for the trees that judge it.
 
-Most of the numbers depend on nothing that is further away than `SIGHT`; a `ProbeMemory` keeps those of
+Most of the numbers depend on nothing that is further away than `SIGHT`; a `FeatureCache` keeps those of
 frontiers around which nothing has changed since the last decision. They are the same with and without it.
 """
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.grid import FREE
-from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, WALL_BIT, Chart, draw_chart
+from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, WALL_BIT, BitMap, draw_bit_map
 from layoutexplore.predictors.frontier_model.feature_kernels import (
     AHEAD,
     BESIDE,
@@ -67,11 +67,11 @@ FEATURES: tuple[str, ...] = (*_PROBES, *_CONTACTS, *_REGION)
 """Names of the features, in their order. Lengths are metres, areas square metres."""
 
 
-class ProbeMemory:
+class FeatureCache:
     """What was found around the frontiers of the last decision, for a run on one grid after another of the same shape."""
 
     def __init__(self) -> None:
-        self._chart: Chart | None = None
+        self._chart: BitMap | None = None
         self._resolution = 0.0
         self._known: dict[bytes, int] = {}
         self._probes = np.zeros((0, len(_PROBES)), np.float32)
@@ -81,7 +81,7 @@ class ProbeMemory:
         self._mark = 0
 
     def probe(
-        self, chart: Chart, frontiers: FrontierClusters, resolution: float
+        self, chart: BitMap, frontiers: FrontierClusters, resolution: float
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.int32]]:
         """What is found around each frontier.
 
@@ -112,7 +112,7 @@ class ProbeMemory:
 
     def _still_valid(
         self,
-        chart: Chart,
+        chart: BitMap,
         keys: Sequence[bytes],
         members: NDArray[np.int32],
         offsets: NDArray[np.int64],
@@ -199,7 +199,7 @@ class Surroundings:
     regions: Regions
     homes: NDArray[np.int64]
     resolution: float
-    chart: Chart
+    chart: BitMap
     probes: NDArray[np.float32]
     frames: NDArray[np.float64]
     touched: NDArray[np.int32]
@@ -210,7 +210,7 @@ def look_around(
     frontiers: FrontierClusters,
     regions: Regions,
     resolution: float,
-    memory: ProbeMemory | None = None,
+    memory: FeatureCache | None = None,
 ) -> Surroundings:
     """Look at what lies around k >= 1 frontiers.
 
@@ -221,8 +221,8 @@ def look_around(
         resolution: Metres per cell.
         memory: Of the last decision; makes this one cheaper.
     """
-    chart = draw_chart(cells, regions, resolution, SIGHT + 2 * resolution)
-    found = (memory or ProbeMemory()).probe(chart, frontiers, resolution)
+    chart = draw_bit_map(cells, regions, resolution, SIGHT + 2 * resolution)
+    found = (memory or FeatureCache()).probe(chart, frontiers, resolution)
     return Surroundings(
         cells, frontiers, regions, home_regions(regions, frontiers), resolution, chart, *found
     )

@@ -59,7 +59,7 @@ class FrontierNetwork:
         """Judge k frontiers.
 
         Args:
-            windows: uint8 (k, SIDE, SIDE, PLANES), of `draw_windows`.
+            windows: uint8 (k, SIDE, SIDE, PLANES), of `draw_crops`.
 
         Returns:
             float32 (k, 3): log-odds of "closed" and of "closed with less than 1 m2 left", log of 1 + square

@@ -25,7 +25,7 @@ BEHIND = 10
 _BITS = np.array([FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT, ALONG_ROWS, ALONG_COLS], np.uint8)
 
 PLANES = len(_BITS) + 4
-"""Shares of a square that have a bit of a `Chart` (walls that go on: across the way ahead, then along it), that are of the
+"""Shares of a square that have a bit of a `BitMap` (walls that go on: across the way ahead, then along it), that are of the
 frontier's region and of other regions; whether it holds cells of the frontier, and of any."""
 
 
@@ -43,7 +43,7 @@ ROOM_BEHIND, OTHER_ROOM, DOORWAY, SOLID, KNOWN = range(5)
 """What `draw_truth` says of a square: floor of the room behind the frontier, of another room, of none, no floor, or no riddle."""
 
 
-def draw_windows(around: Surroundings, wanted: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
+def draw_crops(around: Surroundings, wanted: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
     """The windows uint8 (k, SIDE, SIDE, PLANES) of k frontiers: rows from behind to ahead, columns from one side to the other.
 
     Args:

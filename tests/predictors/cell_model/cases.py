@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.predictors.cell_model.features import find_candidates
 from layoutexplore.predictors.cell_model.network import LAYERS
-from layoutexplore.predictors.cell_model.network_input import Scene, make_scene
+from layoutexplore.predictors.cell_model.network_input import NetworkInput, make_network_input
 from layoutexplore.predictors.seen_rooms import seen_regions
 
 GRIDS = hnp.arrays(
@@ -19,9 +19,9 @@ GRIDS = hnp.arrays(
 )
 
 
-def scene_of(cells: NDArray[np.int8]) -> Scene:
+def scene_of(cells: NDArray[np.int8]) -> NetworkInput:
     regions = seen_regions(cells, 0.1)
-    return make_scene(cells, regions, find_candidates(cells, regions, 0.1), 0.1)
+    return make_network_input(cells, regions, find_candidates(cells, regions, 0.1), 0.1)
 
 
 def half_seen() -> NDArray[np.int8]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.predictors.cell_model.features import FEATURES as CELL_FEATURES
-from layoutexplore.predictors.cell_model.features import add_judgement, find_candidates
+from layoutexplore.predictors.cell_model.features import add_first_estimate, find_candidates
 from layoutexplore.predictors.seen_rooms import seen_regions
 
 
@@ -18,7 +18,7 @@ def test_cells_are_offered_to_two_regions_and_judged_by_their_neighbourhood() ->
     assert sorted(set(candidates.region.tolist())) == [1, 2] and set(candidates.rank.tolist()) == {0, 1}
     assert (cells[candidates.cells[:, 0], candidates.cells[:, 1]] == -1).all()
     inside = (candidates.region == 1).astype(float)
-    features = add_judgement(candidates, inside, 0.1)
+    features = add_first_estimate(candidates, inside, 0.1)
     at = CELL_FEATURES.index("judged_near")
     assert (features[candidates.region == 1, at] == 1.0).all() and (
         features[candidates.region == 2, at] == 0.0

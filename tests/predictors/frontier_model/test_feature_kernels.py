@@ -15,7 +15,7 @@ from layoutexplore.predictors.bit_map import (
     FREE_BIT,
     UNKNOWN_BIT,
     WALL_BIT,
-    draw_chart,
+    draw_bit_map,
 )
 from layoutexplore.predictors.frontier_model.feature_kernels import (
     AHEAD,
@@ -37,7 +37,7 @@ def test_a_flood_against_a_slow_one(cells: NDArray[np.int8]) -> None:
     clusters = find_frontiers(cells)
     if not len(clusters):
         return
-    chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 1.4)
+    chart = draw_bit_map(cells, nothing_seen(cells.shape), 0.2, 1.4)
     members = clusters.cluster(0) + np.int32(chart.margin)
     depths = np.array([1, 3, 5], np.int64)
     out, touched = np.zeros(8, np.float32), np.zeros(TOUCHED, np.int32)

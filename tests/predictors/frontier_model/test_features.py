@@ -9,12 +9,12 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters, find_frontiers
-from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, UNKNOWN_BIT, draw_chart
+from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, UNKNOWN_BIT, draw_bit_map
 from layoutexplore.predictors.frontier_model.feature_kernels import TOUCHED, flood_unknown
 from layoutexplore.predictors.frontier_model.features import (
     BLOCK,
     FEATURES,
-    ProbeMemory,
+    FeatureCache,
     _changed_blocks,
     _probe,
     frontier_features,
@@ -61,7 +61,7 @@ def test_mirrored_and_turned_frontiers_look_the_same() -> None:
 
 
 def features_of(
-    cells: NDArray[np.int8], clusters: FrontierClusters, resolution: float, memory: ProbeMemory | None = None
+    cells: NDArray[np.int8], clusters: FrontierClusters, resolution: float, memory: FeatureCache | None = None
 ) -> NDArray[np.float32]:
     """The features of frontiers with nothing in sight."""
     around = look_around(cells, clusters, seen_regions(cells, resolution), resolution, memory)
@@ -85,7 +85,7 @@ def test_a_larger_grid_tells_nothing_more(cells: NDArray[np.int8], where: tuple[
 def test_a_memory_changes_nothing(data: st.DataObject) -> None:
     rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
     cells = rng.choice(np.array([-1, 0, 0, 100], np.int8), (30, 150))
-    memory = ProbeMemory()
+    memory = FeatureCache()
     for _ in range(4):
         clusters = find_frontiers(cells)
         np.testing.assert_array_equal(
@@ -103,7 +103,7 @@ def test_floods_that_meet_no_barrier_are_shared(cells: NDArray[np.int8], seed: i
     if not len(clusters):
         return
     rng = np.random.default_rng(seed)
-    chart = draw_chart(cells, nothing_seen(cells.shape), 0.2, 3.0)
+    chart = draw_bit_map(cells, nothing_seen(cells.shape), 0.2, 3.0)
     chart.code[rng.random(chart.code.shape) < rng.choice([0.0, 0.01, 0.3])] |= DOOR_BIT
     members = clusters.cluster(0) + np.int32(chart.margin)
     depths, barriers = (

@@ -21,8 +21,8 @@ from layoutexplore.predictors.frontier_model.network_input import (
     SIDE,
     SOLID,
     SQUARE,
+    draw_crops,
     draw_truth,
-    draw_windows,
 )
 from layoutexplore.predictors.seen_rooms import seen_regions
 
@@ -77,9 +77,9 @@ def test_windows_against_slow_ones(cells: NDArray[np.int8], resolution: float) -
     if len(clusters) == 0:
         return
     around = around_of(cells, clusters, resolution)
-    windows, last = draw_windows(around), len(clusters) - 1
+    windows, last = draw_crops(around), len(clusters) - 1
     np.testing.assert_allclose(windows[last] / 255, slow_window(around, last), atol=0.51 / 255)
-    np.testing.assert_array_equal(draw_windows(around, np.array([last, 0])), windows[[last, 0]])
+    np.testing.assert_array_equal(draw_crops(around, np.array([last, 0])), windows[[last, 0]])
 
 
 @settings(max_examples=5, deadline=None)
@@ -89,10 +89,10 @@ def test_squares_finer_and_coarser_than_cells(cells: NDArray[np.int8]) -> None:
     clusters = find_frontiers(cells)
     if len(clusters) == 0:
         return
-    coarse = draw_windows(around_of(cells, clusters, 0.6))
+    coarse = draw_crops(around_of(cells, clusters, 0.6))
     assert set(np.unique(coarse[..., :3]).tolist()) <= {0, 255}
     assert (coarse[..., :3].astype(int).sum(axis=3) == 255).all(), "free, occupied or unknown"
-    fine = draw_windows(around_of(cells, clusters, 0.008))
+    fine = draw_crops(around_of(cells, clusters, 0.008))
     assert (np.abs(fine[..., :3].astype(int).sum(axis=3) - 255) <= 1).all()
 
 
@@ -106,7 +106,7 @@ def test_windows_do_not_tell_where_the_grid_ends(cells: NDArray[np.int8], where:
     larger[where[0] : where[0] + cells.shape[0], where[1] : where[1] + cells.shape[1]] = cells
     moved = FrontierClusters(clusters.cells + np.array(where, np.int32), clusters.offsets)
     np.testing.assert_array_equal(
-        draw_windows(around_of(larger, moved)), draw_windows(around_of(cells, clusters))
+        draw_crops(around_of(larger, moved)), draw_crops(around_of(cells, clusters))
     )
 
 
@@ -121,7 +121,7 @@ def test_mirrored_and_turned_frontiers_have_one_window() -> None:
         for mirrored in (False, True):
             seen = np.ascontiguousarray(np.rot90(cells[:, ::-1] if mirrored else cells, turns))
             windows.append(
-                draw_windows(around_of(seen, FrontierClusters.of([find_frontiers(seen).cluster(0)])))[0]
+                draw_crops(around_of(seen, FrontierClusters.of([find_frontiers(seen).cluster(0)])))[0]
             )
     for window in windows:
         # The middle of the frontier has one more square to one side than to the other.
