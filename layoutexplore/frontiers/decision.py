@@ -21,8 +21,7 @@ from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
 from layoutexplore.planning.distance_cache import PathTable
-from layoutexplore.planning.shortest_paths import distance_matrix, distances_between
-from layoutexplore.planning.traversability import DistanceField
+from layoutexplore.planning.shortest_paths import descend, distance_matrix, distances_between
 from layoutexplore.sensing.lidar import LidarConfig
 
 STOP = -1
@@ -215,6 +214,47 @@ def _gather(
     return members, starts
 
 
+class Distances(Protocol):
+    """Geodesic distances from the robot to every cell, worked out when they are asked for.
+
+    A running simulation keeps them in an array that its next step takes (`layoutexplore.planning.traversability`).
+    """
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """Bool (rows, cols): the cells the robot can plan to."""
+
+    def metres(self) -> NDArray[np.float32]:
+        """float32 (rows, cols): distances in metres, inf where the robot cannot go."""
+
+    def path_to(self, target: Cell) -> Path:
+        """The shortest path to a cell, both ends included."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownDistances:
+    """Distances that are known already, of a decision that no simulation has made.
+
+    Attributes:
+        array: float32 (rows, cols), in metres, inf where the robot cannot go.
+    """
+
+    array: NDArray[np.float32]
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """Bool (rows, cols): the cells the robot can plan to."""
+        return np.isfinite(self.array)
+
+    def metres(self) -> NDArray[np.float32]:
+        """The distances, as given."""
+        return self.array
+
+    def path_to(self, target: Cell) -> Path:
+        """The shortest path to a cell, both ends included."""
+        return descend(self.array, self.reached, target)
+
+
 @dataclass(frozen=True, eq=False)
 class Decision:
     """One decision of an exploration. Arrays are views that change with the next step: copy what you keep.
@@ -224,8 +264,7 @@ class Decision:
         grid: What the robot knows.
         pose: Where the robot believes it is.
         frontiers: Reachable frontiers, nearest first by path length.
-        field: Geodesic distances from the robot: float32 (rows, cols) in metres, inf where it cannot go, or
-            the search that knows them; see `distances`.
+        field: Geodesic distances from the robot; `distances` and `traversable` read them.
         distance: Metres travelled so far.
         sensor: The lidar's configuration.
         robot_radius: In metres.
@@ -240,7 +279,7 @@ class Decision:
     grid: OccupancyGrid
     pose: Pose
     frontiers: Sequence[Frontier]
-    field: NDArray[np.float32] | DistanceField
+    field: Distances
     distance: float
     sensor: LidarConfig
     robot_radius: float
@@ -275,12 +314,12 @@ class Decision:
         Raises:
             ConfigError: It was not asked for before the next step.
         """
-        return self.field.metres() if isinstance(self.field, DistanceField) else self.field
+        return self.field.metres()
 
     @cached_property
     def traversable(self) -> NDArray[np.bool_]:
         """Bool (rows, cols): the cells the robot can plan to."""
-        return self.field.reached if isinstance(self.field, DistanceField) else np.isfinite(self.field)
+        return self.field.reached
 
     def path_lengths(self, chosen: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float32]:
         """Path lengths between the robot and some frontiers' viewpoints, and among these.

@@ -128,11 +128,6 @@ def choose_viewpoints(
     return _choose(cells, distances, farthest, clusters.cells, clusters.offsets, offsets, vain)
 
 
-def remaining_share(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> float:
-    """The share of a frontier's cells int32 (n, 2) that still border the unknown, 0..1."""
-    return float(count_remaining(cells, frontier)) / len(frontier)
-
-
 def looked_at(
     cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tuple[int, int], resolution: float
 ) -> NDArray[np.int32]:
@@ -301,8 +296,8 @@ def _looked_at(
 
 
 @njit(cache=True, nogil=True)
-def count_remaining(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> int:
-    """How many of a frontier's cells int32 (n, 2) still border the unknown."""
+def remaining_share(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> float:
+    """The share of a frontier's cells int32 (n, 2), at least one, that are free and still border the unknown, 0..1."""
     rows, cols = cells.shape
     count = 0
     for n in range(len(frontier)):
@@ -314,7 +309,7 @@ def count_remaining(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> int
             or (c + 1 < cols and cells[r, c + 1] == -1)
         ):
             count += 1
-    return count
+    return count / len(frontier)
 
 
 @njit(cache=True, nogil=True)

@@ -79,6 +79,22 @@ def check_start(raster: PlanRaster, robot_radius: float, start: Pose) -> Pose:
     return Pose(x, y, math.remainder(theta, 2 * math.pi))
 
 
+class Floor(NamedTuple):
+    """Where the robot's centre may not be, and where the cells lie; numba kernels take it as it is.
+
+    Attributes:
+        blocked: bool (rows, cols), cells where the centre may not be.
+        x: Of the lower left corner of cell (0, 0), in metres.
+        y: Of the same corner.
+        resolution: Metres per cell.
+    """
+
+    blocked: NDArray[np.bool_]
+    x: float
+    y: float
+    resolution: float
+
+
 class _Track:
     """Poses in an array that grows."""
 
@@ -111,6 +127,7 @@ class Robot:
         walked: Metres walked.
         turned: Radians turned.
         collisions: How often a wall stopped it.
+        floor: What it drives on.
     """
 
     def __init__(
@@ -121,7 +138,8 @@ class Robot:
         self.collisions = 0
         self._track = _Track(start)
         self._raster, self._radius, self._noise, self._rng = raster, radius, noise, rng
-        self._blocked = raster.blocked(radius)
+        x, y, _ = raster.origin
+        self.floor = Floor(raster.blocked(radius), float(x), float(y), float(raster.resolution))
         self._drifts = noise.translation > 0 or noise.rotation > 0
         self._believed_track = _Track(start) if self._drifts else self._track
 
@@ -154,11 +172,11 @@ class Robot:
         if length == 0.0:
             return 0.0, False
         true_dx, true_dy, drift = self._drifted(dx, dy, length) if self._drifts else (dx, dy, 0.0)
-        resolution, origin = self._raster.resolution, self._raster.origin
+        blocked, origin_x, origin_y, resolution = self.floor
         share = _free_share(
-            self._blocked,
-            (self.pose.y - origin.y) / resolution,
-            (self.pose.x - origin.x) / resolution,
+            blocked,
+            (self.pose.y - origin_y) / resolution,
+            (self.pose.x - origin_x) / resolution,
             true_dy / resolution,
             true_dx / resolution,
         )
@@ -174,39 +192,16 @@ class Robot:
         self.collisions += collided
         return share * length, collided
 
-    def follow(self, points: NDArray[np.float64], pause: float, end: float) -> int:
-        """Walk straight from point to point as long as nothing happens; only without odometry noise.
-
-        It stops at a point when `pause` metres or more have been walked since the call, and at the point
-        before one that a wall would keep it from, or at which it would have walked `end` metres or more in
-            its life: those are for `translate`.
+    def arrive(self, track: NDArray[np.float64], pose: Pose, walked: float, turned: float) -> None:
+        """Be where a path has led (see `layoutexplore.simulation.path_following`), without odometry noise.
 
         Args:
-            points: float64 (n, 2), (x, y) in metres.
-            pause: Metres.
-            end: Metres.
-
-        Returns:
-            How many points it has reached.
-        """
-        origin, reached = self._raster.origin, np.full((len(points), 3), self.pose.theta)
-        frame = np.array([self.pose.x, self.pose.y, origin.x, origin.y, self._raster.resolution])
-        count, self.walked = advance_along(self._blocked, points, frame, self.walked, pause, end, reached)
-        if count:
-            self._track.add(reached[:count])
-            self.pose = self.believed = Pose(*reached[count - 1].tolist())
-        return int(count)
-
-    def arrive(self, way: NDArray[np.float64], pose: Pose, walked: float, turned: float) -> None:
-        """Be where a walk has led (see `layoutexplore.simulation.path_following`), without odometry noise.
-
-        Args:
-            way: float64 (n, 3), the poses on the way as (x, y, theta).
+            track: float64 (n, 3), the poses passed as (x, y, theta).
             pose: The last one, after turning.
             walked: Metres walked in all.
             turned: Radians turned in all.
         """
-        self._track.add(way)
+        self._track.add(track)
         self.pose = self.believed = pose
         self.walked, self.turned = walked, turned
 
@@ -235,55 +230,6 @@ class Robot:
         return c * dx - s * dy, s * dx + c * dy, drift
 
 
-def path_is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: NDArray[np.int32]) -> bool:
-    """Whether an occupied cell lies within the offsets (see `disc_offsets`) of a path's cells int32 (k, 2)."""
-    return bool(is_blocked(cells, path, offsets))
-
-
-@njit(cache=True, nogil=True)
-def is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: NDArray[np.int32]) -> bool:
-    """The kernel of `path_is_blocked`."""
-    rows, cols = cells.shape
-    for k in range(len(path)):
-        for n in range(len(offsets)):
-            r, c = path[k, 0] + offsets[n, 0], path[k, 1] + offsets[n, 1]
-            if 0 <= r < rows and 0 <= c < cols and cells[r, c] == 100:
-                return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def advance_along(
-    blocked: NDArray[np.bool_],
-    points: NDArray[np.float64],
-    frame: NDArray[np.float64],
-    walked: float,
-    pause: float,
-    end: float,
-    reached: NDArray[np.float64],
-) -> tuple[int, float]:
-    """How many points are reached, written into `reached`, and the metres walked then.
-
-    `frame` holds x, y, the origin's x and y, and the resolution.
-    """
-    x, y = frame[0], frame[1]
-    resolution, begun = frame[4], walked
-    for k in range(len(points)):
-        dx, dy = points[k, 0] - x, points[k, 1] - y
-        length = math.hypot(dx, dy)
-        if walked + length >= end:
-            return k, walked
-        row, col = (y - frame[3]) / resolution, (x - frame[2]) / resolution
-        if _free_share(blocked, row, col, dy / resolution, dx / resolution) < 1.0:
-            return k, walked
-        x, y = x + dx, y + dy
-        reached[k, 0], reached[k, 1] = x, y
-        walked += length
-        if walked - begun >= pause:
-            return k + 1, walked
-    return len(points), walked
-
-
 @njit(cache=True, nogil=True)
 def _free_share(blocked: NDArray[np.bool_], row: float, col: float, d_row: float, d_col: float) -> float:
     """The share 0..1 of a straight move (in cells) that is not blocked; samples lie 1/20 cell apart.
@@ -305,3 +251,51 @@ def _free_share(blocked: NDArray[np.bool_], row: float, col: float, d_row: float
                 return max(0, k - 2) / samples
             r, c = next_r, next_c
     return 1.0
+
+
+@njit(cache=True, nogil=True)
+def advance_along(
+    floor: Floor,
+    x: float,
+    y: float,
+    points: NDArray[np.float64],
+    walked: float,
+    pause: float,
+    end: float,
+    reached: NDArray[np.float64],
+) -> tuple[int, float]:
+    """Go straight from (x, y) to point after point, as long as nothing happens; only without odometry noise.
+
+    The robot stops at a point when `pause` metres or more have been walked since the call, and at the point
+    before one that a wall would keep it from, or at which it would have walked `end` metres or more in its
+    life: those steps are for `Robot.translate`.
+
+    Args:
+        floor: What it drives on.
+        x: Where it is, in metres.
+        y: Where it is, in metres.
+        points: float64 (n, 2), (x, y) in metres.
+        walked: Metres walked in all so far.
+        pause: Metres.
+        end: Metres.
+        reached: float64 (n, 3), the first two columns take the points that are reached.
+
+    Returns:
+        How many points are reached, and the metres walked then.
+    """
+    begun = walked
+    for k in range(len(points)):
+        # Differences are added up as `Robot.translate` adds them: the same rounding, to the bit.
+        dx, dy = points[k, 0] - x, points[k, 1] - y
+        length = math.hypot(dx, dy)
+        if walked + length >= end:
+            return k, walked
+        row, col = (y - floor.y) / floor.resolution, (x - floor.x) / floor.resolution
+        if _free_share(floor.blocked, row, col, dy / floor.resolution, dx / floor.resolution) < 1.0:
+            return k, walked
+        x, y = x + dx, y + dy
+        reached[k, 0], reached[k, 1] = x, y
+        walked += length
+        if walked - begun >= pause:
+            return k + 1, walked
+    return len(points), walked

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.files import is_whole, read_arrays, write_atomically
-from layoutexplore.frontiers.decision import Agent, Decision, Frontier
+from layoutexplore.frontiers.decision import Agent, Decision, Frontier, KnownDistances
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.predictors import make_predictor
@@ -88,7 +88,7 @@ def _decision(
         Frontier(f.cells, f.size, f.centroid, f.viewpoint, f.path_length, f.straight_distance, f.visible_area)
         for f in frontiers
     )
-    distances = np.where(grid.free, np.float32(0), np.float32(np.inf))
+    distances = KnownDistances(np.where(grid.free, np.float32(0), np.float32(np.inf)))
     return Decision(0, grid, pose, plain, distances, 0.0, sensor_of(sensor), radius)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from layoutexplore.agents import make_agent
-from layoutexplore.frontiers.decision import STOP, Decision, Frontier, Privileged
+from layoutexplore.frontiers.decision import STOP, Decision, Frontier, KnownDistances, Privileged
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.planning.shortest_paths import geodesic_distances
 from layoutexplore.sensing.lidar import LidarConfig
@@ -50,7 +50,14 @@ def decide(drawing: str, *frontiers: tuple[int, int, float, float]) -> Decision:
         )
     found.sort(key=lambda frontier: frontier.path_length)
     return Decision(
-        0, grid, pose, tuple(found), distances, 0.0, LidarConfig(range_max=8.0, fov=6.28, beams=8), 0.2
+        0,
+        grid,
+        pose,
+        tuple(found),
+        KnownDistances(distances),
+        0.0,
+        LidarConfig(range_max=8.0, fov=6.28, beams=8),
+        0.2,
     )
 
 

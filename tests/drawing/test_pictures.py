@@ -118,7 +118,7 @@ def test_frontier_classes_have_colours(plan: FloorPlan) -> None:
     decision = simulation.decision
     judged = tuple(replace(f, is_closed=k % 2 == 0) for k, f in enumerate(decision.frontiers))
     assert len(judged) >= 2
-    simulation._decision = replace(decision, frontiers=judged)
+    simulation.state.decision = replace(decision, frontiers=judged)
     image = draw_state(simulation)
     assert (
         count(image, palette.CLOSED) > 20

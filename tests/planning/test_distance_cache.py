@@ -110,4 +110,4 @@ def test_an_exploration_keeps_most_lengths() -> None:
         asked += len(cells)
         copy.deepcopy(decision.paths)
         decision = simulation.step(len(decision.frontiers) // 2)
-    assert simulation._paths.searches < 0.8 * asked
+    assert simulation.state.path_lengths.searches < 0.8 * asked
