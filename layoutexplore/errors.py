@@ -37,6 +37,10 @@ class ResultsError(LayoutExploreError, ValueError):
     """An output folder or result file belongs to something else, or is damaged."""
 
 
+class WriteError(MapError, ResultsError):
+    """A file cannot be written: no permission, no space, or something else has its name."""
+
+
 class WorkerError(LayoutExploreError, RuntimeError):
     """A worker process of a vector environment died or does not answer."""
 

@@ -2,39 +2,28 @@
 
 from __future__ import annotations
 
-import contextlib
+import csv
 import hashlib
+import io
 import json
+import math
 import os
 import re
 import tempfile
+import tomllib
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from layoutexplore.errors import MapError, ResultsError
+from layoutexplore.errors import ConfigError, ResultsError, WriteError
 
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file beside its place and move it there, so that nobody ever sees half of it."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        raise MapError(f"{path}: cannot write: {error.strerror}") from error
-
-
-_HALF = ".part"
+HALF = ".part"
 """How the names of files end that are being written."""
 
 
@@ -43,21 +32,73 @@ def atomic(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that replaces it when the block ends well, and vanishes when it does not.
 
     Raises:
-        ResultsError: The file cannot be written.
+        WriteError: The file cannot be written.
     """
-    temporary = path
+    temporary = None
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=_HALF, dir=path.parent)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=HALF, dir=path.parent)
         os.close(handle)
         temporary = Path(name)
         yield temporary
         temporary.chmod(0o644)
         temporary.replace(path)
     except OSError as error:
-        raise ResultsError(f"cannot write {path}: {error.strerror or error}") from error
+        raise WriteError(f"{path}: cannot write: {error.strerror or error}") from error
     finally:
-        if temporary is not path:
+        if temporary:
             temporary.unlink(missing_ok=True)
+
+
+def write_atomically(path: Path, data: bytes | str) -> None:
+    """Write a file beside its place and move it there, so that nobody ever sees half of it.
+
+    Raises:
+        WriteError: It cannot be written.
+    """
+    with atomic(path) as temporary:
+        temporary.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def write_csv(
+    path: Path, rows: Sequence[Mapping[str, Any]], *, columns: Iterable[str] = (), digits: int | None = 6
+) -> None:
+    """Write a table with a header; without rows, and no columns named, an empty file.
+
+    Args:
+        path: The file.
+        rows: Values by column.
+        columns: In their order; those of the first row when none is named.
+        digits: Significant digits of numbers that are no whole ones; all when None.
+    """
+    out = io.StringIO()
+    names = list(columns) or list(rows[0] if rows else ())
+    if names:
+        writer = csv.DictWriter(out, names, lineterminator="\n")
+        writer.writeheader()
+        for row in rows:
+            short = {k: f"{v:.{digits}g}" for k, v in row.items() if digits and isinstance(v, float)}
+            writer.writerow({**row, **short})
+    write_atomically(path, out.getvalue())
+
+
+def write_json(path: Path, data: Mapping[str, Any], *, indent: int | None = 1) -> None:
+    """Write numbers; what is not a finite number becomes null, as JSON has no other word for it."""
+    write_atomically(path, json.dumps(_finite(data), indent=indent, allow_nan=False) + "\n")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def write_arrays(path: Path, arrays: Mapping[str, ArrayLike]) -> None:
+    """Write arrays by name into a compressed .npz archive."""
+    with atomic(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
 def read_arrays(path: Path, *names: str) -> dict[str, NDArray[Any]]:
@@ -98,6 +139,20 @@ def fingerprint(files: Iterable[Path]) -> str:
     for path in files:
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()[:12]
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises:
+        ConfigError: It cannot be read, or is not valid TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"cannot read the configuration {path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} is not valid TOML: {error}") from error
 
 
 def to_toml(table: dict[str, Any]) -> str:
@@ -141,8 +196,6 @@ def check_places(out: Path | None, json_file: Path | None = None) -> None:
         ConfigError: There is a file where the folder is to be, a folder where the file is to be, or no
             permission.
     """
-    from layoutexplore.errors import ConfigError
-
     if json_file is not None and json_file.is_dir():
         raise ConfigError(f"{json_file} is a folder: --json must name a file")
     for option, folder in (("--out", out), ("--json", None if json_file is None else json_file.parent)):

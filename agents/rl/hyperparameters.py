@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.files import read_toml
 from layoutexplore.frontiers.tour_features import TourConfig
 from layoutexplore.options import COUNT, POSITIVE, Rule, check, rule_like
 
@@ -214,7 +214,7 @@ def read_config(path: Path | None = None, flags: Mapping[str, Any] | None = None
     Raises:
         ConfigError: The file cannot be read, a key is unknown, or a value makes no sense.
     """
-    table, where = ({}, "the flags") if path is None else (_read(path), str(path))
+    table, where = ({}, "the flags") if path is None else (read_toml(path), str(path))
     given = {key: value for key, value in (flags or {}).items() if value is not None}
     algorithm = given.pop("algorithm", table.pop("algorithm", DEFAULT_ALGORITHM))
     if algorithm not in _defaults():
@@ -263,17 +263,8 @@ def _build(algorithm: str, table: dict[str, Any]) -> TrainingConfig:
     return TrainingConfig(algorithm=algorithm, **parts, **table)
 
 
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"cannot read the configuration {path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} is not valid TOML: {error}") from error
-
-
 def _defaults() -> dict[str, dict[str, Any]]:
-    return tomllib.loads(DEFAULTS.read_text(encoding="utf-8"))
+    return read_toml(DEFAULTS)
 
 
 def _plain(value: Any) -> Any:

@@ -13,15 +13,14 @@ from safetensors import SafetensorError
 from layoutexplore.agents.rl.card import PolicySpec, read_spec
 from layoutexplore.agents.rl.network import Actor
 from layoutexplore.errors import ResultsError
-from layoutexplore.files import atomic, to_toml
+from layoutexplore.files import atomic, to_toml, write_atomically
 
 
 def save_policy(path: Path, state: Mapping[str, torch.Tensor], card: Mapping[str, Any]) -> None:
     """Write weights and card to PATH, and the card to be read beside it; a kill leaves the old file or the new one."""
     text = to_toml(dict(card))
     save_tensors(path, state, {"card": text})
-    with atomic(path.with_suffix(".toml")) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_atomically(path.with_suffix(".toml"), text)
 
 
 def save_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: dict[str, str]) -> None:

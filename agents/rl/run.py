@@ -19,7 +19,7 @@ from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.policy_file import save_policy
 from layoutexplore.errors import ConfigError, ResultsError
-from layoutexplore.files import atomic, to_toml
+from layoutexplore.files import atomic, to_toml, write_atomically
 from layoutexplore.processes import command_line
 
 CONFIG = "config.toml"
@@ -88,8 +88,7 @@ class TrainingRun:
     def begin_folder(self) -> None:
         """Make the folder and write the configuration."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        with atomic(self.folder / CONFIG) as path:
-            path.write_text(to_toml(self.config.as_table()), encoding="utf-8")
+        write_atomically(self.folder / CONFIG, to_toml(self.config.as_table()))
 
     def record(
         self,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 
 import layoutexplore
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.files import read_toml
 from layoutexplore.options import COUNT, FLAG, Rule, check, check_keys, from_table
 from layoutexplore.sensing.lidar import SENSORS, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
@@ -114,12 +114,7 @@ def read_config(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: The file cannot be read, a key is unknown, or a value has the wrong type.
     """
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"cannot read the configuration {path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} is not valid TOML: {error}") from error
+    table = read_toml(path)
     check_keys(table, [f.name for f in dataclasses.fields(BenchmarkConfig)], str(path))
     for name in ("simulation", "lidars"):
         if not isinstance(table.get(name, {}), dict):

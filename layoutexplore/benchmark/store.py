@@ -32,8 +32,16 @@ from layoutexplore.benchmark.config import BenchmarkConfig, settings
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual, from_arrays, to_arrays
 from layoutexplore.benchmark.episode import Row
 from layoutexplore.benchmark.plans import PlanEntry
-from layoutexplore.errors import ResultsError
-from layoutexplore.files import _HALF, atomic, is_whole, read_arrays, to_toml
+from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.files import (
+    HALF,
+    is_whole,
+    read_arrays,
+    read_toml,
+    to_toml,
+    write_arrays,
+    write_atomically,
+)
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.simulation.episode import Episode
 
@@ -108,16 +116,14 @@ class ResultsFolder:
     def rewrite(self, rows: Iterable[Row]) -> None:
         """Replace all rows, sorted, at once."""
         ordered = sorted(rows, key=lambda row: row.key)
-        with atomic(self.table) as temporary:
-            temporary.write_text(_header() + "".join(map(_line, ordered)), encoding="utf-8")
+        write_atomically(self.table, _header() + "".join(map(_line, ordered)))
 
     def finished(self) -> list[Row]:
         """Rows of earlier runs that ended well and whose curve is there, whole; the file is cut back to these."""
         if self.table.exists():
             written = self.table.read_bytes()
             if not written.endswith(b"\n"):
-                with atomic(self.table) as temporary:
-                    temporary.write_bytes(written[: written.rfind(b"\n") + 1])
+                write_atomically(self.table, written[: written.rfind(b"\n") + 1])
         rows = self.rows() if self.table.exists() and self.table.stat().st_size else []
         good = {row.key: row for row in rows if not row.error and is_whole(self.curve_path(row))}
         self.rewrite(good.values())
@@ -131,15 +137,9 @@ class ResultsFolder:
 
     def save_episode(self, row: Row, episode: Episode) -> None:
         """Write a run's curve float32 (n, 2), its track float32 (m, 3), and what the layout changed in it."""
-        path = self.curve_path(row)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic(path) as temporary, temporary.open("wb") as file:
-            arrays: dict[str, Any] = {
-                "curve": episode.curve.astype(np.float32),
-                "track": episode.track.astype(np.float32),
-            }
-            arrays |= to_arrays(episode.notes) if episode.notes else {}
-            np.savez_compressed(file, **arrays)
+        arrays = {"curve": episode.curve.astype(np.float32), "track": episode.track.astype(np.float32)}
+        notes = to_arrays(episode.notes) if episode.notes else {}
+        write_arrays(self.curve_path(row), {**arrays, **notes})
 
     def episode(self, row: Row) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The curve (n, 2) and track (m, 3) of a run.
@@ -157,19 +157,16 @@ class ResultsFolder:
 
     def save_raster(self, name: str, raster: PlanRaster) -> None:
         """Keep a plan's cells for the pictures."""
-        path = self.path / "plans" / f"{slug(name)}.npz"
-        path.parent.mkdir(parents=True, exist_ok=True)
         frame = np.array([raster.resolution, *raster.origin], np.float64)
-        with atomic(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, occupied=np.packbits(raster.occupied), shape=raster.shape, frame=frame)
+        arrays = {"occupied": np.packbits(raster.occupied), "shape": np.array(raster.shape), "frame": frame}
+        write_arrays(self.path / "plans" / f"{slug(name)}.npz", arrays)
 
     def raster(self, name: str) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
         """A plan's occupied cells bool (rows, cols), and (resolution, origin x, y, theta)."""
         data = self._arrays(self.path / "plans" / f"{slug(name)}.npz", "occupied", "shape", "frame")
         rows, cols = data["shape"]
-        return np.unpackbits(data["occupied"], count=rows * cols).reshape(rows, cols).astype(np.bool_), data[
-            "frame"
-        ]
+        occupied = np.unpackbits(data["occupied"], count=rows * cols).reshape(rows, cols).astype(np.bool_)
+        return occupied, data["frame"]
 
     @staticmethod
     def _arrays(path: Path, *names: str) -> dict[str, NDArray[Any]]:
@@ -184,14 +181,13 @@ class ResultsFolder:
         Raises:
             ResultsError: It is missing, cannot be read, or lacks what this version needs.
         """
+        path = self.path / "run.toml"
+        if not path.is_file():
+            raise ResultsError(f"{self.path} holds no benchmark: there is no run.toml in it")
         try:
-            manifest = tomllib.loads((self.path / "run.toml").read_text(encoding="utf-8"))
-        except OSError as error:
-            raise ResultsError(f"{self.path} holds no benchmark: there is no run.toml in it") from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ResultsError(
-                f"{self.path}/run.toml is damaged ({error}): start again with --force"
-            ) from error
+            manifest = read_toml(path)
+        except ConfigError as error:
+            raise ResultsError(f"{path} is damaged ({error}): start again with --force") from error
         lacking = [
             name
             for kind, names in _MANIFEST.items()
@@ -278,12 +274,11 @@ def open_results(
             shutil.rmtree(path / name, ignore_errors=True)
         for name in ("results.csv", "results.parquet", "summary.csv", "report.html", "report.md", "run.toml"):
             (path / name).unlink(missing_ok=True)
-    for half_written in path.rglob(f".*{_HALF}"):
+    for half_written in path.rglob(f".*{HALF}"):
         half_written.unlink(missing_ok=True)
     if (path / "run.toml").exists():
         wanted = _merged(folder.manifest(), wanted, path, extend=extend)
-    with atomic(path / "run.toml") as temporary:
-        temporary.write_text(to_toml(wanted), encoding="utf-8")
+    write_atomically(path / "run.toml", to_toml(wanted))
     return folder
 
 

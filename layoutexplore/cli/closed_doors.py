@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.json_file import write_json
-from layoutexplore.files import check_places
+from layoutexplore.files import check_places, write_json
 
 if TYPE_CHECKING:
     from layoutexplore.training.closed_doors import ClosedDoorSamples, Source
@@ -79,6 +78,7 @@ def closed_doors(
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
     if json_file is not None:
         write_json(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
+        typer.echo(f"written: {json_file}")
 
 
 def _learn_from(

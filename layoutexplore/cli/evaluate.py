@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from layoutexplore.cli.closed_doors import closed_doors
-from layoutexplore.cli.json_file import write_json
 from layoutexplore.cli.partial_rooms import partial_rooms
 from layoutexplore.cli.train_predictor import train_predictor
-from layoutexplore.files import check_places
+from layoutexplore.files import check_places, write_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -164,6 +163,7 @@ def _write_results(
             "maps": [asdict(r) for r in rows],
         }
         write_json(json_file, numbers | {"summary": summarise(rows), "seeds": seed_spread(rows)})
+        typer.echo(f"written: {json_file}")
     if out is not None:
         from layoutexplore.processes import command_line
         from layoutexplore.report.segmentation import write_report
@@ -353,6 +353,7 @@ def layout(
         typer.echo(f"{name}, {len(part)} maps: {', '.join(means)}")
     if json_file is not None:
         write_json(json_file, {"resolution": resolution, "maps": rows})
+        typer.echo(f"written: {json_file}")
 
 
 _CLUTTER_FIGURES = {
@@ -387,3 +388,4 @@ def clutter(
             typer.echo(f"{name}{which}: {number if isinstance(number, int) else format(number, '.3g')}")
     if json_file is not None:
         write_json(json_file, {"summary": asdict(summary), "trials": [asdict(t) for t in trials]})
+        typer.echo(f"written: {json_file}")

@@ -9,8 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from layoutexplore.cli.json_file import write_json
-from layoutexplore.files import check_places
+from layoutexplore.files import check_places, write_json
 
 ROOM_COLUMNS = (
     "rooms",
@@ -100,6 +99,7 @@ def partial_rooms(
     if json_file is not None:
         data = {"summary": summary, "rooms": [asdict(r) for r in scores.rooms], "ms": scores.milliseconds}
         write_json(json_file, data | {"frontiers": [asdict(f) for f in scores.frontiers]}, indent=None)
+        typer.echo(f"written: {json_file}")
 
 
 def print_summary(summary: dict[str, Any]) -> None:

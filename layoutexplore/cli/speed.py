@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.json_file import write_json
-
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from layoutexplore.speed import Row
+    from layoutexplore.files import write_json
+from layoutexplore.speed import Row
 
 
 def register(app: typer.Typer) -> None:
@@ -46,6 +45,7 @@ def speed(
     console.print(_table(rows))
     if json_file:
         write_json(json_file, {"versions": _versions(), "rows": [row.as_dict() for row in rows]})
+        typer.echo(f"written: {json_file}")
     if any(row.missed for row in rows):
         raise typer.Exit(1)
 

@@ -6,12 +6,10 @@ one run to warm up.
 
 from __future__ import annotations
 
-import csv
-import io
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from typing import Any
 
@@ -168,13 +166,7 @@ def seed_spread(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
     return out
 
 
-def to_csv(rows: Sequence[MapScore]) -> str:
-    """The rows as CSV with a header; measures in percent, as in the tables."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [f.name for f in fields(MapScore)], lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        record = asdict(row)
-        record |= {m: round(100 * record[m], 3) for m in MEASURES} | {"ms": round(row.ms, 2)}
-        writer.writerow(record)
-    return text.getvalue()
+def in_percent(row: MapScore) -> dict[str, Any]:
+    """A row of the table of results: measures in percent."""
+    record = asdict(row)
+    return record | {m: round(100 * record[m], 3) for m in MEASURES} | {"ms": round(row.ms, 2)}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
 from layoutexplore.evaluation.closed_doors import PairScore, Score
-from layoutexplore.files import write_atomically
+from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.closed_door_maps import Triple, read_cells
@@ -124,8 +122,8 @@ def write_report(
                 score, tuple(Panel(_caption(name, score), png_uri(_smaller(image))) for name, image in panels)
             )
         )
-    write_atomically(out / "maps.csv", _to_csv([_row(score) for score in scores]).encode())
-    write_atomically(out / "summary.csv", _to_csv(summary).encode())
+    write_csv(out / "maps.csv", [_row(score) for score in scores])
+    write_csv(out / "summary.csv", summary)
     overall = {(line["group"], line["method"]): line for line in summary}
     page = render(
         "closed_doors.html",
@@ -137,7 +135,7 @@ def write_report(
         command=command,
         note=note[:1].upper() + note[1:].rstrip("."),
     )
-    write_atomically(out / "report.html", page.encode())
+    write_atomically(out / "report.html", page)
     return [out / "report.html", out / "maps.csv", out / "summary.csv"]
 
 
@@ -166,11 +164,3 @@ def _row(score: PairScore) -> dict[str, Any]:
     for name, answer in (("ours", score.ours), ("reference", score.reference)):
         row |= {f"{name}_{measure}": getattr(answer, measure, None) for measure in Score.__dataclass_fields__}
     return row | {"seconds": score.seconds}
-
-
-def _to_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    out = io.StringIO()
-    writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
-    return out.getvalue()

@@ -30,7 +30,7 @@ from layoutexplore.benchmark.analysis import (
 from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import LayoutExploreError
-from layoutexplore.files import atomic
+from layoutexplore.files import atomic, write_atomically
 from layoutexplore.maps import splits
 from layoutexplore.report.layout_section import layout_section
 from layoutexplore.report.page import interval, number, percent, render
@@ -118,8 +118,7 @@ def write_report(
     )
     written = []
     for name, template in (("report.html", "exploration.html"), ("report.md", "exploration.md")):
-        with atomic(folder.path / name) as temporary:
-            temporary.write_text(render(template, **view), encoding="utf-8")
+        write_atomically(folder.path / name, render(template, **view))
         written.append(folder.path / name)
     return [*written, *_write_tables(folder.path, rows, view["comparisons"])]
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
 from layoutexplore.evaluation.partial_rooms import Item, RoomScore, Scores, predicted_hidden
-from layoutexplore.files import write_atomically
+from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.metrics.statistics import Interval
@@ -157,7 +155,7 @@ def write_report(
     }
     written = [out / "report.html"]
     for name, rows in tables.items():
-        write_atomically(out / name, _to_csv(rows).encode())
+        write_csv(out / name, rows)
         written.append(out / name)
     for kind, pictures in (("best", gallery.best), ("worst", gallery.worst)):
         for k, shown in enumerate(pictures, 1):
@@ -165,7 +163,7 @@ def write_report(
             write_atomically(path, encode_png(shown.image))
             written.append(path)
     page = render("partial_rooms.html", **_view(scores, summary, gallery), command=command)
-    write_atomically(written[0], page.encode())
+    write_atomically(written[0], page)
     return written
 
 
@@ -281,14 +279,3 @@ def _flat(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
             {"predictor": name, "of": "time", "stratum": "all", "measure": "ms", "value": found["ms"]}
         )
     return rows
-
-
-def _to_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    out = io.StringIO()
-    if rows:
-        writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(
-            {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows
-        )
-    return out.getvalue()

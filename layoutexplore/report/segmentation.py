@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 
 import cv2
@@ -11,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.drawing import palette
-from layoutexplore.evaluation.segmentation import MapScore, summarise, to_csv
-from layoutexplore.files import write_atomically
+from layoutexplore.evaluation.segmentation import MapScore, in_percent, summarise
+from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.painted_rooms import Case, read_case
@@ -89,7 +90,8 @@ def write_report(
         command: Noted on the page.
     """
     rows = [row for _, row, _ in results]
-    write_atomically(out / "results.csv", to_csv(rows).encode())
+    columns = [field.name for field in fields(MapScore)]
+    write_csv(out / "results.csv", [in_percent(row) for row in rows], columns=columns, digits=None)
     pictures = []
     first = [result for result in results if result[1].seed == 0]
     for case, row, labels in sorted(
@@ -113,7 +115,7 @@ def write_report(
         methods=len({row.method for row in rows}),
         command=command,
     )
-    write_atomically(out / "report.html", page.encode())
+    write_atomically(out / "report.html", page)
     return [out / "report.html", out / "results.csv"]
 
 

@@ -10,7 +10,6 @@ are kept in a folder, so that a run that was stopped goes on where it was:
 from __future__ import annotations
 
 import argparse
-import io
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +25,7 @@ from layoutexplore.closed_doors.models import AGREEMENT, DOOR, DOOR_MODEL, ROOM_
 from layoutexplore.closed_doors.prediction import find_closed_doors, turned_scenes
 from layoutexplore.closed_doors.scene import Scene, integral
 from layoutexplore.errors import LayoutExploreError
-from layoutexplore.files import is_whole, read_arrays, write_atomically
+from layoutexplore.files import is_whole, read_arrays, write_arrays
 from layoutexplore.grids.grid import FREE
 from layoutexplore.models.forest import as_forest
 from layoutexplore.models.forest_files import save_forests
@@ -205,11 +204,7 @@ def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples |
         return None
     samples = collect(*maps, RESOLUTION, rng)
     if kept is not None:
-        data_ = io.BytesIO()
-        np.savez_compressed(
-            data_, **{name: getattr(samples, name) for name in ClosedDoorSamples.__dataclass_fields__}
-        )
-        write_atomically(kept, data_.getvalue())
+        write_arrays(kept, {name: getattr(samples, name) for name in ClosedDoorSamples.__dataclass_fields__})
     return samples
 
 

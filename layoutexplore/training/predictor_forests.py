@@ -6,7 +6,6 @@ also learns from what the first one, trained on other buildings, thinks of the n
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -165,7 +164,7 @@ def train_models(
         held_out: Building by plan, of the plans that the samples do not hold.
         config: How the trees are grown.
     """
-    from layoutexplore.files import write_atomically
+    from layoutexplore.files import write_json
 
     note = f"{len(samples.closed)} frontiers of {len(np.unique(samples.building))} buildings"
     save_forests(folder / FRONTIER_MODEL.name, fit_frontier_forests(samples, config), FEATURES, note)
@@ -177,4 +176,4 @@ def train_models(
         f"{count} cells, {note}",
     )
     listed = {"plans": sorted(held_out), "buildings": sorted(set(held_out.values()))}
-    write_atomically(folder / "held_out.json", (json.dumps(listed, indent=1) + "\n").encode())
+    write_json(folder / "held_out.json", listed)

@@ -7,7 +7,6 @@ Snapshots can be stored, so that every predictor answers the same questions.
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.files import is_whole, read_arrays, write_atomically
+from layoutexplore.files import is_whole, read_arrays, write_arrays
 from layoutexplore.frontiers.decision import Agent, Decision, Frontier, KnownDistances
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.maps.floorplan import FloorPlan
@@ -106,9 +105,7 @@ def _save(path: Path, found: Sequence[tuple[float, Decision]]) -> None:
         arrays[f"members{k}"] = np.concatenate([f.cells for f in frontiers])
         arrays[f"lengths{k}"] = np.array([len(f.cells) for f in frontiers])
         arrays[f"numbers{k}"] = np.array([(*f.viewpoint, f.path_length, f.visible_area) for f in frontiers])
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
-    write_atomically(path, buffer.getvalue())
+    write_arrays(path, arrays)
 
 
 def _load(path: Path, plan: FloorPlan, simulation: Simulation, seed: int) -> list[Snapshot]:

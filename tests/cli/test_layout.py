@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 import os
 from pathlib import Path
 
@@ -14,7 +13,6 @@ import pytest
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app
-from layoutexplore.cli.json_file import write_json
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.maps.painted_rooms import find_cases, guess_building
 from layoutexplore.training.folds import deal_folds
@@ -112,15 +110,6 @@ def test_a_resolution_that_is_none_is_refused(tmp_path: Path, resolution: str, b
     draw(tmp_path, "a")
     result = runner.invoke(app, ["layout", str(tmp_path / "a.png"), "--resolution", resolution, *blueprint])
     assert result.exit_code == 2 or isinstance(result.exception, MapError)
-
-
-def test_json_files_hold_no_word_that_json_does_not_know(tmp_path: Path) -> None:
-    write_json(
-        tmp_path / "n.json",
-        {"a": float("nan"), "b": [1.5, float("inf")], "c": {"d": (1, -math.inf)}, "e": "NaN"},
-    )
-    data = json.loads((tmp_path / "n.json").read_text(), parse_constant=lambda word: pytest.fail(word))
-    assert data == {"a": None, "b": [1.5, None], "c": {"d": [1, None]}, "e": "NaN"}
 
 
 def test_evaluate_segmentation_scores_several_methods(tmp_path: Path) -> None:
