@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
+from layoutexplore import cli
 from layoutexplore.agents import agent_names
 from layoutexplore.benchmark.config import BenchmarkConfig, read_config
 from layoutexplore.grids.grid import Pose
@@ -17,16 +20,40 @@ from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.sensing.lidar import SENSORS
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
+from tests.test_architecture import FLOORS, ROOT
 
-README = (Path(__file__).parents[1] / "README.md").read_text()
+README = (ROOT / "README.md").read_text()
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+def commands() -> list[str]:
+    """Every call of `layoutexplore` in the README: continued lines joined, comments and loops taken off."""
+    lines = "".join(blocks("bash")).replace("\\\n", " ").splitlines()
+    quoted = re.findall(r"`(layoutexplore [a-z][^`\n]*(?:\n[^`\n]+)?)`", README)
+    calls = [part for line in lines for part in re.split(r"&&|;", line.partition(" #")[0])]
+    found = [
+        call[call.index("layoutexplore ") :] for call in calls if re.match(r"\s*(\S+/)?layoutexplore ", call)
+    ]
+    return sorted({" ".join(call.split()) for call in (*found, *quoted)})
+
+
+def parse(words: list[str]) -> None:
+    """What the command line does before a command runs: it finds the command and reads its options."""
+    command = typer.main.get_command(cli.app)
+    context = command.context_class(command, info_name="layoutexplore")
+    while hasattr(command, "commands"):
+        name, command, words = command.resolve_command(context, words)
+        context = command.context_class(command, info_name=name, parent=context)
+    command.make_parser(context).parse_args(words)
 
 
 def hall(side: int) -> FloorPlan:
     """An empty square hall, a letter a metre."""
-    middle = "\n".join("#" + "a" * side + "#" for _ in range(side))
-    return floorplan_from_ascii(
-        f"{'#' * (side + 2)}\n{middle}\n{'#' * (side + 2)}", resolution=1.0, name="hall"
-    )
+    wall, middle = "#" * (side + 2), "\n".join("#" + "a" * side + "#" for _ in range(side))
+    return floorplan_from_ascii(f"{wall}\n{middle}\n{wall}", resolution=1.0, name="hall")
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
@@ -35,13 +62,12 @@ def test_what_is_seen_lies_within_the_documented_range(sensor: str) -> None:
     assert documented, f"the README says nothing of the sensor {sensor}"
     range_max = float(documented[2])
     config = SimulationConfig(sensor=sensor, resolution=0.2)
-    assert range_max == config.lidar.range_max and float(documented[1]) == pytest.approx(
-        math.degrees(config.lidar.fov)
-    )
+    assert range_max == config.lidar.range_max
+    assert float(documented[1]) == pytest.approx(math.degrees(config.lidar.fov))
     plan = hall(70)
     simulation = Simulation(plan, config)
-    x, y = (plan.rooms[0].polygon.centroid.x, plan.rooms[0].polygon.centroid.y)
-    decision = simulation.reset(start=Pose(x, y, 0.3))
+    centre = plan.rooms[0].polygon.centroid
+    decision = simulation.reset(start=Pose(centre.x, centre.y, 0.3))
     known = decision.grid.cells_to_world(np.argwhere(decision.grid.cells >= 0))
     away = np.hypot(known[:, 0] - decision.pose.x, known[:, 1] - decision.pose.y)
     assert away.max() <= range_max + 2 * config.resolution
@@ -59,16 +85,38 @@ def test_the_readme_opens_with_the_two_commands() -> None:
     assert second.endswith("pip install -q -e '.[all,test]' -c tests/constraints.txt && .venv/bin/pytest -q")
 
 
-@pytest.mark.parametrize(
-    "block",
-    re.findall(r"```python\n(.*?)```", README, re.DOTALL),
-    ids=["gymnasium", "simulation", "vector", "layout"],
-)
+@pytest.mark.parametrize("block", blocks("python"), ids=["gymnasium", "simulation", "vector", "layout"])
 def test_the_readme_runs(block: str, capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block, "README.md", "exec"), {})
     assert capsys.readouterr().out
 
 
+def test_commands_of_the_readme_are_found() -> None:
+    """The list that the next test goes through is not empty, and knows a wrong option from a right one."""
+    assert len(commands()) >= 15
+    with pytest.raises(Exception, match="No such option: --sead"):
+        parse(["maps", "generate", "school", "--sead", "3"])
+    with pytest.raises(Exception, match="No such command 'explroe'"):
+        parse(["explroe"])
+
+
+@pytest.mark.parametrize("command", commands())
+def test_commands_of_the_readme_parse(command: str) -> None:
+    parse([word for word in shlex.split(command)[1:] if word != "..."])
+
+
 def test_the_readme_configuration_is_read(tmp_path: Path) -> None:
-    (tmp_path / "study.toml").write_text(re.findall(r"```toml\n(.*?)```", README, re.DOTALL)[0])
+    (tmp_path / "study.toml").write_text(blocks("toml")[0])
     assert BenchmarkConfig(**read_config(tmp_path / "study.toml")).simulation_with("noisy").lidar.beams == 360
+
+
+def test_folders_stand_in_the_order_of_their_floors() -> None:
+    section = README.partition("\n## How the code is laid out\n")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| `([\w/]+)/` \| .+ \|$", section, re.MULTILINE)
+    rooms = {p.parent.name for p in (ROOT / "layoutexplore").glob("*/__init__.py")} | {
+        "envs",
+        "agents",
+        "maps",
+    }
+    assert sorted(rows) == sorted(rooms)
+    assert [FLOORS[room] for room in rows] == sorted((FLOORS[room] for room in rows), reverse=True)

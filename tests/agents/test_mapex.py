@@ -18,16 +18,7 @@ from layoutexplore.frontiers.visible_area import ray_table, visible_unknown_area
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play
-
-PLAN = """
-####################
-#aaaaaaaa#bbbbbbbbb#
-#aaaaaaaa#bbbbbbbbb#
-#aaaaaaaa#bbbbbbbbb#
-####.########.######
-#cccccccccccccccccc#
-####################
-"""
+from tests.plans import TWO_OFFICES
 
 
 def slow(
@@ -124,7 +115,7 @@ def test_what_does_not_fit_is_refused() -> None:
 
 
 def test_it_explores_and_does_without_a_layout() -> None:
-    plan = floorplan_from_ascii(PLAN, resolution=0.9, name="flat")
+    plan = floorplan_from_ascii(TWO_OFFICES, resolution=0.9, name="flat")
     for agent in ("mapex-gain", "mapex-gain-exp", "mapex-gain:reach=3,fade=1"):
         simulation, chosen = prepare(plan, SimulationConfig(sensor="stage"), agent)
         play(simulation, chosen, seed=1)

@@ -11,14 +11,14 @@ from layoutexplore.frontiers.decision import STOP
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
-from tests.plans import PLAN
+from tests.plans import THREE_OFFICES
 
 
 @pytest.mark.parametrize(
     "name", ["layout-nearest", "layout-tour", "layout-gain", "closed-first", "open-first"]
 )
 def test_layout_strategies_finish_with_predicted_rooms(name: str) -> None:
-    plan = floorplan_from_ascii(PLAN, resolution=0.9)
+    plan = floorplan_from_ascii(THREE_OFFICES, resolution=0.9)
     agent = make_agent(name)
     agent.reset(0)
     simulation = Simulation(plan, SimulationConfig(sensor="indoor"), make_predictor("layout"))
@@ -29,7 +29,7 @@ def test_layout_strategies_finish_with_predicted_rooms(name: str) -> None:
 
 
 def test_an_early_stop_saves_metres() -> None:
-    plan = floorplan_from_ascii(PLAN, resolution=0.9)
+    plan = floorplan_from_ascii(THREE_OFFICES, resolution=0.9)
     runs = []
     for spec in ("layout-tour", "layout-tour:stop_area=4"):
         agent = make_agent(f"{spec}{',' if ':' in spec else ':'}predictor=oracle")
@@ -50,7 +50,9 @@ def test_an_early_stop_saves_metres() -> None:
 )
 def test_who_doubts_that_all_is_closed_does_not_stop(confidence: float, asked: str, stops: bool) -> None:
     simulation = Simulation(
-        floorplan_from_ascii(PLAN, resolution=0.9), SimulationConfig(sensor="indoor"), make_predictor("none")
+        floorplan_from_ascii(THREE_OFFICES, resolution=0.9),
+        SimulationConfig(sensor="indoor"),
+        make_predictor("none"),
     )
     decision = simulation.reset(seed=1)
     judged = tuple(
@@ -66,7 +68,9 @@ def test_who_doubts_that_all_is_closed_does_not_stop(confidence: float, asked: s
 
 def test_nobody_stops_in_the_first_room_unless_nothing_is_left() -> None:
     simulation = Simulation(
-        floorplan_from_ascii(PLAN, resolution=0.5), SimulationConfig(sensor="indoor"), make_predictor("none")
+        floorplan_from_ascii(THREE_OFFICES, resolution=0.5),
+        SimulationConfig(sensor="indoor"),
+        make_predictor("none"),
     )
     decision = simulation.reset(seed=1)
     done = tuple(

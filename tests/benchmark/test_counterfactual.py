@@ -35,31 +35,17 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.geojson import save_plan
-from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import Episode, play
 from layoutexplore.simulation.robot import OdometryNoise
+from tests.plans import offices
 
-OFFICES = """
-################################
-#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
-#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
-#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
-####.#######..######.######.####
-#eeeeeeeeeeeeeeeeeeeeeeeeeeeeee#
-#eeeeeeeeeeeeeeeeeeeeeeeeeeeeee#
-###.########.########.##########
-#fffffff#ggggggggg#hhhhhhhhhhhh#
-#fffffff#ggggggggg#hhhhhhhhhhhh#
-#fffffff#ggggggggg#hhhhhhhhhhhh#
-################################
-"""
 AGENT = "layout-nearest:predictor=oracle:flip=0.25"
 
 
 @pytest.fixture(scope="module")
 def plan() -> FloorPlan:
-    return floorplan_from_ascii(OFFICES, resolution=0.6, name="offices")
+    return offices()
 
 
 def run(plan: FloorPlan, agent: str, *, explain: bool, seed: int = 0) -> Episode:

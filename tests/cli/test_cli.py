@@ -20,6 +20,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grids.ros_map import load_grid
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
+from tests.plans import TWO_ROOMS
 
 RUNNER = CliRunner(env={"COLUMNS": "120", "TERM": "dumb"})
 
@@ -41,9 +42,8 @@ COMMANDS = leaves(typer.main.get_command(cli.app))
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    text = "##########\n#aaa#bbbb#\n#aaa.bbbb#\n#aaa#bbbb#\n##########"
     path = tmp_path_factory.mktemp("plans") / "hut.geojson"
-    save_plan(floorplan_from_ascii(text, name="hut"), path)
+    save_plan(floorplan_from_ascii(TWO_ROOMS, name="hut"), path)
     return path
 
 

@@ -26,21 +26,12 @@ from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise
 from layoutexplore.simulation.simulation import Simulation
-
-PLAN = """
-##############
-#aaaaa#bbbbbb#
-#aaaaa.bbbbbb#
-#aaaaa#bbbbbb#
-###.####.#####
-#cccccccccccc#
-##############
-"""
+from tests.plans import SUITE
 
 
 @pytest.fixture(scope="module")
 def plan() -> FloorPlan:
-    return floorplan_from_ascii(PLAN, resolution=1.0, name="three rooms")
+    return floorplan_from_ascii(SUITE, resolution=1.0, name="three rooms")
 
 
 def run(plan: FloorPlan, steps: int = 3, **options: Any) -> Simulation:

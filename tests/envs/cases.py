@@ -12,22 +12,7 @@ import pytest
 import layoutexplore  # noqa: F401  (registers the environments)
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.tracing import floorplan_from_ascii
-
-ROOMS = """
-#########################
-#.......#.......#.......#
-#.......#.......#.......#
-#.......#.......#.......#
-####.#######.######.#####
-#.......................#
-#.......................#
-#####.#####.#######.#####
-#.......#.......#.......#
-#.......#.......#.......#
-#.......#.......#.......#
-#########################
-"""
-"""Six rooms along a corridor; a letter is half a metre."""
+from tests.plans import SIX_ROOMS
 
 FRONTIER, MOTION = "LayoutExplore/Frontier-v0", "LayoutExplore/Motion-v0"
 IDS = sorted(name for name in gymnasium.registry if name.startswith("LayoutExplore/"))
@@ -38,7 +23,7 @@ Step = tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]
 
 
 def rooms() -> FloorPlan:
-    return floorplan_from_ascii(ROOMS, resolution=0.5, name="six-rooms")
+    return floorplan_from_ascii(SIX_ROOMS, resolution=0.5, name="six-rooms")
 
 
 def make(name: str, **options: Any) -> gymnasium.Env[Any, Any]:

@@ -21,7 +21,8 @@ from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.robot import OdometryNoise
-from tests.envs.cases import FRONTIER, IDS, MOTION, ROOMS, cases, choose, make, rollout, rooms
+from tests.envs.cases import FRONTIER, IDS, MOTION, cases, choose, make, rollout, rooms
+from tests.plans import SIX_ROOMS
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -82,7 +83,7 @@ def test_a_frontier_is_chosen_by_a_whole_number(action: Any) -> None:
 @pytest.mark.parametrize("name", IDS)
 def test_reset_options_choose_plan_and_start(name: str) -> None:
     env = make(name).unwrapped
-    other = floorplan_from_ascii(ROOMS, resolution=0.5, name="other")
+    other = floorplan_from_ascii(SIX_ROOMS, resolution=0.5, name="other")
     _, info = env.reset(seed=0, options={"plan": other, "start": (2.0, 1.25, 1.0)})
     assert env.simulation.plan is other and info["plan_index"] == -1
     assert env.simulation.pose == Pose(2.0, 1.25, 1.0)
@@ -229,7 +230,7 @@ def test_more_frontiers_than_slots_leaves_out_the_farthest() -> None:
 
 
 def test_plans_are_drawn_from_several_and_from_a_function() -> None:
-    plans = [floorplan_from_ascii(ROOMS, resolution=0.5, name=name) for name in "abc"]
+    plans = [floorplan_from_ascii(SIX_ROOMS, resolution=0.5, name=name) for name in "abc"]
     source, rng = PlanSource(plans), np.random.default_rng(0)
     drawn = [source.draw(rng) for _ in range(30)]
     assert {index for index, _ in drawn} == {0, 1, 2}

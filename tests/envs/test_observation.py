@@ -35,9 +35,9 @@ from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.tour_features import tour_features
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
+from tests.plans import offices
 
 ALL = len(CHANNELS) + len(LAYOUT_CHANNELS)
 
@@ -178,23 +178,7 @@ def test_the_trail_follows_what_the_robot_believes() -> None:
 
 @pytest.fixture(scope="module")
 def plan() -> FloorPlan:
-    return floorplan_from_ascii(
-        """
-        ####################
-        #aaaaaaa#bbbbbb#ccc#
-        #aaaaaaa#bbbbbb#ccc#
-        #aaaaaaa#bbbbbb#ccc#
-        ###.#######.####.###
-        #dddddddddddddddddd#
-        #dddddddddddddddddd#
-        ####.########.######
-        #eeeeeeee#fffffffff#
-        #eeeeeeee#fffffffff#
-        #eeeeeeee#fffffffff#
-        ####################
-        """.replace(" ", ""),
-        resolution=0.6,
-    )
+    return offices()
 
 
 @pytest.fixture

@@ -28,6 +28,7 @@ from layoutexplore.metrics.exploration import distance_to_coverage
 from layoutexplore.simulation.coverage import Coverage
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 from tests.envs.cases import rooms
+from tests.plans import ROW_OF_ROOMS, TWO_ROOMS
 
 STEP = Transition(metres=4.0, new_area=6.0, coverage=0.5, coverage_gain=0.1, distance=40.0, budget=200.0)
 
@@ -134,15 +135,7 @@ def test_the_return_of_path_to_marks_is_what_the_benchmark_reports(seed: int) ->
 
 
 def test_rooms_are_counted_when_they_are_finished_on_the_first_visit() -> None:
-    plan = floorplan_from_ascii(
-        """
-        #############
-        #aaaa.bbb#cc#
-        #aaaa#bbb#cc#
-        #aaaa#bbb.cc#
-        #############""".replace(" ", ""),
-        resolution=1.0,
-    )
+    plan = floorplan_from_ascii(ROW_OF_ROOMS, resolution=1.0)
     simulation = Simulation(plan, SimulationConfig(sensor="short"))
     simulation.reset(0, Pose(2.5, 1.5, 0.0))
     a, b, c = (
@@ -186,7 +179,7 @@ def test_cells_that_are_seen_leave_their_rooms(seed: int, rows: int, cols: int) 
 
 @pytest.mark.parametrize("name", ["LayoutExplore/Frontier-v0", "LayoutExplore/Motion-v0"])
 def test_an_environment_hands_over_what_happened(name: str) -> None:
-    plan = floorplan_from_ascii("##########\n#aaaa#bbb#\n#aaaa.bbb#\n#aaaa#bbb#\n##########", resolution=1.0)
+    plan = floorplan_from_ascii(TWO_ROOMS, resolution=1.0)
     seen: list[Transition] = []
 
     def spy(transition: Transition) -> float:

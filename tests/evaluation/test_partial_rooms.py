@@ -18,22 +18,12 @@ from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import make_room_predictor
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.training.snapshots import explore_plan
-
-PLAN = """
-####################
-#aaaaaaaa#bbbbbbbbb#
-#aaaaaaaa#bbbbbbbbb#
-#aaaaaaaa#bbbbbbbbb#
-#aaaaaaaa#bbbbbbbbb#
-####.########.######
-#ccccccccccccccccccc#
-####################
-""".replace("#ccccccccccccccccccc#", "#cccccccccccccccccc#")
+from tests.plans import TWO_OFFICES
 
 
 @pytest.fixture(scope="module")
 def plan() -> FloorPlan:
-    return floorplan_from_ascii(PLAN, resolution=0.9, name="flat")
+    return floorplan_from_ascii(TWO_OFFICES, resolution=0.9, name="flat")
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from layoutexplore.frontiers.detection import find_frontiers
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import FALSE_CLOSED_AREA, OraclePredictor, make_predictor
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
+from tests.plans import TWO_HALLS
 
 SIZES = st.shared(st.tuples(st.integers(3, 14), st.integers(3, 14)))
 
@@ -64,19 +65,8 @@ def test_no_frontier() -> None:
     assert len(classes.is_closed) == len(classes.room) == 0
 
 
-PLAN = """
-#####################
-#aaaaaaaa#bbbbbbbbbb#
-#aaaaaaaa#bbbbbbbbbb#
-#aaaaaaaa.bbbbbbbbbb#
-#aaaaaaaa.bbbbbbbbbb#
-#aaaaaaaa#bbbbbbbbbb#
-#####################
-"""
-
-
 def test_oracle_fills_in_every_frontier_and_flips_rooms_when_told() -> None:
-    plan = floorplan_from_ascii(PLAN, resolution=0.5)
+    plan = floorplan_from_ascii(TWO_HALLS, resolution=0.5)
     config = SimulationConfig(sensor="short")
     truthful = Simulation(plan, config, OraclePredictor()).reset(seed=1)
     wrong = Simulation(plan, config, OraclePredictor(flip=1.0)).reset(seed=1)

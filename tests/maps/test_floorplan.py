@@ -21,17 +21,10 @@ from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.grids.morphology import grow
 from layoutexplore.maps.floorplan import Door, FloorPlan, PlanRaster, Room
 from layoutexplore.maps.tracing import floorplan_from_ascii
+from tests.plans import TWO_ROOMS
 
 with np.errstate(invalid="ignore"):
     NOT_FINITE = Polygon([(0, 0), (math.nan, 2), (2, 0)])
-
-TWO_ROOMS = """
-###########
-#aaaa#bbbb#
-#aaaa.bbbb#
-#aaaa#bbbb#
-###########
-"""
 
 
 def two_rooms(*, gap: float = 0.9, thickness: float = 0.2, **changes: object) -> FloorPlan:

@@ -16,6 +16,7 @@ from layoutexplore.maps import load_plan
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
+from tests.plans import CORNER
 
 RADIUS = 0.2
 
@@ -76,7 +77,7 @@ def test_geojson_round_trip_is_exact(tmp_path: Path) -> None:
 
 
 def test_a_plan_of_an_image_keeps_its_cells_as_geojson(tmp_path: Path) -> None:
-    plan = floorplan_from_ascii("#######\n#aa#bb#\n#aa.bb#\n####..#\n#ccccc#\n#######", 0.5)
+    plan = floorplan_from_ascii(CORNER, 0.5)
     save_plan(plan, tmp_path / "plan.geojson")
     loaded = load_plan(tmp_path / "plan.geojson")
     one, two = plan.rasterize(0.5), loaded.rasterize(0.5)

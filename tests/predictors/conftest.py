@@ -7,10 +7,10 @@ import pytest
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
-from tests.plans import PLAN
+from tests.plans import THREE_OFFICES
 
 
 @pytest.fixture(scope="module")
 def decision() -> Decision:
-    plan = floorplan_from_ascii(PLAN, resolution=0.9)
+    plan = floorplan_from_ascii(THREE_OFFICES, resolution=0.9)
     return Simulation(plan, SimulationConfig(sensor="short")).reset(seed=2)

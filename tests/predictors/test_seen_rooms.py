@@ -14,11 +14,11 @@ from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.layout.merging.door_gaps import free_runs, widens
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors.seen_rooms import Regions, _gaps, find_doors, home_regions, seen_regions
-from tests.plans import PLAN
+from tests.plans import THREE_OFFICES
 
 
 def test_regions_part_at_doors() -> None:
-    raster = floorplan_from_ascii(PLAN, resolution=0.9).rasterize(0.1)
+    raster = floorplan_from_ascii(THREE_OFFICES, resolution=0.9).rasterize(0.1)
     cells = np.where(raster.occupied, 100, 0).astype(np.int8)
     regions = seen_regions(cells, 0.1)
     assert regions.count == 4

@@ -35,21 +35,8 @@ from layoutexplore.report.exploration import write_report
 from layoutexplore.report.layout_section import stop_plot
 from layoutexplore.report.partial_rooms import Gallery, draw_room
 from layoutexplore.training.snapshots import explore_plan
+from tests.plans import OFFICES
 
-OFFICES = """
-################################
-#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
-#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
-#aaaaaaa#bbbbbbbbb#ccccc#dddddd#
-####.#######..######.######.####
-#eeeeeeeeeeeeeeeeeeeeeeeeeeeeee#
-#eeeeeeeeeeeeeeeeeeeeeeeeeeeeee#
-###.########.########.##########
-#fffffff#ggggggggg#hhhhhhhhhhhh#
-#fffffff#ggggggggg#hhhhhhhhhhhh#
-#fffffff#ggggggggg#hhhhhhhhhhhh#
-################################
-"""
 FLIPPED = "layout-nearest:predictor=oracle:flip=0.25"
 VOID = {"meta", "link", "br", "image", "img", "path", "circle", "rect", "hr"}
 

@@ -29,16 +29,8 @@ from layoutexplore.metrics.statistics import Interval
 from layoutexplore.report.exploration import build, caveats, headline, write_report
 from layoutexplore.report.page import interval, png_uri, render
 from layoutexplore.report.plots import floor_picture, forest, heat, way
+from tests.plans import HOUSE
 
-PLAN = """
-##############
-#aaa#bbbb#ccc#
-#aaa.bbbb#ccc#
-#aaa#bbbb#ccc#
-##.########.##
-#ddddddddddd##
-##############
-"""
 VOID = {"meta", "link", "br", "image", "img", "path", "circle", "rect", "hr", "input"}
 
 
@@ -68,7 +60,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
     """Results of three agents on two plans with two sensors."""
     plans = tmp_path_factory.mktemp("plans")
     for name, scale in (("small", 0.6), ("large & <odd>", 1.0)):
-        save_plan(floorplan_from_ascii(PLAN, resolution=scale, name=name), plans / f"{scale}.geojson")
+        save_plan(floorplan_from_ascii(HOUSE, resolution=scale, name=name), plans / f"{scale}.geojson")
     config = BenchmarkConfig(
         plans=(str(plans),),
         starts=1,

@@ -21,24 +21,11 @@ from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise, Robot, advance_along, draw_start
 from layoutexplore.simulation.simulation import Simulation
-from tests.plans import offices
-
-THREE_ROOMS = """
-##############################
-#aaaaaaaa#bbbbbbbbb#ccccccccc#
-#aaaaaaaa#bbbbbbbbb#ccccccccc#
-#aaaaaaaa#bbbbbbbbb#ccccccccc#
-#aaaaaaaa#bbbbbbbbb#ccccccccc#
-####..########..#######..#####
-#dddddddddddddddddddddddddddd#
-#dddddddddddddddddddddddddddd#
-#dddddddddddddddddddddddddddd#
-##############################
-"""
+from tests.plans import WIDE_DOORS, offices
 
 
 def three_rooms() -> FloorPlan:
-    return floorplan_from_ascii(THREE_ROOMS, resolution=0.5)
+    return floorplan_from_ascii(WIDE_DOORS, resolution=0.5)
 
 
 def explore(sensor: str | LidarConfig, seed: int, **options: object) -> Simulation:

@@ -12,7 +12,7 @@ from layoutexplore.evaluation.segmentation import MapScore, seed_spread
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.training.folds import deal_folds, group_buildings
-from tests.plans import PLAN
+from tests.plans import THREE_OFFICES
 
 
 def test_folds_and_seeds() -> None:
@@ -38,10 +38,10 @@ def test_folds_and_seeds() -> None:
 
 
 def test_floors_of_one_building() -> None:
-    long = PLAN.replace("#", "####")
+    long = THREE_OFFICES.replace("#", "####")
     plans = [
         dataclasses.replace(floorplan_from_ascii(text, resolution=2.0, name=name), building=building)
-        for text, name, building in ((PLAN, "a1", "a"), (long, "a2", "a"), (long, "b", "b"))
+        for text, name, building in ((THREE_OFFICES, "a1", "a"), (long, "a2", "a"), (long, "b", "b"))
     ]
     assert group_buildings(plans[:2]) == {"a1": "a1", "a2": "a1"}
     assert group_buildings(plans) == {"a1": "a1", "a2": "a1", "b": "a1"}  # The same outline.

@@ -13,12 +13,12 @@ from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import make_room_predictor
 from layoutexplore.predictors.learned import CELL_NETWORK, FRONTIER_MODEL, FRONTIER_NETWORK
-from tests.plans import PLAN
+from tests.plans import THREE_OFFICES
 
 
 def test_training_from_the_command_line(tmp_path: Path) -> None:
-    wide = "\n".join(row[:20] + row[19:20] * 4 + row[20:] for row in PLAN.strip().splitlines())
-    for name, plan in (("north", PLAN), ("south", wide)):
+    wide = "\n".join(row[:20] + row[19:20] * 4 + row[20:] for row in THREE_OFFICES.strip().splitlines())
+    for name, plan in (("north", THREE_OFFICES), ("south", wide)):
         save_plan(floorplan_from_ascii(plan, resolution=0.9, name=name), tmp_path / f"{name}.geojson")
     paths = [str(tmp_path / f"{name}.geojson") for name in ("north", "south")]
     out = tmp_path / "models"
@@ -66,7 +66,7 @@ def test_a_plan_that_is_seen_at_once_teaches_nothing(tmp_path: Path) -> None:
     save_plan(
         floorplan_from_ascii("####\n#aa#\n####", resolution=0.9, name="closet"), tmp_path / "closet.geojson"
     )
-    save_plan(floorplan_from_ascii(PLAN, resolution=0.9, name="house"), tmp_path / "house.geojson")
+    save_plan(floorplan_from_ascii(THREE_OFFICES, resolution=0.9, name="house"), tmp_path / "house.geojson")
     closet, house = (str(tmp_path / f"{name}.geojson") for name in ("closet", "house"))
     options = ["--no-network", "--stops", "2", "--trees", "4", "--out", str(tmp_path / "models")]
     result = CliRunner().invoke(cli.app, ["evaluate", "train-predictor", closet, *options])

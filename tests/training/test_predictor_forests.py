@@ -17,7 +17,7 @@ from layoutexplore.training.explorations import stopped_explorations
 from layoutexplore.training.folds import deal_groups
 from layoutexplore.training.predictor_forests import PredictorForestConfig, fit_frontier_forests, train_models
 from layoutexplore.training.predictor_samples import PredictorSamples, gather, join_samples
-from tests.plans import PLAN
+from tests.plans import THREE_OFFICES
 
 
 def test_forests_are_what_was_trained(tmp_path: Path) -> None:
@@ -60,7 +60,7 @@ def test_generated_plans_do_not_outvote_real_ones() -> None:
 def test_a_model_of_ones_own(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="frontier_model"):
         make_predictor(f"layout:model={tmp_path}")
-    plans = [floorplan_from_ascii(PLAN, resolution=0.9, name=name) for name in ("one", "other")]
+    plans = [floorplan_from_ascii(THREE_OFFICES, resolution=0.9, name=name) for name in ("one", "other")]
     explorations = [
         e for plan in plans for e in stopped_explorations(plan, make_agent, 1, 4, tmp_path / "store")
     ]

@@ -42,6 +42,7 @@ from layoutexplore.simulation.config import SimulationConfig  # noqa: E402
 from layoutexplore.simulation.episode import play  # noqa: E402
 from layoutexplore.simulation.simulation import Simulation  # noqa: E402
 from tests.agents.rl.cases import SMALL_SEARCH, Silent  # noqa: E402
+from tests.plans import TWO_ROOMS  # noqa: E402
 
 
 def small_config(tmp_path: Path, **changes: Any) -> TrainingConfig:
@@ -264,15 +265,7 @@ def test_the_lowest_place_against_a_fine_raster(seed: int, trust: float) -> None
 
 
 def test_the_goal_is_what_the_robot_was_last_sent_to() -> None:
-    plan = floorplan_from_ascii(
-        """
-        ###########
-        #....#....#
-        #.........#
-        #....#....#
-        ###########""",
-        resolution=1.0,
-    )
+    plan = floorplan_from_ascii(TWO_ROOMS, resolution=1.0)
     simulation = Simulation(plan, SimulationConfig(sensor="indoor"))
     decision = simulation.reset(seed=0)
     assert decision.goal is None
