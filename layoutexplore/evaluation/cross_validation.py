@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.evaluation.segmentation import MapScore, score_case
 from layoutexplore.grids.grid import OccupancyGrid
-from layoutexplore.layout.merging.method import DefaultConfig, reconstruct_with
+from layoutexplore.layout.merging.method import MergingConfig, reconstruct_with
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.models.forest import Forest
@@ -60,7 +60,7 @@ def cross_validate(
             progress("judges trained", seed * folds + fold + 1, seeds * folds)
 
             def run(grid: OccupancyGrid, forest: Forest = forest) -> Layout:
-                return reconstruct_with(grid, DefaultConfig(), forest)
+                return reconstruct_with(grid, MergingConfig(), forest)
 
             for case in cases:
                 if dealt[case.building] == fold:

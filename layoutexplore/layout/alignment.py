@@ -1,6 +1,6 @@
 """Turning a grid so that its walls run along rows and columns, and labels back again.
 
-A map is first laid down in one of eight ways, by where its free cells lie: what follows breaks ties in raster
+A map comes in its canonical orientation (`layoutexplore.layout.canonical`): what follows breaks ties in raster
 order, so a map and its mirror image would else differ wherever a decision is close.
 
 The main direction is the peak of ROSE's profile of the walls' surfaces, modulo 90 degrees. Turned occupied
@@ -18,7 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
-from layoutexplore.layout.canonical import Posture, T
+from layoutexplore.layout.canonical import Orientation, T
 
 STRAIGHT = math.radians(0.6)
 """A map whose walls lie closer to the axes than this is left as it is: turning costs more than it brings."""
@@ -32,15 +32,15 @@ class Turned:
         cells: int8 (rows, cols), trinary.
         angle: Counter-clockwise angle of the frame's column axis in the grid, in radians, in (-pi/4, pi/4].
         corner: Row and column of the part in the grid.
-        shape: Rows and columns of the part as it was laid down.
-        posture: How it was laid down.
+        shape: Rows and columns of the part in its orientation.
+        orientation: That was applied to the part.
     """
 
     cells: NDArray[np.int8]
     angle: float
     corner: tuple[int, int]
     shape: tuple[int, int]
-    posture: Posture = field(default_factory=Posture)
+    orientation: Orientation = field(default_factory=Orientation)
 
 
 def main_direction(profile: NDArray[np.float64]) -> float:
@@ -64,6 +64,7 @@ def main_direction(profile: NDArray[np.float64]) -> float:
 
 @njit("int8[:,::1](int8[:,::1], float64, int64, int64)", cache=True, nogil=True)
 def _turn(cells: NDArray[np.int8], angle: float, rows: int, cols: int) -> NDArray[np.int8]:
+    """The cells turned by an angle around their middle, int8 (rows, cols)."""
     c, s = np.cos(angle), np.sin(angle)
     r0, c0 = 0.5 * (cells.shape[0] - 1), 0.5 * (cells.shape[1] - 1)
     r1, c1 = 0.5 * (rows - 1), 0.5 * (cols - 1)
@@ -74,6 +75,7 @@ def _turn(cells: NDArray[np.int8], angle: float, rows: int, cols: int) -> NDArra
             y = int(np.floor(r0 + s * (j - c1) + c * (i - r1) + 0.5))
             if 0 <= y < cells.shape[0] and 0 <= x < cells.shape[1]:
                 out[i, j] = cells[y, x]
+    # a look-up skips cells where the grids beat against each other: no occupied one may be lost
     for y in range(cells.shape[0]):
         for x in range(cells.shape[1]):
             if cells[y, x] == OCCUPIED:
@@ -86,6 +88,7 @@ def _turn(cells: NDArray[np.int8], angle: float, rows: int, cols: int) -> NDArra
 
 @njit(cache=True, nogil=True)
 def _turn_back(labels: NDArray[Any], angle: float, rows: int, cols: int, out: NDArray[Any]) -> None:
+    """Look up each cell of `out` (rows, cols) in labels of a turned grid; cells outside of it stay as they are."""
     c, s = np.cos(angle), np.sin(angle)
     r0, c0 = 0.5 * (rows - 1), 0.5 * (cols - 1)
     r1, c1 = 0.5 * (labels.shape[0] - 1), 0.5 * (labels.shape[1] - 1)
@@ -99,9 +102,11 @@ def _turn_back(labels: NDArray[Any], angle: float, rows: int, cols: int, out: ND
 
 @njit("boolean[:,::1](int8[:,::1])", cache=True, nogil=True)
 def _surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
+    """`surfaces` of contiguous cells, in two passes a row that the compiler takes many cells at once."""
     rows, cols = cells.shape
     out = np.empty((rows, cols), np.bool_)
-    near = np.zeros(cols + 2, np.bool_)  # a free cell in the column, at most one row away
+    # whether a column has a free cell at most one row away, with a column more on either side
+    near = np.zeros(cols + 2, np.bool_)
     for r in range(rows):
         here, below, above = cells[r], cells[max(r - 1, 0)], cells[min(r + 1, rows - 1)]
         for c in range(cols):
@@ -117,21 +122,21 @@ def surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
 
 
 def turn(
-    cells: NDArray[np.int8], angle: float, corner: tuple[int, int], posture: Posture | None = None
+    cells: NDArray[np.int8], angle: float, corner: tuple[int, int], orientation: Orientation | None = None
 ) -> Turned:
     """Turn a trinary part of a grid so that the direction `angle` runs along its rows.
 
     Args:
-        cells: int8 (rows, cols), trinary, laid down.
+        cells: int8 (rows, cols), trinary, in its orientation.
         angle: In radians, counter-clockwise from the column axis.
         corner: Where the part lies in the grid.
-        posture: How the part was laid down.
+        orientation: That was applied to the part.
     """
     h, w = cells.shape
     if angle:
         c, s = abs(math.cos(angle)), abs(math.sin(angle))
         cells = _turn(cells, angle, math.ceil(h * c + w * s) + 2, math.ceil(w * c + h * s) + 2)
-    return Turned(cells, angle, corner, (h, w), posture or Posture())
+    return Turned(cells, angle, corner, (h, w), orientation or Orientation())
 
 
 def turn_back(labels: NDArray[T], turned: Turned, shape: tuple[int, int]) -> NDArray[T]:
@@ -146,7 +151,7 @@ def turn_back(labels: NDArray[T], turned: Turned, shape: tuple[int, int]) -> NDA
         straight = np.zeros(turned.shape, labels.dtype)
         _turn_back(np.ascontiguousarray(labels), turned.angle, *turned.shape, straight)
         labels = straight
-    part = turned.posture.lift(labels)
+    part = turned.orientation.invert(labels)
     out = np.zeros(shape, labels.dtype)
     row, col = turned.corner
     out[row : row + part.shape[0], col : col + part.shape[1]] = part

@@ -1,8 +1,7 @@
-"""Running a method on a map that is laid down first, so that the map turned or mirrored has the same rooms.
+"""Running a method in the canonical orientation of a map, so that the map turned or mirrored has the same rooms.
 
-What decides close calls in raster order, or by the order of directions, judges a map and its mirror image
-differently. Laid down by where their free cells lie (`layoutexplore.layout.canonical.posture_of`), both are
-one map.
+What decides close calls in raster order, or by the order of directions, treats a map and its mirror image
+differently. Brought into the orientation that follows from where their free cells lie, both are one map.
 """
 
 from __future__ import annotations
@@ -28,47 +27,49 @@ ConfigT = TypeVar("ConfigT")
 Side = TypeVar("Side", Line, Wall)
 
 
-def laid_down(run: Callable[[OccupancyGrid, ConfigT], Layout]) -> Callable[[OccupancyGrid, ConfigT], Layout]:
-    """Decorate `run(grid, config)`: it sees the grid laid down, at the origin, and its layout is lifted again."""
+def in_canonical_orientation(
+    run: Callable[[OccupancyGrid, ConfigT], Layout],
+) -> Callable[[OccupancyGrid, ConfigT], Layout]:
+    """Decorate `run(grid, config)`: it sees the grid oriented, at the origin, and its layout is brought back."""
 
     @wraps(run)
-    def run_laid_down(grid: OccupancyGrid, config: ConfigT) -> Layout:
-        posture = posture_of(trinary_part(grid.cells)[0]) if grid.free.any() else Posture()
-        if posture == Posture():
+    def run_oriented(grid: OccupancyGrid, config: ConfigT) -> Layout:
+        orientation = canonical_orientation(trinary_part(grid.cells)[0]) if grid.free.any() else Orientation()
+        if orientation == Orientation():
             return run(grid, config)
-        found = run(OccupancyGrid(posture.lay(grid.cells), grid.resolution), config)
-        return Lifting(posture, extent(grid), grid.origin, found.directions).layout(found)
+        found = run(OccupancyGrid(orientation.apply(grid.cells), grid.resolution), config)
+        return Inversion(orientation, extent(grid), grid.origin, found.directions).layout(found)
 
-    return run_laid_down
+    return run_oriented
 
 
 @dataclass(frozen=True, eq=False)
-class Lifting:
-    """From a grid that was laid down at the origin back to the grid.
+class Inversion:
+    """From a grid that was oriented, at the origin, back to the grid as it was.
 
     Attributes:
-        posture: How it was laid down.
+        orientation: What was applied to it.
         size: Width and height of the grid in metres.
         origin: Of the grid.
-        laid_directions: float64 (k,), the directions found in what was laid down.
+        directions: float64 (k,), the directions found in the oriented grid.
     """
 
-    posture: Posture
+    orientation: Orientation
     size: tuple[float, float]
     origin: Pose
-    laid_directions: NDArray[np.float64]
+    directions: NDArray[np.float64]
 
     def points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """World points float64 (n, 2) of points of what was laid down."""
-        x, y = points[:, ::-1].T if self.posture.swap else points.T
+        """World points float64 (n, 2) of points of the oriented grid."""
+        x, y = points[:, ::-1].T if self.orientation.swap else points.T
         width, height = self.size
-        x = width - x if self.posture.mirror_cols else x
-        y = height - y if self.posture.mirror_rows else y
+        x = width - x if self.orientation.mirror_cols else x
+        y = height - y if self.orientation.mirror_rows else y
         return to_world(np.stack([x, y], axis=1), self.origin)
 
     def angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Directions float64 (n,) in the world of directions of what was laid down, in the same order, in [0, pi)."""
-        return angles_to_world(self.posture.lift_angles(angles), self.origin)
+        """Directions float64 (n,) in the world of directions in the oriented grid, in the same order, in [0, pi)."""
+        return angles_to_world(self.orientation.invert_angles(angles), self.origin)
 
     def pairs(self, points: Iterable[Point]) -> list[Point]:
         """The world points of points."""
@@ -77,18 +78,18 @@ class Lifting:
 
     @cached_property
     def mirrors(self) -> bool:
-        """Whether what ran counter-clockwise runs clockwise once it is lifted."""
-        return self.posture.swap ^ self.posture.mirror_rows ^ self.posture.mirror_cols
+        """Whether what ran counter-clockwise runs clockwise once it is brought back."""
+        return self.orientation.swap ^ self.orientation.mirror_rows ^ self.orientation.mirror_cols
 
     def polygons(self, polygons: Iterable[shapely.Polygon]) -> list[shapely.Polygon]:
         """The polygons in the world, their rings running as before."""
-        lifted: Any = shapely.transform(np.array([*polygons], object), self.points)
-        return list((shapely.reverse(lifted) if self.mirrors else lifted).tolist())
+        moved: Any = shapely.transform(np.array([*polygons], object), self.points)
+        return list((shapely.reverse(moved) if self.mirrors else moved).tolist())
 
     @cached_property
     def rank(self) -> NDArray[np.int64]:
         """int64 (k,): the new index of each direction, for directions rise."""
-        return ranks(self.angles(self.laid_directions))
+        return ranks(self.angles(self.directions))
 
     def sides(self, sides: Sequence[Side]) -> tuple[Side, ...]:
         """Walls or lines."""
@@ -114,14 +115,14 @@ class Lifting:
 
     def layout(self, found: Layout) -> Layout:
         """The layout of the grid."""
-        details = LiftedDetails(found.details, self)
+        details = InvertedDetails(found.details, self)
         polygons = self.polygons(room.polygon for room in found.rooms)
         return replace(
             found,
             clean_grid=OccupancyGrid(
-                self.posture.lift(found.clean_grid.cells), found.clean_grid.resolution, self.origin
+                self.orientation.invert(found.clean_grid.cells), found.clean_grid.resolution, self.origin
             ),
-            labels=self.posture.lift(found.labels),
+            labels=self.orientation.invert(found.labels),
             rooms=tuple(
                 replace(r, polygon=p, details=details) for r, p in zip(found.rooms, polygons, strict=True)
             ),
@@ -133,31 +134,31 @@ class Lifting:
 
 
 @dataclass(frozen=True, eq=False)
-class LiftedDetails(Details):
-    """Details of what was laid down, lifted when they are asked for."""
+class InvertedDetails(Details):
+    """Details of an oriented grid, brought back when they are asked for."""
 
-    laid: Details
-    lifting: Lifting
+    oriented: Details
+    inversion: Inversion
 
     @cached_property
     def lines(self) -> tuple[Line, ...]:
         """Representative lines, the box's border last."""
-        return self.lifting.sides(self.laid.lines)
+        return self.inversion.sides(self.oriented.lines)
 
     @cached_property
     def faces(self) -> tuple[Face, ...]:
         """The faces, by id."""
-        return tuple(self.lifting.face(face) for face in self.laid.faces)
+        return tuple(self.inversion.face(face) for face in self.oriented.faces)
 
     @property
     def cell_scores(self) -> NDArray[np.float32] | None:
         """ROSE's score of the occupied cells."""
-        scores = self.laid.cell_scores
-        return None if scores is None else self.lifting.posture.lift(scores)
+        scores = self.oriented.cell_scores
+        return None if scores is None else self.inversion.orientation.invert(scores)
 
     def faces_of(self, room: int) -> tuple[int, ...]:
         """Indices of the faces of a room, rising."""
-        return self.laid.faces_of(room)
+        return self.oriented.faces_of(room)
 
 
 _TRINARY = np.full(256, UNKNOWN, np.int8)
@@ -169,8 +170,8 @@ T = TypeVar("T", np.int8, np.int32, np.bool_, np.float32)
 
 
 @dataclass(frozen=True)
-class Posture:
-    """How a part of a grid is laid down: mirrored first, then rows and columns swapped.
+class Orientation:
+    """One of the eight orientations of a part of a grid: mirrored first, then rows and columns swapped.
 
     Attributes:
         mirror_rows: The order of the rows is reversed.
@@ -182,13 +183,13 @@ class Posture:
     mirror_cols: bool = False
     swap: bool = False
 
-    def lay(self, cells: NDArray[T]) -> NDArray[T]:
-        """The cells (rows, cols) laid down."""
-        laid = self._mirrored(np.ascontiguousarray(cells))
-        return _transposed(laid) if self.swap else laid
+    def apply(self, cells: NDArray[T]) -> NDArray[T]:
+        """The cells (rows, cols) in this orientation."""
+        mirrored = self._mirrored(np.ascontiguousarray(cells))
+        return _transposed(mirrored) if self.swap else mirrored
 
-    def lift(self, cells: NDArray[T]) -> NDArray[T]:
-        """What was laid down, as it lay in the grid."""
+    def invert(self, cells: NDArray[T]) -> NDArray[T]:
+        """Cells in this orientation as they lie in the grid."""
         return self._mirrored(_transposed(cells) if self.swap else np.ascontiguousarray(cells))
 
     def _mirrored(self, cells: NDArray[T]) -> NDArray[T]:
@@ -197,8 +198,8 @@ class Posture:
         code = -1 if self.mirror_rows and self.mirror_cols else int(self.mirror_cols)
         return np.asarray(cv2.flip(_plain(cells), code)).view(cells.dtype)
 
-    def lift_angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Directions (n,) of what was laid down as directions in the grid, in the same order, radians in [0, pi)."""
+    def invert_angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Directions (n,) in this orientation as directions in the grid, in the same order, radians in [0, pi)."""
         if self.swap:
             angles = np.pi / 2 - angles
         return undirected(-angles if self.mirror_rows != self.mirror_cols else angles)
@@ -213,8 +214,8 @@ def _plain(cells: NDArray[T]) -> Any:
     return cells.view(np.uint8) if cells.dtype == np.bool_ else cells
 
 
-def posture_of(cells: NDArray[np.int8]) -> Posture:
-    """The posture in which the cells are wider than high, and most free cells lie low and left of the middle."""
+def canonical_orientation(cells: NDArray[np.int8]) -> Orientation:
+    """The orientation in which the cells are wider than high, most free ones low and left of the middle."""
     free = (cells == FREE).view(np.uint8)
     high, wide = (np.arange(1 - n, n, 2) for n in cells.shape)  # twice the distance from the middle
     rows, cols = (
@@ -223,7 +224,7 @@ def posture_of(cells: NDArray[np.int8]) -> Posture:
     )
     spread = (rows @ high**2, cols @ wide**2)
     swap = cells.shape[0] > cells.shape[1] or (cells.shape[0] == cells.shape[1] and spread[0] > spread[1])
-    return Posture(mirror_rows=bool(rows @ high > 0), mirror_cols=bool(cols @ wide > 0), swap=bool(swap))
+    return Orientation(mirror_rows=bool(rows @ high > 0), mirror_cols=bool(cols @ wide > 0), swap=bool(swap))
 
 
 def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:

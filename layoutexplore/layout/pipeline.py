@@ -92,8 +92,9 @@ class LayoutMethod:
     """A named way to turn a grid into a layout."""
 
     name: str
-    config_class: type[Any]
+    summary: str
     run: Run
+    config_class: type[Any]
 
     def config(self, config: Any = None) -> Any:
         """The configuration to run with: the default, the given one, or the default changed by a mapping.
@@ -129,24 +130,19 @@ _METHODS: dict[str, LayoutMethod] = {}
 
 
 def register_method(
-    name: str, config_class: type[ConfigT]
-) -> Callable[[Callable[[OccupancyGrid, ConfigT], Layout]], Callable[[OccupancyGrid, ConfigT], Layout]]:
-    """Decorate `run(grid, config) -> Layout` to make it a method of `reconstruct`.
+    name: str, summary: str, run: Callable[[OccupancyGrid, ConfigT], Layout], config_class: type[ConfigT]
+) -> None:
+    """Make a method of `reconstruct` known by name.
 
     Args:
         name: The method's name.
+        summary: What it does, in one line.
+        run: From a grid and the configuration to its layout.
         config_class: A frozen dataclass whose every field has a default.
     """
     if not is_dataclass(config_class):
         raise TypeError(f"{config_class.__name__} is not a dataclass")
-
-    def decorate(
-        run: Callable[[OccupancyGrid, ConfigT], Layout],
-    ) -> Callable[[OccupancyGrid, ConfigT], Layout]:
-        _METHODS[name] = LayoutMethod(name, config_class, run)
-        return run
-
-    return decorate
+    _METHODS[name] = LayoutMethod(name, summary, run, config_class)
 
 
 def layout_method(name: str) -> LayoutMethod:

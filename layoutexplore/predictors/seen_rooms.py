@@ -21,15 +21,10 @@ from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.morphology import disc
 from layoutexplore.grids.runs import run_end
+from layoutexplore.layout.merging.door_gaps import GAP, DoorGapConfig, list_gaps
 
-DOOR_WIDTHS = (0.45, 2.2)
-"""Metres: narrowest and widest gap that counts as a door."""
-
-DOOR_WALL = 0.3
-"""Metres of wall in line with a door, on one side at least."""
-
-WIDENING, WIDENING_DEPTH = 0.4, 0.6
-"""Metres: beside a door the space is wider by this much within this distance, on both sides."""
+DOORS = DoorGapConfig(door_max=2.2, slack=0.0)
+"""Gaps that count as doors: narrower ones than where rooms are merged, and walls step aside by one cell only."""
 
 CORE = 0.5
 """Metres: two regions are one where the way between them is wider than twice this."""
@@ -81,7 +76,7 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
     labels, door_width = np.zeros(cells.shape, np.int32), np.zeros(cells.shape, np.float32)
     row0, row1, col0, col1 = known_box(cells)
     box = slice(row0, row1), slice(col0, col1)
-    margin = round((DOOR_WIDTHS[1] + WIDENING) / resolution) + 1
+    margin = round((DOORS.door_max + DOORS.widening) / resolution) + 1
     inner = slice(margin, -margin), slice(margin, -margin)
     part = np.full((row1 - row0 + 2 * margin, col1 - col0 + 2 * margin), UNKNOWN, np.int8)
     part[inner] = cells[box]
@@ -98,87 +93,22 @@ def find_doors(occupied: NDArray[np.bool_], resolution: float) -> NDArray[np.flo
 
     Where two gaps cross, the narrower one counts.
     """
-    lengths = (*DOOR_WIDTHS, DOOR_WALL, WIDENING, WIDENING_DEPTH)
-    sizes = np.array([max(round(length / resolution), 1) for length in lengths], np.int64)
-    occupied = np.ascontiguousarray(occupied)
+    along_rows, along_cols = list_gaps(occupied, resolution, DOORS, longest=DOORS.door_run)
     width = np.zeros(occupied.shape, np.float32)
-    _paint(_gaps(occupied, sizes), resolution, width)
-    _paint(_gaps(cv2.transpose(occupied.view(np.uint8)).view(np.bool_), sizes), resolution, width.T)
+    _paint(along_rows, resolution, width)
+    _paint(along_cols, resolution, width.T)
     return width
 
 
 @njit(cache=True, nogil=True)
 def _paint(gaps: NDArray[np.int32], resolution: float, width: NDArray[np.float32]) -> None:
-    """Write the width of gaps (row, first column, cells) in metres where none is or a wider one."""
+    """Write the width of gaps in metres where none is or a wider one."""
     for k in range(len(gaps)):
-        row, col, n = gaps[k]
+        row, col, n = gaps[k, GAP.line], gaps[k, GAP.begin], gaps[k, GAP.width]
         metres = np.float32(n * resolution)
         for c in range(col, col + n):
             if width[row, c] == 0 or width[row, c] > metres:
                 width[row, c] = metres
-
-
-@njit(cache=True, nogil=True)
-def _gaps(occupied: NDArray[np.bool_], sizes: NDArray[np.int64]) -> NDArray[np.int32]:
-    """Doors along the rows int32 (n, 3): row, first column and width in cells."""
-    narrowest, widest, wall, widening, depth = (
-        int(sizes[0]),
-        int(sizes[1]),
-        int(sizes[2]),
-        int(sizes[3]),
-        int(sizes[4]),
-    )
-    rows, cols = occupied.shape
-    gaps = np.empty((rows * cols // (narrowest + 1) + 1, 3), np.int32)
-    count = 0
-    for r in range(rows):
-        line = occupied[r]
-        before = run_end(line, 0, False)
-        while before < cols:
-            c, behind = before + 1, run_end(line, before + 1, False)
-            n = behind - c
-            if narrowest <= n <= widest and behind < cols:
-                middle = c + n // 2
-                if (
-                    (_wall_run(occupied, r, before, -1, wall) or _wall_run(occupied, r, behind, 1, wall))
-                    and _widens(occupied, r, middle, -1, depth, n + widening)
-                    and _widens(occupied, r, middle, 1, depth, n + widening)
-                ):
-                    gaps[count, 0], gaps[count, 1], gaps[count, 2] = r, c, n
-                    count += 1
-            before = behind
-    return gaps[:count].copy()
-
-
-@njit(cache=True, nogil=True)
-def _widens(occupied: NDArray[np.bool_], r: int, c: int, step: int, depth: int, wanted: int) -> bool:
-    """Whether the cells above (`step` -1) or below (1) one are free up to one, within `depth` rows, whose run is that long."""
-    for k in range(1, depth + 1):
-        rr = r + step * k
-        if not 0 <= rr < occupied.shape[0] or occupied[rr, c]:
-            return False
-        first, last = c, c + 1
-        while first > 0 and last - first < wanted and not occupied[rr, first - 1]:
-            first -= 1
-        while last < occupied.shape[1] and last - first < wanted and not occupied[rr, last]:
-            last += 1
-        if last - first >= wanted:
-            return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def _wall_run(occupied: NDArray[np.bool_], r: int, c: int, step: int, wanted: int) -> bool:
-    """Whether a wall that may step aside by a cell goes on for so many cells."""
-    for _ in range(wanted):
-        if not 0 <= c < occupied.shape[1]:
-            return False
-        if not (
-            occupied[r, c] or occupied[max(r - 1, 0), c] or occupied[min(r + 1, occupied.shape[0] - 1), c]
-        ):
-            return False
-        c += step
-    return True
 
 
 @njit(cache=True, nogil=True)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from layoutexplore.grids.grid import FREE
 from layoutexplore.layout.alignment import turn_back
-from layoutexplore.layout.merging.adjacency_graph import PieceGraph
-from layoutexplore.layout.merging.method import DefaultConfig, find_pieces
+from layoutexplore.layout.merging.graph_tables import RegionGraph
+from layoutexplore.layout.merging.method import MergingConfig, find_regions
 from layoutexplore.layout.timing import StageTimer
 
 SIMULATED = "simulated"
@@ -29,7 +29,7 @@ class Example:
         kind: Maps of one kind and building share one weight.
     """
 
-    graph: PieceGraph
+    graph: RegionGraph
     rooms: NDArray[np.float64]
     building: str
     kind: str
@@ -42,7 +42,7 @@ def make_example(
     *,
     building: str,
     kind: str,
-    config: DefaultConfig | None = None,
+    config: MergingConfig | None = None,
 ) -> Example:
     """Cut a map into pieces and count whose they are.
 
@@ -54,7 +54,7 @@ def make_example(
         kind: Kind of map, such as "empty".
         config: Options of the default method.
     """
-    pieces = find_pieces(cells, resolution, config or DefaultConfig(), StageTimer())
+    pieces = find_regions(cells, resolution, config or MergingConfig(), StageTimer())
     labels = turn_back(pieces.labels, pieces.turned, (cells.shape[0], cells.shape[1]))
     free = cells == FREE
     columns = int(truth.max(initial=0)) + 1

@@ -15,7 +15,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.layout.merging.agglomeration import FEATURES, judge_with_truth
+from layoutexplore.layout.merging.agglomeration import training_samples
+from layoutexplore.layout.merging.pair_features import FEATURES
 from layoutexplore.maps.painted_rooms import Case, read_case
 from layoutexplore.models.forest import Forest, as_forest
 from layoutexplore.training.explored_maps import explored_examples
@@ -86,7 +87,7 @@ def train_forest(examples: Sequence[Example], config: MergingTrainingConfig | No
     forest, samples, keys = first_forest(), [], []
     for k in range(config.rounds):
         for example in examples:
-            samples.append(judge_with_truth(example.graph, forest, example.rooms))
+            samples.append(training_samples(example.graph, forest, example.rooms))
             keys.append((example.building, "" if example.building == SIMULATED else example.kind))
         table, weights = _quantised(np.vstack(samples)), _weights(samples, keys, config)
         count = config.forests if k == config.rounds - 1 else 1

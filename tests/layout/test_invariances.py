@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.ros_map import load_grid
-from layoutexplore.layout.canonical import Posture, posture_of
+from layoutexplore.layout.canonical import Orientation, canonical_orientation
 from layoutexplore.layout.export import layout_to_geojson
 from layoutexplore.layout.frame import to_world
 from layoutexplore.layout.pipeline import METHOD_MODULES, reconstruct
@@ -200,30 +200,34 @@ def test_plans_of_random_boxes_give_the_same_rooms(seed: int, move: str, method:
     )
 )
 def test_a_map_lies_the_same_way_however_it_came(cells: np.ndarray) -> None:
-    posture = posture_of(cells)
-    laid = posture.lay(cells)
-    assert laid.shape[0] <= laid.shape[1]
-    assert posture.lift(laid).tolist() == cells.tolist()
-    assert posture_of(laid) == Posture()
-    free = np.argwhere(laid == 0)
-    if len(free) and not (2 * free == np.array(laid.shape) - 1).all() and laid.shape[0] != laid.shape[1]:
-        off_centre = (2 * free - np.array(laid.shape) + 1).sum(axis=0)
+    orientation = canonical_orientation(cells)
+    oriented = orientation.apply(cells)
+    assert oriented.shape[0] <= oriented.shape[1]
+    assert orientation.invert(oriented).tolist() == cells.tolist()
+    assert canonical_orientation(oriented) == Orientation()
+    free = np.argwhere(oriented == 0)
+    if (
+        len(free)
+        and not (2 * free == np.array(oriented.shape) - 1).all()
+        and oriented.shape[0] != oriented.shape[1]
+    ):
+        off_centre = (2 * free - np.array(oriented.shape) + 1).sum(axis=0)
         if off_centre.all():
             for there, _ in MOVES.values():
                 other = np.ascontiguousarray(there(cells))
-                assert posture_of(other).lay(other).tolist() == laid.tolist()
+                assert canonical_orientation(other).apply(other).tolist() == oriented.tolist()
 
 
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("mirror", [(False, False), (True, False), (False, True), (True, True)])
-def test_directions_are_lifted_with_the_map(swap: bool, mirror: tuple[bool, bool]) -> None:
-    posture = Posture(mirror_rows=mirror[0], mirror_cols=mirror[1], swap=swap)
+def test_directions_are_brought_back_with_the_map(swap: bool, mirror: tuple[bool, bool]) -> None:
+    orientation = Orientation(mirror_rows=mirror[0], mirror_cols=mirror[1], swap=swap)
     cells = np.zeros((40, 41), np.int8)
     for k in range(24):  # a line that rises by one in two
         cells[5 + k // 2, 8 + k] = 1
-    rows, cols = np.nonzero(posture.lay(cells))
-    laid = np.mod(np.arctan2(*(np.polyfit(cols, rows, 1)[0], 1.0)), np.pi)
-    assert posture.lift_angles(np.array([laid]))[0] == pytest.approx(np.arctan(0.5), abs=0.06)
+    rows, cols = np.nonzero(orientation.apply(cells))
+    oriented = np.mod(np.arctan2(*(np.polyfit(cols, rows, 1)[0], 1.0)), np.pi)
+    assert orientation.invert_angles(np.array([oriented]))[0] == pytest.approx(np.arctan(0.5), abs=0.06)
 
 
 @pytest.mark.parametrize(("name", "share"), [("clean", 0.02), ("furnished", 0.1)])

@@ -18,7 +18,7 @@ from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.layout.export import layout_to_geojson
 from layoutexplore.layout.lines.ias15 import Ias15Config
 from layoutexplore.layout.lines.rose2 import Rose2Config
-from layoutexplore.layout.merging.method import DefaultConfig
+from layoutexplore.layout.merging.method import MergingConfig
 from layoutexplore.layout.pipeline import METHOD_MODULES, LayoutCache, layout_method, reconstruct
 from layoutexplore.layout.types import BORDER, FaceKind
 
@@ -332,4 +332,4 @@ def test_numbers_of_every_kind_are_taken_and_flags_are_no_numbers():
         with pytest.raises(ConfigError, match=next(iter(options))):
             reconstruct(grid, method, options)
     with pytest.raises(ConfigError, match="chink"):
-        reconstruct(grid, "default", dataclasses.replace(DefaultConfig(), chink=float("nan")))
+        reconstruct(grid, "default", dataclasses.replace(MergingConfig(), chink=float("nan")))

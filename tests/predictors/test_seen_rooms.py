@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
-from layoutexplore.layout.merging.door_gaps import free_runs, widens
 from layoutexplore.maps.tracing import floorplan_from_ascii
-from layoutexplore.predictors.seen_rooms import Regions, _gaps, find_doors, home_regions, seen_regions
+from layoutexplore.predictors.seen_rooms import Regions, find_doors, home_regions, seen_regions
 from tests.plans import THREE_OFFICES
 
 
@@ -38,30 +34,6 @@ def test_the_home_of_a_frontier() -> None:
         [np.array([[0, k] for k in part], np.int32) for part in ((0, 2, 3), (1, 2), (4,))]
     )
     assert home_regions(regions, clusters).tolist() == [2, 1, 3]
-
-
-@settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 100_000))
-def test_gaps_against_a_slow_version(seed: int) -> None:
-    """Lines of wall with holes; whether the space widens is told by the runs of all cells."""
-    rng = np.random.default_rng(seed)
-    occupied = rng.random((25, 60)) < rng.uniform(0, 0.1)
-    for r in rng.integers(0, 25, 3):
-        occupied[r] |= rng.random(60) < 0.85
-    narrowest, widest, wall, widening, depth = sizes = (2, 14, 2, 2, 3)
-    runs, expected = free_runs(occupied), []
-    for r, line in enumerate(occupied):
-        for left, right in itertools.pairwise(np.flatnonzero(line).tolist()):
-            n = right - left - 1
-            if not narrowest <= n <= widest:
-                continue
-            near: NDArray[np.bool_] = np.logical_or.reduce(np.pad(occupied, 1)[r : r + 3, 1:-1])
-            sides = near[max(left + 1 - wall, 0) : left + 1], near[right : right + wall]
-            walled = any(len(part) == wall and part.all() for part in sides)
-            middle = left + 1 + n // 2
-            if walled and all(widens(runs, r, middle, step, depth, n + widening) for step in (-1, 1)):
-                expected.append([r, left + 1, n])
-    assert _gaps(occupied, np.array(sizes, np.int64)).tolist() == expected
 
 
 @settings(max_examples=60, deadline=None)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.layout.merging.agglomeration import merge_pieces
+from layoutexplore.layout.merging.agglomeration import merge_regions
 from layoutexplore.layout.merging.merge_forest import load_forest, save_forest
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.training.merging_examples import make_example
@@ -28,7 +28,7 @@ def test_a_judge_can_be_trained_stored_and_read(tmp_path: Path) -> None:
         and (again.threshold == forest.threshold).all()
         and again.bias == forest.bias
     )
-    assert (merge_pieces(example.graph, again) == merge_pieces(example.graph, forest)).all()
+    assert (merge_regions(example.graph, again) == merge_regions(example.graph, forest)).all()
     (tmp_path / "other.json").write_text('{"features": ["x"], "bias": 0, "trees": []}')
     with pytest.raises(ConfigError, match="train"):
         load_forest(tmp_path / "other.json")
@@ -36,7 +36,7 @@ def test_a_judge_can_be_trained_stored_and_read(tmp_path: Path) -> None:
 
 def test_kinds_of_maps_weigh_what_they_are_given() -> None:
     rooms = rooms_of(plan())
-    parted = make_example(plan(), rooms, 0.05, building="a", kind="parted")  # no two pieces are one room
+    parted = make_example(plan(), rooms, 0.05, building="a", kind="parted")  # no two regions are one room
     whole = make_example(plan(), np.minimum(rooms, 1), 0.05, building="a", kind="whole")  # all are
     for weights in ({}, {"whole": 4.0}, {"whole": 0.5, "parted": 2.0}):
         forest = train_forest(
@@ -56,6 +56,6 @@ def test_the_mean_of_judges_is_a_judge() -> None:
     )
     both = mean_forest([one, other])
     assert len(both.roots) == 8 and both.bias == pytest.approx((one.bias + other.bias) / 2)
-    assert (merge_pieces(example.graph, mean_forest([one])) == merge_pieces(example.graph, one)).all()
+    assert (merge_regions(example.graph, mean_forest([one])) == merge_regions(example.graph, one)).all()
     again = train_forest([example, example], config)
     assert (again.threshold == one.threshold).all()

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.components import components
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
-from layoutexplore.layout.canonical import laid_down
+from layoutexplore.layout.canonical import in_canonical_orientation
 from layoutexplore.layout.frame import ranks, undirected
 from layoutexplore.layout.lines.assemble import assemble, clean_grid
 from layoutexplore.layout.lines.face_model import (
@@ -89,8 +89,7 @@ class Ias15Config(SegmentConfig, FaceConfig):
             )
 
 
-@register_method("ias15", Ias15Config)
-@laid_down
+@in_canonical_orientation
 def ias15(grid: OccupancyGrid, config: Ias15Config) -> Layout:
     """Run the IAS-15 reconstruction on a grid."""
     timer = StageTimer()
@@ -255,3 +254,6 @@ def _closing_lines(
                 )
                 found.add((direction, float(offset.max() if towards > 0 else offset.min())))
     return sorted(found)
+
+
+register_method("ias15", "IAS-15: rooms from the lines of the walls", ias15, Ias15Config)

@@ -37,7 +37,6 @@ class RoseConfig(DeclutterConfig):
             raise ConfigError(f"threshold must lie between 0 and 1, got {self.threshold}")
 
 
-@register_method("rose", RoseConfig)
 def rose(grid: OccupancyGrid, config: RoseConfig) -> Layout:
     """Declutter a grid; the layout has directions, scores and a clean grid but no rooms."""
     timer = StageTimer()
@@ -67,3 +66,6 @@ def rose(grid: OccupancyGrid, config: RoseConfig) -> Layout:
         warnings=tuple(warnings),
         details=ScoreDetails(structure.cell_scores),
     )
+
+
+register_method("rose", "ROSE: directions and scores of the walls, no rooms", rose, RoseConfig)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.grid import OccupancyGrid
-from layoutexplore.layout.canonical import laid_down
+from layoutexplore.layout.canonical import in_canonical_orientation
 from layoutexplore.layout.frame import undirected
 from layoutexplore.layout.lines.assemble import assemble, clean_grid
 from layoutexplore.layout.lines.declutter import (
@@ -72,8 +72,7 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
             raise ConfigError("wall_gap and line_distance must not be negative, deviation must be above 0")
 
 
-@register_method("rose2", Rose2Config)
-@laid_down
+@in_canonical_orientation
 def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
     """Run ROSE2 on a grid."""
     timer = StageTimer()
@@ -173,3 +172,6 @@ def find_wall_model(
         structure_score=structure.score,
         cell_scores=structure.cell_scores,
     )
+
+
+register_method("rose2", "ROSE2: rooms from the lines of a decluttered map", rose2, Rose2Config)

@@ -1,6 +1,6 @@
-"""What the default method's layouts tell when they are asked: scores of the cells, lines, and faces that follow the rooms.
+"""Details of merged layouts, computed when they are asked for: scores of the cells, lines, faces that follow the rooms.
 
-The rooms come from pieces of free space and not from lines, so nothing of this is needed to find them. The
+The rooms come from regions of free space and not from lines, so nothing of this is needed to find them. The
 representative lines are those of the walls of the map without its clutter (ROSE2, section III-B), and where a
 room ends far from all of them, a line of its own. A cell of their arrangement belongs to the room that most
 of its labelled grid cells have; cells of one room make one face where the line between them is hardly
@@ -43,8 +43,8 @@ SAMPLE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class DefaultDetails(Details):
-    """Lines, faces and scores of a layout of the default method, computed when they are first asked for.
+class MergingDetails(Details):
+    """Lines, faces and scores of a layout of the method `default`, computed when they are first asked for.
 
     Attributes:
         clean_grid: The grid without its clutter.

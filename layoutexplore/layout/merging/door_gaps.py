@@ -1,30 +1,27 @@
-"""Openings in walls, on a grid whose walls run along rows and columns: candidates for doors.
+"""Door-gap candidates: short gaps in walls that run along rows and columns.
 
-A candidate is a short gap in line with a run of wall, behind which the free space widens on both sides. Every
-gap knows its width and the length of the walls beside it; whether it parts two rooms is decided later.
+A candidate is a gap in line with a run of wall, behind which the free space widens on both sides. Every gap
+knows its width and the length of the walls beside it; whether it parts two rooms is decided later.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.runs import run_end
-
-WIDTH, LONG, SHORT = range(3)
-"""Columns of the table of gaps: width, longer and shorter run of wall beside it, all in cells."""
 
 LONGEST_RUN = 5.0
 """A wall beside a gap is followed no farther than this [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class OpeningConfig:
+class DoorGapConfig:
     """What counts as a candidate; lengths in metres.
 
     Attributes:
@@ -33,7 +30,7 @@ class OpeningConfig:
         door_run: The wall on at least one side of a door is this long.
         widening: The space behind a door widens by this much ...
         reach: ... within this distance, on both sides.
-        slack: A wall may step aside by this much.
+        slack: A wall may step aside by this much, and by one cell at least.
     """
 
     door_min: float = 0.45
@@ -44,38 +41,51 @@ class OpeningConfig:
     slack: float = 0.1
 
 
+class GapColumns(NamedTuple):
+    """Columns of the tables of gaps, all in cells.
+
+    Attributes:
+        line: Row that the gap lies in; column for one along the columns.
+        begin: Its first cell in that line.
+        width: Its cells.
+        long: The longer run of wall beside it.
+        short: The shorter one.
+    """
+
+    line: int
+    begin: int
+    width: int
+    long: int
+    short: int
+
+
+GAP = GapColumns(*range(len(GapColumns._fields)))
+"""The index of each column, constants to the compiler."""
+
+
+class GapSizes(NamedTuple):
+    """A `DoorGapConfig` in cells, and how far a wall is followed."""
+
+    narrowest: int
+    widest: int
+    run: int
+    widening: int
+    reach: int
+    slack: int
+    longest: int
+
+
 @dataclass(frozen=True, eq=False)
-class Openings:
-    """Candidate openings.
+class DoorGaps:
+    """Door-gap candidates.
 
     Attributes:
         gap: int32 (rows, cols), row of the table for the cells of a gap, 0 elsewhere.
-        table: int32 (n, 3), WIDTH, LONG and SHORT of each gap in cells; row 0 is empty.
+        table: int32 (n, columns of `GAP`), the gaps along the rows first; row 0 is empty.
     """
 
     gap: NDArray[np.int32]
     table: NDArray[np.int32]
-
-
-@njit(cache=True, nogil=True)
-def free_runs(blocked: NDArray[np.bool_]) -> NDArray[np.int16]:
-    """Length of the run of cells that are not blocked in its row, for each cell; 0 for blocked ones."""
-    rows, cols = blocked.shape
-    out = np.empty((rows, cols), np.int16)
-    for r in range(rows):
-        line, lengths = blocked[r], out[r]
-        c = 0
-        while c < cols:
-            if line[c]:
-                lengths[c] = 0
-                c += 1
-                continue
-            end = run_end(line, c, False)
-            length = np.int16(min(end - c, 32767))
-            for k in range(c, end):
-                lengths[k] = length
-            c = end
-    return out
 
 
 @njit(cache=True, nogil=True)
@@ -95,63 +105,87 @@ def _run_length(blocked: NDArray[np.bool_], r: int, c: int, step: int, slack: in
 
 
 @njit(cache=True, nogil=True)
-def widens(runs: NDArray[np.int16], r: int, c: int, step: int, reach: int, wanted: int) -> bool:
-    """Whether the run of a cell is followed, up (`step` -1) or down (1), by one of the wanted length within `reach` rows."""
+def _widens(blocked: NDArray[np.bool_], r: int, c: int, step: int, reach: int, wanted: int) -> bool:
+    """Whether the cells above (`step` 1) or below (-1) one are free up to a run of the wanted length, `reach` rows off.
+
+    The border of the grid blocks: a gap in its first or last row leads nowhere.
+    """
     for k in range(1, reach + 1):
         rr = r + step * k
-        if rr < 0 or rr >= runs.shape[0] or runs[rr, c] == 0:
+        if not 0 <= rr < blocked.shape[0] or blocked[rr, c]:
             return False
-        if runs[rr, c] >= wanted:
+        # the run around c is followed no farther than it is wanted
+        first, last = c, c + 1
+        while first > 0 and last - first < wanted and not blocked[rr, first - 1]:
+            first -= 1
+        while last < blocked.shape[1] and last - first < wanted and not blocked[rr, last]:
+            last += 1
+        if last - first >= wanted:
             return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def _mark(
-    blocked: NDArray[np.bool_],
-    cells: NDArray[np.int64],
-    runs: NDArray[np.int16],
-    sizes: tuple[int, int, int, int, int, int, int],
-    gap: NDArray[np.int32],
-    strides: tuple[int, int],
-    table: NDArray[np.int32],
-) -> NDArray[np.int32]:
-    """Mark the gaps between blocked cells (flat, rising) of one row and add them to the table; a cell of two keeps the narrower.
+def _gaps_along_rows(blocked: NDArray[np.bool_], sizes: GapSizes) -> NDArray[np.int32]:
+    """The gaps int32 (n, columns of `GAP`) between blocked cells of one row, in raster order."""
+    rows, cols = blocked.shape
+    # a gap and the blocked cell before it
+    gaps = np.empty((rows * cols // (sizes.narrowest + 1) + 1, len(GAP)), np.int32)
+    count = 0
+    for r in range(rows):
+        line = blocked[r]
+        before = run_end(line, 0, False)
+        while before < cols:
+            c, behind = before + 1, run_end(line, before + 1, False)
+            n = behind - c
+            if sizes.narrowest <= n <= sizes.widest and behind < cols:
+                middle, wanted = c + n // 2, n + sizes.widening
+                one = _run_length(blocked, r, before, -1, sizes.slack, sizes.longest)
+                other = _run_length(blocked, r, behind, 1, sizes.slack, sizes.longest)
+                if (
+                    max(one, other) >= sizes.run
+                    and _widens(blocked, r, middle, -1, sizes.reach, wanted)
+                    and _widens(blocked, r, middle, 1, sizes.reach, wanted)
+                ):
+                    gaps[count, GAP.line], gaps[count, GAP.begin], gaps[count, GAP.width] = r, c, n
+                    gaps[count, GAP.long], gaps[count, GAP.short] = max(one, other), min(one, other)
+                    count += 1
+            before = behind
+    return gaps[:count].copy()
 
-    `gap` is flat; `strides` are its steps from row to row and from column to column.
+
+def list_gaps(
+    blocked: NDArray[np.bool_], resolution: float, config: DoorGapConfig, longest: float = LONGEST_RUN
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """The gaps int32 (n, columns of `GAP`) along the rows and those along the columns.
+
+    Args:
+        blocked: bool (rows, cols), the obstacles.
+        resolution: Metres a cell.
+        config: What counts.
+        longest: A wall beside a gap is followed no farther than this [m].
     """
-    narrowest, widest, run_min, widening, reach, longest, slack = sizes
-    rows, cols = runs.shape
-    count = len(table)
-    new = np.empty((256, 3), np.int32)
-    n_new = 0
-    for k in range(1, len(cells)):
-        n = cells[k] - cells[k - 1] - 1
-        if n < narrowest or n > widest:
-            continue
-        r, c = cells[k] // cols, cells[k] % cols - n
-        if c < 1 or r < 1 or r >= rows - 1:
-            continue
-        middle, wanted = c + n // 2, n + widening
-        if not (widens(runs, r, middle, -1, reach, wanted) and widens(runs, r, middle, 1, reach, wanted)):
-            continue
-        one, other = (
-            _run_length(blocked, r, c - 1, -1, slack, longest),
-            _run_length(blocked, r, c + n, 1, slack, longest),
-        )
-        if max(one, other) < run_min:
-            continue
-        if n_new >= len(new):
-            new = np.concatenate((new, np.empty_like(new)))
-        new[n_new, 0], new[n_new, 1], new[n_new, 2] = n, max(one, other), min(one, other)
-        for at in range(r * strides[0] + c * strides[1], r * strides[0] + (c + n) * strides[1], strides[1]):
-            if gap[at] == 0 or n < table[gap[at], WIDTH]:
-                gap[at] = count + n_new
-        n_new += 1
-    return np.concatenate((table, new[:n_new]))
+    lengths = config.door_min, config.door_max, config.door_run, config.widening, config.reach, config.slack
+    sizes = GapSizes(*(max(round(v / resolution), 1) for v in (*lengths, longest)))
+    upright = np.ascontiguousarray(blocked)
+    lying = cv2.transpose(upright.view(np.uint8)).view(np.bool_)
+    return _gaps_along_rows(upright, sizes), _gaps_along_rows(lying, sizes)
 
 
-def find_openings(blocked: NDArray[np.bool_], resolution: float, config: OpeningConfig) -> Openings:
+@njit(cache=True, nogil=True)
+def _mark(table: NDArray[np.int32], first: int, last: int, gap: NDArray[np.int32]) -> None:
+    """Write the numbers of the gaps first <= k < last of the table to their cells; a cell of two keeps the narrower.
+
+    The first of equal ones stays, so gaps along the rows go before those along the columns.
+    """
+    for k in range(first, last):
+        line, begin, n = table[k, GAP.line], table[k, GAP.begin], table[k, GAP.width]
+        for c in range(begin, begin + n):
+            if gap[line, c] == 0 or n < table[gap[line, c], GAP.width]:
+                gap[line, c] = k
+
+
+def find_door_gaps(blocked: NDArray[np.bool_], resolution: float, config: DoorGapConfig) -> DoorGaps:
     """Gaps along rows and columns that may part rooms.
 
     Args:
@@ -159,24 +193,9 @@ def find_openings(blocked: NDArray[np.bool_], resolution: float, config: Opening
         resolution: Metres a cell.
         config: What counts.
     """
-    lengths = (
-        config.door_min,
-        config.door_max,
-        config.door_run,
-        config.widening,
-        config.reach,
-        LONGEST_RUN,
-        config.slack,
-    )
-    narrowest, widest, run_min, widening, reach, longest, slack = (
-        max(round(v / resolution), 1) for v in lengths
-    )
-    sizes = narrowest, widest, run_min, widening, reach, longest, slack
-    upright = np.ascontiguousarray(blocked)
-    lying = cv2.transpose(upright.view(np.uint8)).view(np.bool_)
-    table = np.zeros((1, 3), np.int32)
-    gap = np.zeros(upright.shape, np.int32)
-    for mask, strides in ((upright, (upright.shape[1], 1)), (lying, (1, upright.shape[1]))):
-        cells = true_cells(mask)
-        table = _mark(mask, cells, free_runs(mask), sizes, gap.reshape(-1), strides, table)
-    return Openings(gap, table)
+    along_rows, along_cols = list_gaps(blocked, resolution, config)
+    table = np.concatenate((np.zeros((1, len(GAP)), np.int32), along_rows, along_cols))
+    gap = np.zeros(blocked.shape, np.int32)
+    _mark(table, 1, 1 + len(along_rows), gap)
+    _mark(table, 1 + len(along_rows), len(table), gap.T)
+    return DoorGaps(gap, table)

@@ -5,7 +5,7 @@ what lies in line with it along the ridge's wall direction. Where walls run alon
 running sum over the rows or the columns. Cells that score enough are walls; walls in line make a
 representative line through the whole map; the lines of both directions cut the map into faces, whose edges
 are covered by wall or not, and faces with uncovered edges cluster to rooms as in ROSE2 (section III-C). Two
-pieces that lie on two sides of a line, or in two such rooms, are rarely one room, even where no wall was seen
+regions that lie on two sides of a line, or in two such rooms, are rarely one room, even where no wall was seen
 between them.
 """
 
@@ -398,18 +398,18 @@ def count_rooms(
     *,
     beside: int = 0,
 ) -> NDArray[np.float64]:
-    """float64 (k + 1, rooms + 1): known free cells of each piece in each room of the lines, column 0 in none.
+    """float64 (k + 1, rooms + 1): known free cells of each region in each room of the lines, column 0 in none.
 
     Args:
-        labels: int32 (rows, cols), the pieces, from 1.
+        labels: int32 (rows, cols), the regions, from 1.
         free: bool (rows, cols), known free cells.
         evidence: The rooms.
-        count: Number of pieces, where it is known.
+        count: Number of regions, where it is known.
         beside: On which side of a line cells lie that are no further from it is chance: they count
             `BESIDE_LINE`.
     """
-    pieces = int(labels.max(initial=0)) if count is None else count
-    out = np.zeros((pieces + 1, int(evidence.room.max(initial=0)) + 1))
+    regions = int(labels.max(initial=0)) if count is None else count
+    out = np.zeros((regions + 1, int(evidence.room.max(initial=0)) + 1))
     row_weight, col_weight = (_weights(strip, beside) for strip in (evidence.row_strip, evidence.col_strip))
     _count(labels, free, evidence.row_strip, evidence.col_strip, evidence.room, row_weight, col_weight, out)
     return out

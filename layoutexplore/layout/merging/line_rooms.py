@@ -1,8 +1,8 @@
-"""The rooms of the lines fall apart where the pieces in them do.
+"""The rooms of the lines fall apart where the regions in them do.
 
 Lines without a wall seen between them leave two rooms in one: a wall that was never looked at, or one that
 furniture hides. ROSE2 splits a room whose topological graph is not connected inside it (section III-D). Here
-the graph is that of the pieces: the pieces that lie mostly in one room of the lines stay together only as far
+the graph is that of the regions: the regions that lie mostly in one room of the lines stay together only as far
 as wide passes between them reach.
 """
 
@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grids.components import join, root_of
-from layoutexplore.layout.merging.adjacency_graph import OPEN, PASS, PEAK, PieceGraph
+from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
 
 
 @njit(
@@ -30,7 +30,9 @@ def _split(
     rooms: NDArray[np.float64],
     share: float,
 ) -> NDArray[np.float64]:
+    """The table of rooms (k + 1, parts + 1), a column for each part of a room that wide passes hold together."""
     count = len(nodes)
+    # the room most of a region lies in; 0 for none, and of equal ones the first
     own = np.empty(count, np.int64)
     for k in range(count):
         own[k] = rooms[k].argmax()
@@ -39,14 +41,15 @@ def _split(
         a, b = ends[e, 0], ends[e, 1]
         if (
             own[a] == own[b]
-            and edges[e, OPEN] > 0
-            and edges[e, PASS] >= share * min(nodes[a, PEAK], nodes[b, PEAK])
+            and edges[e, EDGE.open] > 0
+            and edges[e, EDGE.clearance] >= share * min(nodes[a, NODE.peak], nodes[b, NODE.peak])
         ):
             join(parent, a, b)
     column = np.zeros(count, np.int64)
     parts = 0
     for k in range(1, count):
-        root = root_of(parent, k)  # no member of its set comes before it
+        # no member of a set comes before the one that stands for it: parts are numbered by first region
+        root = root_of(parent, k)
         if own[k] > 0 and root == k:
             parts += 1
             column[k] = parts
@@ -59,16 +62,16 @@ def _split(
     return out
 
 
-def split_line_rooms(graph: PieceGraph, share: float) -> PieceGraph:
-    """Part the rooms of the lines where no wide pass connects the pieces in them.
+def split_line_rooms(graph: RegionGraph, share: float) -> RegionGraph:
+    """Part the rooms of the lines where no wide pass connects the regions in them.
 
     Args:
-        graph: The pieces; not changed.
-        share: A pass is wide if it is at least this share of the smaller of the two pieces' largest distances
+        graph: The regions; not changed.
+        share: A pass is wide if it is at least this share of the smaller of the two regions' largest distances
             to obstacles.
 
     Returns:
-        The graph with other `rooms`: each piece counts for the part of the room it mostly lies in, its other
+        The graph with other `rooms`: each region counts for the part of the room it mostly lies in, its other
             cells in none.
     """
     return replace(graph, rooms=_split(graph.nodes, graph.ends, graph.edges, graph.rooms, share))

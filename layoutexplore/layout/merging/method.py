@@ -1,22 +1,19 @@
-"""The default method: pieces of the free space, merged into rooms by a learned judge.
+"""The method `default`: regions of the free space, merged into rooms by a learned classifier.
 
-1. The map is laid down in one of eight ways and turned to its main direction (ROSE's profile of the walls'
-  surfaces).
-2. Short gaps in line with walls are candidate doors. With them shut, what floats freely and is small is
-  clutter; the rest
-   is wall.
-3. The distance to walls, shut doors and unseen space falls into basins: more pieces than there are rooms.
+1. The map is brought into its canonical one of eight orientations and turned to its main direction (ROSE's
+   profile of the walls' surfaces).
+2. Short gaps in line with walls are door-gap candidates. With them shut, connected components that float
+   freely and are small are clutter; the rest is wall.
+3. The distance to walls, shut gaps and unseen space falls into watershed basins: more regions than there are
+   rooms.
 4. Slivers join the neighbour they open to most widely. Representative lines through the long walls cut the
-  map into
-   faces and rooms of their own (the idea of ROSE2), which fall apart where the passes inside them are narrow;
-   they are no result but evidence.
-5. Small forests of decision trees look at two touching pieces (the pass between them, the doors and walls in
-  line with it,
-   the lines between them, their shapes and that of their union, ...) and merge the surest pair, again and
-   again, while it is likely that both belong to one room.
-6. Pieces too small for a room join the neighbour they most likely belong to, and so do nooks that are not
-  surely rooms; what
-   is too small and has no neighbour is dropped. The rooms' cells are turned back.
+   map into faces and rooms of their own (the idea of ROSE2), which fall apart where the passes inside them are
+   narrow; they are no result but evidence.
+5. Small forests of decision trees look at two touching regions (the pass between them, the door gaps and walls
+   in line with it, the lines between them, their shapes and that of their union, ...), and the surest pair
+   merges, again and again, while it is likely that both belong to one room.
+6. Regions too small for a room join the neighbour they most likely belong to, and so do nooks that are not
+   surely rooms; what is too small and has no neighbour is dropped. The rooms' cells are turned back.
 
 What varies from map to map is in the features; there is one set of parameters.
 """
@@ -36,23 +33,24 @@ from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.flood import grow_in_place, spread_in_place
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.alignment import Turned, main_direction, surfaces, turn, turn_back
-from layoutexplore.layout.canonical import posture_of, trinary_part
+from layoutexplore.layout.canonical import canonical_orientation, trinary_part
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.lines.assemble import freed, place_walls
 from layoutexplore.layout.lines.declutter import DeclutterConfig, Directions, find_directions
 from layoutexplore.layout.lines.face_model import WallModel
 from layoutexplore.layout.lines.rose2 import Rose2Config, chain_walls, with_perpendicular
 from layoutexplore.layout.lines.segments import find_segments
-from layoutexplore.layout.merging.adjacency_graph import PieceGraph, piece_graph
-from layoutexplore.layout.merging.agglomeration import Rest, merge_pieces
-from layoutexplore.layout.merging.details import DefaultDetails
-from layoutexplore.layout.merging.door_gaps import OpeningConfig, find_openings
+from layoutexplore.layout.merging.adjacency_graph import region_graph
+from layoutexplore.layout.merging.agglomeration import Rest, merge_regions
+from layoutexplore.layout.merging.details import MergingDetails
+from layoutexplore.layout.merging.door_gaps import DoorGapConfig, find_door_gaps
+from layoutexplore.layout.merging.graph_tables import RegionGraph
 from layoutexplore.layout.merging.line_evidence import find_evidence
 from layoutexplore.layout.merging.line_rooms import split_line_rooms
 from layoutexplore.layout.merging.merge_forest import load_forest
 from layoutexplore.layout.merging.slivers import absorb_slivers
-from layoutexplore.layout.merging.wall_components import building_parts
-from layoutexplore.layout.merging.watershed import closed_space, distance_basins
+from layoutexplore.layout.merging.wall_components import structural_components
+from layoutexplore.layout.merging.watershed import closed_space, watershed_basins
 from layoutexplore.layout.outlines import rooms_of_labels
 from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
@@ -64,21 +62,21 @@ WALLS = Rose2Config(twice=False)
 
 
 @dataclass(frozen=True, kw_only=True)
-class DefaultConfig(OpeningConfig):
-    """Options of the default method, those of the openings among them; lengths in metres.
+class MergingConfig(DoorGapConfig):
+    """Options of the method, those of the door gaps among them; lengths in metres.
 
     Attributes:
         clutter_area: Obstacles that float freely are clutter below this occupied area [m2] ...
         clutter_length: ... unless they are this long: a curved or diagonal wall hangs on nothing.
         chink: Unseen space between seen space narrower than twice this is taken as free.
-        basin_share: Two basins are one where the pass between them is at least this share of the lower peak
-            ...
+        basin_share: Two basins are one where the pass between them is at least this share of the lower
+            peak ...
         basin_wide: ... or so far from all obstacles.
-        sliver_area: Smaller pieces join the neighbour they open to most widely before any pair is judged
-            [m2].
-        room_pass: Pieces are in one room of the lines as far as the passes between them are this share of the
+        sliver_area: Smaller regions join the neighbour they open to most widely before any pair is
+            classified [m2].
+        room_pass: Regions are in one room of the lines as far as the passes between them are this share of the
             smaller peak.
-        merge_level: Pieces merge while the log-odds of belonging together are at least this.
+        merge_level: Regions merge while the log-odds of belonging together are at least this.
         room_area: Smallest room [m2]; what is smaller joins the neighbour it most likely belongs to.
         nook_area: What is smaller than this joins it too [m2] ...
         nook_level: ... unless the log-odds are below this.
@@ -106,39 +104,37 @@ class DefaultConfig(OpeningConfig):
         for name in ("basin_share", "room_pass"):
             if not 0 < getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must lie in (0, 1], got {getattr(self, name)}")
-        if (
-            min(self.clutter_area, self.clutter_length, self.basin_wide) <= 0
-            or min(self.chink, self.room_area, self.nook_area) < 0
-        ):
+        positive = self.clutter_area, self.clutter_length, self.basin_wide
+        if min(positive) <= 0 or min(self.chink, self.room_area, self.nook_area) < 0:
             raise ConfigError("lengths and areas must be above 0 (chink, room_area and nook_area may be 0)")
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
-    """The pieces of a map before they merge.
+class Oversegmentation:
+    """The regions of a map before they merge.
 
     Attributes:
         turned: The known part of the map, aligned with its walls.
-        labels: int32 of the shape of `turned.cells`, the pieces.
+        labels: int32 of the shape of `turned.cells`, the regions.
         clutter: bool, occupied cells that are no wall.
-        graph: What the pieces are like, slivers having joined their neighbours.
-        part: int32 (k + 1,), the piece of the graph that each labelled piece is a part of, 0 for none.
+        graph: What the regions are like, slivers having joined their neighbours.
+        part: int32 (k + 1,), the region of the graph that each labelled one is a part of, 0 for none.
         structure: The directions of its walls, in the frame of its known part (the profile in the frame it
-            was laid down in).
+            was brought into).
     """
 
     turned: Turned
     labels: NDArray[np.int32]
     clutter: NDArray[np.bool_]
-    graph: PieceGraph
+    graph: RegionGraph
     part: NDArray[np.int32]
     structure: Directions
 
 
-def find_pieces(
-    cells: NDArray[np.int8], resolution: float, config: DefaultConfig, timer: StageTimer
-) -> Pieces:
-    """Cut the free space of a grid into pieces, no piece in two rooms.
+def find_regions(
+    cells: NDArray[np.int8], resolution: float, config: MergingConfig, timer: StageTimer
+) -> Oversegmentation:
+    """Cut the free space of a grid into regions, no region in two rooms.
 
     Args:
         cells: int8 (rows, cols), with at least one free cell.
@@ -148,53 +144,57 @@ def find_pieces(
     """
     with timer("directions"):
         part, corner = trinary_part(cells)
-        posture = posture_of(part)
-        laid = posture.lay(part)
-        structure = find_directions(surfaces(laid), resolution, DeclutterConfig())
-        turned = turn(laid, main_direction(structure.profile), corner, posture)
-        structure = replace(structure, directions=np.sort(posture.lift_angles(structure.directions)))
+        orientation = canonical_orientation(part)
+        oriented = orientation.apply(part)
+        structure = find_directions(surfaces(oriented), resolution, DeclutterConfig())
+        turned = turn(oriented, main_direction(structure.profile), corner, orientation)
+        structure = replace(structure, directions=np.sort(orientation.invert_angles(structure.directions)))
     with timer("openings"):
         occupied = turned.cells == OCCUPIED
-        openings = find_openings(occupied, resolution, config)
-        doors = openings.gap > 0
-        building = building_parts(
+        gaps = find_door_gaps(occupied, resolution, config)
+        doors = gaps.gap > 0
+        structural = structural_components(
             occupied, doors, resolution, area=config.clutter_area, length=config.clutter_length
         )
-        wall = occupied & building
-        clutter = occupied & ~building
+        wall = occupied & structural
+        clutter = occupied & ~structural
     with timer("basins"):
         inside = ~wall & (closed_space(turned.cells, resolution, config.chink) | (turned.cells != UNKNOWN))
-        shut = ~inside | (doors & building)
-        labels = distance_basins(shut, resolution, share=config.basin_share, wide=config.basin_wide)
+        shut = ~inside | (doors & structural)
+        labels = watershed_basins(shut, resolution, share=config.basin_share, wide=config.basin_wide)
         grow_in_place(labels, inside, shut & inside)
     with timer("graph"):
         padded = cv2.copyMakeBorder(inside.view(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
         distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1] - np.float32(0.5)
-        graph = piece_graph(
+        graph = region_graph(
             labels,
             free=turned.cells == FREE,
             clutter=clutter,
             wall=wall,
             distance=distance,
-            openings=openings,
+            gaps=gaps,
             lines=find_evidence(turned.cells, wall, resolution),
             resolution=resolution,
         )
         graph, part_of = absorb_slivers(graph, config.sliver_area)
         graph = split_line_rooms(graph, config.room_pass)
-    return Pieces(turned, labels, clutter, graph, part_of, structure)
+    return Oversegmentation(turned, labels, clutter, graph, part_of, structure)
 
 
 def merge_into_rooms(
-    pieces: Pieces, grid: OccupancyGrid, config: DefaultConfig, forest: Forest
+    regions: Oversegmentation, grid: OccupancyGrid, config: MergingConfig, forest: Forest
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Room labels of the grid's cells that are not occupied, and the rooms' footprints: with the furniture and half the walls."""
+    """Room labels int32 of the grid's cells that are not occupied, and the rooms' footprints.
+
+    A footprint is a room with its furniture and half its walls.
+    """
     rest = Rest(config.room_area, config.nook_area, config.nook_level)
-    into = merge_pieces(pieces.graph, forest, level=config.merge_level, rest=rest)[pieces.part]
-    footprint = turn_back(pieces.labels, pieces.turned, grid.shape)
-    if pieces.turned.angle:
+    into = merge_regions(regions.graph, forest, level=config.merge_level, rest=rest)[regions.part]
+    footprint = turn_back(regions.labels, regions.turned, grid.shape)
+    if regions.turned.angle:
         grow_in_place(footprint, grid.free)
-    cells = np.require(grid.cells, requirements=("C", "W"))  # the kernel takes no array that may only be read
+    # the kernel takes no array that may only be read
+    cells = np.require(grid.cells, requirements=("C", "W"))
     labels = _number_large(footprint, into, cells, grid.resolution**2, config.room_area)
     spread_in_place(
         footprint, np.ascontiguousarray(grid.occupied), max(round(config.wall_half / grid.resolution), 1)
@@ -203,26 +203,27 @@ def merge_into_rooms(
 
 
 @njit(cache=True, nogil=True)
-def _meet_pieces(
-    pieces: NDArray[np.int32], cells: NDArray[np.int8], count: int
+def _meet_regions(
+    regions: NDArray[np.int32], cells: NDArray[np.int8], count: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """The pieces in the order of their first cells in raster order; and the free cells of each, int64 (count,)."""
-    rows, cols = pieces.shape
+    """The regions in the order of their first cells in raster order; and the free cells of each, int64 (count,)."""
+    rows, cols = regions.shape
     order = np.empty(count, np.int32)
     free = np.zeros(count, np.int64)
     met = np.zeros(count, np.bool_)
     met[0] = True
     n = 0
-    last, found = 0, 0  # the piece of the cell before, and the free cells of its run
+    # the region of the cell before, and the free cells of its run: counted once a run, not once a cell
+    last, found = 0, 0
     for r in range(rows):
         for c in range(cols):
-            piece = pieces[r, c]
-            if piece != last:
+            region = regions[r, c]
+            if region != last:
                 free[last] += found
-                last, found = piece, 0
-                if not met[piece]:
-                    met[piece] = True
-                    order[n] = piece
+                last, found = region, 0
+                if not met[region]:
+                    met[region] = True
+                    order[n] = region
                     n += 1
             found += cells[r, c] == FREE
     free[last] += found
@@ -231,63 +232,63 @@ def _meet_pieces(
 
 @njit("int32[:,::1](int32[:,::1], int32[::1], int8[:,::1], float64, float64)", cache=True, nogil=True)
 def _number_large(
-    pieces: NDArray[np.int32],
+    regions: NDArray[np.int32],
     into: NDArray[np.int32],
     cells: NDArray[np.int8],
     cell_area: float,
     room_area: float,
 ) -> NDArray[np.int32]:
-    """Turn pieces into rooms in place, without the small ones, numbered in raster order; without occupied cells as result."""
-    order, free = _meet_pieces(pieces, cells, len(into))
+    """Turn regions into rooms in place, without the small ones, numbered in raster order.
+
+    Returns the rooms without occupied cells.
+    """
+    order, free = _meet_regions(regions, cells, len(into))
     known = np.zeros(len(into), np.int64)
     for k in range(len(into)):
         known[into[k]] += free[k]
     room = np.zeros(len(into), np.int32)
+    # of a whole region: -1 until its first cell is met, 0 where it is too small
     number = np.full(len(into), -1, np.int32)
     count = 0
-    for piece in order:
-        whole = into[piece]
+    for region in order:
+        whole = into[region]
         if number[whole] < 0:
             large = whole > 0 and known[whole] * cell_area >= room_area
             count += large
             number[whole] = count if large else 0
-        room[piece] = number[whole]
-    rows, cols = pieces.shape
+        room[region] = number[whole]
+    rows, cols = regions.shape
     out = np.empty((rows, cols), np.int32)
     for r in range(rows):
         for c in range(cols):
-            k = room[pieces[r, c]]
-            pieces[r, c] = k
+            k = room[regions[r, c]]
+            regions[r, c] = k
             out[r, c] = 0 if cells[r, c] == OCCUPIED else k
     return out
 
 
-@register_method("default", DefaultConfig)
-def run_default(grid: OccupancyGrid, config: DefaultConfig) -> Layout:
+def run_merging(grid: OccupancyGrid, config: MergingConfig) -> Layout:
     """Rooms of a complete or partial, clean or cluttered grid."""
     return reconstruct_with(grid, config, load_forest())
 
 
-def reconstruct_with(grid: OccupancyGrid, config: DefaultConfig, forest: Forest) -> Layout:
-    """`run_default` with another judge than the shipped one."""
+def reconstruct_with(grid: OccupancyGrid, config: MergingConfig, forest: Forest) -> Layout:
+    """`run_merging` with another classifier than the shipped one."""
     if not has_free_space(grid):
         return empty_layout("default", grid, "the grid has no free cell")
     timer = StageTimer()
-    pieces = find_pieces(grid.cells, grid.resolution, config, timer)
+    regions = find_regions(grid.cells, grid.resolution, config, timer)
     with timer("merging"):
-        labels, footprint = merge_into_rooms(pieces, grid, config, forest)
+        labels, footprint = merge_into_rooms(regions, grid, config, forest)
     with timer("walls"):
-        structure = with_perpendicular(pieces.structure)
-        clutter = true_cells(turn_back(pieces.clutter, pieces.turned, grid.shape) & grid.occupied)
+        structure = with_perpendicular(regions.structure)
+        clutter = true_cells(turn_back(regions.clutter, regions.turned, grid.shape) & grid.occupied)
         clean = freed(grid, clutter)
         model = find_walls_of(clean, structure)
         walls = () if model is None else place_walls(model.aligned, model.walls, model.lines, grid.origin)
-        segments = (
-            np.zeros((0, 4))
-            if model is None
-            else to_world(model.segments.reshape(-1, 2), grid.origin).reshape(-1, 4)
-        )
-    details = DefaultDetails(clean, clutter, labels, model, WALLS)
+        ends = np.zeros((0, 2)) if model is None else model.segments.reshape(-1, 2)
+        segments = to_world(ends, grid.origin).reshape(-1, 4)
+    details = MergingDetails(clean, clutter, labels, model, WALLS)
     with timer("outlines"):
         rooms = rooms_of_labels(labels, grid, footprint, details)
     return Layout(
@@ -322,3 +323,8 @@ def find_walls_of(clean: OccupancyGrid, structure: Directions) -> WallModel | No
         return None
     aligned, kept, walls, lines = chained
     return WallModel(clean_grid=clean, segments=segments[kept], aligned=aligned, walls=walls, lines=lines)
+
+
+register_method(
+    "default", "Learnt: watershed regions, merged by a classifier of pairs", run_merging, MergingConfig
+)

@@ -1,4 +1,4 @@
-"""Which obstacles belong to the building: what floats freely and is small is clutter."""
+"""The connected-component clutter filter: an obstacle that floats freely and is small is clutter, the rest is wall."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from layoutexplore.grids.runs import find_runs
 
 
 @njit("boolean[:,::1](uint8[:,::1], boolean[:,::1], float64, float64, float64)", cache=True, nogil=True)
-def _building(
+def _structural(
     solid: NDArray[np.uint8], occupied: NDArray[np.bool_], resolution: float, area: float, length: float
 ) -> NDArray[np.bool_]:
+    """The solid cells of the components that are large or long enough; they hang together over eight neighbours."""
     runs = find_runs(solid, np.uint8(0))
     number = join_runs(runs, solid, 1)
     count = number.max() + 1 if len(runs) else 0
@@ -36,17 +37,17 @@ def _building(
     return out
 
 
-def building_parts(
+def structural_components(
     occupied: NDArray[np.bool_], doors: NDArray[np.bool_], resolution: float, *, area: float, length: float
 ) -> NDArray[np.bool_]:
-    """Obstacles and doors that belong to the building: bool (rows, cols); the rest floats freely and is small.
+    """Obstacles and door gaps that are structure: bool (rows, cols); other components float freely and are small.
 
     Args:
         occupied: bool (rows, cols), the obstacles.
-        doors: bool (rows, cols), the cells of doors; with them, obstacles hang together.
+        doors: bool (rows, cols), the cells of door gaps; with them, obstacles hang together.
         resolution: Metres a cell.
-        area: Parts of the building have this occupied area at least [m2] ...
+        area: Components of structure have this occupied area at least [m2] ...
         length: ... or are longer than this [m].
     """
     solid = np.ascontiguousarray(occupied | doors).view(np.uint8)
-    return np.asarray(_building(solid, np.ascontiguousarray(occupied), resolution, area, length))
+    return np.asarray(_structural(solid, np.ascontiguousarray(occupied), resolution, area, length))

@@ -1,4 +1,4 @@
-"""Basins of the distance to the obstacles: the pieces that rooms are put together from."""
+"""Watershed basins of the distance to the obstacles: the regions (superpixels) that rooms are put together from."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HIGHEST = 65535
 
 @njit(cache=True, nogil=True)
 def _highest_first(levels: NDArray[np.uint16], inside: NDArray[np.int64]) -> NDArray[np.int32]:
-    """The cells inside, the highest first, equal ones in raster order."""
+    """The cells inside, the highest first, equal ones in raster order: a counting sort."""
     top = 0
     for i in inside:
         top = max(top, int(levels[i]))
@@ -75,6 +75,7 @@ def _meet(
         if best == 0 or other == best:
             best, same = other, label
             continue
+        # the higher peak takes the lower one in, of equal ones the first
         if peak[other] > peak[best] or (peak[other] == peak[best] and other < best):
             best, other, same = other, best, label
         if h >= wide or h >= share * peak[other]:
@@ -94,15 +95,20 @@ def _fill(
     share: float,
     wide: int,
 ) -> int:
-    """Label the cells in their order and return the number of labels, 0 among them."""
+    """Label the cells in their order and return the number of labels, 0 among them.
+
+    The order is the highest first: each cell meets only what is as high as itself or higher.
+    """
     n = 1
     for at in order:
         i = int(at)
+        # where no two basins meet, the label need not be compared with others
         only = _only_label(labels, i, cols)
         if only > 0:
             labels[i] = root_of(parent, only)
             continue
         best = _meet(i, cols, levels, labels, parent, peak, share, wide)
+        # a cell without a labelled neighbour is a peak: a basin begins, and its height is the peak's
         if best == 0:
             parent[n] = best = n
             peak[n] = levels[i]
@@ -148,7 +154,7 @@ def _flood(
     return labels.reshape(rows, cols)[1:-1, 1:-1].copy()
 
 
-def distance_basins(
+def watershed_basins(
     blocked: NDArray[np.bool_], resolution: float, *, share: float, wide: float
 ) -> NDArray[np.int32]:
     """Basins of the distance to the obstacles.

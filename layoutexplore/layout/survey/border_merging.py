@@ -1,4 +1,4 @@
-"""Merging of the Voronoi method's pieces by the share of their border (Bormann et al. 2016)."""
+"""Merging of the Voronoi method's regions by the share of their border (Bormann et al. 2016)."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 
 class Borders:
-    """Who borders on whom: cells along each piece's border by the label they belong to.
+    """Who borders on whom: cells along each region's border by the label they belong to.
 
     Attributes:
-        area: Cells of each piece, by label.
-        shares: For each piece, cells next to it by label, 0 for walls.
-        perimeter: The sum of each piece's shares.
+        area: Cells of each region, by label.
+        shares: For each region, cells next to it by label, 0 for walls.
+        perimeter: The sum of each region's shares.
     """
 
     def __init__(self, labels: NDArray[np.int32]) -> None:
@@ -27,7 +27,7 @@ class Borders:
         self.perimeter = [sum(shares.values()) for shares in self.shares]
 
     def merge(self, gone: int, into: int) -> None:
-        """Make one piece of two; their common border vanishes."""
+        """Make one region of two; their common border vanishes."""
         self.area[into] += self.area[gone]
         self.area[gone] = 0
         for other, cells in self.shares[gone].items():
@@ -40,15 +40,18 @@ class Borders:
         self.shares[gone], self.perimeter[gone] = {}, 0
         self.perimeter[into] = sum(self.shares[into].values())
 
-    def around(self, piece: int) -> set[int]:
-        """The piece, its neighbours and theirs: all whose merging depends on the shares of the piece or its neighbours."""
-        near = {piece, *self.shares[piece]} - {0}
+    def around(self, region: int) -> set[int]:
+        """The region, its neighbours and theirs: all whose merging depends on its shares or its neighbours'."""
+        near = {region, *self.shares[region]} - {0}
         return near.union(*(self.shares[k] for k in near)) - {0}
 
 
 @njit(cache=True, nogil=True)
 def _border_cells(padded: NDArray[np.int32], count: int) -> NDArray[np.int64]:
-    """Rows (label, other label, distinct cells of the other that touch the label by an 8-neighbour)."""
+    """Rows (label, other label, cells of the other that touch the label by an 8-neighbour), rising; each cell counts once.
+
+    `padded` are the labels with a border of zeros.
+    """
     rows, cols = padded.shape
     pairs = np.empty((1024, 2), np.int64)
     n = 0
@@ -56,6 +59,7 @@ def _border_cells(padded: NDArray[np.int32], count: int) -> NDArray[np.int64]:
     for r in range(1, rows - 1):
         for c in range(1, cols - 1):
             mine = padded[r, c]
+            # nearly all cells have eight neighbours of their own label: found without a branch
             same = (padded[r, c - 1] == mine) & (padded[r, c + 1] == mine)
             for cc in range(c - 1, c + 2):
                 same &= (padded[r - 1, cc] == mine) & (padded[r + 1, cc] == mine)
@@ -78,6 +82,7 @@ def _border_cells(padded: NDArray[np.int32], count: int) -> NDArray[np.int64]:
                         pairs[n, 0] = other
                         pairs[n, 1] = mine
                         n += 1
+    # pairs as single numbers: sorted, equal ones are counted in one pass
     keys = np.sort(pairs[:n, 0] * count + pairs[:n, 1])
     out = np.empty((n, 3), np.int64)
     k = 0
@@ -91,9 +96,9 @@ def _border_cells(padded: NDArray[np.int32], count: int) -> NDArray[np.int64]:
     return out[:k]
 
 
-def _target(borders: Borders, piece: int, area: float, merge_area: float) -> int:
-    """The neighbour a piece merges into, 0 for none: rules (a) to (e) of the authors, in their order."""
-    shares, perimeter = borders.shares[piece], borders.perimeter[piece]
+def _target(borders: Borders, region: int, area: float, merge_area: float) -> int:
+    """The neighbour a region merges into, 0 for none: rules (a) to (e) of the authors, in their order."""
+    shares, perimeter = borders.shares[region], borders.perimeter[region]
     neighbours = sorted((k for k in shares if k > 0), key=lambda k: (-shares[k], k))
     if not neighbours or perimeter == 0:
         return 0
@@ -114,7 +119,7 @@ def _target(borders: Borders, piece: int, area: float, merge_area: float) -> int
         return largest
     for other in neighbours:
         mine = shares[other] / perimeter
-        theirs = borders.shares[other].get(piece, 0) / max(borders.perimeter[other], 1)
+        theirs = borders.shares[other].get(region, 0) / max(borders.perimeter[other], 1)
         # counted, not divided: a room with one neighbour has exactly 1 - border of wall
         between = 0.95 - 2 * mine < wall and shares.get(0, 0) < perimeter - shares[other]
         if (mine > 0.2 or (mine > 0.1 and between)) and theirs > 0.1:
@@ -122,39 +127,39 @@ def _target(borders: Borders, piece: int, area: float, merge_area: float) -> int
     return largest if border > 0.4 else 0
 
 
-def _crossroads(borders: Borders, piece: int) -> bool:
+def _crossroads(borders: Borders, region: int) -> bool:
     """More than two neighbours, and the wall and the two largest of them are not nearly all of its border."""
-    shares = borders.shares[piece]
+    shares = borders.shares[region]
     sizes = sorted((v for k, v in shares.items() if k > 0), reverse=True)
-    return len(sizes) > 2 and (shares.get(0, 0) + sum(sizes[:2])) < 0.95 * borders.perimeter[piece]
+    return len(sizes) > 2 and (shares.get(0, 0) + sum(sizes[:2])) < 0.95 * borders.perimeter[region]
 
 
 def merge_by_borders(labels: NDArray[np.int32], resolution: float, *, merge_area: float) -> NDArray[np.int32]:
-    """Merge pieces until no rule applies, always the smallest first to which one does; ties by label.
+    """Merge regions until no rule applies, always the smallest first to which one does; ties by label.
 
-    Pieces without a target wait outside the queue until a merge changes something around them.
+    Regions without a target wait outside the queue until a merge changes something around them.
 
     Args:
         labels: int32 (rows, cols), 0 for walls.
         resolution: Metres a cell.
-        merge_area: A piece with one neighbour merges with it below this area [m2].
+        merge_area: A region with one neighbour merges with it below this area [m2].
     """
     borders = Borders(labels)
     into = np.arange(len(borders.area), dtype=np.int32)
-    queue = [(area, piece) for piece, area in enumerate(borders.area) if piece > 0 and area > 0]
+    queue = [(area, region) for region, area in enumerate(borders.area) if region > 0 and area > 0]
     queued = set(queue)
     heapq.heapify(queue)
     while queue:
         entry = heapq.heappop(queue)
         queued.discard(entry)
-        area, piece = entry
-        if borders.area[piece] != area:
+        area, region = entry
+        if borders.area[region] != area:
             continue
-        target = _target(borders, piece, area * resolution**2, merge_area)
+        target = _target(borders, region, area * resolution**2, merge_area)
         if target == 0:
             continue
-        borders.merge(piece, target)
-        into[piece] = target
+        borders.merge(region, target)
+        into[region] = target
         for other in borders.around(target):
             entry = borders.area[other], other
             if entry not in queued:

@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 BUCKET = 16
-"""Side of a bucket in cells."""
+"""Cells on a side of a bucket: how fast a search is, not what it finds."""
 
 
 @njit(cache=True, nogil=True)
@@ -44,15 +44,20 @@ def _nearest(
     away: int,
     apart: int,
 ) -> int:
-    """The cell nearest to (r, c) that is farther than `apart` from cell `away` (if not -1); ties in raster order; -1 if none."""
+    """The cell nearest to (r, c) that is farther than `apart` from cell `away`, -1 if there is none.
+
+    Ties go in raster order; with `away` -1 every cell will do.
+    """
     high, wide = size[0] // BUCKET + 1, size[1] // BUCKET + 1
     row, col = r // BUCKET, c // BUCKET
     best, least = -1, np.int64(1) << 60
     for ring in range(max(high, wide)):
+        # cells of this ring of buckets and of all further ones are farther than `reach`; one as far may tie
         reach = max((ring - 1) * BUCKET, 0)
         if best >= 0 and reach * reach > least:
             break
         for i in range(max(row - ring, 0), min(row + ring + 1, high)):
+            # whole rows of buckets below and above, only both ends of the rows between
             step = 1 if abs(i - row) == ring or ring == 0 else 2 * ring
             for j in range(col - ring, col + ring + 1, step):
                 if j < 0 or j >= wide:
@@ -99,7 +104,10 @@ def _beaten(
     rows: int,
     cols: int,
 ) -> NDArray[np.bool_]:
-    """Points with a rival within their radius whose angle is wider, or as wide and whose line is shorter."""
+    """Points with a rival within their radius whose angle is wider, or as wide and whose line is shorter.
+
+    All are compared, the beaten ones too: the order of the points does not matter.
+    """
     wide = cols // BUCKET + 1
     first, order = _fill_buckets(points, rows, cols)
     out = np.zeros(len(points), np.bool_)
@@ -113,6 +121,7 @@ def _beaten(
                     apart = (points[j, 0] - r) ** 2 + (points[j, 1] - c) ** 2
                     if j == i or apart > radius[i] ** 2:
                         continue
+                    # a rival's line of three cells or less is as short as any: the first point stays
                     longer = length[i] > length[j] and (length[j] > 3 or j < i)
                     if angle[i] < angle[j] or (angle[i] == angle[j] and longer):
                         out[i] = True

@@ -3,13 +3,13 @@
 Bormann et al., "Room segmentation: survey, implementation, and analysis" (ICRA 2016), written from the
 description of the algorithms. Only free cells take part; unknown and occupied ones are obstacles. Lengths and
 areas are in metres, with the authors' steps of one cell kept as steps of one cell. Ties go to the lower
-label, in raster order of the map laid down.
+label, in raster order of the map in its canonical orientation.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.flood import grow_labels
 from layoutexplore.grids.grid import OccupancyGrid
-from layoutexplore.layout.canonical import laid_down
+from layoutexplore.layout.canonical import in_canonical_orientation
 from layoutexplore.layout.outlines import layout_of_labels
 from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.survey.voronoi import VoronoiConfig, voronoi_labels
@@ -28,7 +28,11 @@ from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, empty_layout, has_free_space
 
 PEN = 7
-"""Width in cells of the pen that draws the seeds of the distance method (the authors' choice; the wave fills the inside)."""
+"""Width of the pen that draws the outlines of the distance method's seeds; the wave fills the inside.
+
+The authors' choice, and like their steps a number of cells on every grid: in metres the method would be
+another one than theirs at any other resolution than 0.05 m.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +98,7 @@ def regions_with_areas(mask: NDArray[np.uint8]) -> tuple[Contours, list[int], ND
 def morphological_labels(
     free: NDArray[np.bool_], resolution: float, config: MorphologicalConfig
 ) -> NDArray[np.int32]:
-    """Rooms of the morphological method, int32 (rows, cols), 0 outside the free space and where no seed reaches."""
+    """Rooms of the morphological method, int32 (rows, cols), 0 outside the free space and where no seed gets."""
     left = free.astype(np.uint8)
     seeds = np.zeros(free.shape, np.int32)
     kernel, label = np.ones((3, 3), np.uint8), 0
@@ -113,7 +117,7 @@ def morphological_labels(
 
 
 def distance_labels(free: NDArray[np.bool_], resolution: float, config: DistanceConfig) -> NDArray[np.int32]:
-    """Rooms of the distance transform method, int32 (rows, cols), 0 outside the free space and where no seed reaches."""
+    """Rooms of the distance method, int32 (rows, cols), 0 outside the free space and where no seed gets."""
     eroded = cv2.erode(free.astype(np.uint8), np.ones((3, 3), np.uint8))
     distance = np.minimum(np.rint(cv2.distanceTransform(eroded, cv2.DIST_L2, 5)), 255).astype(np.uint8)
     best: list[NDArray[np.int32]] = []
@@ -132,31 +136,24 @@ def distance_labels(free: NDArray[np.bool_], resolution: float, config: Distance
     return grow_labels(seeds, free)
 
 
-def _run(name: str, grid: OccupancyGrid, labelling: Any, config: Any) -> Layout:
-    if not has_free_space(grid):
-        return empty_layout(name, grid, "the grid has no free cell")
-    timer = StageTimer()
-    with timer("segmentation"):
-        labels = labelling(grid.free, grid.resolution, config)
-    return layout_of_labels(name, grid, labels, timer)
+def _run(name: str, labelling: Callable[..., NDArray[np.int32]]) -> Callable[[OccupancyGrid, Any], Layout]:
+    """A method that labels the free cells of a grid in its canonical orientation."""
+
+    @in_canonical_orientation
+    def run(grid: OccupancyGrid, config: Any) -> Layout:
+        if not has_free_space(grid):
+            return empty_layout(name, grid, "the grid has no free cell")
+        timer = StageTimer()
+        with timer("segmentation"):
+            labels = labelling(grid.free, grid.resolution, config)
+        return layout_of_labels(name, grid, labels, timer)
+
+    return run
 
 
-@register_method("morphological", MorphologicalConfig)
-@laid_down
-def run_morphological(grid: OccupancyGrid, config: MorphologicalConfig) -> Layout:
-    """Room segmentation by morphological erosion."""
-    return _run("morphological", grid, morphological_labels, config)
-
-
-@register_method("distance", DistanceConfig)
-@laid_down
-def run_distance(grid: OccupancyGrid, config: DistanceConfig) -> Layout:
-    """Room segmentation by one threshold on the distance transform."""
-    return _run("distance", grid, distance_labels, config)
-
-
-@register_method("voronoi", VoronoiConfig)
-@laid_down
-def run_voronoi(grid: OccupancyGrid, config: VoronoiConfig) -> Layout:
-    """Room segmentation by critical lines of the Voronoi graph, small pieces merged."""
-    return _run("voronoi", grid, voronoi_labels, config)
+for _name, _summary, _labelling, _config in (
+    ("morphological", "Erosion, step by step", morphological_labels, MorphologicalConfig),
+    ("distance", "One threshold on the distance to the walls", distance_labels, DistanceConfig),
+    ("voronoi", "Critical lines of the Voronoi graph, small regions merged", voronoi_labels, VoronoiConfig),
+):
+    register_method(_name, _summary, _run(_name, _labelling), _config)

@@ -1,7 +1,7 @@
 """Room segmentation by critical lines of the Voronoi graph (Thrun and Bücken; Bormann et al. 2016).
 
 Cells of the Voronoi graph where the free space is narrowest are critical points; the lines from them to the
-walls cut the free space into pieces, and pieces that share much of their border merge.
+walls cut the free space into regions, and regions that share much of their border merge.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class VoronoiConfig:
             walls in cells.
         iterations: A neighbourhood grows so many times at most.
         spacing: Of two critical points closer than this share of their distance to the walls one is dropped.
-        area_min: Smallest piece [m2].
+        area_min: Smallest region [m2].
         merge_area: A room with one neighbour merges with it below this area [m2].
     """
 
@@ -39,10 +39,8 @@ class VoronoiConfig:
     merge_area: float = 12.5
 
     def __post_init__(self) -> None:
-        if (
-            min(self.neighbourhood, self.iterations) < 1
-            or min(self.spacing, self.area_min, self.merge_area) < 0
-        ):
+        least = min(self.spacing, self.area_min, self.merge_area)
+        if min(self.neighbourhood, self.iterations) < 1 or least < 0:
             raise ConfigError(
                 "neighbourhood and iterations must be above 0, spacing, area_min and merge_area not below"
             )
@@ -50,16 +48,14 @@ class VoronoiConfig:
 
 def voronoi_labels(free: NDArray[np.bool_], resolution: float, config: VoronoiConfig) -> NDArray[np.int32]:
     """Rooms of the Voronoi method, int32 (rows, cols), 0 outside the free space."""
-    pieces = grow_labels(voronoi_pieces(free, resolution, config), free)
-    return merge_by_borders(pieces, resolution, merge_area=config.merge_area)
+    regions = grow_labels(voronoi_regions(free, resolution, config), free)
+    return merge_by_borders(regions, resolution, merge_area=config.merge_area)
 
 
-def voronoi_pieces(free: NDArray[np.bool_], resolution: float, config: VoronoiConfig) -> NDArray[np.int32]:
-    """What the critical lines leave of the free space, int32 (rows, cols): pieces from 1, 0 on the lines and elsewhere."""
-    distance = np.minimum(
-        np.rint(cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)), 255
-    )
-    distance = np.ascontiguousarray(distance[1:-1, 1:-1].astype(np.uint8))
+def voronoi_regions(free: NDArray[np.bool_], resolution: float, config: VoronoiConfig) -> NDArray[np.int32]:
+    """What the critical lines leave of the free space, int32 (rows, cols): regions from 1, 0 on lines and elsewhere."""
+    cells = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+    distance = np.ascontiguousarray(np.minimum(np.rint(cells), 255).astype(np.uint8))
     walls = contour_cells(free)
     points = critical_points(voronoi_graph(free, walls), distance, config.neighbourhood, config.iterations)
     cut = free.astype(np.uint8, order="C")

@@ -1,7 +1,7 @@
-"""The Voronoi graph of the free space, drawn on the grid, and its critical points (Thrun and Bücken; Bormann et al. 2016).
+"""The Voronoi graph of the free space on the grid, and its critical points (Thrun and Bücken; Bormann et al. 2016).
 
 The sites are the cells of the free space's contours, as in the survey, and not its skeleton: a ragged wall
-makes many short branches, and the critical points among them make the many pieces that the method merges
+makes many short branches, and the critical points among them make the many regions that the method merges
 afterwards.
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 
 def contour_cells(free: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Cells int32 (n, 2) as (row, col) of the contours of a mask, those around holes too, along the contours, each once."""
+    """Cells int32 (n, 2) as (row, col) of the contours of a mask and of its holes, along the contours, each once."""
     contours, _ = cv2.findContours(free.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if not contours:
         return np.zeros((0, 2), np.int32)
@@ -56,9 +56,8 @@ def voronoi_edges(sites: NDArray[np.int32], shape: tuple[int, int]) -> NDArray[n
         return np.zeros((0, 4))
     triangulation: Any = cv2.Subdiv2D((-1, -1, cols + 2, rows + 2))
     triangulation.insert(sites[:, ::-1].astype(np.float32))
-    corners = np.reshape(triangulation.getTriangleList(), (-1, 3, 2)).astype(
-        np.float64
-    )  # an empty tuple for none
+    # an empty tuple for none
+    corners = np.reshape(triangulation.getTriangleList(), (-1, 3, 2)).astype(np.float64)
     centres = _circumcentres(corners)
     # The two triangles on a side are neighbours: sort the sides by the numbers of their ends.
     number = (corners[:, :, 1] * cols + corners[:, :, 0]).astype(np.int64)
@@ -70,7 +69,7 @@ def voronoi_edges(sites: NDArray[np.int32], shape: tuple[int, int]) -> NDArray[n
 
 
 def _circumcentres(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Centres float64 (n, 2) as (row, col) of the circles through the corners (n, 3, 2) as (x, y); NaN for flat triangles."""
+    """Centres float64 (n, 2) as (row, col) of the circles through corners (n, 3, 2) as (x, y); NaN for flat triangles."""
     a = corners[:, 0]
     (bx, by), (cx, cy) = (corners[:, 1] - a).T, (corners[:, 2] - a).T
     twice = 2 * (bx * cy - by * cx)
@@ -86,7 +85,8 @@ def _draw_edges(edges: NDArray[np.float64], inner: NDArray[np.uint8], graph: NDA
     rows, cols = inner.shape
     for k in range(len(edges)):
         edge = edges[k]
-        if not (min(edge[0], edge[2]) >= 0 and max(edge[0], edge[2]) <= rows - 1):  # nor for NaN
+        # asked so that NaN is outside
+        if not (min(edge[0], edge[2]) >= 0 and max(edge[0], edge[2]) <= rows - 1):
             continue
         if not (min(edge[1], edge[3]) >= 0 and max(edge[1], edge[3]) <= cols - 1):
             continue
@@ -97,14 +97,13 @@ def _draw_edges(edges: NDArray[np.float64], inner: NDArray[np.uint8], graph: NDA
         steps = max(abs(r1 - r0), abs(c1 - c0))
         for i in range(steps + 1):
             share = i / max(steps, 1)
-            graph[
-                int(np.floor(r0 + share * (r1 - r0) + 0.5)) + 1,
-                int(np.floor(c0 + share * (c1 - c0) + 0.5)) + 1,
-            ] = 1
+            r, c = np.floor(r0 + share * (r1 - r0) + 0.5), np.floor(c0 + share * (c1 - c0) + 0.5)
+            graph[int(r) + 1, int(c) + 1] = 1
 
 
 @njit(cache=True, nogil=True)
 def _degree(graph: NDArray[np.uint8], r: int, c: int) -> int:
+    """Neighbours of a cell in the graph."""
     count = 0
     for rr in range(r - 1, r + 2):
         for cc in range(c - 1, c + 2):
@@ -116,7 +115,8 @@ def _degree(graph: NDArray[np.uint8], r: int, c: int) -> int:
 def _prune(graph: NDArray[np.uint8], passes: int) -> None:
     """Delete ends of spurs in raster order, pass by pass, up to the nodes (cells of at least three neighbours)."""
     rows, cols = graph.shape
-    loose = np.empty((rows * cols, 2), np.int32)  # cells that are no nodes, in raster order
+    # cells that are no nodes, in raster order; a cell deleted makes the next one an end in the same pass
+    loose = np.empty((rows * cols, 2), np.int32)
     n = 0
     for r in range(1, rows - 1):
         for c in range(1, cols - 1):
@@ -141,7 +141,10 @@ def _prune(graph: NDArray[np.uint8], passes: int) -> None:
 def _take_neighbourhood(
     left: NDArray[np.uint8], members: NDArray[np.int32], r: int, c: int, wanted: int, iterations: int
 ) -> int:
-    """Move the cells around a cell of the graph from `left` to `members`, step by step, until there are more than wanted."""
+    """Move cells around one of the graph from `left` to `members`, ring by ring, until there are more than wanted.
+
+    Returns how many there are; the last ring is always whole.
+    """
     rows, cols = left.shape
     left[r, c] = 0
     members[0] = r * cols + c
@@ -166,7 +169,9 @@ def _take_neighbourhood(
 def _critical_points(
     graph: NDArray[np.uint8], distance: NDArray[np.uint8], neighbourhood: int, iterations: int
 ) -> NDArray[np.int32]:
+    """`critical_points` of contiguous arrays."""
     rows, cols = graph.shape
+    # every cell is in one stretch only: what one has taken begins none
     left = graph.copy()
     members = np.empty(rows * cols, np.int32)
     points = np.empty((256, 2), np.int32)
@@ -175,9 +180,8 @@ def _critical_points(
         for c in range(cols):
             if not left[r, c]:
                 continue
-            n = _take_neighbourhood(
-                left, members, r, c, neighbourhood // max(int(distance[r, c]), 1), iterations
-            )
+            wanted = neighbourhood // max(int(distance[r, c]), 1)
+            n = _take_neighbourhood(left, members, r, c, wanted, iterations)
             best = members[0]
             for k in range(1, n):
                 m = members[k]

@@ -6,15 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
-from layoutexplore.layout.merging.adjacency_graph import (
-    DOOR,
-    EDGE_COLUMNS,
-    NODE_COLUMNS,
-    OPEN,
-    PASS,
-    SPACE,
-    PieceGraph,
-)
+from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
 
 
 def office(clutter: bool = False) -> OccupancyGrid:
@@ -54,34 +46,34 @@ def rooms_of(cells: np.ndarray) -> np.ndarray:
 
 
 @st.composite
-def graphs(draw: st.DrawFn) -> PieceGraph:
+def graphs(draw: st.DrawFn) -> RegionGraph:
     count = draw(st.integers(2, 9))
     rng = np.random.default_rng(draw(st.integers(0, 10**6)))
     pairs = [(a, b) for a in range(1, count + 1) for b in range(a + 1, count + 1) if rng.random() < 0.5]
-    nodes = np.zeros((count + 1, NODE_COLUMNS))
-    nodes[1:] = rng.integers(1, 60, (count, NODE_COLUMNS))
-    edges = rng.integers(0, 6, (len(pairs), EDGE_COLUMNS)).astype(np.float64)
-    edges[:, DOOR] = np.minimum(edges[:, DOOR], edges[:, OPEN])
+    nodes = np.zeros((count + 1, len(NODE)))
+    nodes[1:] = rng.integers(1, 60, (count, len(NODE)))
+    edges = rng.integers(0, 6, (len(pairs), len(EDGE))).astype(np.float64)
+    edges[:, EDGE.door] = np.minimum(edges[:, EDGE.door], edges[:, EDGE.open])
     rooms = rng.integers(0, 5, (count + 1, 3)).astype(np.float64)
-    return PieceGraph(nodes, np.array(pairs, np.int32).reshape(-1, 2), edges, rooms, 1.0)
+    return RegionGraph(nodes, np.array(pairs, np.int32).reshape(-1, 2), edges, rooms, 1.0)
 
 
-def slow_parts(graph: PieceGraph, area: float) -> list[set[int]]:
-    """The pieces that become one: each sliver in turn, by size, looks at all contacts of what it belongs to."""
+def slow_parts(graph: RegionGraph, area: float) -> list[set[int]]:
+    """The regions that become one: each sliver in turn, by size, looks at all contacts of what it belongs to."""
     groups = {k: {k} for k in range(1, len(graph.nodes))}
     of = {k: k for k in groups}
-    order = sorted(groups, key=lambda k: (graph.nodes[k, SPACE], k))
+    order = sorted(groups, key=lambda k: (graph.nodes[k, NODE.space], k))
     for k in order:
-        if sum(graph.nodes[m, SPACE] for m in groups[of[k]]) >= area:
+        if sum(graph.nodes[m, NODE.space] for m in groups[of[k]]) >= area:
             continue
         found: dict[int, list[float]] = {}
         for (a, b), edge in zip(graph.ends.tolist(), graph.edges, strict=True):
-            if edge[OPEN] > 0 and (of[a] == of[k]) != (of[b] == of[k]):
+            if edge[EDGE.open] > 0 and (of[a] == of[k]) != (of[b] == of[k]):
                 other = of[b] if of[a] == of[k] else of[a]
                 sums = found.setdefault(other, [0.0, 0.0, 0.0])
-                sums[0] += edge[OPEN]
-                sums[1] += edge[DOOR]
-                sums[2] = max(sums[2], edge[PASS])
+                sums[0] += edge[EDGE.open]
+                sums[1] += edge[EDGE.door]
+                sums[2] = max(sums[2], edge[EDGE.clearance])
         if found:
             top = max((v[2] * (0.5 if v[1] > 0.5 * v[0] else 1.0), v[0]) for v in found.values())
             best = {o for o, v in found.items() if (v[2] * (0.5 if v[1] > 0.5 * v[0] else 1.0), v[0]) == top}

@@ -1,15 +1,13 @@
-"""What the default method's judge sees: slivers, representative lines, and judges made of several forests."""
+"""What the classifier of regions sees: slivers, representative lines, and classifiers made of several forests."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from layoutexplore.layout.merging.adjacency_graph import (
-    AREA,
-    OPEN,
-)
-from layoutexplore.layout.merging.agglomeration import FEATURES, Rest, merge_pieces
+from layoutexplore.layout.merging.agglomeration import Rest, merge_regions
+from layoutexplore.layout.merging.graph_tables import EDGE, NODE
+from layoutexplore.layout.merging.pair_features import FEATURES
 from layoutexplore.training.merging_examples import make_example
 from layoutexplore.training.room_merging import first_forest
 from tests.layout.merging.cases import office, plan, rooms_of
@@ -18,9 +16,11 @@ from tests.layout.merging.cases import office, plan, rooms_of
 @pytest.mark.parametrize("room_area", [0.0, 1.5, 12.0, 1e6])
 def test_what_is_too_small_for_a_room_joins_a_neighbour(room_area: float) -> None:
     graph = make_example(plan(), rooms_of(plan()), 0.05, building="a", kind="x").graph
-    into = merge_pieces(graph, first_forest(), level=1e9, rest=Rest(room_area))
-    area = np.bincount(into, weights=graph.nodes[:, AREA], minlength=len(into))[into] * graph.resolution**2
-    a, b = graph.ends[graph.edges[:, OPEN] > 0].T
+    into = merge_regions(graph, first_forest(), level=1e9, rest=Rest(room_area))
+    area = (
+        np.bincount(into, weights=graph.nodes[:, NODE.area], minlength=len(into))[into] * graph.resolution**2
+    )
+    a, b = graph.ends[graph.edges[:, EDGE.open] > 0].T
     parted = into[a] != into[b]
     assert (np.minimum(area[a], area[b])[parted] >= room_area).all()
     assert len(set(into[1:].tolist())) == len(into) - 1 or room_area > 0
@@ -29,18 +29,18 @@ def test_what_is_too_small_for_a_room_joins_a_neighbour(room_area: float) -> Non
 def test_nooks_join_a_neighbour_unless_they_are_surely_rooms() -> None:
     graph = make_example(plan(), rooms_of(plan()), 0.05, building="a", kind="x").graph
     alone = np.arange(len(graph.nodes))
-    assert (merge_pieces(graph, first_forest(), level=1e9, rest=Rest(nook=1e6, level=1e9)) == alone).all()
+    assert (merge_regions(graph, first_forest(), level=1e9, rest=Rest(nook=1e6, level=1e9)) == alone).all()
     for area in (1.5, 12.0, 1e6):
         always, unless = (
-            merge_pieces(graph, first_forest(), level=1e9, rest=rest)
+            merge_regions(graph, first_forest(), level=1e9, rest=rest)
             for rest in (Rest(area), Rest(0, area, -1e9))
         )
         assert (always == unless).all()
 
 
-def test_the_judge_is_asked_in_order_of_certainty() -> None:
+def test_the_classifier_is_asked_in_order_of_certainty() -> None:
     example = make_example(office().cells, office().cells.astype(np.int32) * 0, 0.05, building="a", kind="x")
-    nothing, everything = (merge_pieces(example.graph, first_forest(), level=v) for v in (1e9, -1e9))
+    nothing, everything = (merge_regions(example.graph, first_forest(), level=v) for v in (1e9, -1e9))
     assert (nothing == np.arange(len(nothing))).all()
     assert len(set(everything[1:].tolist())) == 1
     assert len(FEATURES) == len(set(FEATURES))

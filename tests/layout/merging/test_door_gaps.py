@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from layoutexplore.layout.merging.door_gaps import LONG, SHORT, WIDTH, OpeningConfig, find_openings, free_runs
+from layoutexplore.layout.merging.door_gaps import GAP, DoorGapConfig, find_door_gaps, list_gaps
 from tests.layout.merging.cases import office
+
+
+def free_runs(blocked: np.ndarray) -> np.ndarray:
+    """Length of the run of cells that are not blocked in its row, for each cell; 0 for blocked ones."""
+    runs = np.zeros(blocked.shape, int)
+    for line, lengths in zip(blocked, runs, strict=True):
+        for left, right in itertools.pairwise([-1, *np.flatnonzero(line).tolist(), len(line)]):
+            lengths[left + 1 : right] = right - left - 1
+    return runs
 
 
 def slow_gaps(blocked: np.ndarray, sizes: tuple[int, ...]) -> set[tuple[int, int, int, int, int]]:
@@ -48,23 +59,37 @@ def slow_gaps(blocked: np.ndarray, sizes: tuple[int, ...]) -> set[tuple[int, int
         elements=st.sampled_from([True, False, False]),
     )
 )
-def test_openings_are_the_gaps_along_rows_and_columns(blocked: np.ndarray) -> None:
-    config = OpeningConfig(door_min=1.0, door_max=4.0, door_run=1.0, widening=1.0, reach=2.0, slack=1.0)
+def test_door_gaps_along_rows_and_columns(blocked: np.ndarray) -> None:
+    config = DoorGapConfig(door_min=1.0, door_max=4.0, door_run=1.0, widening=1.0, reach=2.0, slack=1.0)
     sizes = (1, 4, 1, 1, 2, 5, 1)
     narrowest = np.full(blocked.shape, 99)
     for mask, gaps in ((blocked, narrowest), (blocked.T, narrowest.T)):
         for r, c, n, _, _ in slow_gaps(mask, sizes):
             gaps[r, c : c + n] = np.minimum(gaps[r, c : c + n], n)
-    found = find_openings(blocked, 1.0, config)
+    found = find_door_gaps(blocked, 1.0, config)
     assert ((found.gap > 0) == (narrowest < 99)).all()
-    assert (found.table[found.gap, WIDTH][found.gap > 0] == narrowest[found.gap > 0]).all()
+    assert (found.table[found.gap, GAP.width][found.gap > 0] == narrowest[found.gap > 0]).all()
     expected = [gap[2:] for mask in (blocked, blocked.T) for gap in slow_gaps(mask, sizes)]
-    assert sorted(map(tuple, found.table[1:, [WIDTH, LONG, SHORT]].tolist())) == sorted(expected)
+    assert sorted(map(tuple, found.table[1:, [GAP.width, GAP.long, GAP.short]].tolist())) == sorted(expected)
 
 
 def test_a_door_is_found_with_its_walls() -> None:
-    found = find_openings(office().occupied, 0.05, OpeningConfig())
+    found = find_door_gaps(office().occupied, 0.05, DoorGapConfig())
     door = found.table[found.gap[108, 50]]
-    assert found.table[0].tolist() == [0, 0, 0]
-    assert door[WIDTH] == 18 and door[LONG] >= door[SHORT] > 5
+    assert not found.table[0].any()
+    assert door[GAP.width] == 18 and door[GAP.long] >= door[GAP.short] > 5
     assert found.gap[130, 50] == 0 and found.gap[60, 50] == 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 100_000))
+def test_gaps_in_long_walls_are_listed_in_raster_order(seed: int) -> None:
+    """Lines of wall with holes, longer than the cells that are looked at at once; walls are followed no farther than needed."""
+    rng = np.random.default_rng(seed)
+    blocked = rng.random((25, 60)) < rng.uniform(0, 0.1)
+    for r in rng.integers(0, 25, 3):
+        blocked[r] |= rng.random(60) < 0.85
+    config = DoorGapConfig(door_min=2.0, door_max=14.0, door_run=2.0, widening=2.0, reach=3.0, slack=0.0)
+    found = list_gaps(blocked, 1.0, config, longest=2.0)
+    for gaps, mask in zip(found, (blocked, blocked.T), strict=True):
+        assert [tuple(gap) for gap in gaps.tolist()] == sorted(slow_gaps(mask, (2, 14, 2, 2, 3, 2, 1)))

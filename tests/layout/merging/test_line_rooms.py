@@ -8,22 +8,26 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutexplore.layout.merging.adjacency_graph import OPEN, PASS, PEAK, PieceGraph
+from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
 from layoutexplore.layout.merging.line_rooms import split_line_rooms
 from tests.layout.merging.cases import graphs
 
 
 @settings(max_examples=80, deadline=None)
 @given(graphs(), st.floats(0.01, 1))
-def test_rooms_of_the_lines_fall_apart_at_narrow_passes(graph: PieceGraph, share: float) -> None:
+def test_rooms_of_the_lines_fall_apart_at_narrow_passes(graph: RegionGraph, share: float) -> None:
     rooms = graph.rooms.copy()
     rooms[0] = 0
     graph = replace(graph, rooms=rooms)
-    own, peak = rooms.argmax(axis=1), graph.nodes[:, PEAK]
+    own, peak = rooms.argmax(axis=1), graph.nodes[:, NODE.peak]
     group = list(range(len(rooms)))
     for _ in rooms:
         for (a, b), edge in zip(graph.ends, graph.edges, strict=True):
-            if own[a] == own[b] and edge[OPEN] > 0 and edge[PASS] >= share * min(peak[a], peak[b]):
+            if (
+                own[a] == own[b]
+                and edge[EDGE.open] > 0
+                and edge[EDGE.clearance] >= share * min(peak[a], peak[b])
+            ):
                 group[a] = group[b] = min(group[a], group[b])
     found = split_line_rooms(graph, share).rooms
     names = sorted({group[k] for k in range(1, len(rooms)) if own[k] > 0})

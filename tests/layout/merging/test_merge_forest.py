@@ -1,17 +1,17 @@
-"""The forest that judges pairs of regions, against walking its trees."""
+"""The forest that classifies pairs of regions, against walking its trees."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from layoutexplore.layout.merging.agglomeration import FEATURE_COUNT
 from layoutexplore.layout.merging.merge_forest import load_forest
+from layoutexplore.layout.merging.pair_features import FEATURES
 from layoutexplore.models.forest import log_odds
 
 
-def test_the_judge_walks_every_tree_to_its_leaf() -> None:
+def test_the_forest_walks_every_tree_to_its_leaf() -> None:
     forest = load_forest()
-    x = np.random.default_rng(0).normal(size=(7, FEATURE_COUNT))
+    x = np.random.default_rng(0).normal(size=(7, len(FEATURES)))
     found = np.empty(7)
     log_odds(x, forest.numbers, found)
     for sample, odds in zip(x, found, strict=True):

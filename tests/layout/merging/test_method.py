@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.grid import OccupancyGrid, Pose
-from layoutexplore.layout.merging.method import DefaultConfig
+from layoutexplore.layout.merging.method import MergingConfig
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
 from tests.layout.merging.cases import office
@@ -149,8 +149,8 @@ def test_random_grids_never_break_it(cells: np.ndarray) -> None:
 
 def test_bad_options_are_refused() -> None:
     with pytest.raises(ConfigError, match="door_min"):
-        DefaultConfig(door_min=2.0, door_max=1.0)
+        MergingConfig(door_min=2.0, door_max=1.0)
     with pytest.raises(ConfigError, match="basin_share"):
         reconstruct(office(), config={"basin_share": 0.0})
     with pytest.raises(ConfigError, match="openings"):
-        DefaultConfig(reach=-1.0)
+        MergingConfig(reach=-1.0)

@@ -6,13 +6,13 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis.extra import numpy as hnp
 
-from layoutexplore.layout.merging.watershed import closed_space, distance_basins
+from layoutexplore.layout.merging.watershed import closed_space, watershed_basins
 
 
 @settings(max_examples=40, deadline=None)
 @given(hnp.arrays(np.bool_, (12, 14)))
 def test_basins_cover_the_open_cells(blocked: np.ndarray) -> None:
-    labels = distance_basins(blocked, 0.1, share=0.85, wide=1.5)
+    labels = watershed_basins(blocked, 0.1, share=0.85, wide=1.5)
     assert ((labels > 0) == ~blocked).all()
     assert sorted(np.unique(labels[labels > 0])) == list(range(1, labels.max() + 1))
 
@@ -22,9 +22,9 @@ def test_a_passage_parts_two_basins_and_a_wide_one_does_not() -> None:
     blocked[1:41, 1:40] = False
     blocked[1:41, 42:81] = False
     blocked[18:24, 40:42] = False
-    assert distance_basins(blocked, 0.1, share=0.85, wide=3.0).max() == 2
+    assert watershed_basins(blocked, 0.1, share=0.85, wide=3.0).max() == 2
     blocked[1:41, 40:42] = False
-    assert distance_basins(blocked, 0.1, share=0.85, wide=3.0).max() == 1
+    assert watershed_basins(blocked, 0.1, share=0.85, wide=3.0).max() == 1
 
 
 def test_chinks_of_unknown_space_are_closed_and_wide_ones_stay() -> None:

@@ -23,24 +23,24 @@ def test_borders_count_distinct_cells_and_merge() -> None:
 
 
 def slow_merging(labels: np.ndarray, resolution: float, merge_area: float) -> np.ndarray:
-    """Every merge starts again from the smallest piece."""
+    """Every merge starts again from the smallest region."""
     borders = Borders(labels)
     merged = labels.copy()
     while True:
-        alive = sorted((area, piece) for piece, area in enumerate(borders.area) if piece > 0 and area > 0)
+        alive = sorted((area, region) for region, area in enumerate(borders.area) if region > 0 and area > 0)
         targets = (
-            (piece, _target(borders, piece, area * resolution**2, merge_area)) for area, piece in alive
+            (region, _target(borders, region, area * resolution**2, merge_area)) for area, region in alive
         )
-        piece, target = next((pair for pair in targets if pair[1] > 0), (0, 0))
+        region, target = next((pair for pair in targets if pair[1] > 0), (0, 0))
         if target == 0:
             return merged
-        borders.merge(piece, target)
-        merged[merged == piece] = target
+        borders.merge(region, target)
+        merged[merged == region] = target
 
 
 @settings(max_examples=60, deadline=None)
 @given(hnp.arrays(np.int32, (12, 13), elements=st.integers(0, 6)), st.sampled_from([0.05, 0.3, 1.0]))
-def test_pieces_merge_as_if_every_merge_started_again(labels: np.ndarray, resolution: float) -> None:
+def test_regions_merge_as_if_every_merge_started_again(labels: np.ndarray, resolution: float) -> None:
     wide = np.ascontiguousarray(np.repeat(np.repeat(labels, 3, axis=0), 3, axis=1))
     assert (merge_by_borders(wide, resolution, merge_area=12.5) == slow_merging(wide, resolution, 12.5)).all()
 

@@ -1,0 +1,191 @@
+"""The table of contacts: what lies between two regions that touch, side by side of their cells."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.grids.bitsets import count_bits
+from layoutexplore.layout.merging.door_gaps import GAP
+from layoutexplore.layout.merging.graph_tables import EDGE, find_edge
+from layoutexplore.layout.merging.node_table import add_side
+
+
+class RegionMaps(NamedTuple):
+    """The map that the regions lie in, each (rows, cols).
+
+    Attributes:
+        labels: int32, the regions, from 1.
+        spread: int32, the regions spread into the walls.
+        free: bool, known free cells.
+        wall: bool, occupied cells that are walls.
+        distance: float32, to the obstacles' edges [cells].
+        gap: int32, row of the table of door gaps for the cells of one, 0 elsewhere.
+    """
+
+    labels: NDArray[np.int32]
+    spread: NDArray[np.int32]
+    free: NDArray[np.bool_]
+    wall: NDArray[np.bool_]
+    distance: NDArray[np.float32]
+    gap: NDArray[np.int32]
+
+
+class WallBits(NamedTuple):
+    """Walls, thickened by how far they may step aside, as bits of rows; and how far they are looked at [cells].
+
+    Attributes:
+        along_rows: uint64, the rows of the map.
+        along_cols: uint64, its columns.
+        near: Reach on either side of a contact.
+        far: The longer one.
+    """
+
+    along_rows: NDArray[np.uint64]
+    along_cols: NDArray[np.uint64]
+    near: int
+    far: int
+
+
+class LineStrips(NamedTuple):
+    """The arrays of a `LineEvidence`, and in how many cells a line lies near a contact."""
+
+    row_strip: NDArray[np.int32]
+    col_strip: NDArray[np.int32]
+    face: NDArray[np.int32]
+    room: NDArray[np.int32]
+    above: NDArray[np.float64]
+    right: NDArray[np.float64]
+    reach: int
+
+
+class Side(NamedTuple):
+    """The side between cell (row, col) and the one above it, or right of it."""
+
+    row: int
+    col: int
+    above: bool
+
+
+@njit(cache=True, nogil=True)
+def _add_walls(
+    edge: NDArray[np.float64], walls: NDArray[np.uint64], cols: int, r: int, c: int, near: int, far: int
+) -> None:
+    """Add the walls in line with a contact between cells (r, c) and (r + 1, c); what is outside the grid is no wall.
+
+    A wall counts in the row that has more of it: it may lie on either side of the contact.
+    """
+    before, after = c - near, c + 1 + near
+    left = max(count_bits(walls, r, cols, before, c), count_bits(walls, r + 1, cols, before, c)) / near
+    right = max(count_bits(walls, r, cols, c + 1, after), count_bits(walls, r + 1, cols, c + 1, after)) / near
+    edge[EDGE.near] += left + right
+    edge[EDGE.near_min] += min(left, right)
+    first, last = c - far, c + 1 + far
+    wide = max(count_bits(walls, r, cols, first, last), count_bits(walls, r + 1, cols, first, last))
+    edge[EDGE.far] += wide / (2 * far + 1)
+
+
+@njit(cache=True, nogil=True)
+def _add_lines(edge: NDArray[np.float64], side: Side, lines: LineStrips) -> None:
+    """Add what the representative lines say of a side: faces and rooms of the strips `reach` before and behind it."""
+    r, c, reach = side.row, side.col, lines.reach
+    covered = 0.0
+    if side.above:
+        n, m = lines.row_strip[max(r - reach, 0)], lines.col_strip[c]
+        far_n, far_m = lines.row_strip[min(r + 1 + reach, len(lines.row_strip) - 1)], m
+        for k in range(n, far_n):
+            covered = max(covered, lines.above[k, m])
+    else:
+        n, m = lines.row_strip[r], lines.col_strip[max(c - reach, 0)]
+        far_n, far_m = n, lines.col_strip[min(c + 1 + reach, len(lines.col_strip) - 1)]
+        for k in range(m, far_m):
+            covered = max(covered, lines.right[n, k])
+    if lines.face[n, m] != lines.face[far_n, far_m]:
+        edge[EDGE.parted] += 1
+        edge[EDGE.covered] += covered
+    if lines.room[n, m] != lines.room[far_n, far_m]:
+        edge[EDGE.apart] += 1
+
+
+@njit(cache=True, nogil=True)
+def _add_contact(
+    edge: NDArray[np.float64], side: Side, maps: RegionMaps, gaps: NDArray[np.float64], walls: WallBits
+) -> None:
+    """Add a side to a contact; `gaps` are the door gaps in metres."""
+    r, c = side.row, side.col
+    rr, cc = (r + 1, c) if side.above else (r, c + 1)
+    edge[EDGE.open] += 1
+    edge[EDGE.seen] += maps.free[r, c] & maps.free[rr, cc]
+    edge[EDGE.clearance] = max(edge[EDGE.clearance], min(maps.distance[r, c], maps.distance[rr, cc]))
+    door = max(maps.gap[r, c], maps.gap[rr, cc])
+    if door > 0:
+        edge[EDGE.door] += 1
+        edge[EDGE.width] += gaps[door, GAP.width]
+        edge[EDGE.long] += gaps[door, GAP.long]
+        edge[EDGE.short] += gaps[door, GAP.short]
+    # a contact with the cell above runs along the row, the other one along the column
+    if side.above:
+        edge[EDGE.across_rows] += 1
+        _add_walls(edge, walls.along_rows, maps.distance.shape[1], r, c, walls.near, walls.far)
+    else:
+        _add_walls(edge, walls.along_cols, maps.distance.shape[0], c, r, walls.near, walls.far)
+
+
+@njit(cache=True, nogil=True)
+def contact_table(
+    maps: RegionMaps,
+    changes: NDArray[np.int64],
+    gaps: NDArray[np.float64],
+    walls: WallBits,
+    lines: LineStrips,
+    nodes: NDArray[np.float64],
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """The ends and the rows of all contacts, as they are first met; adds their sides to the nodes.
+
+    `changes` are the flat indices of `label_changes`, rising.
+    """
+    labels, spread, wall = maps.labels, maps.spread, maps.wall
+    rows, cols = labels.shape
+    # at most two contacts a change; grown arrays would be counted references in the loop
+    ends = np.empty((2 * len(changes), 2), np.int32)
+    edges = np.empty((2 * len(changes), len(EDGE)))
+    links = np.empty(2 * len(changes), np.int32)
+    heads = np.full(len(nodes), -1, np.int32)
+    m, e, r = 0, -1, 0
+    for i in changes:
+        while i >= (r + 1) * cols:
+            r += 1
+        c = i - r * cols
+        a, p = int(labels[r, c]), int(spread[r, c])
+        for above in (True, False):
+            rr, cc = (r + 1, c) if above else (r, c + 1)
+            inside = rr < rows and cc < cols
+            b = int(labels[rr, cc]) if inside else 0
+            q = int(spread[rr, cc]) if inside else 0
+            if a != b:
+                add_side(nodes, a, b, inside and wall[rr, cc])
+                add_side(nodes, b, a, wall[r, c])
+            if p == q or p == 0 or q == 0:
+                continue
+            low, high = min(p, q), max(p, q)
+            # mostly the contact of the side before
+            if e < 0 or ends[e, 0] != low or ends[e, 1] != high:
+                e = find_edge(low, high, ends, heads, links)
+            if e < 0:
+                e = m
+                m += 1
+                ends[e, 0], ends[e, 1] = low, high
+                links[e] = heads[low]
+                heads[low] = e
+                edges[e] = 0.0
+            # regions that meet only once they are spread into a wall touch across it
+            if a == 0 or b == 0:
+                edges[e, EDGE.through] += 1
+            else:
+                side = Side(r, c, above)
+                _add_contact(edges[e], side, maps, gaps, walls)
+                _add_lines(edges[e], side, lines)
+    return ends[:m].copy(), edges[:m].copy()

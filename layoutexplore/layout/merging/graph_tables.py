@@ -1,0 +1,145 @@
+"""The region adjacency graph as tables: a row for each region (superpixel), a row for each contact of two.
+
+All counts are in cells or sides of cells, so that the rows of regions and contacts can be added up when
+regions merge. Columns are addressed by name: `nodes[k, NODE.area]`, `edges[e, EDGE.door]`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+class NodeColumns(NamedTuple):
+    """Columns of the table of regions.
+
+    Attributes:
+        area: Known free cells.
+        space: All cells.
+        clutter: Cells with obstacles that are no walls.
+        sides: Sides shared with anything else.
+        open_end: Those towards unknown space.
+        wall_sides: Those towards walls.
+        row0: First row of the bounding box.
+        row1: Row behind its last.
+        col0: Its first column.
+        col1: Column behind its last.
+        peak: Largest distance to the obstacles' edges [cells].
+    """
+
+    area: int
+    space: int
+    clutter: int
+    sides: int
+    open_end: int
+    wall_sides: int
+    row0: int
+    row1: int
+    col0: int
+    col1: int
+    peak: int
+
+
+class EdgeColumns(NamedTuple):
+    """Columns of the table of contacts.
+
+    Attributes:
+        open: Sides in direct contact.
+        across_rows: Those between two rows.
+        door: Those in a door gap.
+        width: Sum of the widths of these gaps [m].
+        long: Sum of the longer runs of wall beside them [m].
+        short: Sum of the shorter runs [m].
+        clearance: Largest distance to the obstacles on the contact [cells].
+        near: Sum of the share of wall in line with the contact, near it.
+        near_min: Sum of that share on the side that has less.
+        far: Sum of that share, farther out.
+        through: Contact across a wall.
+        parted: Sides near which lies an edge between two faces of the representative lines.
+        covered: Sum of the covered shares of these edges.
+        apart: Sides near which two rooms of the lines meet.
+        seen: Sides between two known free cells.
+    """
+
+    open: int
+    across_rows: int
+    door: int
+    width: int
+    long: int
+    short: int
+    clearance: int
+    near: int
+    near_min: int
+    far: int
+    through: int
+    parted: int
+    covered: int
+    apart: int
+    seen: int
+
+
+NODE = NodeColumns(*range(len(NodeColumns._fields)))
+EDGE = EdgeColumns(*range(len(EdgeColumns._fields)))
+"""The index of each column, constants to the compiler."""
+
+
+@dataclass(frozen=True, eq=False)
+class RegionGraph:
+    """Regions and their contacts.
+
+    Attributes:
+        nodes: float64 (k + 1, columns of `NODE`), row 0 is empty.
+        ends: int32 (m, 2), the two regions of each contact, the lower first.
+        edges: float64 (m, columns of `EDGE`).
+        rooms: float64 (k + 1, r + 1), known free cells of each region in each room of the lines, column 0 in
+            none.
+        resolution: Metres a cell.
+    """
+
+    nodes: NDArray[np.float64]
+    ends: NDArray[np.int32]
+    edges: NDArray[np.float64]
+    rooms: NDArray[np.float64]
+    resolution: float
+
+
+@njit(cache=True, nogil=True)
+def add_node(whole: NDArray[np.float64], part: NDArray[np.float64]) -> None:
+    """Add a region to another one (rows of the table); the sides between them still count."""
+    for column in (NODE.area, NODE.space, NODE.clutter, NODE.sides, NODE.open_end, NODE.wall_sides):
+        whole[column] += part[column]
+    whole[NODE.row0] = min(whole[NODE.row0], part[NODE.row0])
+    whole[NODE.col0] = min(whole[NODE.col0], part[NODE.col0])
+    whole[NODE.row1] = max(whole[NODE.row1], part[NODE.row1])
+    whole[NODE.col1] = max(whole[NODE.col1], part[NODE.col1])
+    whole[NODE.peak] = max(whole[NODE.peak], part[NODE.peak])
+
+
+@njit(cache=True, nogil=True)
+def add_edge(whole: NDArray[np.float64], part: NDArray[np.float64]) -> None:
+    """Add a contact to another one between the same two regions (rows of the table)."""
+    widest = max(whole[EDGE.clearance], part[EDGE.clearance])
+    whole += part
+    # the only column that is no sum
+    whole[EDGE.clearance] = widest
+
+
+@njit(cache=True, nogil=True)
+def find_edge(
+    a: int, b: int, ends: NDArray[np.int32], heads: NDArray[np.int32], links: NDArray[np.int32]
+) -> int:
+    """Row of contact (a, b) with a < b in the chain of a, or -1.
+
+    A chain holds the contacts of one lower end: `heads[a]` is its last row, `links[e]` the one before `e`, -1
+    the end.
+    """
+    e = heads[a]
+    while e >= 0:
+        if ends[e, 1] == b:
+            return int(e)
+        e = links[e]
+    return -1
