@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
 from layoutexplore.grids.ros_map import read_image, read_pixels
+from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
 from layoutexplore.maps.tracing import plan_from_raster
 
@@ -44,9 +45,11 @@ def load_kth(path: Path) -> FloorPlan:
     if not rooms.any():
         raise MapError(f"{rooms_path}: no room lies in free space")
     source = PlanRaster(~_indoor(free, rooms), rooms, RESOLUTION)
-    building = re.sub(r"_PLAN\d+$", "", stem)
     return plan_from_raster(
-        source, name=stem, building=building, metadata={"format": "KTH", "scale": "0.05 m a pixel"}
+        source,
+        name=stem,
+        building=building_of(stem, "kth"),
+        metadata={"format": "KTH", "scale": "0.05 m a pixel"},
     )
 
 

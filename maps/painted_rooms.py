@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,13 +12,11 @@ from numpy.typing import NDArray
 from layoutexplore.errors import MapError
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.grids.ros_map import load_grid, read_image, read_pixels
+from layoutexplore.maps.buildings import building_of
 
 TRUTH_SUFFIX = "_gt"
 FREE_FROM = 250
 """A pixel at least this bright is free (the protocol of the published tables)."""
-
-
-_FILLERS = {"scan", "map", "lab", "building", "plan", "floor", "furnitures", "furniture"}
 
 
 @dataclass(frozen=True)
@@ -46,8 +43,8 @@ def find_cases(folders: Iterable[str | Path], buildings: dict[str, str] | None =
 
     Args:
         folders: Folders with NAME.png and NAME_gt.png.
-        buildings: Building of a map by "folder/name" or "name"; guessed from the name (`guess_building`)
-            without.
+        buildings: Building of a map by "folder/name" or "name"; else what the name tells (`building_of`),
+            and the folder's name where it tells nothing.
 
     Raises:
         MapError: A folder is missing or holds no such pair.
@@ -66,20 +63,11 @@ def find_cases(folders: Iterable[str | Path], buildings: dict[str, str] | None =
         known = buildings or {}
         for image, truth in pairs:
             name, here = image.stem, folder.resolve().name
-            building = known.get(f"{here}/{name}") or known.get(name) or guess_building(name, here)
+            building = (
+                known.get(f"{here}/{name}") or known.get(name) or building_of(name, "painted rooms") or here
+            )
             cases.append(Case(here, name, image, truth, building))
     return cases
-
-
-def guess_building(name: str, folder: str) -> str:
-    """The building a map's name tells of, or the folder's name where it tells nothing.
-
-    Example:
-        >>> guess_building("Freiburg79_scan", "a"), guess_building("freiburg_building79", "b"), guess_building("map12", "tour")
-        ('freiburg79', 'freiburg79', 'tour')
-    """
-    words = [w for w in re.findall(r"[a-z]+|\d+", name.lower()) if w not in _FILLERS]
-    return "".join(words) if any(w.isalpha() for w in words) else folder
 
 
 def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, NDArray[np.int32], NDArray[np.bool_]]:

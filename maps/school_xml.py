@@ -11,7 +11,6 @@ two rooms.
 from __future__ import annotations
 
 import math
-import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError
 from layoutexplore.grids.polygons import Point, polygons_of
+from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 
 WALL_THICKNESS = 0.2
@@ -31,7 +31,6 @@ CLOSED_GAP = 0.6
 """Metres; slits between rooms up to this width are solid wall."""
 
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "in": 0.0254, "ft": 0.3048}
-_FLOOR_SUFFIX = re.compile(r"[_ ]*(\d+|(ground|first|second|third)_floor)?[_ ]*$", re.IGNORECASE)
 
 
 def load_school_xml(path: Path) -> FloorPlan:
@@ -57,7 +56,7 @@ def load_school_xml(path: Path) -> FloorPlan:
     plan = FloorPlan(name=path.stem, rooms=rooms, doors=doors)
     return FloorPlan(
         name=path.stem,
-        building=_FLOOR_SUFFIX.sub("", path.stem) or path.stem,
+        building=building_of(path.stem, "school") or path.stem,
         rooms=rooms,
         doors=doors,
         walls=walls.difference(shapely.union_all([plan.opening(door) for door in doors])),

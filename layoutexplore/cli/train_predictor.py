@@ -62,7 +62,7 @@ def train_predictor(
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.errors import ConfigError, require
     from layoutexplore.maps.library import find_plans
-    from layoutexplore.training.folds import deal_groups
+    from layoutexplore.training.folds import deal_folds
     from layoutexplore.training.predictor import NetworkTrainer, buildings_of, explore_plans, forget_networks
     from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
     from layoutexplore.training.predictor_samples import join_samples
@@ -104,7 +104,7 @@ def train_predictor(
         typer.echo(f"written: {folder}{without}")
 
     if folds:
-        fold = deal_groups(list(groups.values()), folds)
+        fold = deal_folds(groups.values(), folds, "name")
         models = [out / f"fold{k + 1}" for k in range(folds)]
         for k, folder in enumerate(models):
             held_out = {plan.name: plan.building for plan in seen.files if fold[groups[plan.name]] == k}

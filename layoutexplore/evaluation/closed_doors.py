@@ -22,6 +22,7 @@ from layoutexplore.closed_doors.prediction import predict_closed_rooms
 from layoutexplore.files import write_atomically
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.ros_map import encode_png
+from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.closed_door_maps import FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY, Triple, read_cells
 from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_interquartile_mean, weighted_mean
 from layoutexplore.processes import end_with_parent
@@ -143,13 +144,13 @@ def cross_validate(
         out: Folder for the predictions.
     """
     from layoutexplore.training.closed_doors import fit
-    from layoutexplore.training.folds import building_of
+    from layoutexplore.training.folds import deal_folds
 
-    buildings = list(dict.fromkeys(building_of(t.building) for t in triples))
-    fold = {name: k % folds for k, name in enumerate(buildings)}
+    buildings = [building_of(t.building, "closed doors") for t in triples]
+    fold = deal_folds(buildings, folds, "given")
     models: dict[int, Models] = {}
-    for triple in triples:
-        k = fold[building_of(triple.building)]
+    for triple, building in zip(triples, buildings, strict=True):
+        k = fold[building]
         if k not in models:
             models[k] = fit(samples for source, samples in learnt if fold.get(source.building) != k)
         yield evaluate_triple(triple, resolution, out, models[k])

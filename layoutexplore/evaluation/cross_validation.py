@@ -20,7 +20,7 @@ from layoutexplore.layout.merging.method import MergingConfig, reconstruct_with
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.models.forest import Forest
-from layoutexplore.training.folds import Progress, _silent, deal_folds
+from layoutexplore.training.folds import Progress, check_folds, deal_folds, silent
 from layoutexplore.training.room_merging import MergingTrainingConfig, train_forest, training_examples
 from layoutexplore.training.simulated_maps import simulated_examples
 
@@ -35,7 +35,7 @@ def cross_validate(
     plans: Sequence[str] = (),
     seeds: int = 1,
     weights: Mapping[str, float] | None = None,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
     """Score the default method on every map with a judge that has not seen its building, once for each seed.
 
@@ -50,7 +50,8 @@ def cross_validate(
         weights: Weight in training of a folder's maps where it is not 1.
         progress: Told of what takes long.
     """
-    dealt = deal_folds(cases, folds)
+    check_folds(folds, [case.building for case in cases])
+    dealt = deal_folds([case.building for case in cases], folds)
     examples = training_examples(cases, resolution, progress)
     extra = simulated_examples(simulated, tuple(plans), progress=progress)
     for seed in range(seeds):

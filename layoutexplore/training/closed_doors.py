@@ -27,9 +27,9 @@ from layoutexplore.closed_doors.scene import Scene, integral
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.files import is_whole, read_arrays, write_arrays
 from layoutexplore.grids.grid import FREE
+from layoutexplore.maps.buildings import building_of
 from layoutexplore.models.forest import as_forest
 from layoutexplore.models.forest_files import save_forests
-from layoutexplore.training.folds import building_of
 from layoutexplore.training.shut_rooms import RESOLUTION, add_outer_doors, plan_cells, shut_rooms
 
 SHUT_AGAIN, PLAN_MAPS = 5, 3
@@ -179,13 +179,20 @@ def find_sources(
     triples = (
         [t for t in find_triples(folder) if buildings is None or t.building in buildings] if folder else []
     )
-    out = [Source(building_of(t.building), t.name, t.seen, t.truth) for t in triples if t.doors % _EVERY == 0]
+    out = [
+        Source(building_of(t.building, "closed doors"), t.name, t.seen, t.truth)
+        for t in triples
+        if t.doors % _EVERY == 0
+    ]
     truths = {t.building: t.truth for t in triples}
     for name, truth in truths.items():
-        out += [Source(building_of(name), f"{name}-shut-{k}", truth, None) for k in range(SHUT_AGAIN)]
+        out += [
+            Source(building_of(name, "closed doors"), f"{name}-shut-{k}", truth, None)
+            for k in range(SHUT_AGAIN)
+        ]
     named = [(Path(plan).name.split(".")[0], Path(plan)) for plan in plans]
     return out + [
-        Source(building_of(name), f"{name}-plan-{k}", path, None)
+        Source(building_of(name, "closed doors"), f"{name}-plan-{k}", path, None)
         for k in range(PLAN_MAPS)
         for name, path in named
     ]

@@ -1,32 +1,52 @@
-"""Folds by building: one rule for which floors are of the same building, one for dealing them."""
+"""Folds by building: which floor plans are of one building, and how buildings are dealt into folds.
+
+What a name alone tells says `layoutexplore.maps.buildings.building_of`.
+"""
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.painted_rooms import Case
+
+Progress = Callable[[str, int, int], None]
+"""Told what is being done, how often it has been done, and how often it will be."""
 
 
-def deal_folds(cases: Sequence[Case], folds: int) -> dict[str, int]:
-    """A fold for each building: the buildings with most maps first, each into the fold with the fewest maps.
+def silent(what: str, done: int, total: int) -> None:
+    """Progress that nobody looks at."""
 
-    Raises:
-        ConfigError: Fewer than two folds or fewer buildings than folds.
+
+def deal_folds(
+    buildings: Iterable[str], folds: int, order: Literal["size", "name", "given"] = "size"
+) -> dict[str, int]:
+    """A fold for each building.
+
+    The orders differ because published figures depend on them: "size" those of `evaluate segmentation --folds`,
+    "name" those of `evaluate train-predictor --folds`, "given" those of `evaluate closed-doors --folds`.
+
+    Args:
+        buildings: One entry a map.
+        folds: Number of folds.
+        order: "size": the buildings with most maps first, each into the fold with the fewest maps. "name": by
+            name in turn, for what comes from one source often has names that sort together. "given": in turn
+            as they come.
+
+    Example:
+        >>> deal_folds("cabbaa", 2), deal_folds("cabbaa", 2, "name"), deal_folds("cabbaa", 2, "given")
+        ({'a': 0, 'b': 1, 'c': 1}, {'a': 0, 'b': 1, 'c': 0}, {'c': 0, 'a': 1, 'b': 0})
     """
-    counts: dict[str, int] = {}
-    for case in cases:
-        counts[case.building] = counts.get(case.building, 0) + 1
-    if not 2 <= folds <= len(counts):
-        raise ConfigError(
-            f"folds must be at least 2 and at most one a building: got {folds} for {len(counts)} building(s)"
-        )
+    counts = Counter(buildings)
+    if order != "size":
+        return {name: k % folds for k, name in enumerate(counts if order == "given" else sorted(counts))}
     sizes, dealt = [0] * folds, {}
     for building in sorted(counts, key=lambda b: (-counts[b], b)):
         dealt[building] = sizes.index(min(sizes))
@@ -34,17 +54,13 @@ def deal_folds(cases: Sequence[Case], folds: int) -> dict[str, int]:
     return dealt
 
 
-Progress = Callable[[str, int, int], None]
-"""Told what is being done, how often it has been done, and how often it will be."""
-
-
-def _silent(what: str, done: int, total: int) -> None:
-    """Progress that nobody looks at."""
-
-
-def deal_groups(groups: Sequence[str], folds: int) -> dict[str, int]:
-    """A fold for each group of buildings: by name in turn, for what comes from one source often has names that sort together."""
-    return {name: k % folds for k, name in enumerate(sorted(set(groups)))}
+def check_folds(folds: int, buildings: Iterable[str]) -> None:
+    """Raise `ConfigError` unless there are at least two folds and at most one a building."""
+    count = len(set(buildings))
+    if not 2 <= folds <= count:
+        raise ConfigError(
+            f"folds must be at least 2 and at most one a building: got {folds} for {count} building(s)"
+        )
 
 
 def building_weights(building: NDArray[np.str_]) -> NDArray[np.float64]:
@@ -86,8 +102,3 @@ def _same_building(plan: FloorPlan, other: FloorPlan) -> bool:
         return True
     sides = np.array([np.subtract(p.bounds[2:], p.bounds[:2]) for p in (plan, other)])
     return bool((np.abs(sides[0] - sides[1]) < SAME_SIZE * sides.max(0)).all() and sides.min() > 10.0)
-
-
-def building_of(name: str) -> str:
-    """The building of a floor's name: what is left without a number at its end."""
-    return re.sub(r"[_-]?\d+$", "", name)

@@ -90,15 +90,12 @@ def explore_plans(
 
 def buildings_of(seen: Explored, folds: int) -> dict[str, str]:
     """The group of each plan from a file and of its copies; there are enough of them for the folds."""
-    from layoutexplore.errors import ConfigError
-    from layoutexplore.training.folds import group_buildings
+    from layoutexplore.training.folds import check_folds, group_buildings
 
     groups = group_buildings(seen.files)
     groups |= {copy: groups[name] for copy, name in seen.copies.items()}
-    if folds and not 2 <= folds <= len(set(groups.values())):
-        raise ConfigError(
-            f"{folds} folds need at least 2 and at most one a building, got {len(set(groups.values()))} buildings"
-        )
+    if folds:
+        check_folds(folds, groups.values())
     return groups
 
 

@@ -20,7 +20,7 @@ from layoutexplore.predictors.cell_model import features as cell_features
 from layoutexplore.predictors.cell_model.features import add_first_estimate
 from layoutexplore.predictors.frontier_model.features import FEATURES
 from layoutexplore.predictors.learned import CELL_MODEL, FRONTIER_MODEL, LEFTOVER
-from layoutexplore.training.folds import building_weights, deal_groups
+from layoutexplore.training.folds import building_weights, deal_folds
 from layoutexplore.training.predictor_samples import CellSamples, PredictorSamples
 
 
@@ -92,7 +92,7 @@ def fit_cell_forests(
     cells = [part for part in samples.cells if len(part.inside)]
     rng = np.random.default_rng(0)
     chosen = [_some_of_each_region(part, config.region_cells, rng) for part in cells]
-    fold = deal_groups([part.building for part in cells], config.inner_folds)
+    fold = deal_folds([part.building for part in cells], config.inner_folds, "name")
     judged: list[NDArray[np.float32]] = [part.candidates.features for part in cells]
     for k in range(config.inner_folds):
         others = [n for n, part in enumerate(cells) if fold[part.building] != k]

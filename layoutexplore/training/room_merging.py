@@ -20,7 +20,7 @@ from layoutexplore.layout.merging.pair_features import FEATURES
 from layoutexplore.maps.painted_rooms import Case, read_case
 from layoutexplore.models.forest import Forest, as_forest
 from layoutexplore.training.explored_maps import explored_examples
-from layoutexplore.training.folds import Progress, _silent
+from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
 from layoutexplore.training.simulated_maps import simulated_examples
 
@@ -175,9 +175,7 @@ EXPLORED = 2
 """So many maps of a building and folder are explored to train on."""
 
 
-def training_examples(
-    cases: Sequence[Case], resolution: float, progress: Progress = _silent
-) -> list[Example]:
+def training_examples(cases: Sequence[Case], resolution: float, progress: Progress = silent) -> list[Example]:
     """What the judge learns from the maps, and from some of them while being explored.
 
     Of each building and folder, the largest `EXPLORED` maps are explored.
@@ -211,7 +209,7 @@ def train_classifier(
     plans: Sequence[str] = (),
     seed: int = 0,
     weights: Mapping[str, float] | None = None,
-    progress: Progress = _silent,
+    progress: Progress = silent,
 ) -> Forest:
     """The judge that ships: trained on all given maps and on simulated ones; `weights` as in `cross_validate`."""
     examples = training_examples(cases, resolution, progress)

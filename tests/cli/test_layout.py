@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 
 from layoutexplore.cli import app
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.maps.painted_rooms import find_cases, guess_building
-from layoutexplore.training.folds import deal_folds
+from layoutexplore.maps.buildings import building_of
+from layoutexplore.maps.painted_rooms import find_cases
+from layoutexplore.training.folds import check_folds, deal_folds
 
 runner = CliRunner()
 
@@ -147,9 +148,10 @@ def test_cross_validation_never_trains_on_the_building_it_scores(tmp_path: Path)
         draw(tmp_path, name)
     cases = find_cases([tmp_path])
     assert {c.building for c in cases} == {"tower", "tower2", "barn"}
-    assert len(set(deal_folds(cases, 3).values())) == 3
+    buildings = [case.building for case in cases]
+    assert len(set(deal_folds(buildings, 3).values())) == 3
     with pytest.raises(ConfigError, match="folds"):
-        deal_folds(cases, 4)
+        check_folds(4, buildings)
     options = ["--folds", "2", "--simulated", "2", "--weight", f"{tmp_path.name}=2"]
     result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), *options])
     assert result.exit_code == 0, result.output
@@ -158,7 +160,7 @@ def test_cross_validation_never_trains_on_the_building_it_scores(tmp_path: Path)
 
 def test_buildings_come_from_a_file_or_the_name(tmp_path: Path) -> None:
     draw(tmp_path, "map1")
-    assert guess_building("lab_intel", "x") == guess_building("intel_map", "y") == "intel"
+    assert building_of("lab_intel", "painted rooms") == building_of("intel_map", "painted rooms") == "intel"
     assert find_cases([tmp_path])[0].building == tmp_path.name
     assert find_cases([tmp_path], {"map1": "castle"})[0].building == "castle"
 

@@ -14,7 +14,7 @@ from layoutexplore.models.forest_files import load_forests, save_forests
 from layoutexplore.predictors import make_predictor, make_room_predictor
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 from layoutexplore.training.explorations import stopped_explorations
-from layoutexplore.training.folds import deal_groups
+from layoutexplore.training.folds import deal_folds
 from layoutexplore.training.predictor_forests import PredictorForestConfig, fit_frontier_forests, train_models
 from layoutexplore.training.predictor_samples import PredictorSamples, gather, join_samples
 from tests.plans import THREE_OFFICES
@@ -70,7 +70,7 @@ def test_a_model_of_ones_own(tmp_path: Path) -> None:
     assert set(others.building.tolist()) == {"house"} and len(others.features) == len(
         gather(explorations[2:]).features
     )
-    assert deal_groups(["a", "b", "b"], 2) == deal_groups(["b", "a"], 2)
+    assert deal_folds(["a", "b", "b"], 2, "name") == deal_folds(["b", "a"], 2, "name")
     train_models(samples, tmp_path, {"flat": "house"}, PredictorForestConfig(trees=3, cell_trees=3))
     predictor = make_room_predictor(f"layout:model={tmp_path}")
     assert (
