@@ -86,6 +86,7 @@ def play(
     seed: int = 0,
     start: Pose | None = None,
     on_step: Callable[[Simulation], None] | None = None,
+    until: Callable[[Simulation], bool] | None = None,
     probe: Callable[[Simulation], Probe] | None = None,
 ) -> Episode:
     """Explore until the simulation or the agent ends the run.
@@ -96,6 +97,7 @@ def play(
         seed: For both.
         start: Where to begin; drawn from the seed when None.
         on_step: Called after the reset and after every decision.
+        until: Ends the run early where it is true, asked after `on_step`.
         probe: Makes what asks beside the run, of the simulation after its reset; only where a predictor is
             timed.
 
@@ -114,7 +116,7 @@ def play(
     predicted = 0.0
     if on_step:
         on_step(simulation)
-    while not simulation.done:
+    while not simulation.done and not (until and until(simulation)):
         if asked_beside:
             asked_beside.before(agent)
         asked = time.perf_counter()

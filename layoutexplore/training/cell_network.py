@@ -11,7 +11,7 @@ each family:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,10 +23,7 @@ from torch.nn import functional
 from layoutexplore.predictors.cell_model.network import LAYERS
 from layoutexplore.predictors.cell_model.network_input import PLANES, draw_planes, turned
 from layoutexplore.training.predictor_samples import CellNetworkSample
-from layoutexplore.training.torch_layers import Convolution, plain_weights
-
-Progress = Callable[[int, int, float], None]
-"""Told of steps made, steps in all, and the mean loss of late."""
+from layoutexplore.training.torch_layers import Convolution, StepProgress, fit_network, plain_weights
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +80,7 @@ class TrainableCellNetwork(nn.Module):
 
 
 def pretrain_cell_network(
-    generated: Sequence[CellNetworkSample], config: CellNetworkConfig, progress: Progress
+    generated: Sequence[CellNetworkSample], config: CellNetworkConfig, progress: StepProgress
 ) -> TrainableCellNetwork:
     """A network that has learnt from generated plans, if there are any."""
     torch.manual_seed(config.seed)
@@ -98,7 +95,7 @@ def train_cell_network(
     generated: Sequence[CellNetworkSample],
     real: Sequence[CellNetworkSample],
     config: CellNetworkConfig,
-    progress: Progress,
+    progress: StepProgress,
 ) -> dict[str, NDArray[np.float32]]:
     """The weights of a network that goes on learning from all plans; the first one stays as it is."""
     network = TrainableCellNetwork()
@@ -114,14 +111,11 @@ def _train(
     steps: int,
     rate: float,
     config: CellNetworkConfig,
-    progress: Progress,
+    progress: StepProgress,
 ) -> None:
     rng = np.random.default_rng(config.seed)
-    optimizer = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=1e-3)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, total_steps=steps, pct_start=0.1)
-    network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    late = 0.0
-    for step in range(steps):
+
+    def losses() -> tuple[torch.Tensor, torch.Tensor]:
         chosen = []
         for _ in range(config.batch):
             pool = generated if not real or (generated and rng.random() < config.generated_share) else real
@@ -130,16 +124,11 @@ def _train(
         with torch.autocast("cpu", torch.bfloat16):
             odds = network(planes)
         wrong = functional.binary_cross_entropy_with_logits(odds.float(), truth, reduction="none")
-        loss = (wrong * weight).sum() / weight.sum().clamp(
-            min=1.0
-        )  # A window may hold nothing that is asked.
-        optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
-        optimizer.step()
-        schedule.step()
-        late += (float(loss.detach()) - late) / min(step + 1, 100)
-        progress(step + 1, steps, late)
-    network.eval()
+        # A crop may hold nothing that is asked.
+        loss = (wrong * weight).sum() / weight.sum().clamp(min=1.0)
+        return loss, loss
+
+    fit_network(network, losses, steps=steps, rate=rate, decay=1e-3, progress=progress)
 
 
 def _batch(

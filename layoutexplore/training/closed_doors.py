@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -28,14 +28,18 @@ from layoutexplore.errors import LayoutExploreError
 from layoutexplore.files import is_whole, read_arrays, write_arrays
 from layoutexplore.grids.grid import FREE
 from layoutexplore.maps.buildings import building_of
-from layoutexplore.models.forest import as_forest
 from layoutexplore.models.forest_files import save_forests
+from layoutexplore.training.boosting import BoostingConfig, fit_forest
 from layoutexplore.training.shut_rooms import RESOLUTION, add_outer_doors, plan_cells, shut_rooms
 
 SHUT_AGAIN, PLAN_MAPS = 5, 3
 """Simulated maps of each building of a folder, and of each floor plan."""
 
 _EVERY = 2  # of the maps of a building, which share most of their doors, every second one is learnt from
+
+DOOR_BOOSTING = BoostingConfig(trees=80, rate=0.08, leaves=8, leaf_samples=15, feature_share=0.4)
+ROOM_BOOSTING = BoostingConfig(trees=150, rate=0.08, leaves=12, leaf_samples=40, feature_share=0.3)
+"""How the trees that find doors and those that score rectangles are grown."""
 
 _KEPT, _BEST = 24, 4  # rectangles kept of a door: at random, and the best
 _BEHIND = 0.35  # metres behind an edge that are hidden where it is a door
@@ -130,21 +134,13 @@ def agreement_of(
 
 def fit(samples: Iterable[ClosedDoorSamples], *, trees: int = 150) -> Models:
     """Train both forests on the samples of several maps; `trees` is the number of those that judge rectangles."""
-    from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostingRegressor
-
     parts = list(samples)
     edges, is_door, boxes, agreement, weight = (
         np.concatenate([getattr(part, name) for part in parts])
         for name in ("edges", "is_door", "boxes", "agreement", "weight")
     )
-    common = {"l2_regularization": 3.0, "random_state": 0, "early_stopping": False}
-    doors = HistGradientBoostingClassifier(
-        max_iter=80, learning_rate=0.08, max_leaf_nodes=8, min_samples_leaf=15, max_features=0.4, **common
-    )
-    rooms = HistGradientBoostingRegressor(
-        max_iter=trees, learning_rate=0.08, max_leaf_nodes=12, min_samples_leaf=40, max_features=0.3, **common
-    )
-    return Models(as_forest(doors.fit(edges, is_door)), as_forest(rooms.fit(boxes, agreement, weight)))
+    rooms = replace(ROOM_BOOSTING, trees=trees)
+    return Models(fit_forest(edges, is_door, DOOR_BOOSTING), fit_forest(boxes, agreement, rooms, weight))
 
 
 @dataclass(frozen=True)

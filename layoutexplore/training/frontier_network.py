@@ -20,10 +20,9 @@ from torch.nn import functional
 from layoutexplore.predictors.frontier_model.network import LAYERS, MOST, WIDTHS
 from layoutexplore.predictors.frontier_model.network_input import KNOWN
 from layoutexplore.predictors.learned import LEFTOVER
-from layoutexplore.training.cell_network import Progress
 from layoutexplore.training.folds import building_weights
 from layoutexplore.training.predictor_samples import CropSamples
-from layoutexplore.training.torch_layers import Convolution, plain_weights
+from layoutexplore.training.torch_layers import Convolution, StepProgress, fit_network, plain_weights
 
 DRAWN = 32
 """Channels from which squares are drawn."""
@@ -109,7 +108,7 @@ def train_frontier_network(
     real: Sequence[CropSamples],
     groups: Mapping[str, str],
     config: FrontierNetworkConfig,
-    progress: Progress,
+    progress: StepProgress,
 ) -> dict[str, NDArray[np.generic]]:
     """Train the network.
 
@@ -124,10 +123,10 @@ def train_frontier_network(
         Weights as `FrontierNetwork` takes them.
     """
     torch.manual_seed(config.seed)
-    draws = _Draws(_Pool(generated, {}), _Pool(real, groups), config)
+    batches = CropBatches(CropPool(generated, {}), CropPool(real, groups), config)
     network = TrainableFrontierNetwork(config.dropout)
-    _train(network, draws, config, progress)
-    return quantised_weights(network, draws.draw(CALIBRATED)[0])
+    fit_frontier_network(network, batches, config, progress)
+    return quantised_weights(network, batches.draw(CALIBRATED)[0])
 
 
 _Drawn = tuple[NDArray[np.uint8], np.bool_, np.float64, NDArray[np.uint8]]
@@ -138,7 +137,7 @@ _Batch = tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64], NDArra
 """The same of many: windows (n, SIDE, SIDE, PLANES), classes and areas (n,), and the truth of squares (n, SIDE, SIDE)."""
 
 
-class _Pool:
+class CropPool:
     """Windows of several plans, drawn more often of a building with many than of one with few, but not as many times more."""
 
     def __init__(self, parts: Sequence[CropSamples], groups: Mapping[str, str]) -> None:
@@ -161,10 +160,10 @@ class _Pool:
             yield part.windows[row], part.closed[row], part.area[row], part.truth[row]
 
 
-class _Draws:
+class CropBatches:
     """Batches of generated and of real windows, half of them mirrored."""
 
-    def __init__(self, generated: _Pool, real: _Pool, config: FrontierNetworkConfig) -> None:
+    def __init__(self, generated: CropPool, real: CropPool, config: FrontierNetworkConfig) -> None:
         self._generated, self._real = generated, real
         self._share = config.generated_share if generated.size and real.size else float(generated.size > 0)
         self._rng = np.random.default_rng(config.seed)
@@ -178,29 +177,26 @@ class _Draws:
         return windows[:, :, ::way], closed, area, truth[:, :, ::way]
 
 
-def _train(
-    network: TrainableFrontierNetwork, draws: _Draws, config: FrontierNetworkConfig, progress: Progress
+def fit_frontier_network(
+    network: TrainableFrontierNetwork,
+    batches: CropBatches,
+    config: FrontierNetworkConfig,
+    progress: StepProgress,
 ) -> None:
-    optimizer = torch.optim.AdamW(network.parameters(), lr=config.rate, weight_decay=config.decay)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimizer, config.rate, total_steps=config.steps, pct_start=0.1
+    """Train a network on batches of crops."""
+    fit_network(
+        network,
+        lambda: _losses(network, batches.draw(config.batch), config),
+        steps=config.steps,
+        rate=config.rate,
+        decay=config.decay,
+        progress=progress,
     )
-    network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    late = 0.0
-    for step in range(config.steps):
-        loss, wrong = _losses(network, draws.draw(config.batch), config)
-        optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
-        optimizer.step()
-        schedule.step()
-        late += (wrong - late) / min(step + 1, 100)
-        progress(step + 1, config.steps, late)
-    network.eval()
 
 
 def _losses(
     network: TrainableFrontierNetwork, batch: _Batch, config: FrontierNetworkConfig
-) -> tuple[torch.Tensor, float]:
+) -> tuple[torch.Tensor, torch.Tensor]:
     """All losses, weighted, and that of "closed"."""
     windows, closed, area, truth = batch
     shares, squares = _shares(windows), torch.from_numpy(np.ascontiguousarray(truth)).long()
@@ -221,7 +217,7 @@ def _losses(
         + config.area_weight * off
         + config.drawing_weight * misdrawn
     )
-    return loss, float(wrong[0].detach())
+    return loss, wrong[0]
 
 
 def _shares(windows: NDArray[np.uint8]) -> torch.Tensor:

@@ -9,17 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.models.forest import Forest, as_forest
+from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import save_forests
 from layoutexplore.predictors.cell_model import features as cell_features
 from layoutexplore.predictors.cell_model.features import add_first_estimate
 from layoutexplore.predictors.frontier_model.features import FEATURES
 from layoutexplore.predictors.learned import CELL_MODEL, FRONTIER_MODEL, LEFTOVER
+from layoutexplore.training.boosting import BoostingConfig, fit_forest
 from layoutexplore.training.folds import building_weights, deal_folds
 from layoutexplore.training.predictor_samples import CellSamples, PredictorSamples
 
@@ -61,28 +61,20 @@ def fit_frontier_forests(
     samples: PredictorSamples, config: PredictorForestConfig = DEFAULT_TRAINING
 ) -> dict[str, Forest]:
     """Train "closed" and "leftover" (log-odds) and "area" (log of 1 + square metres)."""
-    from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostingRegressor
-
-    options: dict[str, Any] = {
-        "max_iter": config.trees,
-        "learning_rate": config.rate,
-        "max_leaf_nodes": config.leaves,
-        "max_features": config.feature_share,
-        "min_samples_leaf": 20,
-        "l2_regularization": 3.0,
-        "early_stopping": False,
-        "random_state": 0,
-    }
-    weights = _frontier_weights(samples, config.generated_share)
-    leftover = samples.closed & (samples.area < LEFTOVER)
-    forests = {}
-    for name, target in (("closed", samples.closed), ("leftover", leftover)):
-        model = HistGradientBoostingClassifier(**options).fit(samples.features, target, sample_weight=weights)
-        forests[name] = as_forest(model)
-    model = HistGradientBoostingRegressor(**options).fit(
-        samples.features, np.log1p(samples.area), sample_weight=weights
+    boosting = BoostingConfig(
+        trees=config.trees,
+        leaves=config.leaves,
+        rate=config.rate,
+        leaf_samples=20,
+        feature_share=config.feature_share,
     )
-    return forests | {"area": as_forest(model)}
+    weights = _frontier_weights(samples, config.generated_share)
+    targets = {
+        "closed": samples.closed,
+        "leftover": samples.closed & (samples.area < LEFTOVER),
+        "area": np.log1p(samples.area),
+    }
+    return {name: fit_forest(samples.features, target, boosting, weights) for name, target in targets.items()}
 
 
 def fit_cell_forests(
@@ -127,18 +119,10 @@ def _fit_cells(
     inside: Sequence[NDArray[np.bool_]],
     config: PredictorForestConfig,
 ) -> Forest:
-    from sklearn.ensemble import HistGradientBoostingClassifier
-
-    model = HistGradientBoostingClassifier(
-        max_iter=config.cell_trees,
-        learning_rate=config.cell_rate,
-        max_leaf_nodes=config.cell_leaves,
-        min_samples_leaf=50,
-        l2_regularization=3.0,
-        early_stopping=False,
-        random_state=0,
+    boosting = BoostingConfig(
+        trees=config.cell_trees, leaves=config.cell_leaves, rate=config.cell_rate, leaf_samples=50
     )
-    return as_forest(model.fit(np.concatenate(features), np.concatenate(inside)))
+    return fit_forest(np.concatenate(features), np.concatenate(inside), boosting)
 
 
 def _frontier_weights(samples: PredictorSamples, generated_share: float) -> NDArray[np.float64]:

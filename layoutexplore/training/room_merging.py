@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from layoutexplore.layout.merging.agglomeration import training_samples
 from layoutexplore.layout.merging.pair_features import FEATURES
 from layoutexplore.maps.painted_rooms import Case, read_case
-from layoutexplore.models.forest import Forest, as_forest
+from layoutexplore.models.forest import Forest
+from layoutexplore.training.boosting import BoostingConfig, fit_forest
 from layoutexplore.training.explored_maps import explored_examples
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
@@ -29,6 +30,9 @@ RISING = ("openness", "contact_share_small", "contact_share_large", "pass", "pas
 FALLING = ("line_near", "line_near_min", "line_far", "through", "door_share", "misalignment", "parted", "covered",
            "apart")  # fmt: skip
 """Features of which more can only speak for one room, or only against it: what keeps the judge sane on unseen buildings."""
+
+LABEL, WEIGHT = -2, -1
+"""Columns of a sample behind its features: 1 where the pair is one room, and the sample's weight."""
 
 LEVELS = 200
 """A feature is known to so many quantiles: splits between them are not looked for."""
@@ -116,7 +120,7 @@ def _weights(
 ) -> NDArray[np.float64]:
     totals: dict[tuple[str, str], float] = {}
     for part, key in zip(samples, keys, strict=True):
-        totals[key] = totals.get(key, 0.0) + float(part[:, -1].sum())
+        totals[key] = totals.get(key, 0.0) + float(part[:, WEIGHT].sum())
     real = max(sum(building != SIMULATED for building, _ in totals), 1)
     simulated = max(len(totals) - sum(building != SIMULATED for building, _ in totals), 1)
     scale = {
@@ -126,7 +130,7 @@ def _weights(
         for building, kind in totals
     }
     weights = np.concatenate(
-        [p[:, -1] * scale[k] / max(totals[k], 1e-9) for p, k in zip(samples, keys, strict=True)]
+        [p[:, WEIGHT] * scale[k] / max(totals[k], 1e-9) for p, k in zip(samples, keys, strict=True)]
     )
     return np.asarray(weights * len(weights) / max(float(weights.sum()), 1e-9))
 
@@ -153,21 +157,18 @@ def _quantised(table: NDArray[np.float64]) -> NDArray[np.float64]:
 def _fit(
     table: NDArray[np.float64], weights: NDArray[np.float64], config: MergingTrainingConfig, seed: int
 ) -> Forest:
-    from sklearn.ensemble import HistGradientBoostingClassifier
-
-    model = HistGradientBoostingClassifier(
-        max_iter=config.trees,
-        learning_rate=config.rate,
-        max_leaf_nodes=config.leaves,
-        min_samples_leaf=30,
-        l2_regularization=5.0,
-        max_features=config.features,
-        monotonic_cst=[int(f in RISING) - int(f in FALLING) for f in FEATURES],
-        early_stopping=False,
-        random_state=seed,
+    boosting = BoostingConfig(
+        trees=config.trees,
+        leaves=config.leaves,
+        rate=config.rate,
+        leaf_samples=30,
+        penalty=5.0,
+        feature_share=config.features,
+        monotonic=tuple(int(f in RISING) - int(f in FALLING) for f in FEATURES),
+        seed=seed,
     )
-    model.fit(table[:, : len(FEATURES)], table[:, -2], sample_weight=weights)
-    forest = as_forest(model, double=True)
+    features, is_one_room = table[:, : len(FEATURES)], table[:, LABEL] > 0.5
+    forest = fit_forest(features, is_one_room, boosting, weights, double=True)
     return replace(forest, threshold=forest.threshold.round(6), bias=round(forest.bias, 6))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.predictors import make_predictor
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.sensing.lidar import sensor as sensor_of
+from layoutexplore.simulation.episode import play
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 
 COVERAGES = (0.2, 0.4, 0.6, 0.8)
@@ -51,7 +52,7 @@ def explore_plan(
     path = store and store / f"{_key(plan, simulation, seed, agent.name, coverages)}.npz"
     if path and is_whole(path):
         return _load(path, plan, simulation, seed)
-    found = list(_run(simulation, seed, agent, coverages))
+    found = _run(simulation, seed, agent, coverages)
     if path:
         _save(path, found)
     return [
@@ -62,16 +63,17 @@ def explore_plan(
 
 def _run(
     simulation: Simulation, seed: int, agent: Agent, coverages: Iterable[float]
-) -> Iterator[tuple[float, Decision]]:
-    agent.reset(seed)
+) -> list[tuple[float, Decision]]:
+    """The first decisions at or above each coverage."""
     simulation.predictor = make_predictor(getattr(agent, "predictor", "none"))
-    decision = simulation.reset(seed=seed)
-    for share in coverages:
-        while simulation.coverage < share and not simulation.done:
-            decision = simulation.step(agent.act(decision))
-        if simulation.done:
-            return
-        yield share, _frozen(decision)
+    waiting, found = list(coverages), []
+
+    def keep(simulation: Simulation) -> None:
+        while waiting and not simulation.done and simulation.coverage >= waiting[0]:
+            found.append((waiting.pop(0), _frozen(simulation.decision)))
+
+    play(simulation, agent, seed=seed, on_step=keep, until=lambda _: not waiting)
+    return found
 
 
 def _frozen(decision: Decision) -> Decision:

@@ -1,14 +1,54 @@
-"""Layers of small networks as they are trained; needs torch."""
+"""Layers of small networks as they are trained, and the training loop; needs torch."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
+
+StepProgress = Callable[[int, int, float], None]
+"""Told of steps made, steps in all, and the mean loss of late."""
+
+_LATE = 100
+"""Steps that the mean loss of late is taken over."""
+
+
+def fit_network(
+    network: nn.Module,
+    losses: Callable[[], tuple[torch.Tensor, torch.Tensor]],
+    *,
+    steps: int,
+    rate: float,
+    decay: float,
+    progress: StepProgress,
+) -> None:
+    """Train a network by AdamW; the learning rate rises for a tenth of the steps and then falls (one cycle).
+
+    Args:
+        network: What is trained; it is ready to be asked afterwards.
+        losses: Draws a batch and gives the loss to descend and the one to show.
+        steps: Batches.
+        rate: Highest learning rate.
+        decay: Of the weights.
+        progress: Told of the steps.
+    """
+    optimizer = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=decay)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, total_steps=steps, pct_start=0.1)
+    network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    late = 0.0
+    for step in range(steps):
+        loss, shown = losses()
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+        schedule.step()
+        late += (float(shown.detach()) - late) / min(step + 1, _LATE)
+        progress(step + 1, steps, late)
+    network.eval()
 
 
 class Convolution(nn.Module):
@@ -41,9 +81,8 @@ def plain_weights(layers: Mapping[str, nn.Module]) -> dict[str, NDArray[np.float
         else:
             assert isinstance(layer, nn.Conv2d | nn.Linear) and layer.bias is not None
             weight, bias = layer.weight.detach(), layer.bias.detach()
-        weight = weight.reshape(*weight.shape[:2], -1).permute(
-            2, 1, 0
-        )  # A linear layer is a kernel of one cell.
+        # A linear layer is a kernel of one cell.
+        weight = weight.reshape(*weight.shape[:2], -1).permute(2, 1, 0)
         out[f"{name}.weight"] = weight.reshape(-1, weight.shape[2]).contiguous().numpy()
         out[f"{name}.bias"] = bias.numpy()
     return out

@@ -79,11 +79,11 @@ def test_squares_are_drawn_the_way_their_windows_lie() -> None:
     """What is ahead to the left is the room behind, to the right another: only a window that lies as its truth does tells."""
     torch = pytest.importorskip("torch")
     from layoutexplore.training.frontier_network import (
+        CropBatches,
+        CropPool,
         FrontierNetworkConfig,
         TrainableFrontierNetwork,
-        _Draws,
-        _Pool,
-        _train,
+        fit_frontier_network,
     )
     from layoutexplore.training.predictor_samples import CropSamples
 
@@ -95,9 +95,9 @@ def test_squares_are_drawn_the_way_their_windows_lie() -> None:
     truth = np.where(
         windows[..., 1] > 0, KNOWN, np.where(windows[..., 6] > 0, ROOM_BEHIND, OTHER_ROOM)
     ).astype(np.uint8)
-    pool = _Pool([CropSamples(windows, np.ones(64, np.bool_), np.ones(64), truth, "a")], {})
+    pool = CropPool([CropSamples(windows, np.ones(64, np.bool_), np.ones(64), truth, "a")], {})
     config = FrontierNetworkConfig(steps=40, batch=16, rate=1e-2)
-    draws, ways = _Draws(pool, _Pool([], {}), config), set()
+    draws, ways = CropBatches(pool, CropPool([], {}), config), set()
     for _ in range(20):
         drawn, _, _, of = draws.draw(3)
         expected = np.where(drawn[..., 1] > 0, KNOWN, np.where(drawn[..., 6] > 0, ROOM_BEHIND, OTHER_ROOM))
@@ -106,7 +106,7 @@ def test_squares_are_drawn_the_way_their_windows_lie() -> None:
     assert ways == {False, True}, "some are mirrored"
     torch.manual_seed(0)
     network = TrainableFrontierNetwork(0.0)
-    _train(network, draws, config, lambda *_: None)
+    fit_frontier_network(network, draws, config, lambda *_: None)
     with torch.no_grad():
         squares = network.drawing(
             network.hidden(torch.from_numpy(windows).permute(0, 3, 1, 2).float() / 255.0)

@@ -7,9 +7,9 @@ It sees what the trees see of each square, and what they see of all squares arou
 from __future__ import annotations
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from layoutexplore.models.convolution import convolve
 from layoutexplore.models.network_files import Layers, Weights
 from layoutexplore.predictors.cell_model.network_input import PLANES, NetworkInput, Planes, draw_planes
 
@@ -62,29 +62,6 @@ class CellNetwork:
     def _layer(self, name: str, values: NDArray[np.float32], last: bool = False) -> NDArray[np.float32]:
         """One convolution of values (rows, cols, channels), padded with zeros."""
         _, _, side, stride = LAYERS[name]
-        weight, convolved = self._weights[f"{name}.weight"], _dense if stride == 1 else _strided
-        found = values @ weight if side == 1 else convolved(values, weight)
+        found = convolve(values, self._weights[f"{name}.weight"], side, stride)
         found += self._weights[f"{name}.bias"]
         return found if last else np.maximum(found, 0.0, out=found)
-
-
-def _dense(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
-    """A convolution with a kernel of 3 x 3, as nine products: in rows with a common margin a shift is an offset."""
-    rows, cols, inputs = values.shape
-    padded = np.zeros((rows + 3, cols + 2, inputs), np.float32)
-    padded[1 : rows + 1, 1 : cols + 1] = values
-    flat, count = padded.reshape(-1, inputs), rows * (cols + 2)
-    found = flat[:count] @ weight[:inputs]
-    part = np.empty_like(found)
-    for k in range(1, 9):
-        begin = k // 3 * (cols + 2) + k % 3
-        found += np.matmul(flat[begin : begin + count], weight[k * inputs : (k + 1) * inputs], out=part)
-    return found.reshape(rows, cols + 2, -1)[:, :cols]
-
-
-def _strided(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The same for every other row and column, as one product over windows."""
-    windows = sliding_window_view(np.pad(values, ((1, 1), (1, 1), (0, 0))), (3, 3), axis=(0, 1))[::2, ::2]
-    rows, cols = windows.shape[:2]
-    found: NDArray[np.float32] = windows.transpose(0, 1, 3, 4, 2).reshape(rows * cols, -1) @ weight
-    return found.reshape(rows, cols, -1)

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.models.convolution import neighbourhoods
 from layoutexplore.models.network_files import Layers, Weights, shapes_of
 from layoutexplore.predictors.frontier_model.network_input import PLANES, SIDE
 
@@ -77,47 +78,19 @@ class FrontierNetwork:
         values = np.concatenate([windows, windows[:, :, ::-1]])
         for name, (_, _, side, stride) in LAYERS.items():
             weight, scale, bias = self._layers[name]
-            shown = _neighbourhoods(values, stride) if side > 1 else values.reshape(len(values), -1)
+            shown = neighbourhoods(values, stride) if side > 1 else values.reshape(len(values), -1)
             values = shown.reshape(-1, len(weight)) @ weight
             if name == "judge":
                 values = values * scale + bias
             else:
-                _settle(values, scale, bias)
+                _quantise(values, scale, bias)
                 values = values.reshape(*shown.shape[:-1], -1)
         both: NDArray[np.float32] = (values[: len(windows)] + values[len(windows) :]) / np.float32(2)
         return both
 
 
 @njit(cache=True, nogil=True)
-def _neighbourhoods(values: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
-    """The 3 x 3 squares around every so manieth one, padded with zeros.
-
-    Takes (n, rows, cols, channels) and returns (n, rows / stride, cols / stride, 9 channels).
-    """
-    images, rows, cols, channels = values.shape
-    out = np.empty((images, (rows - 1) // stride + 1, (cols - 1) // stride + 1, 9 * channels), np.float32)
-    of, to = values.ravel(), out.ravel()
-    at = np.uint64(0)
-    for image in range(images):
-        for r in range(-1, rows - 1, stride):
-            for c in range(-1, cols - 1, stride):
-                for row in range(r, r + 3):
-                    first, last = (max(c, 0), min(c + 3, cols)) if 0 <= row < rows else (c, c)
-                    start = np.uint64(((image * rows + row) * cols + first) * channels)
-                    before, shown = np.uint64((first - c) * channels), np.uint64((last - first) * channels)
-                    after = np.uint64(3 * channels) - before - shown
-                    for k in range(before):
-                        to[at + k] = 0.0
-                    for k in range(shown):
-                        to[at + before + k] = of[start + k]
-                    for k in range(after):
-                        to[at + before + shown + k] = 0.0
-                    at += np.uint64(3 * channels)
-    return out
-
-
-@njit(cache=True, nogil=True)
-def _settle(values: NDArray[np.float32], scale: NDArray[np.float32], bias: NDArray[np.float32]) -> None:
+def _quantise(values: NDArray[np.float32], scale: NDArray[np.float32], bias: NDArray[np.float32]) -> None:
     """Make whole numbers 0..MOST of the sums (squares, channels) of a layer."""
     for square in range(values.shape[0]):
         for k in range(values.shape[1]):

@@ -1,0 +1,69 @@
+"""Convolutions of 3 x 3 cells, padded with zeros, in numpy: what the small networks that ship are run with."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+def convolve(
+    values: NDArray[np.float32], weight: NDArray[np.float32], side: int, stride: int
+) -> NDArray[np.float32]:
+    """One convolution, without its bias: float32 (rows / stride, cols / stride, channels out).
+
+    Args:
+        values: float32 (rows, cols, channels in).
+        weight: float32 (side * side * channels in, channels out), by row, column and channel.
+        side: Side of the kernel, 1 or 3.
+        stride: So many cells lie between those of the result.
+    """
+    if side == 1:
+        return np.asarray(values @ weight)
+    if stride == 1:
+        return _convolve_dense(values, weight)
+    near = neighbourhoods(values[None], stride)[0]
+    return np.asarray(near.reshape(-1, near.shape[2]) @ weight).reshape(*near.shape[:2], -1)
+
+
+def _convolve_dense(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Stride 1 as nine products: in rows with a common margin a shift is an offset."""
+    rows, cols, inputs = values.shape
+    padded = np.zeros((rows + 3, cols + 2, inputs), np.float32)
+    padded[1 : rows + 1, 1 : cols + 1] = values
+    flat, count = padded.reshape(-1, inputs), rows * (cols + 2)
+    found = flat[:count] @ weight[:inputs]
+    part = np.empty_like(found)
+    for k in range(1, 9):
+        begin = k // 3 * (cols + 2) + k % 3
+        found += np.matmul(flat[begin : begin + count], weight[k * inputs : (k + 1) * inputs], out=part)
+    return found.reshape(rows, cols + 2, -1)[:, :cols]
+
+
+@njit(cache=True, nogil=True)
+def neighbourhoods(values: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
+    """The 3 x 3 cells around every so manieth one, padded with zeros.
+
+    Takes (n, rows, cols, channels) and returns (n, rows / stride, cols / stride, 9 channels), rounded up.
+    """
+    images, rows, cols, channels = values.shape
+    out = np.empty((images, (rows - 1) // stride + 1, (cols - 1) // stride + 1, 9 * channels), np.float32)
+    of, to = values.ravel(), out.ravel()
+    at = np.uint64(0)  # Unsigned: numba need not look whether an index counts from the end.
+    for image in range(images):
+        for r in range(-1, rows - 1, stride):
+            for c in range(-1, cols - 1, stride):
+                for row in range(r, r + 3):
+                    # Columns [first, last) of the kernel's row lie in the image; none of a row outside of it.
+                    first, last = (max(c, 0), min(c + 3, cols)) if 0 <= row < rows else (c, c)
+                    start = np.uint64(((image * rows + row) * cols + first) * channels)
+                    before, shown = np.uint64((first - c) * channels), np.uint64((last - first) * channels)
+                    after = np.uint64(3 * channels) - before - shown
+                    for k in range(before):
+                        to[at + k] = 0.0
+                    for k in range(shown):
+                        to[at + before + k] = of[start + k]
+                    for k in range(after):
+                        to[at + before + shown + k] = 0.0
+                    at += np.uint64(3 * channels)
+    return out
