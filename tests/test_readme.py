@@ -13,7 +13,7 @@ import typer
 
 from layoutexplore import cli
 from layoutexplore.agents import agent_names
-from layoutexplore.benchmark.config import BenchmarkConfig, read_config
+from layoutexplore.benchmark.config import BenchmarkConfig, read_benchmark_config
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -107,7 +107,8 @@ def test_commands_of_the_readme_parse(command: str) -> None:
 
 def test_the_readme_configuration_is_read(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(blocks("toml")[0])
-    assert BenchmarkConfig(**read_config(tmp_path / "study.toml")).simulation_with("noisy").lidar.beams == 360
+    config = BenchmarkConfig(**read_benchmark_config(tmp_path / "study.toml"))
+    assert config.simulation_with("noisy").lidar.beams == 360
 
 
 def test_folders_stand_in_the_order_of_their_floors() -> None:

@@ -155,7 +155,7 @@ def _comparison(sensor: str, agent: str, metric: str, pairs: list[tuple[Row, Row
     )
 
 
-def summarise(rows: Iterable[Row], baseline: str, curves: Curves) -> list[AgentSummary]:
+def summarise_agents(rows: Iterable[Row], baseline: str, curves: Curves) -> list[AgentSummary]:
     """Plain figures of every agent in every group."""
     found = []
     for sensor, part in groups(rows).items():

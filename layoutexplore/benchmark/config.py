@@ -105,7 +105,7 @@ def settings(config: BenchmarkConfig) -> dict[str, Any]:
     }
 
 
-def read_config(path: Path) -> dict[str, Any]:
+def read_benchmark_config(path: Path) -> dict[str, Any]:
     """Keyword arguments for `BenchmarkConfig` from a TOML file.
 
     The keys are the fields of `BenchmarkConfig`; `[simulation]` holds those of `SimulationConfig` (without

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision, Frontier
 from layoutexplore.frontiers.viewpoints import remaining_share
 from layoutexplore.grids.boxes import known_box
+from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.planning.shortest_paths import distance_matrix
 from layoutexplore.predictors import OraclePredictor
 from layoutexplore.predictors.learned import LEFTOVER
@@ -41,18 +42,18 @@ closed, `least_sure` the least confidence among them, 1 without any; `open_judge
 open, `open_left` are the predicted square metres behind them; `true_left` is the unseen target area, `known`
 that of the known floor."""
 
-MOMENTS = 4
-"""Moments that are kept of a run: those in which most metres were at stake."""
+MOST_DECISIVE = 4
+"""Decisive decisions that are kept of a run: those in which most metres were at stake."""
 
 _NEAR = 2.0
-"""Metres: two decisions between places no further apart are one moment, that with more at stake."""
+"""Metres: two decisions between places no further apart count as one, that with more at stake."""
 
-_MARGIN = 12
-"""Cells around what is known that are kept of a moment's grid."""
+_MARGIN = 1.2
+"""Metres around what is known that are kept of a decision's grid."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Moment:
+class DecisiveDecision:
     """A decision in which the layout changed the choice.
 
     Attributes:
@@ -93,11 +94,11 @@ class Moment:
         closed, area, true_closed, true_area = self.judged[self.without].tolist()
         return bool((closed and area < LEFTOVER) == (true_closed and true_area < LEFTOVER))
 
-    def is_about(self, other: Moment, resolution: float) -> bool:
+    def is_about(self, other: DecisiveDecision, resolution: float) -> bool:
         """Whether both are about the same two places, to within 2 m.
 
         Args:
-            other: A moment on the same floor plan.
+            other: A decision on the same floor plan.
             resolution: Metres per cell.
         """
         pairs = ((self.chosen, other.chosen), (self.given_up, other.given_up))
@@ -110,11 +111,11 @@ class Counterfactual:
 
     Attributes:
         log: float64 (n, len(LOG)), a row a decision.
-        moments: The most decisive ones, in their order.
+        decisive: The most decisive ones, in their order.
     """
 
     log: NDArray[np.float64]
-    moments: tuple[Moment, ...]
+    decisive: tuple[DecisiveDecision, ...]
 
     def column(self, name: str) -> NDArray[np.float64]:
         """float64 (n,): a column of the log."""
@@ -123,41 +124,41 @@ class Counterfactual:
 
 @dataclass(eq=False)
 class _Pursued:
-    """A moment whose outcome is still open."""
+    """A decisive decision whose outcome is still open."""
 
-    moment: Moment
+    decided: DecisiveDecision
     cells: NDArray[np.int32] = field(repr=False)
 
 
 def to_arrays(counterfactual: Counterfactual) -> dict[str, NDArray[np.generic]]:
     """As named arrays, for a file."""
     arrays: dict[str, NDArray[np.generic]] = {"log": counterfactual.log}
-    for k, moment in enumerate(counterfactual.moments):
+    for k, decided in enumerate(counterfactual.decisive):
         numbers = [
-            moment.distance,
-            moment.coverage,
-            moment.stake,
-            moment.without,
-            moment.seen_after,
-            moment.came_back,
+            decided.distance,
+            decided.coverage,
+            decided.stake,
+            decided.without,
+            decided.seen_after,
+            decided.came_back,
         ]
-        places = [moment.corner, moment.here, moment.chosen, moment.given_up]
+        places = [decided.corner, decided.here, decided.chosen, decided.given_up]
         arrays[f"moment{k}_numbers"] = np.array(numbers, np.float64)
         arrays[f"moment{k}_places"] = np.array(places, np.int32)
         for name in ("cells", "judged", "members", "offsets"):
-            arrays[f"moment{k}_{name}"] = getattr(moment, name)
+            arrays[f"moment{k}_{name}"] = getattr(decided, name)
     return arrays
 
 
 def from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Counterfactual:
     """The inverse of `to_arrays`; other arrays are ignored."""
-    moments: list[Moment] = []
-    while f"moment{len(moments)}_numbers" in arrays:
-        begin = f"moment{len(moments)}_"
+    decisive: list[DecisiveDecision] = []
+    while f"moment{len(decisive)}_numbers" in arrays:
+        begin = f"moment{len(decisive)}_"
         distance, coverage, stake, without, seen_after, came_back = arrays[begin + "numbers"].tolist()
         corner, here, chosen, given_up = (tuple(place) for place in arrays[begin + "places"].tolist())
-        moments.append(
-            Moment(
+        decisive.append(
+            DecisiveDecision(
                 distance=distance,
                 coverage=coverage,
                 stake=stake,
@@ -171,10 +172,10 @@ def from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Counterfactual:
                 **{name: arrays[begin + name] for name in ("cells", "judged", "members", "offsets")},
             )
         )
-    return Counterfactual(arrays["log"], tuple(moments))
+    return Counterfactual(arrays["log"], tuple(decisive))
 
 
-class Asides:
+class CounterfactualRollouts:
     """Asks the agent again beside a run.
 
     Args:
@@ -229,8 +230,8 @@ class Asides:
         """Everything noted, once the run is over."""
         self._settle()
         log = np.array(self._rows, np.float64).reshape(-1, len(LOG))
-        moments = sorted((kept.moment for _, _, kept in self._kept), key=lambda moment: moment.distance)
-        return Counterfactual(log, tuple(moments))
+        decisive = sorted((kept.decided for _, _, kept in self._kept), key=lambda decided: decided.distance)
+        return Counterfactual(log, tuple(decisive))
 
     def _ask(self, decision: Decision) -> Choice:
         return copy.deepcopy(self._agent).act(decision)
@@ -265,8 +266,8 @@ class Asides:
         stake = float(between[0, 1] + between[1, 2] - between[0, 2])
         if not np.isfinite(stake):
             return
-        cells, corner = _known_part(decision.grid.cells)
-        moment = Moment(
+        cells, corner = _known_part(decision.grid)
+        decided = DecisiveDecision(
             distance=decision.distance,
             coverage=self._simulation.coverage,
             stake=stake,
@@ -280,13 +281,13 @@ class Asides:
             members=np.concatenate([f.cells for f in decision.frontiers]),
             offsets=np.cumsum([0, *(len(f.cells) for f in decision.frontiers)]),
         )
-        same = [kept for kept in self._kept if kept[2].moment.is_about(moment, decision.grid.resolution)]
-        rivals = same or (self._kept[:1] if len(self._kept) == MOMENTS else [])
+        same = [kept for kept in self._kept if kept[2].decided.is_about(decided, decision.grid.resolution)]
+        rivals = same or (self._kept[:1] if len(self._kept) == MOST_DECISIVE else [])
         if any(stake <= kept[0] for kept in rivals):
             return
         self._kept = [kept for kept in self._kept if kept not in same]
-        self._kept.append((stake, -decision.step, _Pursued(moment, decision.frontiers[without].cells)))
-        self._kept = heapq.nlargest(MOMENTS, self._kept, key=lambda kept: kept[:2])[::-1]
+        self._kept.append((stake, -decision.step, _Pursued(decided, decision.frontiers[without].cells)))
+        self._kept = heapq.nlargest(MOST_DECISIVE, self._kept, key=lambda kept: kept[:2])[::-1]
 
     def _pursue(self, decision: Decision, choice: Choice) -> None:
         """See what becomes of the frontiers that were given up."""
@@ -295,17 +296,17 @@ class Asides:
             return
         goal = {(int(row), int(col)) for row, col in decision.frontiers[choice].cells}
         for _, _, kept in self._kept:
-            if np.isnan(kept.moment.seen_after) and any(
+            if np.isnan(kept.decided.seen_after) and any(
                 (int(row), int(col)) in goal for row, col in kept.cells
             ):
-                kept.moment = dataclasses.replace(kept.moment, came_back=True)
+                kept.decided = dataclasses.replace(kept.decided, came_back=True)
 
     def _settle(self) -> None:
         cells, gone = self._simulation.mapper.grid.cells, self._simulation.config.gone_share
         for _, _, kept in self._kept:
-            if np.isnan(kept.moment.seen_after) and remaining_share(cells, kept.cells) < gone:
-                walked = self._simulation.distance - kept.moment.distance
-                kept.moment = dataclasses.replace(kept.moment, seen_after=walked)
+            if np.isnan(kept.decided.seen_after) and remaining_share(cells, kept.cells) < gone:
+                walked = self._simulation.distance - kept.decided.distance
+                kept.decided = dataclasses.replace(kept.decided, seen_after=walked)
 
 
 def without_layout(decision: Decision) -> Decision:
@@ -366,7 +367,7 @@ def _counts(found: Sequence[Frontier], true: Sequence[Frontier]) -> list[float]:
     return [*(float(s.sum()) for s in sums), *left, float((~closed).sum()), float(judged[~closed, 1].sum())]
 
 
-def _known_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:
+def _known_part(grid: OccupancyGrid) -> tuple[NDArray[np.int8], tuple[int, int]]:
     """A copy of the known part of a grid int8 (rows, cols) with a margin, and its first row and column."""
-    row0, row1, col0, col1 = known_box(cells, _MARGIN)
-    return cells[row0:row1, col0:col1].copy(), (row0, col0)
+    row0, row1, col0, col1 = known_box(grid.cells, round(_MARGIN / grid.resolution))
+    return grid.cells[row0:row1, col0:col1].copy(), (row0, col0)

@@ -39,7 +39,7 @@ Rule = Callable[[Counterfactual], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True)
-class Stop:
+class RunStop:
     """The end of one run.
 
     Attributes:
@@ -82,7 +82,7 @@ class EarlyStop:
     worst: float
     too_early: float
     stopped: float
-    runs: tuple[Stop, ...]
+    runs: tuple[RunStop, ...]
     tried: bool = False
 
 
@@ -117,7 +117,7 @@ def tried_stops(
     baseline: str,
     agent: str,
     curves: Curves,
-    told: Callable[[Row], Counterfactual | None],
+    notes: Callable[[Row], Counterfactual | None],
     thresholds: Sequence[float] = THRESHOLDS,
 ) -> list[EarlyStop]:
     """What an agent without a rule would have saved and lost had it stopped where little was left, in every group.
@@ -127,7 +127,7 @@ def tried_stops(
         baseline: The agent to compare with.
         agent: Of whose runs.
         curves: Give the baseline's curves.
-        told: Gives what was noted in a run; runs in which nobody asked do not count.
+        notes: Gives what was noted in a run; runs in which nobody asked do not count.
         thresholds: Square metres that every frontier must have less of behind it.
     """
     found = []
@@ -137,7 +137,7 @@ def tried_stops(
         }
         mine = [row for row in part if row.agent == agent and (row.plan, row.start, row.sensor) in base]
         runs = [
-            (row, c, base[row.plan, row.start, row.sensor]) for row in mine if (c := told(row)) is not None
+            (row, c, base[row.plan, row.start, row.sensor]) for row in mine if (c := notes(row)) is not None
         ]
         areas = thresholds if runs else ()
         found += [
@@ -153,10 +153,10 @@ def stops_below(area: float) -> Rule:
     And the robot has more than begun.
     """
 
-    def rule(told: Counterfactual) -> NDArray[np.bool_]:
-        surely_closed = (told.column("open_judged") == 0) & (told.column("least_sure") >= SURE)
+    def rule(notes: Counterfactual) -> NDArray[np.bool_]:
+        surely_closed = (notes.column("open_judged") == 0) & (notes.column("least_sure") >= SURE)
         return np.asarray(
-            surely_closed & (told.column("largest_left") < area) & (told.column("known") >= BEGUN)
+            surely_closed & (notes.column("largest_left") < area) & (notes.column("known") >= BEGUN)
         )
 
     return rule
@@ -178,7 +178,7 @@ def has_stop_rule(agent: str) -> bool:
 
 def stop_at(
     plan: str, metres: float, coverage: float, baseline_metres: float, baseline_curve: NDArray[np.float64]
-) -> Stop:
+) -> RunStop:
     """The pair of a run that ended after some metres at some coverage.
 
     Args:
@@ -192,7 +192,7 @@ def stop_at(
         baseline_curve[:, 0], baseline_curve[:, 1], min(coverage, GOAL), budget=baseline_metres
     )
     lost = max(0.0, GOAL - coverage)
-    return Stop(plan, 1 - metres / baseline_metres, lost, 1 - there / baseline_metres, coverage < GOAL)
+    return RunStop(plan, 1 - metres / baseline_metres, lost, 1 - there / baseline_metres, coverage < GOAL)
 
 
 def try_rule(
@@ -213,16 +213,16 @@ def try_rule(
         name: For the result.
     """
     stops = []
-    for row, told, other in runs:
-        at = np.flatnonzero(rule(told))
+    for row, notes, other in runs:
+        at = np.flatnonzero(rule(notes))
         metres, coverage = row.distance, row.coverage
         if len(at):
-            metres, coverage = (float(told.column(name)[at[0]]) for name in ("distance", "coverage"))
+            metres, coverage = (float(notes.column(name)[at[0]]) for name in ("distance", "coverage"))
         stops.append(stop_at(row.plan, metres, coverage, other.d99, curves(other)))
     return replace(summarise_stops(sensor, name, stops), tried=True)
 
 
-def summarise_stops(sensor: str, agent: str, stops: Sequence[Stop]) -> EarlyStop:
+def summarise_stops(sensor: str, agent: str, stops: Sequence[RunStop]) -> EarlyStop:
     """Means and intervals of some stops."""
     plans = [stop.plan for stop in stops]
     saved = cluster_bootstrap([stop.saved for stop in stops], plans)

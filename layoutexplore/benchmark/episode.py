@@ -158,14 +158,14 @@ def knows_the_plan(agent: str) -> bool:
         return False
 
 
-def score(row: Row, simulation: Simulation, episode: Episode) -> Row:
+def score_run(row: Row, simulation: Simulation, episode: Episode) -> Row:
     """The row completed with the scores of a run that has ended."""
     budget, area = simulation.max_distance, simulation.target_area
     curve = score_curve(episode.curve, budget=budget, target_area=area, goal=simulation.config.coverage_goal)
     finished, rooms = rooms_finished(simulation.raster.room_ids, simulation.truth.target, simulation.seen)
     x, y, theta = episode.track[0]
     median, p95 = np.percentile(episode.decision_ms, [50, 95]) if episode.decision_ms else (0.0, 0.0)
-    told = episode.notes if episode.notes and len(episode.notes.log) else None
+    notes = episode.notes if episode.notes and len(episode.notes.log) else None
     unasked = NAN if episode.prediction_ms else 0.0
     scored = dataclasses.replace(
         row,
@@ -189,8 +189,8 @@ def score(row: Row, simulation: Simulation, episode: Episode) -> Row:
         wall_seconds=episode.seconds,
         ms_prediction_median=float(np.median(episode.prediction_ms)) if episode.prediction_ms else 0.0,
         prediction_seconds=sum(episode.prediction_ms) / 1000,
-        layout_changed=float(told.column("changed").mean()) if told else unasked,
-        layout_misled=float(told.column("misled").mean()) if told else unasked,
+        layout_changed=float(notes.column("changed").mean()) if notes else unasked,
+        layout_misled=float(notes.column("misled").mean()) if notes else unasked,
     )
     return _rounded(scored)
 

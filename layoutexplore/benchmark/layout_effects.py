@@ -19,7 +19,7 @@ from layoutexplore.benchmark.counterfactual import LOG, Counterfactual
 from layoutexplore.benchmark.episode import Row
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 
-Told = Callable[[Row], Counterfactual | None]
+NotesOf = Callable[[Row], Counterfactual | None]
 """Gives what was noted in a run."""
 
 
@@ -67,7 +67,7 @@ class LayoutEffect:
     leftover_wrong: float
 
 
-def layout_effects(rows: Iterable[Row], told: Told) -> list[LayoutEffect]:
+def layout_effects(rows: Iterable[Row], notes_of: NotesOf) -> list[LayoutEffect]:
     """The effects of the layout for every agent with a predictor, in every group; runs in which nobody asked do not count."""
     found = []
     noted: dict[tuple[str, int, str, str], Counterfactual | None] = {}
@@ -76,7 +76,7 @@ def layout_effects(rows: Iterable[Row], told: Told) -> list[LayoutEffect]:
             mine = []
             for row in (row for row in part if row.agent == agent):
                 if row.key not in noted:
-                    noted[row.key] = told(row)
+                    noted[row.key] = notes_of(row)
                 counterfactual = noted[row.key]
                 if counterfactual is not None and len(counterfactual.log):
                     mine.append((row, counterfactual))

@@ -16,8 +16,8 @@ import layoutexplore
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.cluster import check_cluster, run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.counterfactual import Asides
-from layoutexplore.benchmark.episode import Row, fingerprints, prepare, score
+from layoutexplore.benchmark.counterfactual import CounterfactualRollouts
+from layoutexplore.benchmark.episode import Row, fingerprints, prepare, score_run
 from layoutexplore.benchmark.plans import PlanEntry, check_names, entry
 from layoutexplore.benchmark.pool import run_all
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
@@ -57,7 +57,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Progress:
+class BenchmarkProgress:
     """How far a benchmark is.
 
     Attributes:
@@ -103,7 +103,7 @@ def run_benchmark(
     extend: bool = False,
     command: str = "",
     report: Callable[[str], None] = lambda text: None,
-    on_progress: Callable[[Progress], None] = lambda progress: None,
+    on_progress: Callable[[BenchmarkProgress], None] = lambda progress: None,
 ) -> Outcome:
     """Run what is missing of a benchmark, and write results.csv and the curves.
 
@@ -143,7 +143,7 @@ def _fill(
     jobs: int,
     cluster: str,
     report: Callable[[str], None],
-    on_progress: Callable[[Progress], None],
+    on_progress: Callable[[BenchmarkProgress], None],
 ) -> Outcome:
     """Make the runs that are missing in the folder."""
     rows = {row.key: row for row in folder.finished()}
@@ -168,7 +168,7 @@ def _fill(
             folder.append(row)
             rows[row.key] = row
             done += areas[row.plan]
-            on_progress(Progress(row, count, len(tasks), done / work))
+            on_progress(BenchmarkProgress(row, count, len(tasks), done / work))
     finally:
         folder.rewrite(rows.values())
     return Outcome(folder, sorted(rows.values(), key=lambda row: row.key), len(missing))
@@ -200,7 +200,7 @@ def warm_up(config: BenchmarkConfig) -> None:
             with contextlib.suppress(Exception):
                 play(
                     *prepare(plan, config.simulation_with(sensor), agent),
-                    probe=Asides if config.explain else None,
+                    probe=CounterfactualRollouts if config.explain else None,
                 )
 
 
@@ -213,9 +213,15 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder) -> Row:
         start = start_pose(plan, settings, config.seed, task.start)
         simulation, agent = prepare(plan, settings, task.agent)
         seed = run_seed(config.seed, task.plan.name, task.start)
-        episode = play(simulation, agent, seed=seed, start=start, probe=Asides if config.explain else None)
+        episode = play(
+            simulation,
+            agent,
+            seed=seed,
+            start=start,
+            probe=CounterfactualRollouts if config.explain else None,
+        )
         folder.save_episode(row, episode)
-        return score(row, simulation, episode)
+        return score_run(row, simulation, episode)
     except Exception as error:
         return dataclasses.replace(row, error=_described(error))
 

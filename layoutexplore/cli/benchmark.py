@@ -90,7 +90,7 @@ def benchmark(
     """Run a benchmark and write its report."""
     from rich.console import Console
 
-    from layoutexplore.benchmark.config import BenchmarkConfig, read_config
+    from layoutexplore.benchmark.config import BenchmarkConfig, read_benchmark_config
     from layoutexplore.errors import require
 
     for module in ("pandas", "pyarrow", "jinja2"):
@@ -101,7 +101,7 @@ def benchmark(
         "agents": agents and tuple(agents),
         "sensors": sensor and tuple(sensor),
     }
-    options = read_config(config) if config else {}
+    options = read_benchmark_config(config) if config else {}
     settings = BenchmarkConfig(
         **options | {name: value for name, value in given.items() if value is not None}
     )
@@ -126,7 +126,7 @@ def report(
     from layoutexplore.benchmark.analysis import agents_of
     from layoutexplore.benchmark.store import ResultsFolder
     from layoutexplore.errors import require, unknown_name
-    from layoutexplore.report.exploration import write_report
+    from layoutexplore.report.exploration import write_benchmark_report
 
     for module in ("pandas", "pyarrow", "jinja2"):
         require(module, "bench")
@@ -134,7 +134,7 @@ def report(
     if baseline is not None and baseline not in (known := agents_of(results.rows())):
         raise unknown_name(f"agent of the results in {folder}", baseline, known)
     console = Console(highlight=False)
-    for path in write_report(results, baseline=baseline):
+    for path in write_benchmark_report(results, baseline=baseline):
         console.print(f"wrote {path}", soft_wrap=True)
 
 
@@ -150,14 +150,14 @@ def _run(
 ) -> Outcome:
     """Run what is missing, with a line that says how far it is."""
     from layoutexplore.benchmark.pool import usable_cores
-    from layoutexplore.benchmark.runner import Progress, run_benchmark
+    from layoutexplore.benchmark.runner import BenchmarkProgress, run_benchmark
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.processes import command_line
 
     try:
         with ProgressLine(console, "runs") as line:
 
-            def advance(progress: Progress) -> None:
+            def advance(progress: BenchmarkProgress) -> None:
                 row = progress.row
                 line.advance(
                     progress.done, progress.total, progress.work_done, f"{row.plan} {row.sensor} {row.agent}"
@@ -181,10 +181,10 @@ def _run(
 
 def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig) -> None:
     from layoutexplore.benchmark.analysis import compare
-    from layoutexplore.report.exploration import headline, write_report
+    from layoutexplore.report.exploration import headline, write_benchmark_report
 
     comparisons = compare(outcome.rows, config.baseline)
-    paths = write_report(outcome.folder, baseline=config.baseline, comparisons=comparisons)
+    paths = write_benchmark_report(outcome.folder, baseline=config.baseline, comparisons=comparisons)
     console.print()
     console.print(_table(headline(outcome.rows, config.baseline, comparisons)))
     if not any(row.agent == config.baseline for row in outcome.rows):

@@ -48,10 +48,15 @@ def closed_doors(
 ) -> None:
     """Rooms behind closed doors: free-space IoU; IoU, precision and recall on what was never seen; beside a reference."""
     from layoutexplore.errors import require
-    from layoutexplore.evaluation.closed_doors import cross_validate, evaluate, summarise, write_pictures
+    from layoutexplore.evaluation.closed_doors import (
+        cross_validate_closed_doors,
+        evaluate,
+        summarise_closed_doors,
+        write_pictures,
+    )
     from layoutexplore.maps.closed_door_maps import find_triples
     from layoutexplore.processes import command_line
-    from layoutexplore.report.closed_doors import write_report
+    from layoutexplore.report.closed_doors import write_closed_doors_report
 
     if report:
         require("jinja2", "bench")
@@ -59,7 +64,7 @@ def closed_doors(
     triples = find_triples(folder)
     scores = []
     if folds:
-        results = cross_validate(
+        results = cross_validate_closed_doors(
             triples, folds, _learn_from(folder, plans or (), cache), resolution=resolution, out=out
         )
     else:
@@ -68,13 +73,13 @@ def closed_doors(
         scores.append(score)
         theirs = f"  reference {score.reference.iou:.3f}" if score.reference else ""
         typer.echo(f"{triple.name}: never seen {score.hidden_m2:.0f} m2, IoU {score.ours.iou:.3f}{theirs}")
-    summary = summarise(scores)
+    summary = summarise_closed_doors(scores)
     _print(summary)
     note = f"every building was held out, in {folds} groups" if folds else NOTE
     typer.echo(f"note: {note}")
     written = write_pictures(triples, scores, out)
     if report:
-        written += write_report(out, triples, scores, summary, command=command_line(), note=note)
+        written += write_closed_doors_report(out, triples, scores, summary, command=command_line(), note=note)
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
     if json_file is not None:
         write_json(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})

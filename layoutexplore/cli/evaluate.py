@@ -89,7 +89,7 @@ def segmentation(
 ) -> None:
     """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all."""
     from layoutexplore.errors import ConfigError, require
-    from layoutexplore.evaluation.segmentation import evaluate_cases, seed_spread, summarise
+    from layoutexplore.evaluation.segmentation import evaluate_cases, seed_spread, summarise_segmentation
     from layoutexplore.layout.pipeline import layout_method
     from layoutexplore.maps.painted_rooms import find_cases
     from layoutexplore.metrics.segmentation import PROTOCOLS
@@ -105,9 +105,9 @@ def segmentation(
     if out is not None:
         require("jinja2", "bench")
     if folds:
-        from layoutexplore.evaluation.cross_validation import cross_validate
+        from layoutexplore.evaluation.cross_validation import cross_validate_merging
 
-        results = cross_validate(
+        results = cross_validate_merging(
             cases,
             folds,
             protocol=protocol,
@@ -125,7 +125,7 @@ def segmentation(
         collected.append((case, row, labels))
         typer.echo(_line(row))
     rows = [row for _, row, _ in collected]
-    _print_summary(summarise(rows))
+    _print_summary(summarise_segmentation(rows))
     if seeds > 1:
         _print_spread(seed_spread(rows))
     _write_results(collected, json_file, out, protocol=protocol, resolution=resolution, folds=folds)
@@ -152,7 +152,7 @@ def _write_results(
     folds: int,
 ) -> None:
     """Write every number and the report where they are wanted."""
-    from layoutexplore.evaluation.segmentation import seed_spread, summarise
+    from layoutexplore.evaluation.segmentation import seed_spread, summarise_segmentation
 
     rows = [row for _, row, _ in results]
     if json_file is not None:
@@ -162,14 +162,14 @@ def _write_results(
             "folds": folds,
             "maps": [asdict(r) for r in rows],
         }
-        write_json(json_file, numbers | {"summary": summarise(rows), "seeds": seed_spread(rows)})
+        write_json(json_file, numbers | {"summary": summarise_segmentation(rows), "seeds": seed_spread(rows)})
         typer.echo(f"written: {json_file}")
     if out is not None:
         from layoutexplore.processes import command_line
-        from layoutexplore.report.segmentation import write_report
+        from layoutexplore.report.segmentation import write_segmentation_report
 
         title = "Room segmentation" + (f", {folds} folds of buildings" if folds else "")
-        written = write_report(
+        written = write_segmentation_report(
             out, results, title=title, protocol=protocol, resolution=resolution, command=command_line()
         )
         for path in written:
@@ -274,7 +274,7 @@ def _weights(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, fl
 @group.command(
     "train", epilog="Example: layoutexplore evaluate train maps/ --plans schools/ --out merging_model.json"
 )
-def train(
+def train_merging(
     folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
     out: Annotated[Path, typer.Option(help="File for the numbers of the judge.")],
     buildings: Annotated[
@@ -314,7 +314,7 @@ def train(
 
 
 @group.command("layout", epilog="Example: layoutexplore evaluate layout schools/ -m default -m ias15")
-def layout(
+def evaluate_layout(
     folder: Annotated[Path, typer.Argument(help="Folder with NAME.png and NAME_gt.xml.")],
     method: Methods = None,
     resolution: Resolution = 0.1,

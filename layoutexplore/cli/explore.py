@@ -56,7 +56,7 @@ def explore(
     """Explore one floor plan."""
     from rich.console import Console
 
-    from layoutexplore.benchmark.episode import Row, prepare, score
+    from layoutexplore.benchmark.episode import Row, prepare, score_run
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.drawing.pictures import draw_state
     from layoutexplore.files import check_places
@@ -82,7 +82,7 @@ def explore(
         if film:
             simulation.on_scan = lambda state: film.add(draw_state(state, agent=agent))
         episode = play(simulation, chosen, seed=seed, start=parse_start(start), on_step=show)
-    row = score(
+    row = score_run(
         Row(plan=simulation.plan.name, start=0, sensor=sensor, agent=agent, seed=seed), simulation, episode
     )
     console.print(_summary(row, filmed=video is not None))

@@ -61,12 +61,12 @@ def partial_rooms(
     """Half-seen rooms: hidden IoU, room IoU, areas; closed or open frontiers; every predictor on the same snapshots."""
     from layoutexplore.agents import make_agent
     from layoutexplore.errors import require
-    from layoutexplore.evaluation.partial_rooms import score
-    from layoutexplore.evaluation.partial_rooms_summary import summarise
+    from layoutexplore.evaluation.partial_rooms import score_predictors
+    from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
     from layoutexplore.maps.library import find_plans, load_plan
     from layoutexplore.predictors import make_room_predictor, predictor_names
     from layoutexplore.processes import command_line
-    from layoutexplore.report.partial_rooms import Gallery, write_report
+    from layoutexplore.report.partial_rooms import Gallery, write_partial_rooms_report
     from layoutexplore.sensing.lidar import sensor as find_sensor
     from layoutexplore.training.explorations import PROTOCOL_AGENT, SENSORS
     from layoutexplore.training.snapshots import explore_plan
@@ -88,13 +88,13 @@ def partial_rooms(
     )
     names = [p.name for p in predictors]
     gallery = Gallery("layout" if "layout" in names else names[0])
-    scores = score(taken, predictors, gallery if out else None)
-    summary = summarise(scores)
+    scores = score_predictors(taken, predictors, gallery if out else None)
+    summary = summarise_partial_rooms(scores)
     print_summary(summary)
     if "layout" in names:
         typer.echo(f"note: {NOTE}")
     if out is not None:
-        written = write_report(out, scores, summary, gallery, command=command_line())
+        written = write_partial_rooms_report(out, scores, summary, gallery, command=command_line())
         typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
     if json_file is not None:
         data = {"summary": summary, "rooms": [asdict(r) for r in scores.rooms], "ms": scores.milliseconds}

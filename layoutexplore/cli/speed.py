@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from layoutexplore.files import write_json
+
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from layoutexplore.files import write_json
-from layoutexplore.speed import Row
+    from layoutexplore.speed import SpeedRow
 
 
 def register(app: typer.Typer) -> None:
@@ -39,7 +40,7 @@ def speed(
     from layoutexplore.speed import measure
 
     console = Console()
-    rows: list[Row] = []
+    rows: list[SpeedRow] = []
     with console.status("Measuring") as status:
         rows.extend(measure(only or (), begin=lambda name: status.update(f"Measuring {name}")))
     console.print(_table(rows))
@@ -50,7 +51,7 @@ def speed(
         raise typer.Exit(1)
 
 
-def _table(rows: list[Row]) -> Table:
+def _table(rows: list[SpeedRow]) -> Table:
     from rich.table import Table
 
     table = Table("measurement", "ours", "reference", "ratio", "goal", "", box=None, padding=(0, 1, 0, 0))
@@ -64,7 +65,7 @@ def _table(rows: list[Row]) -> Table:
     return table
 
 
-def _verdict(row: Row) -> str:
+def _verdict(row: SpeedRow) -> str:
     if row.reached is None:
         return ""
     if row.missed:

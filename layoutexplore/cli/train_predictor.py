@@ -130,8 +130,8 @@ def _test(asked: Mapping[str, Sequence[Snapshot]], models: Mapping[str, Path]) -
 
     from layoutexplore.cli.partial_rooms import print_summary
     from layoutexplore.cli.progress import ProgressLine
-    from layoutexplore.evaluation.partial_rooms import Scores, score
-    from layoutexplore.evaluation.partial_rooms_summary import summarise
+    from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
+    from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
     from layoutexplore.predictors import make_room_predictor
     from layoutexplore.predictors.learned import LearnedPredictor
 
@@ -140,11 +140,11 @@ def _test(asked: Mapping[str, Sequence[Snapshot]], models: Mapping[str, Path]) -
         for k, (name, snapshots) in enumerate(asked.items()):
             layout = LearnedPredictor(models[name])
             layout.name = "layout"
-            part = score(snapshots, [layout, make_room_predictor("none")])
+            part = score_predictors(snapshots, [layout, make_room_predictor("none")])
             merged.rooms.extend(part.rooms)
             merged.frontiers.extend(part.frontiers)
             for predictor, times in part.milliseconds.items():
                 merged.milliseconds.setdefault(predictor, []).extend(times)
             progress.advance(k + 1, len(asked), (k + 1) / len(asked), name)
     typer.echo("held out:")
-    print_summary(summarise(merged))
+    print_summary(summarise_partial_rooms(merged))

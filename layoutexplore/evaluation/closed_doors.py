@@ -126,7 +126,7 @@ def evaluate(
         yield from pool.map(evaluate_triple, triples, [resolution] * len(triples), [out] * len(triples))
 
 
-def cross_validate(
+def cross_validate_closed_doors(
     triples: Sequence[Triple],
     folds: int,
     learnt: Sequence[tuple[Source, ClosedDoorSamples]],
@@ -156,7 +156,7 @@ def cross_validate(
         yield evaluate_triple(triple, resolution, out, models[k])
 
 
-def summarise(scores: Sequence[PairScore]) -> list[dict[str, Any]]:
+def summarise_closed_doors(scores: Sequence[PairScore]) -> list[dict[str, Any]]:
     """Means and interquartile means per building and overall, with intervals clustered by building.
 
     The reference and ours are compared on the maps that have the reference's answer; the last two lines are

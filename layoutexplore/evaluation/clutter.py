@@ -136,7 +136,7 @@ def run_study(
         if progress is not None:
             progress("maps cluttered", k, len(maps))
     clean = {name: float(rose(grid, config.rose).structure_score) for name, grid in maps.items()}
-    return summarise(trials, clean), trials
+    return summarise_clutter(trials, clean), trials
 
 
 def trials_of_map(name: str, grid: OccupancyGrid, config: ClutterConfig) -> Iterator[ClutterTrial]:
@@ -168,7 +168,7 @@ def trials_of_map(name: str, grid: OccupancyGrid, config: ClutterConfig) -> Iter
         )
 
 
-def summarise(trials: Sequence[ClutterTrial], clean_scores: dict[str, float]) -> ClutterSummary:
+def summarise_clutter(trials: Sequence[ClutterTrial], clean_scores: dict[str, float]) -> ClutterSummary:
     """Medians and correlations over trials (at least one)."""
     precision, recall, score = (
         np.array([getattr(t, k) for t in trials]) for k in ("precision", "recall", "score")

@@ -25,7 +25,7 @@ from layoutexplore.training.room_merging import MergingTrainingConfig, train_for
 from layoutexplore.training.simulated_maps import simulated_examples
 
 
-def cross_validate(
+def cross_validate_merging(
     cases: Sequence[Case],
     folds: int,
     *,

@@ -102,7 +102,7 @@ class Scores:
     milliseconds: dict[str, list[float]]
 
 
-def score(
+def score_predictors(
     snapshots: Iterable[Snapshot], predictors: Sequence[RoomPredictor], watch: Watch | None = None
 ) -> Scores:
     """Ask every predictor about every snapshot.

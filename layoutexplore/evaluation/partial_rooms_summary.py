@@ -20,7 +20,7 @@ BINS = 10
 """Bins of stated confidence for the calibration error."""
 
 
-def summarise(scores: Scores) -> dict[str, Any]:
+def summarise_partial_rooms(scores: Scores) -> dict[str, Any]:
     """Rooms, frontiers and times of every predictor."""
     return {
         name: {

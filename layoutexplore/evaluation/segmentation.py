@@ -136,7 +136,7 @@ def _warm_up(methods: Sequence[str]) -> None:
         reconstruct(OccupancyGrid(cells, 0.05), method)
 
 
-def summarise(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
+def summarise_segmentation(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
     """Mean and standard deviation (ddof 0) over the maps of each folder and method, in the order of appearance."""
     groups: dict[tuple[str, str], list[MapScore]] = {}
     for row in rows:

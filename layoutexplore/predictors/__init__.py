@@ -46,7 +46,7 @@ class OracleOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LayoutOptions(Options):
+class LearnedOptions(Options):
     """Parameters of `layout`."""
 
     model: str = option("", "folder of models of one's own")
@@ -61,7 +61,7 @@ _BUILDERS: dict[str, tuple[Options, Callable[[Any], RoomPredictor]]] = {
     "face-subset": (Options(), lambda _: FaceSubsetPredictor()),
     "oracle": (OracleOptions(), lambda options: OraclePredictor(flip=options.flip)),
     "layout": (
-        LayoutOptions(),
+        LearnedOptions(),
         lambda options: LearnedPredictor(
             Path(options.model) if options.model else None, network=options.network == "on"
         ),

@@ -85,7 +85,7 @@ def draw_panels(triple: Triple, folder: Path) -> list[tuple[str, NDArray[np.uint
     return [(name, np.ascontiguousarray(image[part])) for name, image in panels]
 
 
-def write_report(
+def write_closed_doors_report(
     out: Path,
     triples: Sequence[Triple],
     scores: Sequence[PairScore],

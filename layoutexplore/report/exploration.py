@@ -25,7 +25,7 @@ from layoutexplore.benchmark.analysis import (
     compare,
     groups,
     pooled_curves,
-    summarise,
+    summarise_agents,
 )
 from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder
@@ -34,12 +34,21 @@ from layoutexplore.files import atomic, write_atomically
 from layoutexplore.maps import splits
 from layoutexplore.report.layout_section import layout_section
 from layoutexplore.report.page import interval, number, percent, render
-from layoutexplore.report.plots import Forest, Line, Way, curve_lines, floor_picture, forest, heat, way
+from layoutexplore.report.plots import (
+    CurveLine,
+    ForestPlot,
+    TrackPicture,
+    curve_lines,
+    floor_picture,
+    forest,
+    heat,
+    track_picture,
+)
 
 NBSP = "\N{NO-BREAK SPACE}"
 
 PICTURED_PLANS = 4
-"""Floor plans on which ways are drawn: the smallest, the largest, and evenly between."""
+"""Floor plans on which tracks are drawn: the smallest, the largest, and evenly between."""
 
 PACKAGES = ("numpy", "scipy", "numba", "opencv-python-headless", "shapely")
 
@@ -49,9 +58,9 @@ class Group:
     """Everything about one sensor, or about all of them."""
 
     name: str
-    forest: Forest
+    forest: ForestPlot
     table: list[AgentLine]
-    lines: list[Line]
+    lines: list[CurveLine]
 
 
 @dataclass(frozen=True)
@@ -79,14 +88,14 @@ class PlanLine:
 
 @dataclass(frozen=True)
 class Picture:
-    """A way on a floor plan."""
+    """A track on a floor plan."""
 
     caption: str
     row: Row
     floor: str
     width: int
     height: int
-    way: Way
+    track: TrackPicture
 
     @property
     def wide(self) -> bool:
@@ -94,7 +103,7 @@ class Picture:
         return self.width > 2.2 * self.height
 
 
-def write_report(
+def write_benchmark_report(
     folder: ResultsFolder, *, baseline: str | None = None, comparisons: list[Comparison] | None = None
 ) -> list[Path]:
     """Write report.html, report.md, summary.csv and results.parquet into a results folder.
@@ -113,7 +122,7 @@ def write_report(
     manifest = folder.manifest()
     rows = sorted(folder.rows(), key=lambda row: row.key)
     baseline = baseline or str(manifest["baseline"])
-    view = build(
+    view = report_view(
         folder, rows, manifest, baseline, compare(rows, baseline) if comparisons is None else comparisons
     )
     written = []
@@ -123,7 +132,7 @@ def write_report(
     return [*written, *_write_tables(folder.path, rows, view["comparisons"])]
 
 
-def build(
+def report_view(
     folder: ResultsFolder,
     rows: list[Row],
     manifest: dict[str, Any],
@@ -132,7 +141,7 @@ def build(
 ) -> dict[str, Any]:
     """Everything that the templates show."""
     curves = functools.cache(lambda row: folder.episode(row)[0])
-    summaries = summarise(rows, baseline, curves)
+    summaries = summarise_agents(rows, baseline, curves)
     parts = groups(rows)
     shown = []
     for name, part in parts.items():
@@ -179,7 +188,7 @@ def headline(rows: Sequence[Row], baseline: str, comparisons: Sequence[Compariso
     levels = [(m, f"{m[1:]} %") for m in METRICS]
     if not comparisons:
         table = _table(
-            part, [], summarise(part, baseline, lambda row: (_ for _ in ()).throw(LookupError(row)))
+            part, [], summarise_agents(part, baseline, lambda row: (_ for _ in ()).throw(LookupError(row)))
         )
         header = ("agent", *(f"metres to {level}" for _, level in levels))
         return [header, *((line.agent, *(number(line.metres[m], 1) for m, _ in levels)) for line in table)]
@@ -335,7 +344,7 @@ def _plan_lines(rows: Sequence[Row], baseline: str) -> list[PlanLine]:
 def _pictures(
     folder: ResultsFolder, rows: Sequence[Row], shown: Sequence[Group], baseline: str
 ) -> list[tuple[str, list[Picture]]]:
-    """The ways of the best agent, the baseline, the worst and the one that knows the plan, on a few plans."""
+    """The tracks of the best agent, the baseline, the worst and the one that knows the plan, on a few plans."""
     good = [row for row in rows if not row.error]
     if not good:
         return []
@@ -374,7 +383,7 @@ def _picture(folder: ResultsFolder, caption: str, row: Row) -> Picture:
     occupied, frame = folder.raster(row.plan)
     _, track = folder.episode(row)
     rows, cols = occupied.shape
-    return Picture(caption, row, floor_picture(occupied), cols, rows, way(track, frame, rows))
+    return Picture(caption, row, floor_picture(occupied), cols, rows, track_picture(track, frame, rows))
 
 
 def _counts(rows: Sequence[Row]) -> dict[str, int]:

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from layoutexplore.benchmark.analysis import Comparison, Curves
-from layoutexplore.benchmark.counterfactual import Moment
+from layoutexplore.benchmark.counterfactual import DecisiveDecision
 from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops, has_stop_rule, tried_stops
 from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
-from layoutexplore.report.moments import MomentPicture, moment_picture
+from layoutexplore.report.decisive_decisions import DecisionPicture, decision_picture
 from layoutexplore.report.plots import agent_look
 
-MOMENTS, WRONG_MOMENTS = 6, 2
-"""Decisive moments that are drawn, and how many of them at most in which the prediction was wrong."""
+DRAWN, WRONG_DRAWN = 6, 2
+"""Decisive decisions that are drawn, and how many of them at most in which the prediction was wrong."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def layout_section(
     baseline: str,
     curves: Curves,
 ) -> dict[str, Any]:
-    """What the templates show about layouts: `effects` by group, `moments` and `stops`; each empty where there is nothing."""
+    """What the templates show about layouts: `effects` by group, `decisive` and `stops`; each empty where there is nothing."""
     effects = layout_effects(rows, folder.counterfactual)
     by_group: dict[str, list[EffectLine]] = {}
     for effect in effects:
@@ -76,7 +76,7 @@ def layout_section(
         stops.setdefault(stop.sensor, []).append(stop)
     return {
         "effects": by_group,
-        "moments": _moments(folder, rows, best),
+        "decisive": _decisive(folder, rows, best),
         "stops": {name: (stop_plot(found), found) for name, found in stops.items()},
     }
 
@@ -88,46 +88,47 @@ def _best(lines: Sequence[EffectLine]) -> str:
     return best.effect.agent if best else ""
 
 
-def _moments(folder: ResultsFolder, rows: Sequence[Row], agent: str) -> list[MomentPicture]:
-    """Moments of an agent: most at stake first, from different runs before from the same."""
-    found: list[tuple[Row, Moment]] = []
+def _decisive(folder: ResultsFolder, rows: Sequence[Row], agent: str) -> list[DecisionPicture]:
+    """Decisive decisions of an agent: most at stake first, from different runs before from the same."""
+    found: list[tuple[Row, DecisiveDecision]] = []
     for row in rows:
-        told = None if row.error or row.agent != agent else folder.counterfactual(row)
-        found += [(row, moment) for moment in (told.moments if told else ())]
+        notes = None if row.error or row.agent != agent else folder.counterfactual(row)
+        found += [(row, decision) for decision in (notes.decisive if notes else ())]
     found.sort(key=lambda pair: (-pair[1].stake, pair[0].key))
     resolutions = {plan: float(folder.raster(plan)[1][0]) for plan in {row.plan for row, _ in found}}
     found = _distinct(found, resolutions)
-    wrong = _spread((pair for pair in found if not pair[1].right), WRONG_MOMENTS)
-    shown = _spread((pair for pair in found if pair[1].right), MOMENTS - len(wrong)) + wrong
+    wrong = _spread((pair for pair in found if not pair[1].right), WRONG_DRAWN)
+    shown = _spread((pair for pair in found if pair[1].right), DRAWN - len(wrong)) + wrong
     pictures = []
-    for row, moment in shown:
+    for row, decision in shown:
         occupied, frame = folder.raster(row.plan)
-        pictures.append(moment_picture(row, moment, occupied, float(frame[0])))
+        pictures.append(decision_picture(row, decision, occupied, float(frame[0])))
     return pictures
 
 
 def _distinct(
-    pairs: Sequence[tuple[Row, Moment]], resolutions: Mapping[str, float]
-) -> list[tuple[Row, Moment]]:
+    pairs: Sequence[tuple[Row, DecisiveDecision]], resolutions: Mapping[str, float]
+) -> list[tuple[Row, DecisiveDecision]]:
     """Without those that are about the same two places as an earlier one, in another run on the same floor plan."""
-    kept: list[tuple[Row, Moment]] = []
-    for row, moment in pairs:
+    kept: list[tuple[Row, DecisiveDecision]] = []
+    for row, decision in pairs:
         if not any(
-            other.plan == row.plan and told.is_about(moment, resolutions[row.plan]) for other, told in kept
+            other.plan == row.plan and notes.is_about(decision, resolutions[row.plan])
+            for other, notes in kept
         ):
-            kept.append((row, moment))
+            kept.append((row, decision))
     return kept
 
 
-def _spread(pairs: Iterable[tuple[Row, Moment]], count: int) -> list[tuple[Row, Moment]]:
+def _spread(pairs: Iterable[tuple[Row, DecisiveDecision]], count: int) -> list[tuple[Row, DecisiveDecision]]:
     """The first pairs of each run, then the second ones, and so on."""
     ranked: dict[tuple[Any, ...], int] = {}
     rest = []
-    for k, (row, moment) in enumerate(pairs):
+    for k, (row, decision) in enumerate(pairs):
         turn = ranked[row.key] = ranked.get(row.key, 0) + 1
-        rest.append((turn, k, row, moment))
+        rest.append((turn, k, row, decision))
     rest.sort(key=lambda entry: entry[:2])
-    return [(row, moment) for _, _, row, moment in rest[:count]]
+    return [(row, decision) for _, _, row, decision in rest[:count]]
 
 
 def stop_plot(stops: Sequence[EarlyStop]) -> StopPlot:

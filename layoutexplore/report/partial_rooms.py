@@ -132,7 +132,7 @@ def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> NDArray[np.u
     return np.ascontiguousarray(large[::-1])
 
 
-def write_report(
+def write_partial_rooms_report(
     out: Path, scores: Scores, summary: Mapping[str, Any], gallery: Gallery, *, command: str
 ) -> list[Path]:
     """Write report.html, rooms.csv, frontiers.csv, summary.csv and pictures/*.png into a folder.

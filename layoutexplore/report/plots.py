@@ -33,7 +33,7 @@ _TICK_GAP = 10.0
 _DASHES = ("", "7 3", "2 3", "9 3 2 3")
 
 _RAMP = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (240, 200, 40)], np.float64)
-"""From the start to the end of a way: dark violet to yellow."""
+"""From the start to the end of a track: dark violet to yellow."""
 
 _PIECES = 40
 
@@ -60,7 +60,7 @@ class ForestRow:
 
 
 @dataclass(frozen=True)
-class Forest:
+class ForestPlot:
     """Ratios with their intervals on a logarithmic axis."""
 
     rows: list[ForestRow]
@@ -69,7 +69,7 @@ class Forest:
     name_width: int
 
 
-def forest(comparisons: Sequence[Comparison], metric: str = "d95", guard: str = "d99") -> Forest:
+def forest(comparisons: Sequence[Comparison], metric: str = "d95", guard: str = "d99") -> ForestPlot:
     """The comparisons of one group as a forest plot, best first.
 
     Args:
@@ -108,11 +108,11 @@ def forest(comparisons: Sequence[Comparison], metric: str = "d95", guard: str = 
         if low <= value <= high and all(abs(place(value) - tick.at) >= _TICK_GAP for tick in ticks):
             ticks.append(Tick(place(value), f"{value:g}"))
     width = max((len(c.agent) for c in shown), default=0) + 1
-    return Forest(rows, ticks, place(1.0), width)
+    return ForestPlot(rows, ticks, place(1.0), width)
 
 
 @dataclass(frozen=True)
-class Line:
+class CurveLine:
     """A curve with its band, as SVG paths in a frame of 100 x 100."""
 
     agent: str
@@ -123,7 +123,7 @@ class Line:
     cells: int
 
 
-def curve_lines(curves: Sequence[PooledCurve], order: Sequence[str], baseline: str) -> list[Line]:
+def curve_lines(curves: Sequence[PooledCurve], order: Sequence[str], baseline: str) -> list[CurveLine]:
     """The pooled curves as paths, in the given order of agents."""
     by_agent = {curve.agent: curve for curve in curves}
     lines, k = [], 0
@@ -136,7 +136,7 @@ def curve_lines(curves: Sequence[PooledCurve], order: Sequence[str], baseline: s
         x, y = 100 * curve.x / curve.x[-1], 100 * (1 - curve.mean)
         low, high = 100 * (1 - curve.low), 100 * (1 - curve.high)
         band = f"{_path(x, high)} L{_path(x[::-1], low[::-1])[1:]} Z"
-        lines.append(Line(agent, palette.to_hex(colour), dash, _path(x, y), band, curve.cells))
+        lines.append(CurveLine(agent, palette.to_hex(colour), dash, _path(x, y), band, curve.cells))
     return lines
 
 
@@ -147,8 +147,8 @@ def agent_look(k: int) -> tuple[palette.Colour, str]:
 
 
 @dataclass(frozen=True)
-class Way:
-    """A way walked, in pieces from the start to the end, in cells from the top left of the picture."""
+class TrackPicture:
+    """A track in pieces from the start to the end, in cells from the top left of the picture."""
 
     pieces: list[tuple[str, str]]
     start: tuple[float, float]
@@ -165,7 +165,7 @@ def floor_picture(occupied: NDArray[np.bool_]) -> str:
     return png_uri(np.ascontiguousarray(grey[::-1]))
 
 
-def way(track: NDArray[np.float64], frame: NDArray[np.float64], rows: int) -> Way:
+def track_picture(track: NDArray[np.float64], frame: NDArray[np.float64], rows: int) -> TrackPicture:
     """A track (n, 3) as pieces of even length whose colours run along the ramp.
 
     Args:
@@ -188,7 +188,9 @@ def way(track: NDArray[np.float64], frame: NDArray[np.float64], rows: int) -> Wa
         piece = np.vstack([tips[0], points[inside], tips[1]])
         pieces.append((_ramp((k + 0.5) / _PIECES), _path(piece[:, 0], piece[:, 1])))
     (sx, sy), (ex, ey) = points[0], points[-1]
-    return Way(pieces, (round(float(sx), 1), round(float(sy), 1)), (round(float(ex), 1), round(float(ey), 1)))
+    return TrackPicture(
+        pieces, (round(float(sx), 1), round(float(sy), 1)), (round(float(ex), 1), round(float(ey), 1))
+    )
 
 
 def _ramp(t: float) -> str:

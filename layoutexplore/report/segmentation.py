@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.drawing import palette
-from layoutexplore.evaluation.segmentation import MapScore, in_percent, summarise
+from layoutexplore.evaluation.segmentation import MapScore, in_percent, summarise_segmentation
 from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.grids.ros_map import encode_png
@@ -70,7 +70,7 @@ def _matched(found: NDArray[np.int32], truth: NDArray[np.int32]) -> NDArray[np.i
     return names
 
 
-def write_report(
+def write_segmentation_report(
     out: Path,
     results: Sequence[tuple[Case, MapScore, NDArray[np.int32]]],
     *,
@@ -108,7 +108,7 @@ def write_report(
         resolution=resolution,
         measures=MEASURES,
         headings=HEADINGS,
-        summary=summarise(rows),
+        summary=summarise_segmentation(rows),
         pictures=pictures,
         maps=len({(row.folder, row.map) for row in rows}),
         buildings=len({row.building for row in rows}),

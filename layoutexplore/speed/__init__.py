@@ -1,13 +1,13 @@
 """How fast the hot paths are, as ratios to a reference that is timed in the same run.
 
 `measure` runs named measurements (`layoutexplore.speed.kernels`, `layoutexplore.speed.environment`) and gives
-one `Row` per figure, with its goal. Times are CPU time of one thread, so that a busy machine disturbs them
+one `SpeedRow` per figure, with its goal. Times are CPU time of one thread, so that a busy machine disturbs them
 little; what is compared takes turns.
 """
 
 from __future__ import annotations
 
 from layoutexplore.speed.measurement import Measurement as Measurement
-from layoutexplore.speed.measurement import Row as Row
+from layoutexplore.speed.measurement import SpeedRow as SpeedRow
 from layoutexplore.speed.suite import measure as measure
 from layoutexplore.speed.suite import measurements as measurements

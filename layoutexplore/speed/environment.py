@@ -15,12 +15,12 @@ import numpy as np
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 from layoutexplore.speed.floors import plan
-from layoutexplore.speed.measurement import Row, milliseconds
+from layoutexplore.speed.measurement import SpeedRow, milliseconds
 
 _BASE = "import time; s = time.process_time(); {}; print(time.process_time() - s)"
 
 
-def frontier_steps() -> Iterator[Row]:
+def frontier_steps() -> Iterator[SpeedRow]:
     """Decisions of the strategy "nearest" without layout: walk, scans, map, frontiers, distances and gains."""
     for sensor in ("stage", "indoor"):
         simulation = Simulation(plan(), SimulationConfig(sensor=sensor))
@@ -31,7 +31,7 @@ def frontier_steps() -> Iterator[Row]:
             while not simulation.done:
                 simulation.step(0)
             rates.append(simulation.decisions / (time.process_time() - start))
-        yield Row(
+        yield SpeedRow(
             name=f"frontier steps, {sensor}",
             ours=median(rates),
             unit="steps/s",
@@ -40,7 +40,7 @@ def frontier_steps() -> Iterator[Row]:
         )
 
 
-def motion_steps() -> Iterator[Row]:
+def motion_steps() -> Iterator[SpeedRow]:
     """Random moves with the observation of each."""
     environment = gymnasium.make("LayoutExplore/Motion-v0", plan=plan())
     environment.reset(seed=0)
@@ -55,20 +55,20 @@ def motion_steps() -> Iterator[Row]:
     (taken,) = milliseconds(drive, repeats=5)
     rate = len(actions) / taken * 1e3
     environment.close()
-    yield Row(
+    yield SpeedRow(
         name="Motion-v0 steps", ours=rate, unit="steps/s", goal=">= 4 000 steps/s", reached=rate / 4000.0
     )
 
 
-def resets() -> Iterator[Row]:
+def resets() -> Iterator[SpeedRow]:
     """Reset to another start on a plan that is already loaded."""
     simulation = Simulation(plan())
     seeds = iter(range(10_000))
     (taken,) = milliseconds(lambda: simulation.reset(seed=next(seeds)), repeats=15)
-    yield Row(name="reset, plan cached", ours=taken, unit="ms", goal="<= 20 ms", reached=20.0 / taken)
+    yield SpeedRow(name="reset, plan cached", ours=taken, unit="ms", goal="<= 20 ms", reached=20.0 / taken)
 
 
-def memory() -> Iterator[Row]:
+def memory() -> Iterator[SpeedRow]:
     """What one more environment on the same plan holds, as numpy and Python count it."""
     first = gymnasium.make("LayoutExplore/Frontier-v0", plan=plan())
     first.reset(seed=0)
@@ -82,12 +82,12 @@ def memory() -> Iterator[Row]:
     held = tracemalloc.get_traced_memory()[0] / len(further) / 1e6
     tracemalloc.stop()
     rows, cols = plan().rasterize(0.1).shape
-    yield Row(
+    yield SpeedRow(
         name=f"memory per env, {rows} x {cols}", ours=held, unit="MB", goal="< 5 MB", reached=5.0 / held
     )
 
 
-def import_time() -> Iterator[Row]:
+def import_time() -> Iterator[SpeedRow]:
     """`import layoutexplore` in a fresh interpreter."""
 
     def child(statement: str) -> float:
@@ -98,4 +98,4 @@ def import_time() -> Iterator[Row]:
 
     child("import layoutexplore")
     taken = median(child("import layoutexplore") for _ in range(5))
-    yield Row(name="import layoutexplore", ours=taken, unit="s", goal="< 0.5 s", reached=0.5 / taken)
+    yield SpeedRow(name="import layoutexplore", ours=taken, unit="s", goal="< 0.5 s", reached=0.5 / taken)

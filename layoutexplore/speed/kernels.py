@@ -19,19 +19,19 @@ from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning.shortest_paths import distance_matrix, geodesic_distances
 from layoutexplore.sensing.mapper import Mapper
 from layoutexplore.speed.floors import RESOLUTION, floor, half_explored, lidar, poses
-from layoutexplore.speed.measurement import Row, milliseconds
+from layoutexplore.speed.measurement import SpeedRow, milliseconds
 
 _RAYS_PER_SECOND = 10e6
 _RAYS_RATIO = 5.0
 
 
-def ray_casting() -> Iterator[Row]:
+def ray_casting() -> Iterator[SpeedRow]:
     """Exact ranges against a polar image of the map made by cv2.remap, sampled at half cells (which is not exact)."""
     yield _ray_casting(360, 100)
     yield _ray_casting(720, 200)
 
 
-def _ray_casting(beams: int, reach: int) -> Row:
+def _ray_casting(beams: int, reach: int) -> SpeedRow:
     occupied = floor(700, 700)
     places = poses(occupied, 100)
     sensor = lidar(occupied, beams, reach)
@@ -51,7 +51,7 @@ def _ray_casting(beams: int, reach: int) -> Row:
     )
     rays = beams * len(places) / ours * 1e3
     others = beams * len(few) / reference * 1e3
-    return Row(
+    return SpeedRow(
         name=f"rays, {beams} x {reach} cells",
         ours=rays / 1e6,
         unit="M/s",
@@ -63,7 +63,7 @@ def _ray_casting(beams: int, reach: int) -> Row:
     )
 
 
-def mapping() -> Iterator[Row]:
+def mapping() -> Iterator[SpeedRow]:
     """Scan and map update (720 beams, 80 cells) from an unknown map on, and the same scene in a map ten times as large."""
     small = floor(480, 640)
     large = np.ones((1500, 2000), np.bool_)
@@ -85,14 +85,14 @@ def mapping() -> Iterator[Row]:
     in_small, in_large = (
         len(places) / ms * 1e3 for ms in milliseconds(explorer(small), explorer(large), repeats=15)
     )
-    yield Row(
+    yield SpeedRow(
         name="scan + map, 480 x 640",
         ours=in_small,
         unit="scans/s",
         goal=">= 15 000 scans/s",
         reached=in_small / 15_000,
     )
-    yield Row(
+    yield SpeedRow(
         name="scan + map, 1500 x 2000",
         ours=in_large,
         unit="scans/s",
@@ -106,9 +106,9 @@ def mapping() -> Iterator[Row]:
 
 def _beside(
     name: str, ours: float, reference: float, reference_name: str, times: float, same: bool | None = None
-) -> Row:
+) -> SpeedRow:
     """Milliseconds beside a reference's, which is to take so many times as long and to find the same, if that is compared."""
-    return Row(
+    return SpeedRow(
         name=name,
         ours=ours,
         unit="ms",
@@ -120,7 +120,7 @@ def _beside(
     )
 
 
-def frontiers() -> Iterator[Row]:
+def frontiers() -> Iterator[SpeedRow]:
     """All frontiers of a half explored map beside cv2.connectedComponentsWithStats, and after changes in a box."""
     cells = half_explored(700, 700)
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
@@ -142,7 +142,7 @@ def frontiers() -> Iterator[Row]:
     yield _beside("frontiers, 200 x 200 new", updated, full, "all anew", 2.0)
 
 
-def parts() -> Iterator[Row]:
+def parts() -> Iterator[SpeedRow]:
     """The connected parts of what is half a metre from walls, as rooms begin with, beside cv2.connectedComponents."""
     mask = ~inflate(floor(700, 700), 0.5, RESOLUTION)
 
@@ -156,7 +156,7 @@ def parts() -> Iterator[Row]:
     yield _beside("connected parts, 700 x 700", ours, other, "cv2 components", 2.0, same)
 
 
-def geodesics() -> Iterator[Row]:
+def geodesics() -> Iterator[SpeedRow]:
     """Distances to all cells and between 40 places, beside scipy's search on a graph that is built beforehand."""
     traversable = ~inflate(floor(700, 700), 0.2, RESOLUTION)
     start = poses(floor(700, 700), 1)[0]
@@ -175,7 +175,7 @@ def geodesics() -> Iterator[Row]:
     reached = np.argwhere(np.isfinite(geodesic_distances(traversable, source, RESOLUTION)))
     places = reached[np.random.default_rng(0).integers(len(reached), size=40)].astype(np.int32)
     (matrix,) = milliseconds(lambda: distance_matrix(traversable, places, RESOLUTION), repeats=5)
-    yield Row(
+    yield SpeedRow(
         name="geodesics, 40 x 40",
         ours=matrix,
         unit="ms",

@@ -14,7 +14,7 @@ from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid
 from layoutexplore.layout.lines.rose2 import Rose2Config
 from layoutexplore.layout.pipeline import LayoutCache, reconstruct
 from layoutexplore.speed.floors import half_explored, plan
-from layoutexplore.speed.measurement import Row, milliseconds
+from layoutexplore.speed.measurement import SpeedRow, milliseconds
 
 _LIMITS = {400: 15.0, 700: 30.0, 1000: 45.0}
 """Milliseconds on an idle core by the side of the map in cells."""
@@ -22,7 +22,7 @@ _RATIO = 6.0
 """Times that the two library calls may take: the published code takes about a hundred times as long."""
 
 
-def layouts() -> Iterator[Row]:
+def layouts() -> Iterator[SpeedRow]:
     """The default method and rose2 (without its split) on partial maps; then the same again with nothing changed."""
     methods: tuple[tuple[str, Any], ...] = (("default", None), ("rose2", Rose2Config(split=False)))
     for side, limit in _LIMITS.items():
@@ -37,7 +37,7 @@ def _partial(side: int) -> OccupancyGrid:
     return OccupancyGrid(half_explored(side, side), resolution=max(x1 - x0, y1 - y0) / side)
 
 
-def _reconstruction(grid: OccupancyGrid, method: str, config: Any, limit: float) -> Row:
+def _reconstruction(grid: OccupancyGrid, method: str, config: Any, limit: float) -> SpeedRow:
     walls = (grid.cells == OCCUPIED).astype(np.uint8)
 
     def anchor() -> None:
@@ -46,7 +46,7 @@ def _reconstruction(grid: OccupancyGrid, method: str, config: Any, limit: float)
 
     ours, reference = milliseconds(lambda: reconstruct(grid, method, config), anchor, repeats=9)
     stages = reconstruct(grid, method, config).timings
-    return Row(
+    return SpeedRow(
         name=f"layout, {method}, {grid.shape[0]} x {grid.shape[1]}",
         ours=ours,
         unit="ms",
@@ -59,10 +59,10 @@ def _reconstruction(grid: OccupancyGrid, method: str, config: Any, limit: float)
     )
 
 
-def _unchanged(grid: OccupancyGrid) -> Row:
+def _unchanged(grid: OccupancyGrid) -> SpeedRow:
     cache = LayoutCache()
     (ours,) = milliseconds(lambda: cache(grid), repeats=9)
-    return Row(
+    return SpeedRow(
         name="layout, default, no wall changed",
         ours=ours,
         unit="ms",

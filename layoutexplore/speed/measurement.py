@@ -13,7 +13,7 @@ MARGIN = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class SpeedRow:
     """One figure beside what it is compared with.
 
     Attributes:
@@ -53,7 +53,7 @@ class Measurement:
     """A named function that gives rows."""
 
     name: str
-    run: Callable[[], Iterator[Row]]
+    run: Callable[[], Iterator[SpeedRow]]
 
 
 def milliseconds(*functions: Callable[[], object], repeats: int = 7, inner: int = 1) -> list[float]:

@@ -8,7 +8,7 @@ import cv2
 
 from layoutexplore.errors import unknown_name
 from layoutexplore.speed import environment, kernels, layout, training, vector
-from layoutexplore.speed.measurement import Measurement, Row
+from layoutexplore.speed.measurement import Measurement, SpeedRow
 
 
 def measurements(only: Sequence[str] = ()) -> list[Measurement]:
@@ -41,7 +41,9 @@ def measurements(only: Sequence[str] = ()) -> list[Measurement]:
     return [known[name] for name in only] or list(known.values())
 
 
-def measure(only: Sequence[str] = (), *, begin: Callable[[str], None] = lambda name: None) -> Iterator[Row]:
+def measure(
+    only: Sequence[str] = (), *, begin: Callable[[str], None] = lambda name: None
+) -> Iterator[SpeedRow]:
     """Run measurements one after the other, each on one thread.
 
     Args:

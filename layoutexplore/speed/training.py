@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from layoutexplore.speed.measurement import Row
+from layoutexplore.speed.measurement import SpeedRow
 from layoutexplore.speed.vector import AREAS
 
 _ROLLOUTS = 8
@@ -25,7 +25,7 @@ _SETTINGS: tuple[tuple[str, str, bool, float], ...] = (
 """What to call it, predictor, whether the tour's features are computed, and the goal in decisions a second."""
 
 
-def training() -> Iterator[Row]:
+def training() -> Iterator[SpeedRow]:
     """Decisions a second of `maskable-ppo`; nothing without the extra `rl`."""
     if importlib.util.find_spec("sb3_contrib") is None:
         return
@@ -33,7 +33,7 @@ def training() -> Iterator[Row]:
         yield _row(name, predictor, detour, goal)
 
 
-def _row(name: str, predictor: str, detour: bool, goal: float) -> Row:
+def _row(name: str, predictor: str, detour: bool, goal: float) -> SpeedRow:
     from layoutexplore.agents.rl.hyperparameters import read_config
 
     config = read_config()
@@ -57,7 +57,7 @@ def _row(name: str, predictor: str, detour: bool, goal: float) -> Row:
         "beside them the learner": learning,
     }
     assert config.network is not None
-    return Row(
+    return SpeedRow(
         name=f"training, {name}, {config.network.encoder}",
         ours=rate,
         unit="decisions/s",

@@ -20,7 +20,7 @@ from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.processes import usable_cores
 from layoutexplore.speed.floors import plan_of
-from layoutexplore.speed.measurement import Row
+from layoutexplore.speed.measurement import SpeedRow
 
 AREAS = (1000.0, 1750.0, 2350.0)
 """Floor areas in square metres that plans are asked for; the one in the middle is the one that all backends run on."""
@@ -75,7 +75,7 @@ class _Racer:
         return self._steps * _ENVIRONMENTS / self.best
 
 
-def vector_steps() -> Iterator[Row]:
+def vector_steps() -> Iterator[SpeedRow]:
     """Decisions a second: of every backend beside Gymnasium's vectors on one plan, of worker processes on all plans."""
     for setting in _SETTINGS:
         for area in AREAS:
@@ -85,7 +85,7 @@ def vector_steps() -> Iterator[Row]:
                 yield from _race(setting, plan_of(area), everybody=False)
 
 
-def _race(setting: _Setting, plan: FloorPlan, *, everybody: bool) -> Iterator[Row]:
+def _race(setting: _Setting, plan: FloorPlan, *, everybody: bool) -> Iterator[SpeedRow]:
     cores = usable_cores()
     own: dict[str, dict[str, Any]] = {}
     if everybody:
@@ -98,7 +98,7 @@ def _race(setting: _Setting, plan: FloorPlan, *, everybody: bool) -> Iterator[Ro
     for label in own:
         reference = "" if not everybody else "AsyncVectorEnv" if "process" in label else "SyncVectorEnv"
         last = setting.goal > 0 and label == _processes(cores)
-        yield Row(
+        yield SpeedRow(
             name=f"vector, {setting.name}, {plan.area:.0f} m2, {label}",
             ours=rates[label],
             unit="decisions/s",

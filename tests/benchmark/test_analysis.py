@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from layoutexplore.benchmark.analysis import POOLED, by_plan, compare, groups, pooled_curves, summarise
+from layoutexplore.benchmark.analysis import POOLED, by_plan, compare, groups, pooled_curves, summarise_agents
 from layoutexplore.benchmark.episode import (
     Row,
     knows_the_plan,
@@ -80,7 +80,9 @@ def test_curves_are_in_units_of_the_baseline() -> None:
     assert np.interp(0.5, pooled["tour"].x, pooled["tour"].mean) == pytest.approx(1.0)
     assert np.interp(0.5, pooled["nearest"].x, pooled["nearest"].mean) == pytest.approx(0.5)
     tour = next(
-        s for s in summarise(rows, "nearest", lambda r: np.array(curves[r.agent], float)) if s.agent == "tour"
+        s
+        for s in summarise_agents(rows, "nearest", lambda r: np.array(curves[r.agent], float))
+        if s.agent == "tour"
     )
     assert tour.auc_difference is not None and tour.auc_difference.estimate == pytest.approx(0.25)
 

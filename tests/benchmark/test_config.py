@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from layoutexplore.benchmark.config import BenchmarkConfig, read_config
+from layoutexplore.benchmark.config import BenchmarkConfig, read_benchmark_config
 from layoutexplore.errors import ConfigError
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import run_seed
@@ -30,7 +30,7 @@ def test_configuration_from_toml(tmp_path: Path) -> None:
         range_noise_std = 0.05
         """
     )
-    config = BenchmarkConfig(**read_config(path))
+    config = BenchmarkConfig(**read_benchmark_config(path))
     assert config.plans == ("test", "office:3") and config.starts == 4
     assert config.simulation.odometry_noise.translation == 0.02
     lidar = config.simulation_with("noisy").lidar
@@ -66,12 +66,12 @@ def test_bad_configurations(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "study.toml"
     path.write_text(text)
     with pytest.raises(ConfigError, match=said):
-        BenchmarkConfig(**read_config(path))
+        BenchmarkConfig(**read_benchmark_config(path))
 
 
 def test_a_configuration_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot read"):
-        read_config(tmp_path / "none.toml")
+        read_benchmark_config(tmp_path / "none.toml")
 
 
 def test_the_hash_tells_settings_apart_but_not_what_is_run() -> None:

@@ -16,10 +16,10 @@ from layoutexplore.agents import describe_agents
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.counterfactual import (
     LOG,
-    MOMENTS,
-    Asides,
+    MOST_DECISIVE,
     Counterfactual,
-    Moment,
+    CounterfactualRollouts,
+    DecisiveDecision,
     from_arrays,
     same_choice,
     to_arrays,
@@ -50,7 +50,9 @@ def plan() -> FloorPlan:
 
 def run(plan: FloorPlan, agent: str, *, explain: bool, seed: int = 0) -> Episode:
     return play(
-        *prepare(plan, SimulationConfig(sensor="stage"), agent), seed=seed, probe=Asides if explain else None
+        *prepare(plan, SimulationConfig(sensor="stage"), agent),
+        seed=seed,
+        probe=CounterfactualRollouts if explain else None,
     )
 
 
@@ -89,7 +91,7 @@ def test_the_oracle_is_never_wrong_nor_misled(plan: FloorPlan) -> None:
     for name in ("misled", "closed_as_open", "open_as_closed", "leftover_missed", "leftover_wrong"):
         assert not told.column(name).any()
     assert (told.column("closed") + told.column("open") == told.column("frontiers")).all()
-    assert told.column("changed").any() and all(moment.right for moment in told.moments)
+    assert told.column("changed").any() and all(moment.right for moment in told.decisive)
 
 
 def test_flipped_classes_are_counted(plan: FloorPlan) -> None:
@@ -106,19 +108,19 @@ def test_changed_is_another_choice_without_the_layout(plan: FloorPlan) -> None:
     decision = simulation.reset(seed=0)
     assert len(decision.frontiers) >= 2
     for pair, changed in (((0, 0), 0.0), ((1, 0), 1.0), ((0, STOP), 1.0), ((STOP, STOP), 0.0)):
-        agent, asides = Fixed(*pair), Asides(simulation)
+        agent, asides = Fixed(*pair), CounterfactualRollouts(simulation)
         asides.before(agent)
         choice = agent.act(decision)
         asides.note(decision, choice, 1.5)
         told = asides.end()
         assert told.column("changed").tolist() == [changed] and told.column("prediction_ms").tolist() == [1.5]
-        assert agent.asked == 1 and len(told.moments) == (pair == (1, 0))
+        assert agent.asked == 1 and len(told.decisive) == (pair == (1, 0))
 
 
 def test_moments_within_two_metres_are_about_the_same(plan: FloorPlan) -> None:
     told = run(plan, AGENT, explain=True).notes
-    assert told is not None and told.moments
-    moment, (row, col) = told.moments[0], told.moments[0].chosen
+    assert told is not None and told.decisive
+    moment, (row, col) = told.decisive[0], told.decisive[0].chosen
     for cells, same in ((20, True), (21, False)):
         assert moment.is_about(dataclasses.replace(moment, chosen=(row + cells, col)), 0.1) == same
         assert (
@@ -127,8 +129,8 @@ def test_moments_within_two_metres_are_about_the_same(plan: FloorPlan) -> None:
             )
             == same
         )
-    for k, other in enumerate(told.moments):
-        assert all(not other.is_about(later, 0.1) for later in told.moments[k + 1 :])
+    for k, other in enumerate(told.decisive):
+        assert all(not other.is_about(later, 0.1) for later in told.decisive[k + 1 :])
 
 
 def test_a_hidden_layout_leaves_nothing(plan: FloorPlan) -> None:
@@ -161,9 +163,9 @@ def test_every_layout_agent_can_do_without(plan: FloorPlan, name: str) -> None:
 def test_moments_say_what_came_of_them(plan: FloorPlan) -> None:
     for seed in range(3):
         told = run(plan, AGENT, explain=True, seed=seed).notes
-        assert told is not None and len(told.moments) <= MOMENTS
-        assert [m.distance for m in told.moments] == sorted(m.distance for m in told.moments)
-        for moment in told.moments:
+        assert told is not None and len(told.decisive) <= MOST_DECISIVE
+        assert [m.distance for m in told.decisive] == sorted(m.distance for m in told.decisive)
+        for moment in told.decisive:
             assert moment.stake >= -1e-3 and 0 <= moment.without < len(moment.judged)
             assert math.isnan(moment.seen_after) or moment.seen_after >= 0
             rows, cols = (moment.members - moment.corner).T
@@ -173,13 +175,13 @@ def test_moments_say_what_came_of_them(plan: FloorPlan) -> None:
 def test_what_is_kept_survives_the_file(plan: FloorPlan, tmp_path: Path) -> None:
     episode = run(plan, AGENT, explain=True)
     told = episode.notes
-    assert told is not None and told.moments
+    assert told is not None and told.decisive
     folder, row = ResultsFolder(tmp_path), Row(plan="a", start=0, sensor="stage", agent=AGENT, seed=0)
     folder.save_episode(row, episode)
     for read in (folder.counterfactual(row), from_arrays(to_arrays(told))):
         assert read is not None and np.array_equal(read.log, told.log)
-        for a, b in zip(read.moments, told.moments, strict=True):
-            for f in dataclasses.fields(Moment):
+        for a, b in zip(read.decisive, told.decisive, strict=True):
+            for f in dataclasses.fields(DecisiveDecision):
                 mine, theirs = getattr(a, f.name), getattr(b, f.name)
                 assert np.array_equal(mine, theirs, equal_nan=isinstance(mine, float)), f.name
     folder.save_episode(row, dataclasses.replace(episode, notes=None))
@@ -242,7 +244,7 @@ def test_drift_beyond_the_grid_is_survived(plan: FloorPlan) -> None:
         sensor="indoor", odometry_noise=OdometryNoise(translation=0.5, rotation=0.5), max_distance=40.0
     )
     for seed in range(3):
-        told = play(*prepare(plan, config, AGENT), seed=seed, probe=Asides).notes
+        told = play(*prepare(plan, config, AGENT), seed=seed, probe=CounterfactualRollouts).notes
         assert told is not None and len(told.log)
 
 

@@ -14,7 +14,7 @@ from layoutexplore.benchmark import runner
 from layoutexplore.benchmark.analysis import compare
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.episode import prepare
-from layoutexplore.benchmark.runner import Progress, run_benchmark
+from layoutexplore.benchmark.runner import BenchmarkProgress, run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import ConfigError, MapError, ResultsError, UnknownNameError
 from layoutexplore.maps.geojson import save_plan
@@ -25,7 +25,7 @@ from tests.plans import FLAT, HOUSE
 
 
 def test_a_run_of_everything(config: BenchmarkConfig, tmp_path: Path) -> None:
-    told: list[Progress] = []
+    told: list[BenchmarkProgress] = []
     outcome = run_benchmark(config, tmp_path / "out", on_progress=told.append)
     assert len(outcome.rows) == outcome.ran == 2 * 2 * 2 * 2
     assert not outcome.failed
@@ -89,7 +89,7 @@ def test_what_is_cut_off_is_made_again(config: BenchmarkConfig, tmp_path: Path) 
 
 
 def test_an_interrupted_run_keeps_what_is_finished(config: BenchmarkConfig, tmp_path: Path) -> None:
-    def interrupt(progress: Progress) -> None:
+    def interrupt(progress: BenchmarkProgress) -> None:
         if progress.done == 3:
             raise KeyboardInterrupt
 

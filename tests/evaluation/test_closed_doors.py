@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.errors import MapError
-from layoutexplore.evaluation.closed_doors import evaluate, score_prediction, summarise
+from layoutexplore.evaluation.closed_doors import evaluate, score_prediction, summarise_closed_doors
 from layoutexplore.maps.closed_door_maps import find_triples, read_cells
 
 
@@ -32,7 +32,7 @@ def test_evaluation_writes_predictions_in_the_same_frame(closed_door_maps: Path,
     pixels = cv2.imread(str(tmp_path / "out" / "office_1_doors_pred.png"), cv2.IMREAD_UNCHANGED)
     assert pixels.shape == read_cells(closed_door_maps / "office_1_doors_IN.png").shape
     assert set(np.unique(pixels)) == {0, 205, 254}
-    assert [line["maps"] for line in summarise(scores)] == [1, 1, 1, 1, 2]
+    assert [line["maps"] for line in summarise_closed_doors(scores)] == [1, 1, 1, 1, 2]
 
 
 def test_broken_or_missing_files_are_named(closed_door_maps: Path) -> None:

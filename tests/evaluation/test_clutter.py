@@ -13,7 +13,7 @@ from layoutexplore.evaluation.clutter import (
     add_clutter,
     line_error,
     run_study,
-    summarise,
+    summarise_clutter,
     table,
     wall_lines,
 )
@@ -121,10 +121,10 @@ def test_summary_correlates_score_and_precision():
         )
         for k in range(5)
     ]
-    summary = summarise(trials, {})
+    summary = summarise_clutter(trials, {})
     assert summary.correlation == pytest.approx(-1)
     assert summary.median_precision == pytest.approx(0.8)
-    assert np.isnan(summarise(trials[:1], {}).correlation)
+    assert np.isnan(summarise_clutter(trials[:1], {}).correlation)
 
 
 def test_line_error_is_the_cost_of_the_best_move():

@@ -10,8 +10,13 @@ from typer.testing import CliRunner
 
 from layoutexplore import cli
 from layoutexplore.agents import make_agent
-from layoutexplore.evaluation.partial_rooms import find_items, score
-from layoutexplore.evaluation.partial_rooms_summary import calibration_error, f1, matthews, summarise
+from layoutexplore.evaluation.partial_rooms import find_items, score_predictors
+from layoutexplore.evaluation.partial_rooms_summary import (
+    calibration_error,
+    f1,
+    matthews,
+    summarise_partial_rooms,
+)
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -32,7 +37,7 @@ def snapshots(plan: FloorPlan) -> list[Snapshot]:
 
 
 def test_oracle_and_none(snapshots: list[Snapshot]) -> None:
-    scores = score(snapshots, [make_room_predictor("oracle"), make_room_predictor("none")])
+    scores = score_predictors(snapshots, [make_room_predictor("oracle"), make_room_predictor("none")])
     assert scores.rooms and scores.frontiers
     for room in scores.rooms:
         if room.predictor == "oracle":
@@ -41,7 +46,7 @@ def test_oracle_and_none(snapshots: list[Snapshot]) -> None:
             assert (
                 room.hidden_iou == 0.0 and room.iou == pytest.approx(room.explored) and room.remaining == 0.0
             )
-    summary = summarise(scores)
+    summary = summarise_partial_rooms(scores)
     best = summary["oracle"]["frontiers"][0]
     assert (
         best["leftover_accuracy"] == 1.0

@@ -20,18 +20,18 @@ from typer.testing import CliRunner
 
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.early_stop import Stop, summarise_stops
+from layoutexplore.benchmark.early_stop import RunStop, summarise_stops
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.cli import app
-from layoutexplore.evaluation.partial_rooms import Item, RoomScore, score
+from layoutexplore.evaluation.partial_rooms import Item, RoomScore, score_predictors
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.predictors import RoomLabels, make_room_predictor
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
-from layoutexplore.report.exploration import write_report
+from layoutexplore.report.exploration import write_benchmark_report
 from layoutexplore.report.layout_section import stop_plot
 from layoutexplore.report.partial_rooms import Gallery, draw_room
 from layoutexplore.training.snapshots import explore_plan
@@ -91,7 +91,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
 
 
 def test_the_report_says_what_the_layout_did(folder: ResultsFolder) -> None:
-    page, markdown, *_ = write_report(folder)
+    page, markdown, *_ = write_benchmark_report(folder)
     html = whole(page)
     for text in (html, markdown.read_text()):
         assert "What the layout did" in text and "Stopping early" in text and FLIPPED in text
@@ -100,7 +100,7 @@ def test_the_report_says_what_the_layout_did(folder: ResultsFolder) -> None:
         m
         for row in folder.rows()
         if row.agent == "layout-nearest"
-        for m in folder.counterfactual(row).moments
+        for m in folder.counterfactual(row).decisive
     ]  # type: ignore[union-attr]
     assert ("Decisive moments" in html) == bool(moments)
 
@@ -109,19 +109,19 @@ def test_decisive_moments_are_drawn(tmp_path: Path, folder: ResultsFolder) -> No
     """Moments are those of agents that predict; here one is made to."""
     rows = [row for row in folder.rows() if row.agent == FLIPPED]
     told = [folder.counterfactual(row) for row in rows]
-    assert any(t is not None and t.moments for t in told)
-    from layoutexplore.report.moments import moment_picture
+    assert any(t is not None and t.decisive for t in told)
+    from layoutexplore.report.decisive_decisions import decision_picture
 
     drawn = 0
     for row, found in zip(rows, told, strict=True):
         occupied, frame = folder.raster(row.plan)
-        for moment in found.moments if found else ():
-            picture = moment_picture(row, moment, occupied, float(frame[0]))
+        for moment in found.decisive if found else ():
+            picture = decision_picture(row, moment, occupied, float(frame[0]))
             for x, y in (picture.robot, picture.chosen, picture.given_up):
                 assert 0 <= x <= picture.width and 0 <= y <= picture.height
             data = np.frombuffer(base64.b64decode(picture.image.split(",")[1]), np.uint8)
             assert cv2.imdecode(data, cv2.IMREAD_COLOR).shape[:2] == (picture.height, picture.width)
-            assert picture.way.startswith("M") and ("m² left" in picture.said or "leads on" in picture.said)
+            assert picture.path.startswith("M") and ("m² left" in picture.said or "leads on" in picture.said)
             assert math.isnan(moment.seen_after) or f"{moment.seen_after:.0f}" in picture.outcome
             drawn += 1
     assert drawn
@@ -130,7 +130,7 @@ def test_decisive_moments_are_drawn(tmp_path: Path, folder: ResultsFolder) -> No
 def test_a_report_without_layouts_has_no_such_parts(tmp_path: Path) -> None:
     save_plan(floorplan_from_ascii(OFFICES, resolution=0.5, name="small"), tmp_path / "small.geojson")
     config = BenchmarkConfig(plans=(str(tmp_path / "small.geojson"),), starts=1, agents=("nearest", "tour"))
-    html = whole(write_report(run_benchmark(config, tmp_path / "out").folder)[0])
+    html = whole(write_benchmark_report(run_benchmark(config, tmp_path / "out").folder)[0])
     assert (
         "What the layout did" not in html and "Decisive moments" not in html and "Stopping early" not in html
     )
@@ -139,7 +139,7 @@ def test_a_report_without_layouts_has_no_such_parts(tmp_path: Path) -> None:
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.tuples(st.floats(-1, 1), st.floats(0, 0.5)), min_size=1, max_size=6))
 def test_marks_lie_in_their_frame(pairs: list[tuple[float, float]]) -> None:
-    stops = [Stop(f"plan {k}", saved, lost, 0.0, lost > 0) for k, (saved, lost) in enumerate(pairs)]
+    stops = [RunStop(f"plan {k}", saved, lost, 0.0, lost > 0) for k, (saved, lost) in enumerate(pairs)]
     plot = stop_plot([summarise_stops("stage", "early", stops)])
     (mark,) = plot.marks
     inside = [*mark.place, *mark.across, *mark.along, *(v for dot in mark.dots for v in dot), plot.limit]
@@ -160,7 +160,7 @@ def snapshots() -> list[Snapshot]:
 def test_the_gallery_keeps_the_best_and_the_worst(snapshots: list[Snapshot]) -> None:
     predictors = [make_room_predictor(name) for name in ("parallel-wall", "hull")]
     gallery = Gallery("parallel-wall", count=2)
-    found: list[RoomScore] = score(snapshots, predictors, gallery).rooms
+    found: list[RoomScore] = score_predictors(snapshots, predictors, gallery).rooms
     mine = {(r.plan, r.room): [s.hidden_iou for s in found if s.predictor == "parallel-wall" and s.room == r.room
                                and s.true_remaining >= 2] for r in found}  # fmt: skip
     values = [value for group in mine.values() for value in group]

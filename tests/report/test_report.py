@@ -26,9 +26,9 @@ from layoutexplore.errors import ConfigError, ResultsError
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
-from layoutexplore.report.exploration import build, caveats, headline, write_report
+from layoutexplore.report.exploration import caveats, headline, report_view, write_benchmark_report
 from layoutexplore.report.page import interval, png_uri, render
-from layoutexplore.report.plots import floor_picture, forest, heat, way
+from layoutexplore.report.plots import floor_picture, forest, heat, track_picture
 from tests.plans import HOUSE
 
 VOID = {"meta", "link", "br", "image", "img", "path", "circle", "rect", "hr", "input"}
@@ -72,7 +72,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
 
 
 def test_the_page_is_whole_and_fetches_nothing(folder: ResultsFolder) -> None:
-    page, markdown, *tables = write_report(folder)
+    page, markdown, *tables = write_benchmark_report(folder)
     assert [path.name for path in (page, markdown, *tables)] == [
         "report.html",
         "report.md",
@@ -90,7 +90,7 @@ def test_the_page_is_whole_and_fetches_nothing(folder: ResultsFolder) -> None:
 
 
 def test_the_page_says_what_was_run(folder: ResultsFolder) -> None:
-    html, markdown = (path.read_text() for path in write_report(folder)[:2])
+    html, markdown = (path.read_text() for path in write_benchmark_report(folder)[:2])
     for text in (html, markdown):
         assert "layoutexplore benchmark --starts 1" in text
         assert "numpy" in text and folder.rows()[0].config_hash in text
@@ -102,7 +102,7 @@ def test_the_page_says_what_was_run(folder: ResultsFolder) -> None:
 
 
 def test_markdown_tables_have_even_rows(folder: ResultsFolder) -> None:
-    blocks = re.findall(r"(?:^\|.*\n)+", write_report(folder)[1].read_text(), re.MULTILINE)
+    blocks = re.findall(r"(?:^\|.*\n)+", write_benchmark_report(folder)[1].read_text(), re.MULTILINE)
     assert len(blocks) == 3 + 1 + 1  # three groups, by plan, behaviour
     for block in blocks:
         assert len({line.count("|") for line in block.splitlines()}) == 1
@@ -111,7 +111,7 @@ def test_markdown_tables_have_even_rows(folder: ResultsFolder) -> None:
 def test_the_tables_are_read_by_pandas(folder: ResultsFolder) -> None:
     import pandas as pd
 
-    *_, summary, parquet = write_report(folder)
+    *_, summary, parquet = write_benchmark_report(folder)
     rows, table = pd.read_parquet(parquet), pd.read_csv(folder.table)
     assert list(rows.columns) == list(table.columns) == list(COLUMNS)
     assert len(rows) == len(table) == 12
@@ -124,7 +124,7 @@ def test_the_tables_are_read_by_pandas(folder: ResultsFolder) -> None:
 
 
 def test_a_report_without_the_baseline(folder: ResultsFolder) -> None:
-    html = write_report(folder, baseline="tour")[0].read_text()
+    html = write_benchmark_report(folder, baseline="tour")[0].read_text()
     assert "The agent tour did not run" in html and "Mean metres" in html
     assert headline(folder.rows(), "tour", [])[0] == (
         "agent",
@@ -132,7 +132,7 @@ def test_a_report_without_the_baseline(folder: ResultsFolder) -> None:
         "metres to 95 %",
         "metres to 99 %",
     )
-    write_report(folder)
+    write_benchmark_report(folder)
 
 
 def test_failed_runs_are_listed(folder: ResultsFolder) -> None:
@@ -142,14 +142,15 @@ def test_failed_runs_are_listed(folder: ResultsFolder) -> None:
         error="Boom: <b>no</b>",
     )
     html = render(
-        "exploration.html", **build(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
+        "exploration.html",
+        **report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest")),
     )
     assert "Failed runs" in html and "Boom: &lt;b&gt;no&lt;/b&gt;" in html and "<b>1</b>failed" in html
 
 
 def test_nothing_ended_well(folder: ResultsFolder) -> None:
     rows = [dataclasses.replace(row, error="Boom: no") for row in folder.rows()]
-    view = build(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
+    view = report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
     assert "No run has ended well" in render("exploration.html", **view)
     assert "Boom: no" in render("exploration.md", **view)
     assert headline(rows, "nearest", []) == [("agent",)]
@@ -157,10 +158,10 @@ def test_nothing_ended_well(folder: ResultsFolder) -> None:
 
 def test_a_folder_without_a_benchmark(tmp_path: Path) -> None:
     with pytest.raises(ResultsError, match=r"no run\.toml"):
-        write_report(ResultsFolder(tmp_path))
+        write_benchmark_report(ResultsFolder(tmp_path))
     (tmp_path / "run.toml").write_text("a = [")
     with pytest.raises(ResultsError, match="damaged"):
-        write_report(ResultsFolder(tmp_path))
+        write_benchmark_report(ResultsFolder(tmp_path))
 
 
 def test_caveats_follow_the_settings(folder: ResultsFolder) -> None:
@@ -237,14 +238,14 @@ def test_forest_without_intervals_and_with_a_guard() -> None:
 
 def test_a_way_starts_and_ends_where_it_should() -> None:
     track = np.array([[1.0, 1.0, 0.0], [3.0, 1.0, 0.0], [3.0, 2.0, 0.0]])
-    drawn = way(track, np.array([0.5, 0.0, 0.0, 0.0]), rows=10)
+    drawn = track_picture(track, np.array([0.5, 0.0, 0.0, 0.0]), rows=10)
     assert drawn.start == (2.0, 8.0) and drawn.end == (
         6.0,
         6.0,
     )  # y is up in the world and down in the picture
     assert drawn.pieces[0][1].startswith("M2.00,8.00") and drawn.pieces[-1][1].endswith("6.00,6.00")
     assert any("6.00,8.00" in path for _, path in drawn.pieces)
-    assert way(track[:1], np.array([0.5, 0.0, 0.0, 0.0]), rows=10).pieces == []
+    assert track_picture(track[:1], np.array([0.5, 0.0, 0.0, 0.0]), rows=10).pieces == []
 
 
 def test_floor_picture_is_upright() -> None:

@@ -17,16 +17,16 @@ from layoutexplore.cli.speed import register
 from layoutexplore.errors import UnknownNameError
 from layoutexplore.grids.grid import Cell
 from layoutexplore.planning.shortest_paths import geodesic_distances
-from layoutexplore.speed import Measurement, Row, floors, kernels, measure, measurements, suite
+from layoutexplore.speed import Measurement, SpeedRow, floors, kernels, measure, measurements, suite
 from layoutexplore.speed.measurement import milliseconds
 
 
-def row(reached: float | None) -> Row:
-    return Row(name="walking", ours=1234.5, unit="m/s", goal="> 1", reached=reached)
+def row(reached: float | None) -> SpeedRow:
+    return SpeedRow(name="walking", ours=1234.5, unit="m/s", goal="> 1", reached=reached)
 
 
-def use(monkeypatch: pytest.MonkeyPatch, *rows: Row) -> None:
-    def given() -> Iterator[Row]:
+def use(monkeypatch: pytest.MonkeyPatch, *rows: SpeedRow) -> None:
+    def given() -> Iterator[SpeedRow]:
         yield from rows
 
     monkeypatch.setattr(suite, "measurements", lambda only=(): [Measurement("walking", given)])
@@ -113,4 +113,4 @@ def test_floors_are_always_the_same() -> None:
 
 
 def test_the_package_says_what_it_offers() -> None:
-    assert speed.measure is measure and speed.Row is Row
+    assert speed.measure is measure and speed.SpeedRow is SpeedRow

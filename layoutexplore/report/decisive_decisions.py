@@ -1,4 +1,4 @@
-"""Pictures of decisive moments: where the robot would have gone without the layout, where it went, and what came of it."""
+"""Pictures of decisive decisions: where the robot would have gone without the layout, where it went, and what came of it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.benchmark.counterfactual import Moment
+from layoutexplore.benchmark.counterfactual import DecisiveDecision
 from layoutexplore.benchmark.episode import Row
 from layoutexplore.drawing import palette
 from layoutexplore.errors import LayoutExploreError
@@ -31,7 +31,7 @@ _TEXT = 16
 """Room for the text of a label, in hundredths of a picture's longer side."""
 
 RADIUS = 0.2
-"""Metres from walls at which ways are drawn where there is room."""
+"""Metres from walls at which paths are drawn where there is room."""
 
 Place = Callable[[tuple[float, float]], tuple[float, float]]
 """From (row, column) in the grid to (x, y) in the picture."""
@@ -51,11 +51,11 @@ class Label:
 
 
 @dataclass(frozen=True)
-class MomentPicture:
-    """A decisive moment, ready to be shown."""
+class DecisionPicture:
+    """A decisive decision, ready to be shown."""
 
     row: Row
-    moment: Moment
+    decision: DecisiveDecision
     image: str
     width: int
     height: int
@@ -63,48 +63,50 @@ class MomentPicture:
     robot: tuple[float, float]
     chosen: tuple[float, float]
     given_up: tuple[float, float]
-    way: str
-    way_without: str
+    path: str
+    path_without: str
     labels: tuple[Label, ...]
     title: str
     said: str
     outcome: str
 
 
-def moment_picture(row: Row, moment: Moment, occupied: NDArray[np.bool_], resolution: float) -> MomentPicture:
-    """Draw a moment.
+def decision_picture(
+    row: Row, decision: DecisiveDecision, occupied: NDArray[np.bool_], resolution: float
+) -> DecisionPicture:
+    """Draw a decisive decision.
 
     Args:
         row: The run.
-        moment: The moment.
+        decision: The decision.
         occupied: bool (rows, cols), the floor plan's cells in the frame of the grid.
         resolution: Metres per cell.
     """
-    ways = [_way(moment, goal, resolution) for goal in (moment.chosen, moment.given_up)]
-    points = np.concatenate([*ways, [moment.here, moment.chosen, moment.given_up]])
+    paths = [_cells_walked(decision, goal, resolution) for goal in (decision.chosen, decision.given_up)]
+    points = np.concatenate([*paths, [decision.here, decision.chosen, decision.given_up]])
     top, left, height, width = _window(points, occupied.shape, resolution)
-    image = _map(moment, occupied)[top : top + height, left : left + width]
+    image = _map(decision, occupied)[top : top + height, left : left + width]
 
     def place(cell: tuple[float, float]) -> tuple[float, float]:
         return round(cell[1] - left + 0.5, 2), round(height - (cell[0] - top) - 0.5, 2)
 
-    labels = _labels(moment, place, (width, height))
-    return MomentPicture(
+    labels = _labels(decision, place, (width, height))
+    return DecisionPicture(
         row=row,
-        moment=moment,
+        decision=decision,
         image=png_uri(np.ascontiguousarray(image[::-1])),
         width=width,
         height=height,
         unit=max(width, height) / 100,
-        robot=place(moment.here),
-        chosen=place(moment.chosen),
-        given_up=place(moment.given_up),
-        way=_path(ways[0], place),
-        way_without=_path(ways[1], place),
+        robot=place(decision.here),
+        chosen=place(decision.chosen),
+        given_up=place(decision.given_up),
+        path=_path(paths[0], place),
+        path_without=_path(paths[1], place),
         labels=labels,
-        title=f"{row.plan}, {row.sensor}, after {number(moment.distance, 0)}{_NBSP}m",
-        said=_said(moment),
-        outcome=_outcome(moment),
+        title=f"{row.plan}, {row.sensor}, after {number(decision.distance, 0)}{_NBSP}m",
+        said=_said(decision),
+        outcome=_outcome(decision),
     )
 
 
@@ -133,27 +135,27 @@ def _area(area: float) -> str:
     return number(math.floor(10 * area) / 10 if area < 1 else area, 1)
 
 
-def _map(moment: Moment, occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _map(decision: DecisiveDecision, occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """The floor plan with what is known of it and the frontiers by class, uint8 (rows, cols, 3); row 0 has the lowest y."""
     image = np.empty((*occupied.shape, 3), np.uint8)
     image[:] = palette.CANVAS
     image[~occupied] = palette.UNSEEN
-    row, col = moment.corner
-    part = image[row : row + moment.cells.shape[0], col : col + moment.cells.shape[1]]
-    part[moment.cells == FREE] = palette.FREE
-    part[moment.cells == OCCUPIED] = palette.WALL
-    for k, (closed, _, _, _) in enumerate(moment.judged.tolist()):
-        rows, cols = moment.members[moment.offsets[k] : moment.offsets[k + 1]].T
+    row, col = decision.corner
+    part = image[row : row + decision.cells.shape[0], col : col + decision.cells.shape[1]]
+    part[decision.cells == FREE] = palette.FREE
+    part[decision.cells == OCCUPIED] = palette.WALL
+    for k, (closed, _, _, _) in enumerate(decision.judged.tolist()):
+        rows, cols = decision.members[decision.offsets[k] : decision.offsets[k + 1]].T
         image[rows, cols] = palette.CLOSED if closed else palette.OPEN
     return image
 
 
-def _way(moment: Moment, goal: tuple[int, int], resolution: float) -> NDArray[np.int64]:
-    """Cells int64 (n, 2) of a way to a goal on what was known; a straight line where there is none."""
-    corner = np.array(moment.corner)
-    here, there = (Cell(*map(int, np.array(place) - corner)) for place in (moment.here, goal))
-    free = np.ascontiguousarray(moment.cells == FREE)
-    for world in (free & ~inflate(moment.cells == OCCUPIED, RADIUS, resolution), free):
+def _cells_walked(decision: DecisiveDecision, goal: tuple[int, int], resolution: float) -> NDArray[np.int64]:
+    """Cells int64 (n, 2) of a path to a goal over what was known; a straight line where there is none."""
+    corner = np.array(decision.corner)
+    here, there = (Cell(*map(int, np.array(place) - corner)) for place in (decision.here, goal))
+    free = np.ascontiguousarray(decision.cells == FREE)
+    for world in (free & ~inflate(decision.cells == OCCUPIED, RADIUS, resolution), free):
         open_world = world.copy()
         open_world[here] = open_world[there] = True
         try:
@@ -163,7 +165,7 @@ def _way(moment: Moment, goal: tuple[int, int], resolution: float) -> NDArray[np
                 return steps
         except LayoutExploreError:
             continue
-    return np.array([moment.here, goal], np.int64)
+    return np.array([decision.here, goal], np.int64)
 
 
 def _path(cells: NDArray[np.int64], place: Place) -> str:
@@ -173,13 +175,14 @@ def _path(cells: NDArray[np.int64], place: Place) -> str:
     )
 
 
-def _labels(moment: Moment, place: Place, size: tuple[int, int]) -> tuple[Label, ...]:
+def _labels(decision: DecisiveDecision, place: Place, size: tuple[int, int]) -> tuple[Label, ...]:
     """What was said of the frontiers nearest the robot, and of the one that was given up."""
     middles = [
-        moment.members[a:b].mean(axis=0) for a, b in zip(moment.offsets[:-1], moment.offsets[1:], strict=True)
+        decision.members[a:b].mean(axis=0)
+        for a, b in zip(decision.offsets[:-1], decision.offsets[1:], strict=True)
     ]
-    away = np.hypot(*(np.array(middles) - moment.here).T)
-    away[moment.without] = -1.0
+    away = np.hypot(*(np.array(middles) - decision.here).T)
+    away[decision.without] = -1.0
     labels: list[Label] = []
     for k in np.argsort(away, kind="stable").tolist():
         x, y = place((float(middles[k][0]), float(middles[k][1])))
@@ -192,30 +195,32 @@ def _labels(moment: Moment, place: Place, size: tuple[int, int]) -> tuple[Label,
         )
         if not (0 <= x <= size[0] and 5 * unit <= y <= size[1]) or crowded or len(labels) >= LABELS:
             continue
-        closed, area = moment.judged[k, :2].tolist()
+        closed, area = decision.judged[k, :2].tolist()
         text = f"{_area(area)}{_NBSP}m²" if closed else "open"
         colour = palette.mix(palette.CLOSED if closed else palette.OPEN, palette.BLACK, 0.35)
         labels.append(Label(x, y, text, palette.to_hex(colour), before))
     return tuple(labels)
 
 
-def _said(moment: Moment) -> str:
+def _said(decision: DecisiveDecision) -> str:
     """What was predicted of the frontier that was given up, and what is true."""
-    closed, area, true_closed, true_area = moment.judged[moment.without].tolist()
+    closed, area, true_closed, true_area = decision.judged[decision.without].tolist()
     predicted = f"{_area(area)}{_NBSP}m² left in its room" if closed else "it leads on"
     true = f"{_area(true_area)}{_NBSP}m² left" if true_closed else "it leads on"
-    return f"The frontier passed over: predicted {predicted}, in truth {true}. {number(moment.stake, 0)}{_NBSP}m of detour at stake."
+    return f"The frontier passed over: predicted {predicted}, in truth {true}. {number(decision.stake, 0)}{_NBSP}m of detour at stake."
 
 
-def _outcome(moment: Moment) -> str:
+def _outcome(decision: DecisiveDecision) -> str:
     """What came of it."""
-    if math.isnan(moment.seen_after):
+    if math.isnan(decision.seen_after):
         return (
             "The robot went back there later, in vain."
-            if moment.came_back
+            if decision.came_back
             else "It was never needed: the run ended without it."
         )
-    metres = f"{number(moment.seen_after, 0)}{_NBSP}m later"
+    metres = f"{number(decision.seen_after, 0)}{_NBSP}m later"
     return (
-        f"The robot came back for it {metres}." if moment.came_back else f"It was seen in passing, {metres}."
+        f"The robot came back for it {metres}."
+        if decision.came_back
+        else f"It was seen in passing, {metres}."
     )
