@@ -240,7 +240,7 @@ def parse_spec(what: str, spec: str, known: Mapping[str, Options]) -> tuple[str,
             raise unknown_name(f"parameter of {what} {name!r}", key, fields)
         if key in values:
             raise ConfigError(f"{what} {spec!r}: {key!r} is given twice")
-        values[key] = _read(f"{what} {spec!r}: {key}", fields[key].metadata["rule"].kind, value)
+        values[key] = read_value(f"{what} {spec!r}: {key}", getattr(known[name], key), value)
     try:
         return name, dataclasses.replace(known[name], **values)
     except ConfigError as error:
@@ -266,8 +266,13 @@ def format_value(value: Value) -> str:
     return repr(value).removesuffix(".0") if isinstance(value, float) else str(value)
 
 
-def _read(name: str, kind: type[Value], text: str) -> Value:
-    """The value of a text in the type of a parameter."""
+def read_value(name: str, like: Value, text: str) -> Value:
+    """The value of a text, of the type of another value.
+
+    Raises:
+        ConfigError: The text is no such value; the message begins with `name`.
+    """
+    kind = type(like)
     try:
         if kind is bool:
             return {"true": True, "false": False}[text.lower()]

@@ -3,7 +3,9 @@
 `none` tells nothing, `oracle` tells the truth (the ceiling of prediction), and `oracle:flip=0.1` tells it
 with a share of the rooms judged wrongly, for the question how good a prediction has to be. `layout` is the
 one to use, `layout:model=FOLDER` the same with models of one's own, `layout:network=off` the same by trees
-alone, in less time; `rectangle`, `hull`, `parallel-wall` and `face-subset` are what the literature offers.
+alone, in less time; `reconstruct:METHOD` takes the rooms of any layout method (`reconstruct:rose2`, with
+options `reconstruct:ias15;sigma=0.2`); `rectangle`, `hull`, `parallel-wall` and `face-subset` are what the
+literature offers.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from layoutexplore.options import Options, option, parse_spec
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.oracle import FALSE_CLOSED_AREA, OraclePredictor
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor, with_classes
+from layoutexplore.predictors.reconstructed import predictor_of_method
 from layoutexplore.predictors.shape_baselines import (
     FaceSubsetPredictor,
     ShapePredictor,
@@ -53,6 +56,13 @@ class LearnedOptions(Options):
     network: str = option("on", "whether the networks have a say", choices=("on", "off"))
 
 
+@dataclass(frozen=True, kw_only=True)
+class ReconstructOptions(Options):
+    """Parameters of `reconstruct`."""
+
+    method: str = option("rose2", "a layout method, with its options behind semicolons", positional=True)
+
+
 _BUILDERS: dict[str, tuple[Options, Callable[[Any], RoomPredictor]]] = {
     "none": (Options(), lambda _: ShapePredictor("none", None)),
     "rectangle": (Options(), lambda _: ShapePredictor("rectangle", rectangle_outline)),
@@ -60,6 +70,7 @@ _BUILDERS: dict[str, tuple[Options, Callable[[Any], RoomPredictor]]] = {
     "parallel-wall": (Options(), lambda _: ShapePredictor("parallel-wall", parallel_outline)),
     "face-subset": (Options(), lambda _: FaceSubsetPredictor()),
     "oracle": (OracleOptions(), lambda options: OraclePredictor(flip=options.flip)),
+    "reconstruct": (ReconstructOptions(), lambda options: predictor_of_method(options.method)),
     "layout": (
         LearnedOptions(),
         lambda options: LearnedPredictor(
@@ -96,5 +107,8 @@ def make_room_predictor(spec: str) -> RoomPredictor:
         UnknownNameError: There is no predictor of that name.
         ConfigError: It has no such parameter, or the value makes no sense.
     """
+    name, colon, text = spec.strip().partition(":")
+    if name == "reconstruct":  # what follows is the method's, not ours to read
+        return predictor_of_method(text if colon else ReconstructOptions().method)
     name, options = parse_spec("predictor", spec, {name: known for name, (known, _) in _BUILDERS.items()})
     return _BUILDERS[name][1](options)

@@ -1,0 +1,163 @@
+"""Layout methods that judge frontiers: on a drawing whose lines say what the answers are, and where they find nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.frontiers.decision import Decision, Frontier, KnownDistances
+from layoutexplore.frontiers.detection import find_frontiers
+from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
+from layoutexplore.layout.pipeline import method_names
+from layoutexplore.predictors import make_room_predictor
+from layoutexplore.predictors.reconstructed import ReconstructedRooms, known_part
+from layoutexplore.sensing.lidar import LidarConfig
+
+HALF_SEEN = """
+????????????????????????????
+?##########################?
+?#........#??????#.........?
+?#........#......#.........?
+?#...............#.........?
+?#...............#.........?
+?#........#......#.........?
+?#........#......#.........?
+?#........####.###..######.?
+?#.........................?
+?#.........................?
+?##########################?
+????????????????????????????
+"""
+"""Half metres. The middle room lacks 3 m by 0.5 m below its upper wall; the room on the right lacks its right wall."""
+
+SCALE = 5
+METHODS = [f"reconstruct:{name}" for name in method_names()]
+
+
+def drawn(text: str, *, mirror: bool = False) -> OccupancyGrid:
+    lines = text.split()[::-1]
+    cells = np.array([[{"#": 100, ".": 0, "?": -1}[c] for c in line] for line in lines], np.int8)
+    fine = np.kron(cells, np.ones((SCALE, SCALE), np.int8))
+    return OccupancyGrid(np.ascontiguousarray(fine[:, ::-1] if mirror else fine), 0.1, Pose(-3.0, 2.0, 0.0))
+
+
+def decide(grid: OccupancyGrid) -> Decision:
+    clusters = find_frontiers(grid.cells)
+    frontiers = []
+    for k in range(len(clusters)):
+        cells = clusters.cluster(k)
+        row, col = cells[0].tolist()
+        x, y = grid.cell_to_world(row, col)
+        frontiers.append(Frontier(cells, len(cells) * 0.1, (x, y), Cell(row, col), 1.0, 1.0, 1.0))
+    field = KnownDistances(np.ones(grid.shape, np.float32))
+    sensor = LidarConfig(range_max=8.0, fov=6.28, beams=8)
+    return Decision(0, grid, Pose(0.0, 0.0), tuple(frontiers), field, 0.0, sensor, 0.2)
+
+
+def at(decision: Decision, row: int, col: int) -> Frontier:
+    """The frontier that holds a cell of the drawing, counted from below."""
+    here = np.array([row * SCALE + SCALE // 2, col * SCALE + SCALE // 2])
+    return min(decision.frontiers, key=lambda f: float(np.abs(f.cells - here).sum(axis=1).min()))
+
+
+@pytest.mark.parametrize("method", ["rose2", "ias15", "default;completion=lines", "distance"])
+def test_lines_complete_a_room_and_close_its_frontier(method: str) -> None:
+    judged = make_room_predictor(f"reconstruct:{method}").predict(decide(drawn(HALF_SEEN)))
+    inside, corridor = at(judged, 9, 13), at(judged, 2, 26)
+    assert inside.is_closed and inside.expected_area == pytest.approx(1.5, abs=0.5)  # 3 m by 0.5 m
+    assert not corridor.is_closed  # no wall bounds it on the right
+    labels = judged.layout.labels
+    hidden = labels[10 * SCALE + 2, 13 * SCALE]
+    assert hidden > 0 and hidden == labels[8 * SCALE, 13 * SCALE]  # the room's own, up to the wall's line
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_method_keeps_the_protocol(name: str) -> None:
+    decision = decide(drawn(HALF_SEEN))
+    before = decision.grid.cells.copy()
+    predictor = make_room_predictor(name)
+    judged, again = predictor.predict(decision), make_room_predictor(name).predict(decision)
+    assert (decision.grid.cells == before).all()
+    for first, second in zip(judged.table, again.table, strict=True):
+        assert (first == second).all()
+    assert isinstance(judged.layout, ReconstructedRooms)
+    rooms, cells = predictor.rooms(decision), decision.grid.cells
+    assert rooms.room_ids.dtype == judged.layout.labels.dtype == np.int32
+    assert not rooms.passable[cells == 100].any() and rooms.passable[cells == 0].all()
+    assert not judged.layout.labels[cells == 100].any()
+    assert set(np.unique(judged.layout.inside)) <= {0.0, 1.0} and not judged.layout.inside[cells != -1].any()
+    assert all(f.is_closed is not None and (f.expected_area or 0.0) >= 0.0 for f in judged.frontiers)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_mirrored_map_has_the_same_classes(name: str) -> None:
+    plain = make_room_predictor(name).predict(decide(drawn(HALF_SEEN)))
+    mirrored = make_room_predictor(name).predict(decide(drawn(HALF_SEEN, mirror=True)))
+    width = plain.grid.shape[1]
+    for frontier in plain.frontiers:
+        row, col = frontier.cells[0].tolist()
+        twin = next(f for f in mirrored.frontiers if (f.cells == (row, width - 1 - col)).all(axis=1).any())
+        assert twin.is_closed == frontier.is_closed
+        assert twin.expected_area == pytest.approx(frontier.expected_area)
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("text", ["?????\n?...?\n?...?\n?????", "?????\n?###?\n?#.#?\n?????"])
+def test_where_no_room_is_found_frontiers_are_open(name: str, text: str) -> None:
+    judged = make_room_predictor(name).predict(decide(drawn(text)))
+    for frontier in judged.frontiers:
+        assert frontier.is_closed is not None
+        if not judged.layout.labels.any():
+            assert not frontier.is_closed
+
+
+def test_the_size_of_the_grid_tells_nothing() -> None:
+    small = drawn(HALF_SEEN)
+    cells = np.full((small.shape[0] + 90, small.shape[1] + 170), -1, np.int8)
+    cells[30:-60, 120:-50] = small.cells
+    large = OccupancyGrid(cells, 0.1, Pose(small.origin.x - 12.0, small.origin.y - 3.0, 0.0))
+    predictor = make_room_predictor("reconstruct:rose2")
+    first, second = predictor.predict(decide(small)), predictor.predict(decide(large))
+    assert (first.layout.labels == second.layout.labels[30:-60, 120:-50]).all()
+    assert (first.table.closed == second.table.closed).all()
+
+
+def test_walls_that_have_not_changed_are_not_reconstructed_again() -> None:
+    predictor, grid = make_room_predictor("reconstruct:rose2"), drawn(HALF_SEEN)
+    first = predictor.predict(decide(grid)).layout
+    seen = grid.cells.copy()
+    seen[seen == -1] = np.where(np.arange((seen == -1).sum()) % 97 == 0, 0, -1)
+    seen[:SCALE], seen[-SCALE:] = -1, -1
+    second = predictor.predict(decide(OccupancyGrid(seen, 0.1, grid.origin))).layout
+    assert second.layout is first.layout
+
+
+def test_known_part_keeps_the_world() -> None:
+    grid = drawn(HALF_SEEN)
+    turned = OccupancyGrid(grid.cells, 0.1, Pose(1.0, 2.0, 0.7))
+    part = known_part(turned)
+    row, col = np.argwhere(part.cells == 100)[0]
+    x, y = part.cell_to_world(row, col)
+    assert turned.cells[turned.world_to_cell(x, y)] == 100
+
+
+@pytest.mark.parametrize(
+    ("spec", "said"),
+    [
+        ("reconstruct:rose3", "rose2"),
+        ("reconstruct:rose2;sigmo=0.1", "sigma"),
+        ("reconstruct:rose2;completion=hull", "faces"),
+        ("reconstruct:rose2;sigma", "key=value"),
+        ("reconstruct:rose2,sigma=wide", "a number"),
+        ("reconstruct:rose2,sigma=-1", "sigma"),
+    ],
+)
+def test_bad_specs_are_told(spec: str, said: str) -> None:
+    with pytest.raises((ConfigError, UnknownNameError), match=said):
+        make_room_predictor(spec)
+
+
+def test_options_reach_the_method_and_name_the_predictor() -> None:
+    assert make_room_predictor("reconstruct:rose2, sigma=0.20").name == "reconstruct:rose2;sigma=0.2"
+    assert make_room_predictor("reconstruct").name == "reconstruct:rose2"
