@@ -1,25 +1,61 @@
-"""From cells to polygons: the exact outline of a mask, by walking along the sides of its cells.
+"""From cells to polygons: the exact outlines of labels and masks, by walking along the sides of their cells.
 
-Every side between a cell of the mask and one outside is walked once, the mask on the left. Where two cells
-touch at a corner only, the walk stays with its cell, so that polygons are four-connected; a walk that comes
-through such a corner twice is cut into two rings, because a ring must not touch itself. Rings that run
-counter-clockwise are shells.
+Every side between a cell of a label and one of another is walked once, the label on the left; so rings that
+run counter-clockwise are shells and the others holes. Where two cells of a label touch at a corner only, the
+walk stays with its cell: what a ring encloses is four-connected.
 """
 
 from __future__ import annotations
 
-import cv2
+from typing import NamedTuple
+
 import numpy as np
 import shapely
 from numba import njit
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon
 
+from layoutexplore.grids.bitsets import true_cells
+from layoutexplore.grids.components import label_components
 from layoutexplore.grids.polygons import Point
+
+# Sides lead from corner to corner: 0 to the next column, 1 to the next row, 2 and 3 back again.
+_STEP_R = np.array([0, 1, 0, -1], np.int64)
+_STEP_C = np.array([1, 0, -1, 0], np.int64)
+
+
+class Rings(NamedTuple):
+    """The rings around the labels of a grid; corner (r, c) is the lower left one of cell (r, c).
+
+    Attributes:
+        corners: int32 (n, 2) as (row, col), ring after ring. The first of a ring may lie in the middle of a
+            straight line, the others are where it turns.
+        starts: int64 (k + 1,): ring i has the corners from `starts[i]` to `starts[i + 1]`.
+        labels: int32 (k,), the label on the left of each ring.
+        touching: bool (k,), whether at a corner of the ring its label touches itself.
+    """
+
+    corners: NDArray[np.int32]
+    starts: NDArray[np.int64]
+    labels: NDArray[np.int32]
+    touching: NDArray[np.bool_]
+
+
+def trace_rings(labels: NDArray[np.int32]) -> Rings:
+    """Walk around all labels of a grid int32 (rows, cols), C-contiguous, 0 for none.
+
+    Example:
+        >>> rings = trace_rings(np.array([[7, 7]], np.int32))
+        >>> rings.corners.tolist(), rings.starts.tolist(), rings.labels.tolist()
+        ([[0, 0], [0, 2], [1, 2], [1, 0]], [0, 4], [7])
+    """
+    return Rings(*_trace(labels, true_cells(_ends(labels))))
 
 
 def trace(mask: NDArray[np.bool_], resolution: float, origin: Point) -> Polygon | MultiPolygon:
     """The outline of a mask's cells as polygons in metres (to the micrometre), one a four-connected part.
+
+    A ring that comes through a corner twice is cut into two, because a polygon's ring must not touch itself.
 
     Args:
         mask: bool (rows, cols).
@@ -30,101 +66,158 @@ def trace(mask: NDArray[np.bool_], resolution: float, origin: Point) -> Polygon 
         >>> trace(np.array([[True, True], [True, False]]), 0.5, (0.0, 0.0)).area
         0.75
     """
-    padded = np.ascontiguousarray(np.pad(mask, 1), np.bool_)
-    count, parts = cv2.connectedComponents(padded.astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
-    points, starts, owners = _walk(padded, parts.astype(np.int32))
-    world = np.round(np.asarray(origin) + (points - 1.0) * resolution, 6)
-    shells: list[list[NDArray[np.float64]]] = [[] for _ in range(count)]
-    holes: list[list[NDArray[np.float64]]] = [[] for _ in range(count)]
-    for first, last, owner in zip(starts[:-1], starts[1:], owners, strict=True):
-        ring = world[first:last]
-        following = np.roll(ring, -1, axis=0)
-        turned = float((ring[:, 0] * following[:, 1] - following[:, 0] * ring[:, 1]).sum())
-        (shells if turned > 0 else holes)[owner].append(ring)
-    polygons = [Polygon(shells[part][0], holes[part]) for part in range(1, count)]
+    parts, count = label_components(mask)
+    rings = trace_rings(parts)
+    walks = [
+        (_from_lowest(rings.corners[first:last].tolist()), int(owner))
+        for first, last, owner in zip(rings.starts[:-1], rings.starts[1:], rings.labels, strict=True)
+    ]
+    shells: list[list[NDArray[np.float64]]] = [[] for _ in range(count + 1)]
+    holes: list[list[NDArray[np.float64]]] = [[] for _ in range(count + 1)]
+    for walk, owner in sorted(walks):
+        for corners in _cut_where_touching(walk):
+            points = np.array(corners, np.float64)[:, ::-1]
+            ring = np.round(np.asarray(origin) + points * resolution, 6)
+            following = np.roll(ring, -1, axis=0)
+            turned = float((ring[:, 0] * following[:, 1] - following[:, 0] * ring[:, 1]).sum())
+            (shells if turned > 0 else holes)[owner].append(ring)
+    polygons = [Polygon(shells[part][0], holes[part]) for part in range(1, count + 1)]
     return polygons[0] if len(polygons) == 1 else shapely.multipolygons(polygons) if polygons else Polygon()
 
 
-@njit(cache=True, nogil=True)
-def _is_side(mask: NDArray[np.bool_], r: int, c: int, way: int) -> bool:
-    """Whether a side with the mask on its left leaves the corner (r, c) to the right, up, left or down (way 0 to 3)."""
-    if way == 0:
-        return bool(mask[r, c] and not mask[r - 1, c])
-    if way == 1:
-        return bool(mask[r, c - 1] and not mask[r, c])
-    if way == 2:
-        return bool(mask[r - 1, c - 1] and not mask[r, c - 1])
-    return bool(mask[r - 1, c] and not mask[r - 1, c - 1])
+def _from_lowest(ring: list[list[int]]) -> list[list[int]]:
+    """A ring without a needless first corner, from the first of its corners in raster order that a side leaves to the right."""
+    if (ring[-1][0] == ring[0][0]) == (ring[0][0] == ring[1][0]):
+        ring = ring[1:]
+    following = [*ring[1:], ring[0]]
+    _, k = min((a, k) for k, (a, b) in enumerate(zip(ring, following, strict=True)) if b[1] > a[1])
+    return ring[k:] + ring[:k]
+
+
+def _cut_where_touching(ring: list[list[int]]) -> list[list[list[int]]]:
+    """The rings that a ring falls into at the corners that it comes through twice."""
+    rings, path = [], list[list[int]]()
+    place: dict[tuple[int, int], int] = {}
+    for corner in ring:
+        first = place.get((corner[0], corner[1]))
+        if first is not None:
+            rings.append(path[first:])
+            for row, col in path[first:]:
+                del place[row, col]
+            del path[first:]
+        place[corner[0], corner[1]] = len(path)
+        path.append(corner)
+    return [*rings, path]
+
+
+@njit("int32(int32[:,::1], int64, int64)", cache=True, nogil=True, inline="always")
+def _at(labels: NDArray[np.int32], r: int, c: int) -> int:
+    if r < 0 or c < 0 or r >= labels.shape[0] or c >= labels.shape[1]:
+        return 0
+    return int(labels[r, c])
+
+
+@njit("int32(int32[:,::1], int64, int64, int64)", cache=True, nogil=True)
+def _left(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
+    """Label on the left of the side that leaves corner (r, c) in direction d."""
+    if d == 0:
+        return _at(labels, r, c)
+    if d == 1:
+        return _at(labels, r, c - 1)
+    if d == 2:
+        return _at(labels, r - 1, c - 1)
+    return _at(labels, r - 1, c)
+
+
+@njit("int32(int32[:,::1], int64, int64, int64)", cache=True, nogil=True)
+def _right(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
+    return _left(labels, r + _STEP_R[d], c + _STEP_C[d], (d + 2) % 4)
 
 
 @njit(cache=True, nogil=True)
 def _walk(
-    mask: NDArray[np.bool_], parts: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int32]]:
-    """All rings of a mask with an empty border.
+    labels: NDArray[np.int32],
+    start: tuple[int, int, int],
+    label: int,
+    seen: NDArray[np.uint8],
+    corners: NDArray[np.int32],
+) -> tuple[int, bool]:
+    """Write the corners of the ring that leaves a corner in a direction (row, col, d), the label to its left.
+
+    `seen` has a bit for each side that leaves a corner: a ring is closed when it comes to a side again.
 
     Returns:
-        Corners float64 (n, 2) as (col, row) of the rings one after the other, where each begins int64 (rings
-        + 1,), and the part int32 (rings,) that each belongs to.
+        How many there are, and whether at one of them the label touches itself.
     """
-    rows, cols = mask.shape
-    sides = 0
-    for r in range(1, rows):
-        for c in range(1, cols):
-            sides += int(mask[r, c] != mask[r - 1, c]) + int(mask[r, c] != mask[r, c - 1])
-    points, starts, owners = (
-        np.empty((sides, 2), np.float64),
-        np.zeros(sides + 1, np.int64),
-        np.empty(sides, np.int32),
-    )
-    walked = np.zeros((rows, cols), np.bool_)  # the sides to the right; every ring begins with one
-    place = np.full((rows, cols), -1, np.int32)  # of a corner on the path
-    path = np.empty((sides + 1, 2), np.int32)
-    rings = 0
-    for row in range(1, rows):
-        for col in range(1, cols):
-            if walked[row, col] or not _is_side(mask, row, col, 0) or _is_side(mask, row, col - 1, 0):
-                continue
-            r, c, way, length = row, col, 0, 0
-            while True:
-                if place[r, c] >= 0:  # a corner met before: what lies between is a ring of its own
-                    first = place[r, c]
-                    rings = _keep(path, first, length, place, points, starts, rings)
-                    owners[rings - 1] = parts[row, col]
-                    length = first
-                if way == 0 and walked[r, c]:
-                    break
-                place[r, c] = length
-                path[length, 0], path[length, 1] = r, c
-                length += 1
-                turn = way
-                while turn == way:  # to the next corner
-                    if way == 0:
-                        walked[r, c] = True
-                    r, c = r + (way == 1) - (way == 3), c + (way == 0) - (way == 2)
-                    for change in (1, 0, 3):
-                        if _is_side(mask, r, c, (way + change) % 4):
-                            turn = (way + change) % 4
-                            break
-                way = turn
-    return points[: starts[rings]].copy(), starts[: rings + 1].copy(), owners[:rings].copy()
+    (r, c, d), last, n, touches = start, -1, 0, False
+    while not seen[r, c] & (1 << d):
+        seen[r, c] |= 1 << d
+        if d != last:
+            corners[n, 0] = r
+            corners[n, 1] = c
+            n += 1
+        last = d
+        r, c = int(r + _STEP_R[d]), int(c + _STEP_C[d])
+        # With another label ahead on the left the way turns left, also where ahead on the right is the label
+        # again: cells that touch at a corner only stay apart. With the label on both sides it turns right.
+        if _left(labels, r, c, d) != label:
+            touches |= _right(labels, r, c, d) == label
+            d = (d + 1) % 4
+        elif _right(labels, r, c, d) == label:
+            d = (d + 3) % 4
+    return n, touches
 
 
 @njit(cache=True, nogil=True)
-def _keep(
-    path: NDArray[np.int32],
-    first: int,
-    length: int,
-    place: NDArray[np.int32],
-    points: NDArray[np.float64],
-    starts: NDArray[np.int64],
-    rings: int,
-) -> int:
-    """Move the end of a path to the finished rings; returns their number."""
-    end = starts[rings]
-    for k in range(first, length):
-        points[end, 0], points[end, 1] = path[k, 1], path[k, 0]
-        place[path[k, 0], path[k, 1]] = -1
-        end += 1
-    starts[rings + 1] = end
-    return rings + 1
+def _trace(
+    labels: NDArray[np.int32], ends: NDArray[np.int64]
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int32], NDArray[np.bool_]]:
+    """The fields of `Rings`.
+
+    Args:
+        labels: int32 (rows, cols).
+        ends: int64 (m,), rising flat indices of all labelled cells with another label above or below them, or
+            more.
+    """
+    rows, cols = labels.shape
+    seen = np.zeros((rows + 1, cols + 1), np.uint8)
+    # Every ring and every corner belongs to the lower or the upper side of such a cell, a corner to one end
+    # of it.
+    corners = np.empty((4 * len(ends), 2), np.int32)
+    starts = np.zeros(2 * len(ends) + 1, np.int64)
+    owners, touching = np.empty(2 * len(ends), np.int32), np.empty(2 * len(ends), np.bool_)
+    k = 0
+    for i in ends:
+        r0, c0 = i // cols, i % cols
+        label = labels[r0, c0]
+        below = r0 > 0 and labels[r0 - 1, c0] == label
+        above = r0 + 1 < rows and labels[r0 + 1, c0] == label
+        # Every ring has a lower and an upper side, so that none is missed.
+        for side in (0, 2):
+            if (below and side == 0) or (above and side == 2):
+                continue
+            r1, c1 = (r0, c0) if side == 0 else (r0 + 1, c0 + 1)
+            if seen[r1, c1] & (1 << side):
+                continue
+            n, touching[k] = _walk(labels, (r1, c1, side), label, seen, corners[starts[k] :])
+            starts[k + 1] = starts[k] + n
+            owners[k] = label
+            k += 1
+    return corners[: starts[k]], starts[: k + 1], owners[:k], touching[:k]
+
+
+@njit("boolean[:,::1](int32[:,::1])", cache=True, nogil=True)
+def _ends(labels: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Labelled cells with another label above or below them, or nothing."""
+    rows, cols = labels.shape
+    out = np.empty((rows, cols), np.bool_)
+    for r in range(rows):
+        below, above = max(r - 1, 0), min(r + 1, rows - 1)
+        if below == r or above == r:  # the first row and the last
+            for c in range(cols):
+                out[r, c] = labels[r, c] != 0
+        else:
+            for c in range(cols):
+                label = labels[r, c]
+                out[r, c] = (label != 0) & ((labels[below, c] != label) | (labels[above, c] != label))
+    return out

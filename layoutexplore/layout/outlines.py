@@ -7,110 +7,11 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.outlines import trace_rings
 from layoutexplore.layout.lines.face_clusters import renumber
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Details, Layout, LayoutRoom
-
-_STEP_R = np.array([0, 1, 0, -1], np.int64)
-_STEP_C = np.array([1, 0, -1, 0], np.int64)
-
-
-@njit("int32(int32[:,::1], int64, int64)", cache=True, nogil=True, inline="always")
-def _at(labels: NDArray[np.int32], r: int, c: int) -> int:
-    if r < 0 or c < 0 or r >= labels.shape[0] or c >= labels.shape[1]:
-        return 0
-    return int(labels[r, c])
-
-
-@njit("int32(int32[:,::1], int64, int64, int64)", cache=True, nogil=True)
-def _left(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
-    """Label on the left of the side that leaves corner (r, c) in direction d (0 = +col, 1 = +row, 2 = -col, 3 = -row)."""
-    if d == 0:
-        return _at(labels, r, c)
-    if d == 1:
-        return _at(labels, r, c - 1)
-    if d == 2:
-        return _at(labels, r - 1, c - 1)
-    return _at(labels, r - 1, c)
-
-
-@njit("int32(int32[:,::1], int64, int64, int64)", cache=True, nogil=True)
-def _right(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
-    return _left(labels, r + _STEP_R[d], c + _STEP_C[d], (d + 2) % 4)
-
-
-@njit(cache=True, nogil=True)
-def _walk(
-    labels: NDArray[np.int32],
-    r1: int,
-    c1: int,
-    side: int,
-    label: int,
-    seen: NDArray[np.uint8],
-    corners: NDArray[np.int32],
-) -> tuple[int, bool]:
-    """Write the corners of the ring that leaves corner (r1, c1) in direction `side`, the label to its left.
-
-    Returns:
-        How many there are, and whether at one of them the label touches itself.
-    """
-    r, c, d, last, n, touches = r1, c1, side, -1, 0, False
-    while not seen[r, c] & (1 << d):
-        seen[r, c] |= 1 << d
-        if d != last:
-            corners[n, 0] = r
-            corners[n, 1] = c
-            n += 1
-        last = d
-        r, c = int(r + _STEP_R[d]), int(c + _STEP_C[d])
-        # the label lies to the left of the way here; cells that touch at a corner only stay apart
-        if _left(labels, r, c, d) != label:
-            touches |= _right(labels, r, c, d) == label
-            d = (d + 1) % 4
-        elif _right(labels, r, c, d) == label:
-            d = (d + 3) % 4
-    return n, touches
-
-
-@njit(cache=True, nogil=True)
-def _trace(
-    labels: NDArray[np.int32], ends: NDArray[np.int64]
-) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int32], NDArray[np.bool_]]:
-    """Corners (n, 2) of all rings, the start of each ring (k + 1,), its label (k,), and where that touches itself at a corner.
-
-    The label lies to the left of its rings.
-
-    Args:
-        labels: int32 (rows, cols).
-        ends: int64 (m,), rising flat indices of all labelled cells with another label above or below them, or
-            more.
-    """
-    rows, cols = labels.shape
-    seen = np.zeros((rows + 1, cols + 1), np.uint8)
-    # every ring and every corner belongs to the lower or the upper side of such a cell, a corner to one end
-    # of it
-    corners = np.empty((4 * len(ends), 2), np.int32)
-    starts = np.zeros(2 * len(ends) + 1, np.int64)
-    owners, touching = np.empty(2 * len(ends), np.int32), np.empty(2 * len(ends), np.bool_)
-    k = 0
-    for i in ends:
-        r0, c0 = i // cols, i % cols
-        label = labels[r0, c0]
-        below = r0 > 0 and labels[r0 - 1, c0] == label
-        above = r0 + 1 < rows and labels[r0 + 1, c0] == label
-        for side in (0, 2):  # every ring has a lower and an upper side
-            if (below and side == 0) or (above and side == 2):
-                continue
-            r1, c1 = (r0, c0) if side == 0 else (r0 + 1, c0 + 1)
-            if seen[r1, c1] & (1 << side):
-                continue
-            n, touching[k] = _walk(labels, r1, c1, side, label, seen, corners[starts[k] :])
-            starts[k + 1] = starts[k] + n
-            owners[k] = label
-            k += 1
-    return corners[: starts[k]], starts[: k + 1], owners[:k], touching[:k]
 
 
 def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
@@ -129,7 +30,7 @@ def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
         2.0
     """
     labels = np.ascontiguousarray(labels, np.int32)
-    corners, starts, owners, touching = _trace(labels, true_cells(_ends(labels)))
+    corners, starts, owners, touching = trace_rings(labels)
     points = corners[:, ::-1].astype(np.float64)
     twice = np.cumsum(points[:, 0] * np.roll(points[:, 1], -1) - points[:, 1] * np.roll(points[:, 0], -1))
     shells: dict[int, tuple[float, int]] = {}
@@ -157,23 +58,6 @@ def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
     for k in doubtful[~shapely.is_valid(outlines[doubtful])].tolist():
         outlines[k] = _largest(shapely.make_valid(outlines[k]))
     return dict(zip(names, outlines.tolist(), strict=True))
-
-
-@njit("boolean[:,::1](int32[:,::1])", cache=True, nogil=True)
-def _ends(labels: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Labelled cells with another label above or below them, or nothing."""
-    rows, cols = labels.shape
-    out = np.empty((rows, cols), np.bool_)
-    for r in range(rows):
-        below, above = max(r - 1, 0), min(r + 1, rows - 1)
-        if below == r or above == r:
-            for c in range(cols):
-                out[r, c] = labels[r, c] != 0
-        else:
-            for c in range(cols):
-                label = labels[r, c]
-                out[r, c] = (label != 0) & ((labels[below, c] != label) | (labels[above, c] != label))
-    return out
 
 
 def _with_holes(outer: shapely.Polygon, holes: list[NDArray[np.float64]]) -> shapely.Polygon:
