@@ -1,4 +1,4 @@
-"""Labels that spread over a mask as a wavefront, pass by pass."""
+"""Labels that spread over a mask, pass by pass over the 8-neighbours or ring by ring over the 4-neighbours."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from layoutexplore.grids.bitsets import true_cells
 def _grow(labels: NDArray[np.int32], mask: NDArray[np.bool_], bare: NDArray[np.int64]) -> None:
     """Spread labels in place; `bare` are the cells of the mask without one."""
     rows, cols = mask.shape
+    # The labels of a pass are written when it is over, so that all its cells see those of the pass before.
     front = np.empty(rows * cols, np.int32)
     fresh = np.empty(rows * cols, np.int32)
     fresh_labels = np.empty(rows * cols, np.int32)
     queued = np.zeros((rows, cols), np.bool_)
     n = 0
+    # The first front: labelled cells beside a bare one. A cell is in a front once at most (`queued`).
     for i in bare:
         r, c = i // cols, i % cols
         for rr in range(max(r - 1, 0), min(r + 2, rows)):
@@ -85,44 +87,88 @@ def grow_labels(seeds: NDArray[np.int32], mask: NDArray[np.bool_]) -> NDArray[np
     return labels
 
 
-@njit("void(int32[:,::1], boolean[:,::1], int64[::1], int64)", cache=True, nogil=True)
-def _spread(out: NDArray[np.int32], wall: NDArray[np.bool_], front: NDArray[np.int64], steps: int) -> None:
-    """Spread labels in place from the cells of a front."""
-    rows, cols = out.shape
-    for _ in range(steps):
-        fresh = np.empty(4 * len(front), np.int64)
-        m = 0
-        for i in front:
-            r, c = i // cols, i % cols
-            for d in range(4):
-                rr, cc = r + (d == 0) - (d == 1), c + (d == 2) - (d == 3)
-                if 0 <= rr < rows and 0 <= cc < cols and wall[rr, cc] and out[rr, cc] == 0:
-                    out[rr, cc] = out[r, c]
-                    fresh[m] = rr * cols + cc
-                    m += 1
-        front = fresh[:m]
+def spread_in_place(
+    labels: NDArray[np.int32], mask: NDArray[np.bool_], steps: int | None = None, *, backwards: bool = False
+) -> int:
+    """Spread labels over the 4-neighbours inside a mask, ring by ring; the soonest label wins.
 
-
-@njit("boolean[:,::1](int32[:,::1], int64[::1])", cache=True, nogil=True)
-def _beside_walls(labels: NDArray[np.int32], wall: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Labelled cells with a cell of the wall (flat) among their 4-neighbours."""
-    rows, cols = labels.shape
-    out = np.zeros((rows, cols), np.bool_)
-    for i in wall:
-        r, c = i // cols, i % cols
-        for d in range(4):
-            rr, cc = r + (d == 0) - (d == 1), c + (d == 2) - (d == 3)
-            if 0 <= rr < rows and 0 <= cc < cols and labels[rr, cc] > 0:
-                out[rr, cc] = True
-    return out
-
-
-def spread_in_place(labels: NDArray[np.int32], wall: NDArray[np.bool_], steps: int) -> None:
-    """Spread labels into the walls by 4-neighbours, at most `steps` cells deep.
+    Of labels that come equally soon the one wins that was queued first: the cells that begin are queued in
+    raster order, the neighbours of a cell in the order next row, last row, next column, last column.
 
     Args:
-        labels: int32 (rows, cols), contiguous; changed.
-        wall: bool (rows, cols), contiguous.
-        steps: In cells.
+        labels: int32 (rows, cols), C-contiguous, 0 for none; changed.
+        mask: bool (rows, cols), C-contiguous, the cells that may be labelled.
+        steps: At most so many cells deep; until nothing changes when None.
+        backwards: Queue last row and last column before the next ones.
+
+    Returns:
+        How many cells of the mask are left without a label.
+
+    Example:
+        >>> labels = np.array([[1, 0, 0, 0, 0, 2]], np.int32)
+        >>> spread_in_place(labels, np.array([[1, 1, 1, 1, 0, 1]], bool), 2), labels.tolist()
+        (1, [[1, 1, 1, 0, 0, 2]])
     """
-    _spread(labels, wall, true_cells(_beside_walls(labels, true_cells(wall))), steps)
+    return int(_spread(labels, mask, labels.size if steps is None else steps, 1 if backwards else -1))
+
+
+@njit(cache=True, nogil=True)
+def _mark_border(labels: NDArray[np.int32], bare: NDArray[np.uint8], r: int, mark: NDArray[np.uint8]) -> None:
+    """Mark the labelled cells of a row that have a bare neighbour."""
+    cols = labels.shape[1]
+    # Outside of the grid a cell stands in for its neighbour: it is labelled, hence not bare.
+    here, label = bare[r], labels[r]
+    below, above = bare[max(r - 1, 0)], bare[min(r + 1, labels.shape[0] - 1)]
+    for c in range(cols):
+        mark[c] = (label[c] != 0) & ((below[c] | above[c]) != 0)
+    # One side after the other: what is written must not be read again in the same loop, or it is not vectorised.
+    for c in range(cols - 1):
+        mark[c] |= (label[c] != 0) & (here[c + 1] != 0)
+    for c in range(1, cols):
+        mark[c] |= (label[c] != 0) & (here[c - 1] != 0)
+
+
+@njit("int64(int32[:,::1], boolean[:,::1], int64, int64)", cache=True, nogil=True)
+def _spread(labels: NDArray[np.int32], mask: NDArray[np.bool_], steps: int, sign: int) -> int:
+    """The kernel of `spread_in_place`; the first neighbour of a cell to be queued lies `-sign` rows away."""
+    rows, cols = mask.shape
+    flat, bare = labels.ravel(), np.empty((rows, cols), np.uint8)
+    left = 0
+    for r in range(rows):
+        for c in range(cols):
+            bare[r, c] = mask[r, c] & (labels[r, c] == 0)
+        for c in range(cols):
+            left += bare[r, c]
+    # A cell is queued when it is labelled, hence once; queue[first:end] is the ring that is `step` deep.
+    queue = np.empty(rows * cols, np.int32)
+    first, last, step = 0, 0, 0
+    mark = np.zeros(8 * (cols // 8 + 1), np.uint8)
+    words = mark.view(np.uint64)
+    for r in range(rows):
+        _mark_border(labels, bare, r, mark)
+        for w in range(words.size):
+            if words[w] != 0:
+                for c in range(8 * w, 8 * w + 8):
+                    if mark[c]:
+                        queue[last] = r * cols + c
+                        last += 1
+    begun, open_cells = last, bare.ravel()
+    while first < last and step < steps:
+        step += 1
+        end = last
+        while first < end:
+            i = int(queue[first])
+            first += 1
+            label, col = flat[i], i % cols
+            for d in range(4):
+                away = sign if d & 1 else -sign
+                k = i + away * cols if d < 2 else i + away
+                # A row too far leaves the flat array; a column too far would come out in another row.
+                if k < 0 or k >= flat.size or (d >= 2 and not 0 <= col + away < cols):
+                    continue
+                if open_cells[np.uint64(k)]:
+                    open_cells[np.uint64(k)] = 0
+                    flat[np.uint64(k)] = label
+                    queue[np.uint64(last)] = k
+                    last += 1
+    return left - (last - begun)

@@ -44,10 +44,14 @@ def find_runs(cells: NDArray[Any], background: Any) -> NDArray[np.int32]:
         In raster order.
     """
     rows, cols = cells.shape
-    # Room for a run a cell costs nothing: pages that are not written are never fetched.
-    runs = np.empty((rows * cols, 3), np.int32)
+    # Room for a run a cell would be memory that the system hands out and takes back at every call.
+    runs = np.empty((8 * rows + cols, 3), np.int32)
     n = 0
     for r in range(rows):
+        if n + cols > len(runs):
+            larger = np.empty((2 * n + cols, 3), np.int32)
+            larger[:n] = runs[:n]
+            runs = larger
         c = 0
         while c < cols:
             value, first = cells[r, c], c

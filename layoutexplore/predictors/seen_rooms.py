@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.components import label_components
+from layoutexplore.grids.flood import spread_in_place
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.morphology import disc
 from layoutexplore.grids.runs import run_end
@@ -83,7 +84,12 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
     occupied, free = part == OCCUPIED, part == FREE
     doors = find_doors(occupied, resolution)
     shut = cv2.dilate((occupied | (doors > 0)).view(np.uint8), disc(CORE / resolution, closed=True))
-    grown, count = _grow(*label_components(free & (shut == 0)), free)
+    grown, count = label_components(free & (shut == 0))
+    if spread_in_place(grown, free, backwards=True):  # What no core reaches becomes regions of its own.
+        rest = free & (grown == 0)
+        parts, more = label_components(rest)
+        np.add(parts, count, out=grown, where=rest)
+        count += more
     labels[box], door_width[box] = grown[inner], doors[inner]
     return Regions(labels, count, door_width)
 
@@ -109,104 +115,6 @@ def _paint(gaps: NDArray[np.int32], resolution: float, width: NDArray[np.float32
         for c in range(col, col + n):
             if width[row, c] == 0 or width[row, c] > metres:
                 width[row, c] = metres
-
-
-@njit(cache=True, nogil=True)
-def _grow(labels: NDArray[np.int32], count: int, free: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
-    """Spread `count` labels over free 4-neighbours in rings; free space without any core becomes regions of its own.
-
-    The border of both arrays is not free.
-    """
-    rows, cols = labels.shape
-    width = (cols + 7) // 8 * 8
-    # A byte a cell, in rows of whole words, so that eight cells are passed over at once: free and without a
-    # label yet.
-    bare = np.zeros((rows, width), np.uint8)
-    for r in range(rows):
-        _mark_bare(labels[r], free[r], bare[r])
-    mark = np.zeros(width, np.uint8)
-    queue = np.empty(rows * cols, np.int64)
-    last = 0
-    for r in range(1, rows - 1):
-        inner = bare[r - 1, 1 : cols - 1], bare[r + 1, 1 : cols - 1], bare[r, : cols - 2], bare[r, 2:cols]
-        _mark_edge(labels[r, 1 : cols - 1], *inner, mark[1 : cols - 1])
-        last = _queue_marked(mark, r, queue, last)
-    flat, left = labels.ravel(), bare.ravel()
-    first = _spread(flat, left, cols, width, queue, 0, last)
-    words = left.view(np.uint64)
-    for w in range(words.size):
-        while words[w] != 0:
-            k = 8 * w
-            while left[k] == 0:
-                k += 1
-            count += 1
-            flat[k // width * cols + k % width] = count
-            left[k] = 0
-            queue[first] = k
-            first = _spread(flat, left, cols, width, queue, first, first + 1)
-    return flat.reshape(rows, cols), count
-
-
-@njit(cache=True, nogil=True)
-def _mark_bare(labels: NDArray[np.int32], free: NDArray[np.bool_], bare: NDArray[np.uint8]) -> None:
-    for c in range(labels.size):
-        bare[c] = free[c] & (labels[c] == 0)
-
-
-@njit(cache=True, nogil=True)
-def _mark_edge(
-    labels: NDArray[np.int32],
-    above: NDArray[np.uint8],
-    below: NDArray[np.uint8],
-    left: NDArray[np.uint8],
-    right: NDArray[np.uint8],
-    mark: NDArray[np.uint8],
-) -> None:
-    """Mark cells with a label beside one that is free and has none."""
-    for c in range(labels.size):
-        mark[c] = (labels[c] != 0) & ((above[c] | below[c] | left[c] | right[c]) != 0)
-
-
-@njit(cache=True, nogil=True)
-def _queue_marked(mark: NDArray[np.uint8], row: int, queue: NDArray[np.int64], last: int) -> int:
-    """Queue the marked cells of a row (in whole words) from `last` on; where the queue ends then."""
-    words = mark.view(np.uint64)
-    for w in range(words.size):
-        if words[w] != 0:
-            for c in range(8 * w, 8 * w + 8):
-                if mark[c]:
-                    queue[last] = row * mark.size + c
-                    last += 1
-    return last
-
-
-@njit(cache=True, nogil=True)
-def _spread(
-    labels: NDArray[np.int32],
-    bare: NDArray[np.uint8],
-    cols: int,
-    width: int,
-    queue: NDArray[np.int64],
-    first: int,
-    last: int,
-) -> int:
-    """Give bare cells the labels of their neighbours in the queue, ring by ring; where the queue ends then.
-
-    `labels` is flat with rows of `cols` cells; `bare` and the queue's numbers with rows of `width`.
-    """
-    spare = width - cols
-    while first < last:
-        i = queue[first]
-        first += 1
-        row = i // width
-        label = labels[np.uint64(i - row * spare)]
-        for k, at in ((i - width, row - 1), (i + width, row + 1), (i - 1, row), (i + 1, row)):
-            if bare[np.uint64(k)]:
-                bare[np.uint64(k)] = 0
-                labels[np.uint64(k - at * spare)] = label
-                queue[last] = k
-                last += 1
-    return last
 
 
 @njit(cache=True, nogil=True)
