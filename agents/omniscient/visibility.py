@@ -163,6 +163,7 @@ def _look(
     seen: NDArray[np.uint64],
 ) -> None:
     """Add what the beams of one scan cross, from the middle of a cell, to a set."""
+    # Not `grids.rays.trace`: distances are added up here, and how that rounds decides what is seen at corners.
     field = labels.ravel()
     cols = labels.shape[1]
     start = row * cols + col

@@ -145,6 +145,7 @@ def _rooms_behind(
     rooms: int,
 ) -> NDArray[np.int32]:
     """Per frontier the room with the most unknown cells within `depth` steps behind it (the lowest id of equals); 0: none."""
+    # Not `grids.flood.spread_in_place`: every frontier has its own flood, and they overlap.
     stamp = np.zeros(cells.shape, np.int32)
     queue = np.empty((cells.shape[0] * cells.shape[1], 2), np.int32)
     room = np.zeros(len(offsets) - 1, np.int32)

@@ -74,6 +74,7 @@ def _spread_shapes(
     starts: NDArray[np.int64],
 ) -> NDArray[np.int32]:
     """Labels int32 (rows, cols) after the flood of all regions at once into the unknown cells of their shapes."""
+    # Not `grids.flood.spread_in_place`: which cells are open differs from label to label.
     rows, cols = cells.shape
     out = labels.copy()
     queue = np.empty((rows * cols, 2), np.int32)

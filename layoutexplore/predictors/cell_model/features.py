@@ -258,6 +258,7 @@ def _reach(
 
     Each is (2, rows, cols): for the region that comes first, and for the second.
     """
+    # Not `grids.flood.spread_in_place`: a cell takes two labels, each with its length and its walls.
     rows, cols = code.shape
     flat, extended = code.ravel(), ALONG_ROWS | ALONG_COLS
     owner = np.zeros((2, rows * cols), np.int32)
@@ -363,6 +364,7 @@ def _look(
     out: NDArray[np.float32],
 ) -> None:
     """Steps to the first known cell, its kind (0 none, 1 own room, 2 other room, 3 wall), lines crossed, steps to the first."""
+    # Not `grids.rays.trace`: a diagonal goes from corner to corner here, past the two cells beside.
     across = ALONG_ROWS | ALONG_COLS if dr != 0 and dc != 0 else (ALONG_COLS if dc != 0 else ALONG_ROWS)
     kind, crossings, inside, distance, line = 0, 0, False, 0, reach
     while distance < reach:

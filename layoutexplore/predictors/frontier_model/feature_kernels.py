@@ -71,6 +71,7 @@ def cast_rays(
 
     What ends it: 0 wall, 1 free, 2 nothing within reach, 3 there is no unknown on the ray. Lengths in cells.
     """
+    # Not `grids.rays.trace`: the models learnt from one sample a cell's length, not from every cell crossed.
     for ray in range(RAYS):
         dr, dc = _COS[ray] * frame[2] + _SIN[ray] * frame[4], _COS[ray] * frame[3] + _SIN[ray] * frame[5]
         first, end, hit, unknown = 0, 3, reach, 0
@@ -150,6 +151,7 @@ def flood_unknown(
     Returns:
         All bits of the unknown cells that the flood meets.
     """
+    # Not `grids.flood.spread_in_place`: what is counted and sampled hangs on the sides that the flood touches.
     cols = code.shape[1]
     flat = code.ravel()
     started, last, met = _start_flood(code, barrier, members, stamp, mark, queue)
