@@ -14,8 +14,8 @@ import numpy as np
 
 from layoutexplore.maps.generator.bays import Bay, Piece, plain
 from layoutexplore.maps.generator.programme import Programme, RoomType
-from layoutexplore.maps.generator.space_graph import Sketch
-from layoutexplore.maps.generator.wing_frame import Frame
+from layoutexplore.maps.generator.space_graph import SpaceGraph
+from layoutexplore.maps.generator.wing_frame import WingFrame
 
 Slot = tuple[RoomType, float]
 """A kind of room and its width along the corridor, m."""
@@ -36,7 +36,7 @@ class Plot:
         wanted: Slots that must find a place here.
     """
 
-    frame: Frame
+    frame: WingFrame
     x0: float
     x1: float
     near: float
@@ -80,7 +80,7 @@ def draw_style(programme: Programme, scale: float, rng: np.random.Generator) -> 
 
 
 def furnish_plots(
-    sketch: Sketch,
+    graph: SpaceGraph,
     plots: Sequence[Plot],
     programme: Programme,
     style: Style,
@@ -94,15 +94,15 @@ def furnish_plots(
     turn = 0
     for plot in plots:
         if plot.dark:
-            turn = _fill_dark(sketch, plot, programme, style, turn, rng)
+            turn = _fill_dark(graph, plot, programme, style, turn, rng)
         else:
-            _fill_bright(sketch, plot, programme, style, rng)
+            _fill_bright(graph, plot, programme, style, rng)
 
 
 def _deal_specials(
     plots: Sequence[Plot], programme: Programme, area: float, rng: np.random.Generator
 ) -> None:
-    """Promise every special room that is not too large for the building to a plot, fronts first for deep ones."""
+    """Promise every special room that fits the building to a plot; deep ones need open ground before it."""
     for kind in programme.special:
         width = float(rng.uniform(*kind.width))
         far = min(float(rng.uniform(*kind.depth)), area / width) if kind.depth else 6.0
@@ -126,7 +126,7 @@ def _deal_specials(
 
 
 def _deal_cores(plots: Sequence[Plot], programme: Programme, style: Style, rng: np.random.Generator) -> None:
-    """Promise cores (stair, toilets, lift, store) to the facades where the dark zones do not hold enough of them."""
+    """Promise cores (stair, toilets, lift, store) to facades where the dark zones hold too few."""
     length = sum(p.length for p in plots if not p.dark) / 2
     dark = sum(p.length for p in plots if p.dark)
     missing = max(0 if dark > 12.0 else 1, round(length / programme.core_every - dark / 12.0))
@@ -142,7 +142,7 @@ def _deal_cores(plots: Sequence[Plot], programme: Programme, style: Style, rng: 
 
 
 def _fill_dark(
-    sketch: Sketch, plot: Plot, programme: Programme, style: Style, turn: int, rng: np.random.Generator
+    graph: SpaceGraph, plot: Plot, programme: Programme, style: Style, turn: int, rng: np.random.Generator
 ) -> int:
     """Core rooms in turn, as many as fit; returns whose turn it is in the building's next dark zone."""
     slots: list[Slot] = []
@@ -156,12 +156,12 @@ def _fill_dark(
             continue
         slots.append((kind, width))
         left, misses = left - width, 0
-    _place(sketch, plot, _stretched(slots, plot.length), style, rng)
+    _place(graph, plot, _stretched(slots, plot.length), style, rng)
     return turn
 
 
 def _fill_bright(
-    sketch: Sketch, plot: Plot, programme: Programme, style: Style, rng: np.random.Generator
+    graph: SpaceGraph, plot: Plot, programme: Programme, style: Style, rng: np.random.Generator
 ) -> None:
     """Runs of facade rooms between the wanted groups."""
     groups = [plot.wanted[int(k)] for k in rng.permutation(len(plot.wanted))]
@@ -172,7 +172,7 @@ def _fill_bright(
         run = divide(float(share) + owed, programme.facade, style, rng)
         owed += float(share) - sum(width for _, width in run)
         slots += run + (groups[k] if k < len(groups) else [])
-    _place(sketch, plot, _stretched(slots, plot.length), style, rng)
+    _place(graph, plot, _stretched(slots, plot.length), style, rng)
 
 
 def divide(length: float, kinds: Sequence[RoomType], style: Style, rng: np.random.Generator) -> list[Slot]:
@@ -202,14 +202,14 @@ def _stretched(slots: list[Slot], length: float) -> list[Slot]:
     return [(kind, width * length / total) for kind, width in slots]
 
 
-def _place(sketch: Sketch, plot: Plot, slots: list[Slot], style: Style, rng: np.random.Generator) -> None:
+def _place(graph: SpaceGraph, plot: Plot, slots: list[Slot], style: Style, rng: np.random.Generator) -> None:
     """Draw the slots one after the other; neighbours of a run mirror each other, some are connected."""
     if not slots:
         bay = Bay(plot.frame, plot.x0, plot.x1, plot.near, plot.far, plot.corridors)
         if bay.width > 1.6:
-            plain(sketch, bay, "storage", rng)
+            plain(graph, bay, "storage", rng)
         elif bay.width > 0.05:
-            sketch.solid(plot.frame, bay.box(0.0, bay.width, 0.0, bay.depth))
+            graph.solid(plot.frame, bay.box(0.0, bay.width, 0.0, bay.depth))
         return
     x, step, flip = plot.x0, 0.0, bool(rng.random() < 0.5)
     previous: tuple[RoomType, int] | None = None
@@ -220,11 +220,11 @@ def _place(sketch: Sketch, plot: Plot, slots: list[Slot], style: Style, rng: np.
         far = _far(plot, kind, width, step, rng)
         flip = not flip if rng.random() < 0.65 else flip
         bay = Bay(plot.frame, x, x + width, plot.near, far, plot.corridors, flip)
-        room = kind.build(sketch, bay, kind.label, rng)
+        room = kind.build(graph, bay, kind.label, rng)
         if previous and previous[0] is kind and rng.random() < style.connecting:
             at = x, plot.near + (far - plot.near) * 0.75
             (point,) = plot.frame.points(np.array([at]))
-            sketch.link(previous[1], room, near=(float(point[0]), float(point[1])), optional=True)
+            graph.link(previous[1], room, near=(float(point[0]), float(point[1])), optional=True)
         previous = kind, room
         x += width
 

@@ -2,7 +2,7 @@
 
 A `Bay` is a rectangle of a wing with the corridor on one side: `u` runs along the corridor, `v` from the
 corridor wall to the facade. Every function here takes a bay and puts its room, or its little group of rooms,
-on the sketch: a plain room, a room behind an alcove, a hotel room with its bathroom, toilets with cabins, a
+in the space graph: a plain room, a room behind an alcove, a hotel room with its bathroom, toilets with cabins, a
 stair, a pair of rooms one behind the other.
 """
 
@@ -15,8 +15,8 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from layoutexplore.maps.generator.space_graph import OUTSIDE, Sketch
-from layoutexplore.maps.generator.wing_frame import Frame
+from layoutexplore.maps.generator.space_graph import OUTSIDE, SpaceGraph
+from layoutexplore.maps.generator.wing_frame import WingFrame
 
 CHASES = 0.2
 """Share of the plain rooms with a pipe chase in a corner."""
@@ -38,7 +38,7 @@ class Bay:
         flip: Whether the door is at the x1 end instead of the x0 end (neighbours mirror each other).
     """
 
-    frame: Frame
+    frame: WingFrame
     x0: float
     x1: float
     near: float
@@ -83,160 +83,160 @@ class Bay:
         return max(self.corridors, key=lambda piece: min(b, piece[1]) - max(a, piece[0]))[2]
 
 
-Builder = Callable[[Sketch, Bay, str, np.random.Generator], int]
+Builder = Callable[[SpaceGraph, Bay, str, np.random.Generator], int]
 """Draws rooms of a label into a bay and returns the id of the one that lies on the corridor."""
 
 
-def plain(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
-    """One room; a long one has a second door at its other end; some have a pipe chase in a corner of the corridor side."""
+def plain(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
+    """One room; a long one has a second door at its other end; some have a pipe chase in a corner."""
     w, d = bay.width, bay.depth
     outline = [(0.0, 0.0), (w, 0.0), (w, d), (0.0, d)]
     if w > 2.3 and rng.random() < CHASES:
         wide, deep = float(rng.uniform(0.45, 0.9)), float(rng.uniform(0.35, 0.75))
         outline[1:2] = [(w - wide, 0.0), (w - wide, deep), (w, deep)]
-        sketch.solid(bay.frame, bay.box(w - wide, w, 0.0, deep))
-    room = sketch.room(bay.frame, bay.shape(outline), label)
-    sketch.link(bay.corridor(0.0, min(bay.width, 3.0)), room, near=bay.world(0.0, 0.0))
+        graph.solid(bay.frame, bay.box(w - wide, w, 0.0, deep))
+    room = graph.room(bay.frame, bay.shape(outline), label)
+    graph.link(bay.corridor(0.0, min(bay.width, 3.0)), room, near=bay.world(0.0, 0.0))
     if bay.width > 9.0:
         other = bay.corridor(bay.width - 3.0, bay.width)
-        sketch.link(other, room, near=bay.world(bay.width, 0.0), optional=True)
+        graph.link(other, room, near=bay.world(bay.width, 0.0), optional=True)
     return room
 
 
-def big(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
+def big(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
     """A hall with a double door, and a second one where it is long."""
-    room = sketch.room(bay.frame, bay.box(0.0, bay.width, 0.0, bay.depth), label)
+    room = graph.room(bay.frame, bay.box(0.0, bay.width, 0.0, bay.depth), label)
     share = float(rng.uniform(0.15, 0.3))
-    sketch.link(bay.corridor(0.0, bay.width / 2), room, "double", near=bay.world(share * bay.width, 0.0))
+    graph.link(bay.corridor(0.0, bay.width / 2), room, "double", near=bay.world(share * bay.width, 0.0))
     if bay.width > 7.0:
         other = bay.corridor(bay.width / 2, bay.width)
-        sketch.link(other, room, "double", near=bay.world((1 - share) * bay.width, 0.0), optional=True)
+        graph.link(other, room, "double", near=bay.world((1 - share) * bay.width, 0.0), optional=True)
     if bay.width * bay.depth > 90.0 and label not in ("gym", "aula", "lecture hall"):
         posts = columns(bay.box(0.0, bay.width, 0.0, bay.depth), float(rng.uniform(5.0, 7.5)), 0.4, 1.5)
-        sketch.details += [bay.frame.place(post) for post in posts]
+        graph.details += [bay.frame.place(post) for post in posts]
     return room
 
 
-def lounge(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
+def lounge(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
     """A room that is open to the corridor over its whole width."""
-    room = sketch.room(bay.frame, bay.box(0.0, bay.width, 0.0, bay.depth), label)
-    sketch.link(bay.corridor(), room, "open")
+    room = graph.room(bay.frame, bay.box(0.0, bay.width, 0.0, bay.depth), label)
+    graph.link(bay.corridor(), room, "open")
     return room
 
 
-def foyer(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
-    """A lobby that is open to the corridor, with the entrance in its outer wall, often behind a wind porch."""
+def foyer(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
+    """A lobby open to the corridor, with the entrance in its outer wall, often behind a wind porch."""
     wind = 2.2 if bay.width > 5.0 and bay.depth > 4.0 and rng.random() < 0.6 else 0.0
-    room = lounge(sketch, replace(bay, far=bay.y(bay.depth - wind)), label, rng)
+    room = lounge(graph, replace(bay, far=bay.y(bay.depth - wind)), label, rng)
     door = bay.world(bay.width / 2, bay.depth)
     if not wind:
-        sketch.link(OUTSIDE, room, "double", near=door)
+        graph.link(OUTSIDE, room, "double", near=door)
         return room
     half = (bay.width - float(rng.uniform(2.4, 3.0))) / 2
-    porch = sketch.room(bay.frame, bay.box(half, bay.width - half, bay.depth - wind, bay.depth), "entrance")
-    sketch.link(room, porch, "double")
-    sketch.link(OUTSIDE, porch, "double", near=door)
+    porch = graph.room(bay.frame, bay.box(half, bay.width - half, bay.depth - wind, bay.depth), "entrance")
+    graph.link(room, porch, "double")
+    graph.link(OUTSIDE, porch, "double", near=door)
     return room
 
 
-def alcove(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
+def alcove(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
     """A room whose door lies at the back of an alcove of the corridor."""
     niche, back = float(rng.uniform(1.5, 2.0)), float(rng.uniform(0.9, 1.3))
     if bay.width < niche + 2.5:
-        return plain(sketch, bay, label, rng)
+        return plain(graph, bay, label, rng)
     w, d = bay.width, bay.depth
-    room = sketch.room(
+    room = graph.room(
         bay.frame, bay.shape([(niche, 0), (w, 0), (w, d), (0, d), (0, back), (niche, back)]), label
     )
     corridor = bay.corridor(0.0, niche)
-    sketch.extend(corridor, bay.frame, bay.box(0.0, niche, 0.0, back))
-    sketch.link(corridor, room, near=bay.world(niche / 2, back))
+    graph.extend(corridor, bay.frame, bay.box(0.0, niche, 0.0, back))
+    graph.link(corridor, room, near=bay.world(niche / 2, back))
     return room
 
 
-def with_bathroom(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
+def with_bathroom(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
     """A ward or hotel room: entry passage beside a bathroom, the room behind."""
     w, d = bay.width, bay.depth
     entry, deep = 1.45, min(2.3, d - 2.6)
     if w < 3.2 or deep < 1.6:
-        return plain(sketch, bay, label, rng)
+        return plain(graph, bay, label, rng)
     wide = min(w - entry, 2.6)
-    bath = sketch.room(bay.frame, bay.box(w - wide, w, 0.0, deep), "bathroom")
+    bath = graph.room(bay.frame, bay.box(w - wide, w, 0.0, deep), "bathroom")
     outline = [(0.0, 0.0), (w - wide, 0.0), (w - wide, deep), (w, deep), (w, d), (0.0, d)]
-    room = sketch.room(bay.frame, bay.shape(outline), label)
-    sketch.link(bay.corridor(0.0, w - wide), room)
-    sketch.link(
+    room = graph.room(bay.frame, bay.shape(outline), label)
+    graph.link(bay.corridor(0.0, w - wide), room)
+    graph.link(
         room, bath, "narrow", near=bay.world(w - wide, deep / 2) if rng.random() < 0.7 else bay.world(w, deep)
     )
     return room
 
 
-def toilets(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
+def toilets(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
     """An anteroom with wash basins on the corridor, cabins behind it."""
     w, d = bay.width, bay.depth
     cabins = min(int((w + 0.2) // 1.3), 3)
     deep = min(max(0.36 * d, 1.6), 2.2)
     if cabins < 1 or d < 3.0:
-        return plain(sketch, bay, label, rng)
-    front = sketch.room(bay.frame, bay.box(0.0, w, 0.0, d - deep), label)
-    sketch.link(bay.corridor(), front, near=bay.world(0.0, 0.0))
+        return plain(graph, bay, label, rng)
+    front = graph.room(bay.frame, bay.box(0.0, w, 0.0, d - deep), label)
+    graph.link(bay.corridor(), front, near=bay.world(0.0, 0.0))
     for k in range(cabins):
-        cabin = sketch.room(bay.frame, bay.box(w * k / cabins, w * (k + 1) / cabins, d - deep, d), label)
-        sketch.link(front, cabin, "narrow")
+        cabin = graph.room(bay.frame, bay.box(w * k / cabins, w * (k + 1) / cabins, d - deep, d), label)
+        graph.link(front, cabin, "narrow")
     return front
 
 
-def stairs(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
+def stairs(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
     """A stair with two flights and the wall between them."""
-    room = sketch.room(bay.frame, bay.box(0.0, bay.width, 0.0, bay.depth), label)
-    sketch.link(bay.corridor(), room, "door", near=bay.world(0.0, 0.0))
+    room = graph.room(bay.frame, bay.box(0.0, bay.width, 0.0, bay.depth), label)
+    graph.link(bay.corridor(), room, "door", near=bay.world(0.0, 0.0))
     if bay.width > 2.6 and bay.depth > 4.2:
         middle = bay.width / 2
         string = bay.box(middle - 0.1, middle + 0.1, 1.7, bay.depth - 1.5)
-        sketch.details.append(bay.frame.place(string))
+        graph.details.append(bay.frame.place(string))
     return room
 
 
-def enfilade(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
+def enfilade(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
     """Two rooms one behind the other; the back one is reached through the front one."""
     split = bay.depth * float(rng.uniform(0.42, 0.58))
     if min(split, bay.depth - split) < 2.2:
-        return plain(sketch, bay, label, rng)
-    front = sketch.room(bay.frame, bay.box(0.0, bay.width, 0.0, split), label)
-    back = sketch.room(bay.frame, bay.box(0.0, bay.width, split, bay.depth), label)
-    sketch.link(bay.corridor(0.0, min(bay.width, 3.0)), front, near=bay.world(0.0, 0.0))
-    sketch.link(front, back, near=bay.world(0.0 if rng.random() < 0.5 else bay.width, split))
+        return plain(graph, bay, label, rng)
+    front = graph.room(bay.frame, bay.box(0.0, bay.width, 0.0, split), label)
+    back = graph.room(bay.frame, bay.box(0.0, bay.width, split, bay.depth), label)
+    graph.link(bay.corridor(0.0, min(bay.width, 3.0)), front, near=bay.world(0.0, 0.0))
+    graph.link(front, back, near=bay.world(0.0 if rng.random() < 0.5 else bay.width, split))
     return front
 
 
-def beside(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
-    """A large room with one or two small ones cut out of its corridor side (store, preparation, kitchenette)."""
+def beside(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
+    """A large room with a store cut out of its corridor side."""
     w, d = bay.width, bay.depth
     side, deep = float(rng.uniform(1.8, 2.8)), float(rng.uniform(2.0, 3.2))
     if w - side < 3.0 or d - deep < 2.0:
-        return plain(sketch, bay, label, rng)
-    room = sketch.room(
+        return plain(graph, bay, label, rng)
+    room = graph.room(
         bay.frame, bay.shape([(0, 0), (w - side, 0), (w - side, deep), (w, deep), (w, d), (0, d)]), label
     )
-    store = sketch.room(bay.frame, bay.box(w - side, w, 0.0, deep), "storage")
-    sketch.link(bay.corridor(0.0, min(w - side, 3.0)), room, near=bay.world(0.0, 0.0))
+    store = graph.room(bay.frame, bay.box(w - side, w, 0.0, deep), "storage")
+    graph.link(bay.corridor(0.0, min(w - side, 3.0)), room, near=bay.world(0.0, 0.0))
     if rng.random() < 0.5:
-        sketch.link(room, store, "narrow", near=bay.world(w, deep))
+        graph.link(room, store, "narrow", near=bay.world(w, deep))
     else:
-        sketch.link(bay.corridor(w - side, w), store, "narrow", near=bay.world(w, 0.0))
+        graph.link(bay.corridor(w - side, w), store, "narrow", near=bay.world(w, 0.0))
     return room
 
 
-def shaft(sketch: Sketch, bay: Bay, label: str, rng: np.random.Generator) -> int:
-    """A closed lift on the corridor, with a store beside and behind it; just a store where there is no room for both."""
+def shaft(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
+    """A closed lift on the corridor with a store around it; just a store where there is no room for both."""
     w, d = bay.width, bay.depth
     deep, lift = float(rng.uniform(1.8, 2.4)), min(w - 1.4, 2.2)
     if lift < 1.5 or d - deep < 1.3:
-        return plain(sketch, bay, label, rng)
-    sketch.solid(bay.frame, bay.box(w - lift, w, 0.0, deep))
+        return plain(graph, bay, label, rng)
+    graph.solid(bay.frame, bay.box(w - lift, w, 0.0, deep))
     outline = [(0.0, 0.0), (w - lift, 0.0), (w - lift, deep), (w, deep), (w, d), (0.0, d)]
-    room = sketch.room(bay.frame, bay.shape(outline), label)
-    sketch.link(bay.corridor(0.0, w - lift), room, "narrow", near=bay.world(0.0, 0.0))
+    room = graph.room(bay.frame, bay.shape(outline), label)
+    graph.link(bay.corridor(0.0, w - lift), room, "narrow", near=bay.world(0.0, 0.0))
     return room
 
 

@@ -1,6 +1,6 @@
 """What can be asked of the generator: one frozen dataclass, checked where it is made.
 
-Every knob that is left at None is drawn from the seed, so that a bare `generate("office", 7)` already varies
+What is left at None is drawn from the seed, so that a bare `generate("office", 7)` already varies
 in size, wall thickness and door width from seed to seed. Ranges follow common building practice: interior
 walls 0.10-0.20 m, exterior walls 0.30-0.40 m, door leaves 0.8-1.0 m.
 """
@@ -18,7 +18,7 @@ from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.options import Rule, check
 
 TOPOLOGIES = ("I", "L", "T", "Z", "U", "H", "comb", "fishbone", "ring", "eight")
-"""Corridor skeletons of the right-angled families; see `skeleton.py` for what each looks like."""
+"""Corridor skeletons of the right-angled families; see `layoutexplore.maps.generator.skeletons`."""
 
 AREA_RANGES: Mapping[str, tuple[float, float]] = {
     "office": (250.0, 2500.0),
@@ -39,7 +39,7 @@ LIMITS: Mapping[str, tuple[float, float]] = {
     "clutter": (0.0, 0.4),
     "closed_doors": (0.0, 1.0),
 }
-"""Smallest and largest value of every numeric knob."""
+"""Smallest and largest value of every numeric parameter."""
 
 MIN_ROOM_AREA, MAX_ROOM_AREA = 6.0, 150.0
 """Mean floor area a room may have, corridors included, in m2: `rooms` outside of it is refused."""
@@ -47,7 +47,7 @@ MIN_ROOM_AREA, MAX_ROOM_AREA = 6.0, 150.0
 
 @dataclass(frozen=True, kw_only=True)
 class PlanConfig:
-    """Knobs of the floor plan generator; None means: drawn from the seed.
+    """Parameters of the floor plan generator; None means: drawn from the seed.
 
     Attributes:
         area: Net floor area of all rooms together, m2 (100-8000); met within 25 %.
@@ -88,17 +88,17 @@ class PlanConfig:
                 f"ask for {MIN_ROOM_AREA:g} to {MAX_ROOM_AREA:g} m2"
             )
 
-    def with_knobs(self, knobs: Mapping[str, Any]) -> PlanConfig:
-        """A copy with some knobs replaced.
+    def with_parameters(self, parameters: Mapping[str, Any]) -> PlanConfig:
+        """A copy with some parameters replaced.
 
         Raises:
-            UnknownNameError: There is no knob of that name; the message names the closest ones.
+            UnknownNameError: There is no parameter of that name; the message names the closest ones.
         """
         known = [f.name for f in dataclasses.fields(self)]
-        for name in knobs:
+        for name in parameters:
             if name not in known:
-                raise unknown_name("knob of a floor plan", name, known)
-        return dataclasses.replace(self, **knobs)
+                raise unknown_name("parameter of a floor plan", name, known)
+        return dataclasses.replace(self, **parameters)
 
     def drawn(self, family: str, rng: np.random.Generator) -> DrawnConfig:
         """The configuration with everything that was left open drawn from `rng`."""

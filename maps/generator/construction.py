@@ -1,4 +1,4 @@
-"""Construction: from a sketch on wall centre lines to walls with thickness, net rooms and doors in them.
+"""Construction: from a space graph on wall centre lines to walls with thickness, net rooms and doors in them.
 
 The outline grows by half an exterior wall, every space shrinks by half a wall, and what lies between is wall:
 so rooms and walls never overlap, and shafts are solid without being drawn. Everything is rounded to
@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from layoutexplore.maps.floorplan import Door, Room
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.doors import choose_closed, door_components, place_doors
-from layoutexplore.maps.generator.space_graph import Sketch, SketchError
+from layoutexplore.maps.generator.space_graph import AttemptError, SpaceGraph
 
 GRID = 0.001
 """Coordinates are whole millimetres."""
@@ -26,7 +26,7 @@ GRID = 0.001
 
 @dataclass(frozen=True, kw_only=True)
 class Built:
-    """A built plan before furniture: rooms (renumbered from 1), doors, solid walls, fixtures (partitions), outline."""
+    """A plan before furniture: rooms (renumbered from 1), doors, solid walls, fixtures (partitions)."""
 
     rooms: list[Room]
     doors: list[Door]
@@ -34,38 +34,38 @@ class Built:
     fixtures: BaseGeometry
 
 
-def net_polygons(sketch: Sketch, outline: Polygon, config: DrawnConfig) -> dict[int, Polygon]:
+def net_polygons(graph: SpaceGraph, outline: Polygon, config: DrawnConfig) -> dict[int, Polygon]:
     """The floor of every space up to the faces of its walls, m.
 
     Raises:
-        SketchError: A space is too narrow to stand in.
+        AttemptError: A space is too narrow to stand in.
     """
     inside = outline.buffer(-config.exterior_wall / 2, join_style="mitre")
-    keys = list(sketch.polygons)
-    shrunk = shapely.buffer([sketch.polygons[k] for k in keys], -config.interior_wall / 2, join_style="mitre")
+    keys = list(graph.polygons)
+    shrunk = shapely.buffer([graph.polygons[k] for k in keys], -config.interior_wall / 2, join_style="mitre")
     floors = shapely.set_precision(shapely.intersection(shrunk, inside), GRID)
     net: dict[int, Polygon] = {}
     for key, floor in zip(keys, floors, strict=True):
         if floor.geom_type != "Polygon" or floor.is_empty or floor.interiors or floor.buffer(-0.45).is_empty:
-            raise SketchError(f"space {key} ({sketch.labels[key]}) is too narrow")
+            raise AttemptError(f"space {key} ({graph.labels[key]}) is too narrow")
         if floor.buffer(-0.3, join_style="mitre").geom_type != "Polygon":
-            raise SketchError(f"space {key} ({sketch.labels[key]}) has a neck")
+            raise AttemptError(f"space {key} ({graph.labels[key]}) has a neck")
         net[key] = shapely.normalize(floor)
     return net
 
 
-def build(
-    sketch: Sketch, outline: Polygon, config: DrawnConfig, closed_doors: float, rng: np.random.Generator
+def construct(
+    graph: SpaceGraph, outline: Polygon, config: DrawnConfig, closed_doors: float, rng: np.random.Generator
 ) -> Built:
-    """Walls, rooms and doors of a sketch, of which the share `closed_doors` is shut.
+    """Walls, rooms and doors of a space graph, of which the share `closed_doors` is shut.
 
     Raises:
-        SketchError: A door has no wall, a room is too narrow, or a room has no way in.
+        AttemptError: A door has no wall, a room is too narrow, or a room has no way in.
     """
-    net = net_polygons(sketch, outline, config)
-    doors = place_doors(sketch, outline, config, rng)
+    net = net_polygons(graph, outline, config)
+    doors = place_doors(graph, outline, config, rng)
     number = {key: k + 1 for k, key in enumerate(sorted(net))}
-    rooms = [Room(id=number[key], polygon=net[key], label=sketch.labels[key]) for key in sorted(net)]
+    rooms = [Room(id=number[key], polygon=net[key], label=graph.labels[key]) for key in sorted(net)]
     number[0] = 0
     doors = [
         Door(start=d.start, end=d.end, rooms=(number[d.rooms[0]], number[d.rooms[1]]), is_open=d.is_open)
@@ -74,14 +74,14 @@ def build(
     ids = [room.id for room in rooms]
     parts = door_components(ids, doors, np.zeros(len(doors), np.bool_))
     if parts.max(initial=0) > 0:
-        raise SketchError("a room has no way in")
+        raise AttemptError("a room has no way in")
     for k in choose_closed(ids, doors, closed_doors, rng):
         doors[k] = replace(doors[k], is_open=False)
     outer = outline.buffer(config.exterior_wall / 2, join_style="mitre")
     walls = shapely.difference(outer, shapely.union_all([room.polygon for room in rooms]))
     walls = shapely.difference(walls, openings(doors, rooms))
-    walls = shapely.union_all([walls, *sketch.details])
-    fixtures = shapely.union_all(sketch.fixtures) if sketch.fixtures else Polygon()
+    walls = shapely.union_all([walls, *graph.details])
+    fixtures = shapely.union_all(graph.fixtures) if graph.fixtures else Polygon()
     return Built(rooms=rooms, doors=doors, walls=rounded(walls), fixtures=rounded(fixtures))
 
 

@@ -1,4 +1,4 @@
-"""Right-angled families: offices, schools and hospitals on a corridor skeleton, hospitals also as a racetrack.
+"""Buildings along right-angled corridors: offices, schools and hospitals on a skeleton or as a racetrack.
 
 A racetrack is two parallel corridors with wards on the outer sides, a core of stairs, lifts, stores and nurse
 stations between them, and cross links every 15 to 25 m.
@@ -14,17 +14,10 @@ import shapely
 from layoutexplore.maps.generator.bands import draw_style, furnish_plots
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.programme import HOSPITAL, OFFICE, OFFICE_DEEP, SCHOOL, Programme
-from layoutexplore.maps.generator.space_graph import Sketch, SketchError
+from layoutexplore.maps.generator.skeletons import draw_skeleton, plan_skeleton
+from layoutexplore.maps.generator.space_graph import AttemptError, SpaceGraph
 from layoutexplore.maps.generator.wing_frame import Straight
-from layoutexplore.maps.generator.wings import (
-    Port,
-    Section,
-    Wing,
-    draw_skeleton,
-    draw_wing,
-    join,
-    plan_skeleton,
-)
+from layoutexplore.maps.generator.wings import Port, Section, Wing, WingOptions, draw_wing, join_corridors
 
 POPULARITY = {
     "I": 1.0,
@@ -48,7 +41,7 @@ LONGEST_RACETRACK = 85.0
 
 
 def draw_section(programme: Programme, gross: float, single: float, rng: np.random.Generator) -> Section:
-    """A wing's cross-section; small buildings get shallower bands, `single` is the probability of rooms on one side only."""
+    """A wing's cross-section; shallower in small buildings, with rooms on one side with probability `single`."""
     shrink = min(1.0, max(0.72, (gross / 420.0) ** 0.5))
     south, north = (float(rng.uniform(*programme.depth)) * shrink for _ in range(2))
     if rng.random() < 0.5:
@@ -59,7 +52,7 @@ def draw_section(programme: Programme, gross: float, single: float, rng: np.rand
     return Section(south=round(south, 2), corridor=round(max(corridor, 1.8), 2), north=round(north, 2))
 
 
-def office(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
+def office(config: DrawnConfig, gross: float, rng: np.random.Generator) -> SpaceGraph:
     """Double-loaded corridors in any topology, or a deep building with laboratories between two corridors."""
     if gross > 1300.0 and not config.topology and rng.random() < 0.3:
         section = draw_section(OFFICE, gross, 0.0, rng)
@@ -70,12 +63,12 @@ def office(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketc
     return build_skeleton(OFFICE, config, gross, 0.05 if gross < 900.0 else 0.0, rng)
 
 
-def school(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
-    """Classroom wings, wide corridors, often rooms on one side only, with hall and gym where the size allows it."""
+def school(config: DrawnConfig, gross: float, rng: np.random.Generator) -> SpaceGraph:
+    """Classroom wings on wide corridors, often one-sided, with hall and gym where the size allows it."""
     return build_skeleton(SCHOOL, config, gross, 0.3, rng)
 
 
-def hospital(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
+def hospital(config: DrawnConfig, gross: float, rng: np.random.Generator) -> SpaceGraph:
     """A racetrack of wards around a core, or, small, very large or by topology, double-loaded ward wings."""
     core = float(rng.uniform(5.0, 7.0))
     depth, corridor = float(rng.uniform(*HOSPITAL.depth)), float(rng.uniform(*HOSPITAL.corridor))
@@ -95,9 +88,9 @@ def hospital(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Ske
 
 def build_skeleton(
     programme: Programme, config: DrawnConfig, gross: float, single: float, rng: np.random.Generator
-) -> Sketch:
+) -> SpaceGraph:
     """A building on a corridor skeleton of `gross` m2."""
-    sketch = Sketch()
+    graph = SpaceGraph()
     section = draw_section(programme, gross, single, rng)
     run = gross / section.width
     names = [config.topology] if config.topology else _shuffled_topologies(rng)
@@ -106,11 +99,11 @@ def build_skeleton(
         if skeleton is not None:
             break
     else:
-        raise SketchError("no topology fits")
-    wings = draw_skeleton(sketch, skeleton, section, programme, rng)
+        raise AttemptError("no topology fits")
+    wings = draw_skeleton(graph, skeleton, section, programme, rng)
     style = draw_style(programme, config.scale, rng)
-    furnish_plots(sketch, [plot for wing in wings for plot in wing.plots], programme, style, gross, rng)
-    return sketch
+    furnish_plots(graph, [plot for wing in wings for plot in wing.plots], programme, style, gross, rng)
+    return graph
 
 
 def _shuffled_topologies(rng: np.random.Generator) -> list[str]:
@@ -130,9 +123,9 @@ def _racetrack(
     inner: tuple[float, ...],
     programme: Programme,
     rng: np.random.Generator,
-) -> Sketch:
-    """Two corridors around a core; `inner` are the depths of the core's bands on the first and second corridor (0 = none)."""
-    sketch = Sketch()
+) -> SpaceGraph:
+    """Two corridors around a core; `inner`: depths of the core's bands on the first and second (0 = none)."""
+    graph = SpaceGraph()
     half, deep = section.corridor / 2, sum(inner)
     inset = 0.0 if rng.random() < 0.6 else float(rng.uniform(3.6, 5.0))
     links = max(1, round((length - 2 * inset) / float(rng.uniform(15.0, 26.0))))
@@ -142,15 +135,14 @@ def _racetrack(
         for s in (1, -1)
     ]
     base = Straight()
-    one = draw_wing(sketch, base, length, replace(section, north=inner[0]), rng, ports=gaps[0])
+    first, second = replace(section, north=inner[0]), replace(section, south=inner[1])
+    one = draw_wing(graph, base, length, first, rng, WingOptions(ports=gaps[0]))
     across = base.aside(0.0, section.corridor + deep, 0.0)
-    two = draw_wing(
-        sketch, across, length, replace(section, south=inner[1]), rng, ports=gaps[1] if inner[1] else ()
-    )
+    two = draw_wing(graph, across, length, second, rng, WingOptions(ports=gaps[1] if inner[1] else ()))
     for x in places:
-        link = sketch.room(base, shapely.box(x - half, half, x + half, half + deep), "corridor")
-        join(sketch, one.piece_at(x), link, rng)
-        sketch.link(two.piece_at(x), link, "double")
+        link = graph.room(base, shapely.box(x - half, half, x + half, half + deep), "corridor")
+        join_corridors(graph, one.piece_at(x), link, rng)
+        graph.link(two.piece_at(x), link, "double")
     for wing, side in ((one, 1.0), (two, -1.0)):
         for plot in wing.plots:
             plot.front = plot.near * side < 0
@@ -158,8 +150,8 @@ def _racetrack(
     if not inner[1]:
         _turn_some(one, two, rng)
     style = draw_style(programme, config.scale, rng)
-    furnish_plots(sketch, [*one.plots, *two.plots], programme, style, gross, rng)
-    return sketch
+    furnish_plots(graph, [*one.plots, *two.plots], programme, style, gross, rng)
+    return graph
 
 
 def _turn_some(one: Wing, two: Wing, rng: np.random.Generator) -> None:

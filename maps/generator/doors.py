@@ -1,7 +1,7 @@
-"""Doors: from the wish that two spaces be connected to an opening at a sensible place of the wall between them.
+"""Doors: from a link between two spaces to an opening at a sensible place of the wall between them.
 
 The wall between two spaces is where the boundary of one runs within the tolerance of the other; it is cut at
-its corners into straight (or gently bent) runs. A door stands near the end that the wish names, half a door
+its corners into straight (or gently curved) runs. A door stands near the end that the wish names, half a door
 frame away from the corner. Closing doors later never cuts off more than the one room behind the door.
 """
 
@@ -20,16 +20,16 @@ from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.maps.floorplan import Door
 from layoutexplore.maps.generator.config import DrawnConfig
-from layoutexplore.maps.generator.space_graph import OUTSIDE, TOLERANCE, Link, Sketch, SketchError
+from layoutexplore.maps.generator.space_graph import OUTSIDE, TOLERANCE, AttemptError, Link, SpaceGraph
 
 CORNER = math.radians(15.0)
 """A wall that turns by more than this has a corner there."""
 
 NARROWEST = 0.7
-"""Least width of an opening, m: a robot of radius 0.2 m passes at a resolution of 0.1 m, whatever the angle."""
+"""Least width of an opening, m: a robot of radius 0.2 m passes it at 0.1 m a cell, whatever the angle."""
 
 MOST_BEND = 0.08
-"""How far an opening in a bent wall may leave the wall's line, m."""
+"""How far an opening in a curved wall may leave the wall's line, m."""
 
 JAMB = 0.08
 """Least wall between a door and the crossing wall's face, m."""
@@ -71,23 +71,23 @@ def _length(points: NDArray[np.float64]) -> float:
 
 
 def place_doors(
-    sketch: Sketch, outline: Polygon, config: DrawnConfig, rng: np.random.Generator
+    graph: SpaceGraph, outline: Polygon, config: DrawnConfig, rng: np.random.Generator
 ) -> list[Door]:
-    """All doors of a sketch.
+    """All doors of a graph.
 
     Raises:
-        SketchError: A wanted connection has no wall that is long enough.
+        AttemptError: A wanted connection has no wall that is long enough.
     """
     doors: list[Door] = []
     taken: dict[tuple[int, int], list[BaseGeometry]] = {}
-    for link in sketch.resolved_links():
+    for link in graph.resolved_links():
         others = taken.setdefault((min(link.a, link.b), max(link.a, link.b)), [])
-        span = _span(sketch, outline, link, config, rng, others)
+        span = _span(graph, outline, link, config, rng, others)
         if span is None:
             if link.optional:
                 continue
-            names = [sketch.labels.get(key, "outside") for key in (link.a, link.b)]
-            raise SketchError(
+            names = [graph.labels.get(key, "outside") for key in (link.a, link.b)]
+            raise AttemptError(
                 f"no wall for a {link.kind} between {names[0]} {link.a} and {names[1]} {link.b}"
             )
         others.append(LineString(span).buffer(0.4))
@@ -97,7 +97,7 @@ def place_doors(
 
 
 def _span(
-    sketch: Sketch,
+    graph: SpaceGraph,
     outline: Polygon,
     link: Link,
     config: DrawnConfig,
@@ -107,8 +107,8 @@ def _span(
     """Both ends, float64 (2, 2), of the opening for a link; None where the wall has no room for it."""
     width = _wanted_width(link, config)
     shift = float(rng.choice([0.04, 0.12, 0.25]))
-    space = sketch.polygons[link.b]
-    other: BaseGeometry = outline.exterior if link.a == OUTSIDE else sketch.polygons[link.a]
+    space = graph.polygons[link.b]
+    other: BaseGeometry = outline.exterior if link.a == OUTSIDE else graph.polygons[link.a]
     if link.a == OUTSIDE and outline.interiors:
         other = outline.boundary
     for run in _by_distance(wall_runs(space, other), link):
@@ -133,7 +133,7 @@ def _wanted_width(link: Link, config: DrawnConfig) -> float:
 
 
 def _by_distance(runs: list[NDArray[np.float64]], link: Link) -> list[NDArray[np.float64]]:
-    """Runs long enough for any door, the one nearest to the wanted place first (longest first where none is named)."""
+    """Runs long enough for any door, nearest to the wanted place, or longest, first."""
     runs = [run for run in runs if _length(run) > NARROWEST + 2 * JAMB]
     if link.near is None:
         return runs

@@ -32,7 +32,7 @@ ROW_GAP = 0.75
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """A piece of furniture: width along the wall and depth, m; whether it stands against a wall; whether it is round."""
+    """A piece of furniture: width along the wall and depth, m; whether it stands at a wall, and is round."""
 
     width: float
     depth: float
@@ -77,11 +77,11 @@ CATALOGUE: Mapping[str, Sequence[Piece]] = {
     "kitchen": (COUNTER, COUNTER, DINING, CHAIR),
     "storage": (SHELF, SHELF, LOCKER),
 }
-"""Pieces by the label of the room; rooms of other labels (corridors, stairs, toilets, bathrooms) stay empty."""
+"""Pieces by the label of the room; other rooms (corridors, stairs, toilets, bathrooms) stay empty."""
 
 
-def furnish(built: Built, clutter: float, rng: np.random.Generator) -> BaseGeometry:
-    """The solid furniture of a plan: its fixtures and pieces on up to a share `clutter` of every room's floor."""
+def place_furniture(built: Built, clutter: float, rng: np.random.Generator) -> BaseGeometry:
+    """The solid furniture of a plan: fixtures, and pieces on up to a share `clutter` of every room's floor."""
     pieces: list[BaseGeometry] = [built.fixtures] if not built.fixtures.is_empty else []
     if clutter > 0:
         solid = shapely.union(built.walls, built.fixtures)
@@ -133,7 +133,7 @@ def _swing(door: Door) -> Polygon:
 def _without(
     ways: Polygon, shape: Polygon, standing: Sequence[BaseGeometry], inside: Polygon, clear: BaseGeometry
 ) -> Polygon | None:
-    """The ways that are left beside a new piece, or None where it would stand in one, or in something else."""
+    """The paths left free beside a new piece, or None where it would stand in one, or in something else."""
     if clear.intersects(shape) or not inside.covers(shape):
         return None
     if standing and shapely.distance(standing, shape).min() < 0.05:
@@ -143,7 +143,7 @@ def _without(
 
 
 def _edges(room: Polygon) -> NDArray[np.float64]:
-    """Walls float64 (n, 4) as (x0, y0, x1, y1), counter-clockwise (the room is on their left), those over 0.8 m."""
+    """Walls over 0.8 m, float64 (n, 4) as (x0, y0, x1, y1), counter-clockwise: the room is on their left."""
     ring = shapely.get_coordinates(shapely.geometry.polygon.orient(room).exterior)
     edges = np.hstack([ring[:-1], ring[1:]])
     long = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1]) > 0.8
@@ -153,7 +153,7 @@ def _edges(room: Polygon) -> NDArray[np.float64]:
 def _draw_piece(
     kind: Piece, room: Polygon, edges: NDArray[np.float64], rng: np.random.Generator
 ) -> Polygon | None:
-    """A piece at a random place: against a wall (often in its corner), or somewhere in the room, tables in rows."""
+    """A piece at a random place: at a wall, often in its corner, or somewhere in the room, tables in rows."""
     lengths = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
     k = int(rng.choice(len(edges), p=lengths / lengths.sum()))
     along = (edges[k, 2:] - edges[k, :2]) / lengths[k]
@@ -172,7 +172,7 @@ def _draw_piece(
 
 
 def _in_rows(kind: Piece, near: NDArray[np.float64], edge: NDArray[np.float64]) -> Polygon:
-    """A piece at the place of a lattice along the room's longest wall that is closest to a point, so that rows arise."""
+    """A piece at the place closest to a point on a lattice along the room's longest wall: rows arise."""
     along = (edge[2:] - edge[:2]) / np.hypot(*(edge[2:] - edge[:2]))
     inward = np.array([-along[1], along[0]])
     size = np.array([kind.width, kind.depth])

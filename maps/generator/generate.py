@@ -1,4 +1,4 @@
-"""The generator's front door: draw sketches until one works out and has the wanted size, then build and furnish it.
+"""The generator: space graphs are drawn until one has the wanted size, then built and furnished.
 
 Every attempt has its own random stream, seeded by family, seed and attempt; so the result depends on nothing
 else. The size of the next attempt is corrected by how far the last one was off.
@@ -17,23 +17,23 @@ from shapely import Polygon
 
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.generator import corridor_buildings as families
+from layoutexplore.maps.generator import corridor_buildings
 from layoutexplore.maps.generator.apartment import apartment
 from layoutexplore.maps.generator.config import DrawnConfig, PlanConfig
-from layoutexplore.maps.generator.construction import build, net_polygons
-from layoutexplore.maps.generator.furniture import furnish
+from layoutexplore.maps.generator.construction import construct, net_polygons
+from layoutexplore.maps.generator.furniture import place_furniture
 from layoutexplore.maps.generator.hall import hall
 from layoutexplore.maps.generator.non_orthogonal import angled, curved
-from layoutexplore.maps.generator.space_graph import Sketch, SketchError
+from layoutexplore.maps.generator.space_graph import AttemptError, SpaceGraph
 
-Draw = Callable[[DrawnConfig, float, np.random.Generator], Sketch]
-"""A family: configuration, gross area to aim at (m2), random stream -> sketch."""
+Draw = Callable[[DrawnConfig, float, np.random.Generator], SpaceGraph]
+"""A family: configuration, gross area to aim at (m2), random stream -> space graph."""
 
 _DRAW: Mapping[str, Draw] = {
-    "office": families.office,
-    "school": families.school,
+    "office": corridor_buildings.office,
+    "school": corridor_buildings.school,
     "apartment": apartment,
-    "hospital": families.hospital,
+    "hospital": corridor_buildings.hospital,
     "hall": hall,
     "angled": angled,
     "curved": curved,
@@ -59,51 +59,51 @@ ATTEMPTS = 40
 
 @dataclass
 class _Attempt:
-    """A sketch with its outline, and how far it is from what was asked."""
+    """A space graph with its outline, and how far it is from what was asked."""
 
     number: int
-    sketch: Sketch
+    graph: SpaceGraph
     outline: Polygon
     error: float
 
 
-def generate(family: str, seed: int, config: PlanConfig | None = None, **knobs: Any) -> FloorPlan:
+def generate(family: str, seed: int, config: PlanConfig | None = None, **parameters: Any) -> FloorPlan:
     """A floor plan; the same arguments always give the same plan, bit by bit.
 
     Args:
         family: One of `FAMILIES`.
         seed: Any whole number from 0.
-        config: The knobs; see `PlanConfig`.
-        knobs: Single knobs that replace those of `config`, such as `area=500.0`.
+        config: The parameters; see `PlanConfig`.
+        parameters: Single parameters that replace those of `config`, such as `area=500.0`.
 
     Returns:
         A plan named FAMILY-SEED whose rooms are disjoint, labelled, and all reachable for a robot of radius
         0.2 m at a resolution of 0.1 m when its doors are open. Doors to the outside are closed.
 
     Raises:
-        ConfigError: Unknown family or knob, a nonsensical value, or a building that cannot be drawn at that
+        ConfigError: Unknown family or parameter, a nonsensical value, or a building that cannot be drawn at that
             size.
     """
     if family not in _DRAW:
         raise unknown_name("family", str(family), FAMILIES)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise ConfigError(f"the seed must be a whole number, 0 or more, got {seed!r}")
-    wanted = (config or PlanConfig()).with_knobs(knobs)
+    wanted = (config or PlanConfig()).with_parameters(parameters)
     if wanted.topology is not None and family not in RIGHT_ANGLED:
         raise ConfigError(f"the family {family!r} has no topology: only {', '.join(RIGHT_ANGLED)} have")
     drawn = wanted.drawn(family, _stream(family, seed, 0))
     for attempt in _attempts(family, int(seed), drawn):
         try:
-            built = build(
-                attempt.sketch,
+            built = construct(
+                attempt.graph,
                 attempt.outline,
                 drawn,
                 wanted.closed_doors,
                 _stream(family, seed, 1, attempt.number),
             )
-        except SketchError:
+        except AttemptError:
             continue
-        furniture = furnish(built, wanted.clutter, _stream(family, seed, 2))
+        furniture = place_furniture(built, wanted.clutter, _stream(family, seed, 2))
         return FloorPlan(
             name=f"{family}-{seed}",
             building=f"{family}-{seed}",
@@ -115,7 +115,8 @@ def generate(family: str, seed: int, config: PlanConfig | None = None, **knobs: 
         )
     shape = f" of topology {drawn.topology}" if drawn.topology else ""
     raise ConfigError(
-        f"no {family}{shape} of {drawn.area:.0f} m2 could be drawn from seed {seed}: ask for another size or seed"
+        f"no {family}{shape} of {drawn.area:.0f} m2 could be drawn from seed {seed}: "
+        "ask for another size or seed"
     )
 
 
@@ -125,19 +126,19 @@ def _stream(family: str, seed: int, *key: int) -> np.random.Generator:
 
 
 def _attempts(family: str, seed: int, config: DrawnConfig) -> Iterator[_Attempt]:
-    """Sketches in the order in which to build them: good ones as they come, then the others, the closest first."""
+    """Attempts in the order in which to build them: good ones as they come, then the closest."""
     spare: list[_Attempt] = []
     gross, scale = config.area * GROSS_FACTOR, 1.0
     for number in range(ATTEMPTS):
         try:
-            sketch = _DRAW[family](replace(config, scale=scale), gross, _stream(family, seed, 3, number))
-            outline = sketch.check_disjoint()
-            floors = net_polygons(sketch, outline, config)
-        except SketchError:
+            graph = _DRAW[family](replace(config, scale=scale), gross, _stream(family, seed, 3, number))
+            outline = graph.check_disjoint()
+            floors = net_polygons(graph, outline, config)
+        except AttemptError:
             continue
         size = float(shapely.area(list(floors.values())).sum()) / config.area
         count = 1.0 if config.rooms is None else len(floors) / config.rooms
-        attempt = _Attempt(number, sketch, outline, abs(size - 1.0) + 0.5 * abs(count - 1.0))
+        attempt = _Attempt(number, graph, outline, abs(size - 1.0) + 0.5 * abs(count - 1.0))
         if abs(size - 1.0) <= AREA_GOOD and abs(count - 1.0) <= ROOMS_GOOD:
             yield attempt
         elif abs(size - 1.0) <= AREA_LIMIT:

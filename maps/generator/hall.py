@@ -17,7 +17,7 @@ from layoutexplore.maps.generator.bands import Plot, draw_style, furnish_plots
 from layoutexplore.maps.generator.bays import Bay, Piece, columns
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.programme import CORE, Programme, RoomType
-from layoutexplore.maps.generator.space_graph import Sketch
+from layoutexplore.maps.generator.space_graph import SpaceGraph
 from layoutexplore.maps.generator.wing_frame import Straight
 
 OPEN_PLAN = Programme(
@@ -41,9 +41,9 @@ AISLE = 1.7
 """Width of the ways between rows of cubicles, m."""
 
 
-def hall(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
+def hall(config: DrawnConfig, gross: float, rng: np.random.Generator) -> SpaceGraph:
     """Halls in a row, with cubicles in most of them."""
-    sketch = Sketch()
+    graph = SpaceGraph()
     count = (
         1
         if gross < 700.0
@@ -65,8 +65,8 @@ def hall(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
     for k in range(count):
         own = float(width * unequal[k])
         area = shapely.box(x, 0.0, x + own, depth)
-        halls.append((x, x + own, sketch.room(base, area, "hall")))
-        _fit_out(sketch, area, rng)
+        halls.append((x, x + own, graph.room(base, area, "hall")))
+        _fit_out(graph, area, rng)
         piece = [(x, x + own, halls[-1][2])]
         corner = 2.0 if k < count - 1 else 0.0
         for near, far in ((depth, depth + band), (0.0, -south)):
@@ -74,23 +74,25 @@ def hall(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
                 plots.append(Plot(base, x, x + own - corner, near, far, piece, front=True))
                 if corner:
                     end = Bay(base, x + own - corner, x + own + core, near, far, piece)
-                    bays.plain(sketch, end, "meeting", rng)
+                    bays.plain(graph, end, "meeting", rng)
         x += own
         if k < count - 1:
-            plots += _core_strip(sketch, x, core, depth, rng)
+            plots += _core_strip(graph, x, core, depth, rng)
             x += core
-    _connect_strips(sketch, plots, halls)
+    _connect_strips(graph, plots, halls)
     style = draw_style(OPEN_PLAN, config.scale, rng)
-    furnish_plots(sketch, plots, OPEN_PLAN, style, gross, rng)
-    return sketch
+    furnish_plots(graph, plots, OPEN_PLAN, style, gross, rng)
+    return graph
 
 
-def _core_strip(sketch: Sketch, x: float, width: float, depth: float, rng: np.random.Generator) -> list[Plot]:
+def _core_strip(
+    graph: SpaceGraph, x: float, width: float, depth: float, rng: np.random.Generator
+) -> list[Plot]:
     """The plots of a strip across the building, with a passage from hall to hall left between them."""
     frame = Straight(x + width / 2, 0.0, math.pi / 2)
     way = float(rng.uniform(2.0, 2.8))
     middle = float(rng.uniform(0.35, 0.65)) * depth
-    sketch.room(frame, shapely.box(middle - way / 2, -width / 2, middle + way / 2, width / 2), "corridor")
+    graph.room(frame, shapely.box(middle - way / 2, -width / 2, middle + way / 2, width / 2), "corridor")
     half = width / 2
     return [
         Plot(frame, a, b, half, -half, [], dark=True)
@@ -98,12 +100,12 @@ def _core_strip(sketch: Sketch, x: float, width: float, depth: float, rng: np.ra
     ]
 
 
-def _connect_strips(sketch: Sketch, plots: list[Plot], halls: list[Piece]) -> None:
+def _connect_strips(graph: SpaceGraph, plots: list[Plot], halls: list[Piece]) -> None:
     """Open every passage to both halls, and the rooms of a strip to one of them."""
-    passages = [key for key, label in sketch.labels.items() if label == "corridor"]
+    passages = [key for key, label in graph.labels.items() if label == "corridor"]
     for k, passage in enumerate(passages):
-        sketch.link(halls[k][2], passage, "open")
-        sketch.link(halls[k + 1][2], passage, "double")
+        graph.link(halls[k][2], passage, "open")
+        graph.link(halls[k + 1][2], passage, "double")
     strips = [plot for plot in plots if plot.dark]
     for k, plot in enumerate(strips):
         left = k % 3 != 1
@@ -112,18 +114,18 @@ def _connect_strips(sketch: Sketch, plots: list[Plot], halls: list[Piece]) -> No
         plot.corridors = [(plot.x0, plot.x1, halls[k // 2 + (0 if left else 1)][2])]
 
 
-def _fit_out(sketch: Sketch, area: Polygon, rng: np.random.Generator) -> None:
+def _fit_out(graph: SpaceGraph, area: Polygon, rng: np.random.Generator) -> None:
     """Columns, and in four halls of five rows of cubicles."""
     if rng.random() < 0.8:
-        sketch.fixtures += cubicles(area, rng)
+        graph.fixtures += cubicles(area, rng)
     posts = columns(area, float(rng.uniform(6.0, 8.4)), float(rng.uniform(0.35, 0.5)), 1.5)
-    desks = shapely.union_all(sketch.fixtures) if sketch.fixtures else Polygon()
+    desks = shapely.union_all(graph.fixtures) if graph.fixtures else Polygon()
     gaps = shapely.distance(desks, posts) if not desks.is_empty else np.full(len(posts), np.inf)
-    sketch.details += [post for post, gap in zip(posts, gaps, strict=True) if gap < 0.02 or gap > 0.8]
+    graph.details += [post for post, gap in zip(posts, gaps, strict=True) if gap < 0.02 or gap > 0.8]
 
 
 def cubicles(area: Polygon, rng: np.random.Generator) -> list[Polygon]:
-    """Partitions 0.1 m thick of back-to-back cubicles in rows across a local rectangle, with aisles around each row."""
+    """Partitions 0.1 m thick of back-to-back cubicles in rows across a local rectangle, aisles between."""
     x0, y0, x1, y1 = area.bounds
     turned = (x1 - x0) < (y1 - y0)
     if turned:

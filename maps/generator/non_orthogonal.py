@@ -23,9 +23,9 @@ from layoutexplore.maps.generator.bays import Bay
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.corridor_buildings import draw_section
 from layoutexplore.maps.generator.programme import HOSPITAL, OFFICE, SCHOOL, Programme
-from layoutexplore.maps.generator.space_graph import Sketch, SketchError
-from layoutexplore.maps.generator.wing_frame import Arc, Frame, Straight
-from layoutexplore.maps.generator.wings import Section, Wing, draw_end, draw_wing, join
+from layoutexplore.maps.generator.space_graph import AttemptError, SpaceGraph
+from layoutexplore.maps.generator.wing_frame import Arc, Straight, WingFrame
+from layoutexplore.maps.generator.wings import Section, Wing, WingOptions, draw_end, draw_wing, join_corridors
 
 ANGLES = (30.0, 36.0, 40.0, 45.0, 45.0, 50.0, 60.0)
 """Turns between two wings, degrees."""
@@ -42,7 +42,7 @@ LARGEST_FAN = 1500.0
 SMALL = 300.0
 """Gross area up to which a building is small, m2."""
 
-Face = tuple[Frame, float, int]
+Face = tuple[WingFrame, float, int]
 """Where a wing meets a hub: its frame, the local x of its end, and the corridor's id there."""
 
 
@@ -51,20 +51,20 @@ def _pick(gross: float, rng: np.random.Generator) -> Programme:
     return OFFICE if gross < SMALL else (OFFICE, OFFICE, SCHOOL, HOSPITAL)[int(rng.integers(0, 4))]
 
 
-def angled(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
+def angled(config: DrawnConfig, gross: float, rng: np.random.Generator) -> SpaceGraph:
     """Three or more wings around one hub, or a chain of two to four."""
-    sketch, programme = Sketch(), _pick(gross, rng)
+    graph, programme = SpaceGraph(), _pick(gross, rng)
     section = draw_section(programme, gross, 0.3 if gross < SMALL else 0.04, rng)
     run = gross / section.width
     star = run > 4.5 * SHORTEST_WING and rng.random() < (0.35 if run < LONG else 1.0)
-    wings = (_star if star else _chain)(sketch, run, section, programme, rng)
+    wings = (_star if star else _chain)(graph, run, section, programme, rng)
     style = draw_style(programme, config.scale, rng)
-    furnish_plots(sketch, [plot for wing in wings for plot in wing.plots], programme, style, gross, rng)
-    return sketch
+    furnish_plots(graph, [plot for wing in wings for plot in wing.plots], programme, style, gross, rng)
+    return graph
 
 
 def _chain(
-    sketch: Sketch, run: float, section: Section, programme: Programme, rng: np.random.Generator
+    graph: SpaceGraph, run: float, section: Section, programme: Programme, rng: np.random.Generator
 ) -> list[Wing]:
     """Wings one after the other with a hub at every bend."""
     shortest = SHORTEST_WING if run * section.width > SMALL else SHORTEST_WING / 1.5
@@ -78,9 +78,10 @@ def _chain(
         length = max(shortest, float(share) * (run - (count - 1) * 0.6 * section.width))
         end = draw_end(programme, length, rng) if k in (0, count - 1) else None
         ends = (end if k == 0 else None, end if k == count - 1 and count > 1 else None)
-        wing = draw_wing(sketch, frame, length, section, rng, ends=ends, front=(count == 2, count == 2))
+        options = WingOptions(ends=ends, front=(count == 2, count == 2))
+        wing = draw_wing(graph, frame, length, section, rng, options)
         if last is not None:
-            _hub(sketch, [last, (frame, 0.0, wing.piece_at(0.0))], section, rng)
+            _hub(graph, [last, (frame, 0.0, wing.piece_at(0.0))], section, rng)
         wings.append(wing)
         last = (frame, length, wing.piece_at(length))
         turn = math.radians(float(rng.choice(ANGLES))) * (sign if not zigzag or k % 2 == 0 else -sign)
@@ -90,7 +91,7 @@ def _chain(
 
 
 def _star(
-    sketch: Sketch, run: float, section: Section, programme: Programme, rng: np.random.Generator
+    graph: SpaceGraph, run: float, section: Section, programme: Programme, rng: np.random.Generator
 ) -> list[Wing]:
     """Three to six wings around one hub."""
     count = max(3, min(6, round(run / 70.0)))
@@ -102,39 +103,32 @@ def _star(
     wings, faces = list[Wing](), list[Face]()
     for heading, length in zip(headings, lengths.tolist(), strict=True):
         frame = Straight(0.0, 0.0, heading).ahead(reach)
-        wing = draw_wing(
-            sketch,
-            frame,
-            length,
-            section,
-            rng,
-            front=(False, False),
-            ends=(None, draw_end(programme, length, rng)),
-        )
+        options = WingOptions(front=(False, False), ends=(None, draw_end(programme, length, rng)))
+        wing = draw_wing(graph, frame, length, section, rng, options)
         wings.append(wing)
         faces.append((frame, 0.0, wing.piece_at(0.0)))
-    _hub(sketch, faces, section, rng)
+    _hub(graph, faces, section, rng)
     return wings
 
 
-def _hub(sketch: Sketch, faces: Sequence[Face], section: Section, rng: np.random.Generator) -> None:
-    """The space between the end faces of two or more wings: one lobby, or a corridor with rooms in the wedges."""
+def _hub(graph: SpaceGraph, faces: Sequence[Face], section: Section, rng: np.random.Generator) -> None:
+    """The space between the end faces of wings: one lobby, or a corridor with rooms in the wedges."""
     half = section.corridor / 2
     whole = _hull(faces, section.right, section.left)
     world = Straight()
     if whole.area < 60.0 and rng.random() < 0.5:
-        lobby = sketch.room(world, whole, "lobby")
+        lobby = graph.room(world, whole, "lobby")
         for _, _, corridor in faces:
-            sketch.link(corridor, lobby, "open" if rng.random() < 0.6 else "double")
+            graph.link(corridor, lobby, "open" if rng.random() < 0.6 else "double")
         return
     knee = _hull(faces, -half, half)
     wide = knee.area > 60.0
-    middle = sketch.room(world, knee, "lobby" if wide else "corridor")
+    middle = graph.room(world, knee, "lobby" if wide else "corridor")
     for _, _, corridor in faces:
         if wide:
-            sketch.link(corridor, middle, "open")
+            graph.link(corridor, middle, "open")
         else:
-            join(sketch, middle, corridor, rng)
+            join_corridors(graph, middle, corridor, rng)
     for wedge in sorted(_parts(whole.difference(knee)), key=lambda p: (-p.area, p.bounds)):
         if wedge.area > 6.0 and not wedge.buffer(-0.75).is_empty:
             uses = (
@@ -142,10 +136,10 @@ def _hub(sketch: Sketch, faces: Sequence[Face], section: Section, rng: np.random
                 if wedge.area < 30.0
                 else ["office", "meeting", "open office"]
             )
-            room = sketch.room(world, wedge, str(rng.choice(uses)))
-            sketch.link(middle, room)
+            room = graph.room(world, wedge, str(rng.choice(uses)))
+            graph.link(middle, room)
         else:
-            sketch.solid(world, wedge)
+            graph.solid(world, wedge)
 
 
 def _hull(faces: Sequence[Face], low: float, high: float) -> Polygon:
@@ -153,7 +147,7 @@ def _hull(faces: Sequence[Face], low: float, high: float) -> Polygon:
     ends: list[NDArray[np.float64]] = [frame.points(np.array([[x, low], [x, high]])) for frame, x, _ in faces]
     hull = shapely.MultiPoint(np.vstack(ends)).convex_hull
     if hull.geom_type != "Polygon":
-        raise SketchError("a hub without extent")
+        raise AttemptError("a hub without extent")
     return hull
 
 
@@ -166,9 +160,9 @@ def _parts(geometry: shapely.geometry.base.BaseGeometry) -> list[Polygon]:
     ]
 
 
-def curved(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketch:
+def curved(config: DrawnConfig, gross: float, rng: np.random.Generator) -> SpaceGraph:
     """A wing on an arc, with straight wings before and after it where there is length for them."""
-    sketch, programme = Sketch(), _pick(gross, rng)
+    graph, programme = SpaceGraph(), _pick(gross, rng)
     fan = rng.random() < 0.4 and gross < LARGEST_FAN
     section = draw_section(programme, gross, 0.0, rng)
     if fan:
@@ -184,17 +178,17 @@ def curved(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sketc
     radius = max(arc_length / math.radians(sweep), inside + (9.0 if fan else 6.0))
     before = (run - arc_length) * float(rng.choice([0.0, 0.0, 0.3, 0.5]))
     lengths = [length if length >= 6.0 else 0.0 for length in (before, arc_length, run - arc_length - before)]
-    wings = _path(sketch, lengths, radius, left, section, programme, rng)
+    wings = _path(graph, lengths, radius, left, section, programme, rng)
     if fan:
         bend = next(wing for wing in wings if isinstance(wing.frame, Arc))
-        _fan_hall(sketch, bend, radius, 0.15 * gross, rng)
+        _fan_hall(graph, bend, radius, 0.15 * gross, rng)
     style = draw_style(programme, config.scale, rng)
-    furnish_plots(sketch, [plot for wing in wings for plot in wing.plots], programme, style, gross, rng)
-    return sketch
+    furnish_plots(graph, [plot for wing in wings for plot in wing.plots], programme, style, gross, rng)
+    return graph
 
 
 def _path(
-    sketch: Sketch,
+    graph: SpaceGraph,
     lengths: Sequence[float],
     radius: float,
     left: bool,
@@ -205,23 +199,20 @@ def _path(
     """A straight wing, an arc and a straight wing, those of length 0 left out; corridors are joined."""
     start = Straight()
     arc = Arc(start.ahead(lengths[0]), radius, left)
-    frames: list[Frame] = [start, arc, arc.after(lengths[1])]
+    frames: list[WingFrame] = [start, arc, arc.after(lengths[1])]
     used = [k for k in range(3) if lengths[k] > 0]
     wings = list[Wing]()
     for k in used:
         first = draw_end(programme, lengths[k], rng) if k == used[0] else None
         final = draw_end(programme, lengths[k], rng) if k == used[-1] else None
-        wings.append(
-            draw_wing(
-                sketch, frames[k], lengths[k], section, rng, ends=(first, final), front=(left, not left)
-            )
-        )
+        options = WingOptions(ends=(first, final), front=(left, not left))
+        wings.append(draw_wing(graph, frames[k], lengths[k], section, rng, options))
     for one, two in pairwise(wings):
-        join(sketch, one.piece_at(one.length), two.piece_at(0.0), rng)
+        join_corridors(graph, one.piece_at(one.length), two.piece_at(0.0), rng)
     return wings
 
 
-def _fan_hall(sketch: Sketch, bend: Wing, radius: float, area: float, rng: np.random.Generator) -> None:
+def _fan_hall(graph: SpaceGraph, bend: Wing, radius: float, area: float, rng: np.random.Generator) -> None:
     """A fan-shaped hall inside the bend, on the corridor, of about `area` m2."""
     near = bend.section.left
     deep = min(radius - near - 3.0, float(rng.uniform(7.0, 14.0)))
@@ -230,4 +221,4 @@ def _fan_hall(sketch: Sketch, bend: Wing, radius: float, area: float, rng: np.ra
         return
     x0 = float(rng.uniform(0.1, 0.9)) * (bend.length - width)
     bay = Bay(bend.frame, x0, x0 + width, near, near + deep, bend.pieces)
-    bays.big(sketch, bay, "aula", rng)
+    bays.big(graph, bay, "aula", rng)

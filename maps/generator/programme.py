@@ -112,7 +112,7 @@ OFFICE_DEEP = replace(
         RoomType(label="office", width=(2.8, 4.2), build=bays.enfilade),
     ),
 )
-"""Offices along the facades, laboratories and lecture halls between two corridors, as on technical campuses."""
+"""Offices on the facades, laboratories and lecture halls between two corridors, as on technical campuses."""
 
 SCHOOL = Programme(
     facade=(

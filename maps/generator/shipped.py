@@ -1,7 +1,7 @@
-"""The floor plans that ship: which seeds, which knobs, which split; and the command that writes them.
+"""The floor plans that ship: which seeds, which parameters, which split; and the command that writes them.
 
-`python -m layoutexplore.maps.generator.shipped` writes `maps/plans/NAME.geojson` and `maps/plans/splits.json`
-anew. Every plan is a building of its own, so that no building falls into two splits; `quick` repeats some
+`python -m layoutexplore.maps.generator.shipped` writes the files of `maps/plans` anew: one GeoJSON a plan, and
+`splits.json`. Every plan is a building of its own, so that no building falls into two splits; `quick` repeats some
 names as a small benchmark suite.
 """
 
@@ -23,14 +23,14 @@ SPLITS = ("train", "validation", "test")
 
 @dataclass(frozen=True)
 class Shipped:
-    """A plan that ships: family and number make its name; seed and knobs make the plan; `area` in m2."""
+    """A plan that ships: family and number make its name; seed and parameters make the plan; `area` in m2."""
 
     family: str
     number: int
     split: str
     seed: int
     area: float
-    knobs: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -39,7 +39,7 @@ class Shipped:
 
     def draw(self) -> FloorPlan:
         """The plan, generated."""
-        plan = generate(self.family, self.seed, area=self.area, **self.knobs)
+        plan = generate(self.family, self.seed, area=self.area, **self.parameters)
         return replace(plan, name=self.name, building=self.name)
 
 
@@ -75,16 +75,16 @@ SHIPPED = (
 )
 
 QUICK = ("office-04", "apartment-03", "hall-03", "angled-03", "curved-02")
-"""The small benchmark suite: five families, 200 to 1100 m2, of the split test: nothing that ships has learnt from them."""
+"""The small benchmark suite: five families, 200 to 1100 m2, of the split test, which no shipped model saw."""
 
 
-def splits() -> dict[str, list[str]]:
+def shipped_splits() -> dict[str, list[str]]:
     """Names of the plans of every split, and of the quick suite."""
     table = {split: [plan.name for plan in SHIPPED if plan.split == split] for split in SPLITS}
     return {**table, "quick": list(QUICK)}
 
 
-def write(folder: Path = PLAN_FOLDER) -> list[Path]:
+def write_shipped(folder: Path = PLAN_FOLDER) -> list[Path]:
     """Write all plans and the splits into a folder; returns the files."""
     folder.mkdir(parents=True, exist_ok=True)
     files = []
@@ -92,10 +92,10 @@ def write(folder: Path = PLAN_FOLDER) -> list[Path]:
         files.append(folder / f"{shipped.name}.geojson")
         save_plan(shipped.draw(), files[-1])
     files.append(folder / "splits.json")
-    files[-1].write_text(json.dumps(splits(), indent=2) + "\n", encoding="utf-8")
+    files[-1].write_text(json.dumps(shipped_splits(), indent=2) + "\n", encoding="utf-8")
     return files
 
 
 if __name__ == "__main__":
-    for file in write():
+    for file in write_shipped():
         print(file)

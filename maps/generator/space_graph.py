@@ -1,8 +1,8 @@
-"""The drawing board of a plan: spaces between wall centre lines, and which of them are to be connected.
+"""The space graph of a plan: spaces between wall centre lines, and which of them are to be connected.
 
 Families put spaces (gross polygons that share their edges), solid blocks (shafts, lifts) and wishes for doors
-on the sketch; `construction.py` turns it into walls with thickness, net room polygons and doors. Nothing here
-knows about a family.
+into the graph; `layoutexplore.maps.generator.construction` turns it into walls with thickness, net room polygons
+and doors. Nothing here knows about a family.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.maps.generator.wing_frame import Frame
+from layoutexplore.maps.generator.wing_frame import WingFrame
 
 TOLERANCE = 0.03
 """Edges closer than this are the same wall, m."""
@@ -21,7 +21,7 @@ TOLERANCE = 0.03
 OUTSIDE = 0
 
 
-class SketchError(Exception):
+class AttemptError(Exception):
     """This attempt does not work out (wings collide, a door has no wall): the generator draws another one."""
 
 
@@ -46,7 +46,7 @@ class Link:
 
 
 @dataclass
-class Sketch:
+class SpaceGraph:
     """Spaces by id (1-based), solids, details inside rooms, links. Lengths in m, all in the world."""
 
     polygons: dict[int, Polygon] = field(default_factory=dict)
@@ -58,15 +58,15 @@ class Sketch:
     _merged: dict[int, int] = field(default_factory=dict)
     _next: int = 1
 
-    def room(self, frame: Frame, polygon: Polygon, label: str) -> int:
-        """Put a space on the board and return its id; `polygon` is local to `frame`."""
+    def room(self, frame: WingFrame, polygon: Polygon, label: str) -> int:
+        """Add a space and return its id; `polygon` is local to `frame`."""
         key = self._next
         self._next += 1
         self.polygons[key] = frame.place(polygon)
         self.labels[key] = label
         return key
 
-    def solid(self, frame: Frame, polygon: Polygon) -> None:
+    def solid(self, frame: WingFrame, polygon: Polygon) -> None:
         """A closed shaft or lift: inside the outline, but no room."""
         self.solids.append(frame.place(polygon))
 
@@ -88,13 +88,13 @@ class Sketch:
         """Wish for a connection; see `Link`."""
         self.links.append(Link(a, b, kind, near, optional))
 
-    def extend(self, key: int, frame: Frame, polygon: Polygon) -> None:
+    def extend(self, key: int, frame: WingFrame, polygon: Polygon) -> None:
         """Add a local polygon (an alcove) to a space that it touches."""
         key = self.find(key)
         self.polygons[key] = _closed_union(self.polygons[key], frame.place(polygon))
 
     def merge(self, a: int, b: int) -> None:
-        """Make two touching spaces one, or, where that would close a ring around something, join them by a double door."""
+        """Make two touching spaces one, or, where that would close a ring, join them by a double door."""
         a, b = self.find(a), self.find(b)
         if a == b:
             return
@@ -112,17 +112,17 @@ class Sketch:
         return [k for k in found if k.a != k.b]
 
     def check_disjoint(self) -> BaseGeometry:
-        """The outline (union of everything), or `SketchError` where spaces overlap or a polygon is broken."""
+        """The outline (union of everything), or `AttemptError` where spaces overlap or a polygon is broken."""
         parts = [*self.polygons.values(), *self.solids]
         if not all(p.is_valid and p.geom_type == "Polygon" for p in parts):
-            raise SketchError("a space is not a simple polygon")
+            raise AttemptError("a space is not a simple polygon")
         union = shapely.union_all(parts)
         overlap = sum(p.area for p in parts) - union.area
         if overlap > 0.02 * len(parts):
-            raise SketchError(f"{overlap:.1f} m2 of the spaces overlap")
+            raise AttemptError(f"{overlap:.1f} m2 of the spaces overlap")
         outline = union.buffer(TOLERANCE, join_style="mitre").buffer(-TOLERANCE, join_style="mitre")
         if outline.geom_type != "Polygon":
-            raise SketchError("the building falls apart")
+            raise AttemptError("the building falls apart")
         return outline
 
 

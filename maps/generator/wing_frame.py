@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from shapely import Polygon
 
 ARC_STEP = 0.6
-"""Distance between the vertices of a bent wall along the corridor's centre line, m (3 mm off a circle of 15 m)."""
+"""Distance between the vertices of a curved wall along the centre line, m (3 mm off a circle of 15 m)."""
 
 
-class Frame(Protocol):
+class WingFrame(Protocol):
     """Maps points of a wing's drawing into the world."""
 
     def points(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -82,11 +82,11 @@ class Arc:
         sign = 1.0 if self.left else -1.0
         angle = local[:, 0] / self.radius
         distance = self.radius - sign * local[:, 1]
-        bent = np.column_stack([distance * np.sin(angle), sign * (self.radius - distance * np.cos(angle))])
-        return self.start.points(bent)
+        curved = np.column_stack([distance * np.sin(angle), sign * (self.radius - distance * np.cos(angle))])
+        return self.start.points(curved)
 
     def place(self, polygon: Polygon) -> Polygon:
-        """The world polygon of a local polygon without holes, with vertices every `ARC_STEP` along the bend."""
+        """The world polygon of a local polygon without holes, with vertices every `ARC_STEP` of the arc."""
         return Polygon(self.points(_densify(shapely.get_coordinates(polygon))))
 
     def after(self, length: float) -> Straight:
@@ -97,7 +97,7 @@ class Arc:
 
 
 def _densify(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The closed ring with vertices added wherever it crosses a multiple of `ARC_STEP` in x (shared by neighbours)."""
+    """The closed ring with vertices added where it crosses multiples of `ARC_STEP` in x, as its neighbours have."""
     parts: list[NDArray[np.float64]] = []
     for a, b in pairwise(ring):
         low, high = sorted((a[0], b[0]))

@@ -53,22 +53,24 @@ def unreached(plan: FloorPlan, radius: float = 0.2) -> list[str]:
         },
     ),
 )
-def test_every_plan_is_a_sound_building(family: str, seed: int, area: float, knobs: dict[str, float]) -> None:
-    plan = generate(family, seed, area=area, **knobs)
+def test_every_plan_is_a_sound_building(
+    family: str, seed: int, area: float, parameters: dict[str, float]
+) -> None:
+    plan = generate(family, seed, area=area, **parameters)
     polygons = [room.polygon for room in plan.rooms]
     assert abs(plan.area / area - 1) < 0.25
     assert sum(p.area for p in polygons) - shapely.union_all(polygons).area < 1e-6
     assert all(p.is_valid and not p.interiors for p in polygons)
     assert all(room.label for room in plan.rooms)
     assert unreached(plan) == []
-    check_doors(plan, knobs)
+    check_doors(plan, parameters)
     check_millimetres(plan)
 
 
-def check_doors(plan: FloorPlan, knobs: dict[str, float]) -> None:
+def check_doors(plan: FloorPlan, parameters: dict[str, float]) -> None:
     """Every door lies in the wall between the two rooms it names; doors to the outside are closed."""
     rooms = {room.id: room.polygon for room in plan.rooms}
-    thickest = max(knobs.get("exterior_wall", 0.4), knobs.get("interior_wall", 0.2))
+    thickest = max(parameters.get("exterior_wall", 0.4), parameters.get("interior_wall", 0.2))
     for door in plan.doors:
         assert door.width >= 0.7
         assert door.is_open == (0 not in door.rooms)
@@ -185,7 +187,7 @@ def test_angled_and_curved_are_not_right_angled() -> None:
 
 
 @pytest.mark.parametrize(
-    ("knobs", "message"),
+    ("parameters", "message"),
     [
         ({"area": 50.0}, "area must be a number from 100 to 8000, got 50"),
         ({"area": math.nan}, "area must be a number"),
@@ -203,9 +205,9 @@ def test_angled_and_curved_are_not_right_angled() -> None:
         ({"area": 110.0, "topology": "eight"}, "no office of topology eight of 110 m2"),
     ],
 )
-def test_nonsense_knobs(knobs: dict[str, object], message: str) -> None:
+def test_nonsense_parameters(parameters: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        generate("office", 0, **knobs)
+        generate("office", 0, **parameters)
 
 
 def test_unknown_family_and_bad_seed() -> None:

@@ -16,7 +16,7 @@ from layoutexplore.envs.curriculum import FIRST_SEED
 from layoutexplore.maps import load_plan, plan_names, splits
 from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.generator import FAMILIES, generate
-from layoutexplore.maps.generator import shipped as ship
+from layoutexplore.maps.generator.shipped import SPLITS, write_shipped
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.library import PLAN_FOLDER
 
@@ -28,7 +28,7 @@ def plans() -> dict[str, FloorPlan]:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    return ship.write(tmp_path_factory.mktemp("plans"))
+    return write_shipped(tmp_path_factory.mktemp("plans"))
 
 
 def test_files_are_as_generated(written: list[Path]) -> None:
@@ -46,7 +46,7 @@ def test_no_building_and_no_geometry_ships_twice(plans: dict[str, FloorPlan]) ->
 
 def test_splits_share_nothing_and_cover_everything(plans: dict[str, FloorPlan]) -> None:
     table = splits()
-    parts = [table[split] for split in ship.SPLITS]
+    parts = [table[split] for split in SPLITS]
     assert [len(part) for part in parts] == [12, 4, 8]
     assert sorted(sum(parts, ())) == sorted(plans)
     for split in ("train", "test"):
