@@ -33,7 +33,7 @@ from layoutexplore.maps.raster import PlanRaster, resample
 __all__ = ["Door", "FloorPlan", "PlanRaster", "Room"]
 
 DOOR_REACH = (0.05, 1.0)
-"""Least and greatest metres from a door's segment, on either side, that its opening cuts to reach the rooms."""
+"""Least and greatest metres that an opening cuts on either side of its door's segment."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,10 +117,8 @@ class FloorPlan:
         _check(self)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {
-            **self.__dict__,
-            "_cache": {},
-        }  # what can be computed again does not travel to other processes
+        # What can be computed again does not travel to other processes.
+        return {**self.__dict__, "_cache": {}}
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -174,10 +172,10 @@ class FloorPlan:
         return dataclasses.replace(self, doors=tuple(doors))
 
     def stretched(self, x: float, y: float) -> FloorPlan:
-        """A copy in which all lengths along x and y are multiplied by these: another building of the same kind.
+        """A copy stretched along x and y: another building of the same kind.
 
         Args:
-            x: Factor along x, for walls and doors as well; a `source` keeps its resolution.
+            x: Factor on all lengths along x, those of walls and doors as well; a `source` keeps its resolution.
             y: Factor along y.
 
         Raises:
@@ -213,7 +211,7 @@ class FloorPlan:
         )
 
     def opening(self, door: Door) -> Polygon:
-        """The floor that a door cuts through its wall: its segment, widened on both sides until it meets the rooms."""
+        """The floor that a door cuts through its wall: its segment, widened until it meets the rooms."""
         line = LineString([door.start, door.end])
         probes = shapely.points([door.start, door.end, line.interpolate(0.5, normalized=True).coords[0]])
         rooms = [room.polygon for room in self.rooms if room.id in door.rooms]
@@ -245,19 +243,15 @@ class FloorPlan:
     def _rasterize(self, resolution: float, margin: float) -> PlanRaster:
         x0, y0, x1, y1 = self.bounds
         border = max(margin, resolution)
-        # the origin on a whole number of cells, so that walls drawn on such numbers end at the borders of
-        # cells
-        col0, row0 = (
-            math.floor((x0 - border) / resolution + 1e-6),
-            math.floor((y0 - border) / resolution + 1e-6),
-        )
-        cols, rows = (
-            math.ceil((x1 + border) / resolution - 1e-6) - col0,
-            math.ceil((y1 + border) / resolution - 1e-6) - row0,
-        )
+        # The origin lies on a whole number of cells, so that walls drawn on such numbers end at borders of cells.
+        col0 = math.floor((x0 - border) / resolution + 1e-6)
+        row0 = math.floor((y0 - border) / resolution + 1e-6)
+        cols = math.ceil((x1 + border) / resolution - 1e-6) - col0
+        rows = math.ceil((y1 + border) / resolution - 1e-6) - row0
         if rows * cols > 400_000_000:
             raise MapError(
-                f"plan {self.name!r} would need {rows} x {cols} cells at {resolution:g} m: choose a coarser resolution"
+                f"plan {self.name!r} would need {rows} x {cols} cells at {resolution:g} m: "
+                "choose a coarser resolution"
             )
         origin = Pose(col0 * resolution, row0 * resolution, 0.0)
         draw = _draw_shapes if self.source is None else _draw_source
@@ -294,10 +288,8 @@ def _draw_source(
     assert plan.source is not None
     source, corner = plan.source, (origin.x, origin.y)
     ratio = resolution / source.resolution
-    offset = (
-        (origin.x - source.origin.x) / source.resolution,
-        (origin.y - source.origin.y) / source.resolution,
-    )
+    right, up = origin.x - source.origin.x, origin.y - source.origin.y
+    offset = (right / source.resolution, up / source.resolution)
     occupied, room_ids = resample(source, (ratio, ratio), offset, shape)
     solid = np.zeros(shape, np.int32)
     _close_doors(plan, solid, resolution, corner)
@@ -329,7 +321,8 @@ def _check(plan: FloorPlan) -> None:
     for k, door in enumerate(plan.doors):
         if not all(math.isfinite(v) for v in (*door.start, *door.end)) or door.width == 0:
             raise MapError(
-                f"plan {plan.name!r}, door {k}: needs two different finite ends, got {door.start} and {door.end}"
+                f"plan {plan.name!r}, door {k}: needs two different finite ends, "
+                f"got {door.start} and {door.end}"
             )
         if unknown := set(door.rooms) - {0, *ids}:
             raise MapError(f"plan {plan.name!r}, door {k}: there is no room {min(unknown)}")

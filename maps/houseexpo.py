@@ -1,4 +1,4 @@
-"""HouseExpo plans as JSON: one closed contour of free space in metres, and for some plans rooms and doors beside it.
+"""HouseExpo plans as JSON: a closed contour of free space in metres, for some with rooms and doors beside it.
 
 `verts` is the contour; the walls inside the house are slits of it. The boxes of `room_category` overlap: they
 name the rooms but do not bound them. Where a file ID.label_data.json, ID.output_record_points.json or

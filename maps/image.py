@@ -37,13 +37,11 @@ def load_image(path: Path, *, resolution: float | None = None) -> FloorPlan:
     metadata = {"format": "image" if path.suffix.lower() in IMAGE_SUFFIXES else "ROS map"}
     if path.suffix.lower() in IMAGE_SUFFIXES:
         scale = DEFAULT_RESOLUTION if resolution is None else resolution
-        metadata["scale"] = (
-            f"{scale:g} m a pixel ({'assumed: the image has no scale' if resolution is None else 'as given'})"
-        )
+        source = "assumed: the image has no scale" if resolution is None else "as given"
+        metadata["scale"] = f"{scale:g} m a pixel ({source})"
     if grid.origin.theta:
-        metadata["frame"] = (
-            f"turned by {-grid.origin.theta:g} rad about the map's origin, so that its rows run along x"
-        )
+        turn = f"turned by {-grid.origin.theta:g} rad about the map's origin"
+        metadata["frame"] = f"{turn}, so that its rows run along x"
     origin = Pose(grid.origin.x, grid.origin.y, 0.0)
     room_ids = _rooms_beside(path, grid)
     return plan_from_raster(
@@ -52,7 +50,7 @@ def load_image(path: Path, *, resolution: float | None = None) -> FloorPlan:
 
 
 def _rooms_beside(path: Path, grid: OccupancyGrid) -> NDArray[np.int32]:
-    """Room numbers int32 (rows, cols) of the image of rooms that lies beside a map; all 0 where there is none."""
+    """Room numbers int32 (rows, cols) from the image of rooms beside a map; all 0 without one."""
     for ending in ("_rooms", "_gt"):
         beside = path.with_name(f"{path.stem}{ending}.png")
         if beside.is_file():
@@ -61,7 +59,6 @@ def _rooms_beside(path: Path, grid: OccupancyGrid) -> NDArray[np.int32]:
                 raise MapError(f"{beside}: {ids.shape} pixels do not fit the {grid.shape} of {path.name}")
             ids = np.where(grid.free, ids[::-1], 0)
             areas = np.bincount(ids.ravel()) * grid.resolution**2
-            return np.where(areas[ids] >= LEAST_ROOM, ids, 0).astype(
-                np.int32
-            )  # blends of two colours are no rooms
+            # Blends of two colours are no rooms.
+            return np.where(areas[ids] >= LEAST_ROOM, ids, 0).astype(np.int32)
     return np.zeros(grid.shape, np.int32)

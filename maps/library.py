@@ -181,7 +181,7 @@ def _is_plan(path: Path) -> bool:
 
 
 def find_plans(specs: Iterable[str]) -> list[str]:
-    """What `load_plan` can read, for names, files, folders and splits; without duplicates, in the order given.
+    """What `load_plan` can read, for names, files, folders and splits: each once, in the order given.
 
     Raises:
         MapError: A path does not exist, or a folder holds no floor plan.

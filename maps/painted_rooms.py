@@ -18,6 +18,9 @@ TRUTH_SUFFIX = "_gt"
 FREE_FROM = 250
 """A pixel at least this bright is free (the protocol of the published tables)."""
 
+MIN_TRUTH_CELLS = 200
+"""A colour of a truth image on at most so many pixels is noise of its antialiased borders."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -82,19 +85,16 @@ def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, NDArray[np.
     free = read_image(case.image)[0][::-1] >= FREE_FROM
     if not truth.any():
         raise MapError(
-            f"{case.truth}: no room is painted; each is one colour of 8 bit on more than {MIN_TRUTH_CELLS} pixels"
+            f"{case.truth}: no room is painted; "
+            f"each is one colour of 8 bit on more than {MIN_TRUTH_CELLS} pixels"
         )
     if truth.shape != grid.shape:
         raise MapError(f"{case.truth}: {truth.shape} pixels, but the map has {grid.shape}")
     return grid, np.ascontiguousarray(truth), np.ascontiguousarray(free)
 
 
-MIN_TRUTH_CELLS = 200
-"""A colour of a truth image on at most so many pixels is noise of its antialiased borders."""
-
-
 def truth_labels(image: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Room ids of a truth image: one colour a room, black none; rare colours are noise of the borders and count as none.
+    """Room ids of a truth image: one colour a room; black and rare colours, noise of the borders, are none.
 
     Args:
         image: uint8 (h, w) or (h, w, 3) or (h, w, 4); of four channels the last is ignored.

@@ -19,7 +19,7 @@ from layoutexplore.grids.morphology import grow, inflate
 from layoutexplore.grids.polygons import Point, resample_solid
 
 SIGHT_BEYOND_REACH = 0.8
-"""Metres of free space beyond the reachable cells that an exploration is asked to see (the protocol of the benchmark)."""
+"""Metres of free space beyond the reachable cells that an exploration is asked to see."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +54,8 @@ class PlanRaster:
         object.__setattr__(self, "room_ids", np.ascontiguousarray(self.room_ids, np.int32))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {
-            **self.__dict__,
-            "_cache": {},
-        }  # what can be computed again does not travel to other processes
+        # What can be computed again does not travel to other processes.
+        return {**self.__dict__, "_cache": {}}
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -156,9 +156,8 @@ def _portals(
         places = found.setdefault((a, b), [])
         if all(math.dist(place, (x, y)) > DOOR_WIDTH / 2 for place in places):
             places.append((x, y))
-    for (
-        pair
-    ) in lost:  # the segment that the portal names is not in the file: open where the rooms are nearest
+    for pair in lost:
+        # The segment that the portal names is not in the file: open where the rooms are nearest.
         if pair not in found:
             nearest = shapely.shortest_line(outlines[pair[0]].exterior, outlines[pair[1]].exterior)
             centre = nearest.centroid
@@ -167,7 +166,7 @@ def _portals(
 
 
 def _place_door(a: Polygon, b: Polygon, place: Point, rooms: tuple[int, int]) -> Door:
-    """A door through the wall near a portal's point, moved along the wall until it leads from one room to the other.
+    """A door through the wall near a portal's point, moved along the wall until it joins the two rooms.
 
     Portals often lie at the corner of a room, where an opening would run along a wall instead of through it.
     """
@@ -186,7 +185,7 @@ def _place_door(a: Polygon, b: Polygon, place: Point, rooms: tuple[int, int]) ->
 
 
 def _wall_at(outline: Polygon, place: Point) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The point of an outline nearest to a place, and the direction of its longest edge within reach there."""
+    """The point of an outline nearest to a place, and the direction of the longest edge near it."""
     points = shapely.get_coordinates(outline.exterior)
     edges = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
     near = shapely.distance(edges, shapely.Point(place))
@@ -211,7 +210,7 @@ def _gap(other: Polygon, foot: NDArray[np.float64], across: NDArray[np.float64])
 def _misses(
     a: Polygon, b: Polygon, middles: NDArray[np.float64], along: NDArray[np.float64], half_gap: float
 ) -> NDArray[np.float64]:
-    """For each middle (n, 2) of an opening: of three places across its width, how many do not lead from room to room."""
+    """For each middle (n, 2) of an opening: how many of three places across it do not join the two rooms."""
     steps = np.array([-0.45, 0.0, 0.45])[:, None] * DOOR_WIDTH * along
     through_wall = (half_gap + WALL_THICKNESS / 2 + 0.25) * np.array([-along[1], along[0]])
     sides = (

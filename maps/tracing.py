@@ -62,7 +62,7 @@ def plan_from_raster(
         name=name,
         building=building,
         rooms=rooms,
-        doors=find_doors(source),
+        doors=trace_doors(source),
         walls=_trace_walls(source),
         passages=loose,
         source=source,
@@ -105,9 +105,9 @@ def _boxes(ids: NDArray[np.int32]) -> list[tuple[int, tuple[slice, slice]]]:
 
 
 def _corner(source: PlanRaster, box: tuple[slice, slice]) -> Point:
-    return source.origin.x + box[1].start * source.resolution, source.origin.y + box[
-        0
-    ].start * source.resolution
+    rows, cols = box
+    x = source.origin.x + cols.start * source.resolution
+    return x, source.origin.y + rows.start * source.resolution
 
 
 def _trace_walls(source: PlanRaster) -> shapely.Geometry:
@@ -119,8 +119,8 @@ def _trace_walls(source: PlanRaster) -> shapely.Geometry:
     return trace(near & (free == 0), source.resolution, corner)
 
 
-def find_doors(source: PlanRaster) -> tuple[Door, ...]:
-    """Openings between the rooms of a raster: small gaps that join two rooms, and stretches where two rooms touch."""
+def trace_doors(source: PlanRaster) -> tuple[Door, ...]:
+    """Doors between the rooms of a raster: small gaps that join two rooms, and where two rooms touch."""
     gaps = (source.free & (source.room_ids == 0)).astype(np.uint8)
     _, parts = cv2.connectedComponents(gaps, connectivity=8, ltype=cv2.CV_32S)
     doors = []
@@ -136,7 +136,7 @@ def find_doors(source: PlanRaster) -> tuple[Door, ...]:
 
 
 def _way_through(side_a: NDArray[np.float64], side_b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Direction (row, col) at right angles to a gap's faces float64 (n, 2); from one to the other where they are short."""
+    """Direction (row, col) through a gap: across its faces float64 (n, 2), or, if short, between them."""
     spread = np.vstack([side - side.mean(axis=0) for side in (side_a, side_b)])
     values, axes = np.linalg.eigh(spread.T @ spread)
     if values[1] > 4.0 * values[0] and values[1] > 0.5:

@@ -50,7 +50,7 @@ def draw_dashboard(simulation: Simulation, size: tuple[int, int], agent: str) ->
     return image
 
 
-def write(
+def put_text(
     image: NDArray[np.uint8],
     text: str,
     left: float,
@@ -94,14 +94,14 @@ def _ascii(text: str) -> str:
 
 
 def _field(image: NDArray[np.uint8], left: int, value: str, name: str, room: int) -> None:
-    """A value in large letters over its name in small ones; both shrink or are cut to fit into `room` pixels."""
+    """A value in large letters over its name in small ones, shrunk or cut to fit into `room` pixels."""
     high = image.shape[0]
     large, small = 0.22 * high, 0.135 * high
     large *= min(1.0, room / max(1, text_width(value, large, 2)))
     while len(name) > 4 and text_width(name, small) > room:
         name = name.removesuffix("...")[:-1] + "..."
-    write(image, value, left, 0.47 * high, large, palette.INK, 2)
-    write(image, name, left, 0.78 * high, small, palette.FADED_INK)
+    put_text(image, value, left, 0.47 * high, large, palette.INK, 2)
+    put_text(image, name, left, 0.78 * high, small, palette.FADED_INK)
 
 
 def _draw_curve(image: NDArray[np.uint8], curve: NDArray[np.float64], goal: float, pad: int) -> None:
@@ -115,8 +115,8 @@ def _draw_curve(image: NDArray[np.uint8], curve: NDArray[np.float64], goal: floa
     for share, name in ((0.0, "0"), (1.0, "100 %")):
         row = round(bottom + (top - bottom) * share)
         cv2.line(image, (left, row), (right, row), palette.RULE, 1, cv2.LINE_AA)
-        write(image, name, left - 8 - text_width(name, small), row + small / 2, small, palette.FADED_INK)
-    write(image, label, right - text_width(label, small), bottom + 1.75 * small, small, palette.FADED_INK)
+        put_text(image, name, left - 8 - text_width(name, small), row + small / 2, small, palette.FADED_INK)
+    put_text(image, label, right - text_width(label, small), bottom + 1.75 * small, small, palette.FADED_INK)
     xs = left + (right - left) * np.append(curve[:, 0], curve[-1, 0]) / axis
     ys = bottom + (top - bottom) * np.append(curve[:, 1], curve[-1, 1])
     line = np.round(np.stack([xs, ys], axis=1) * 16).astype(np.int32)

@@ -9,11 +9,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from layoutexplore.drawing.palette import Colour
+from layoutexplore.drawing.palette import Colour, Image
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.types import FaceKind, Layout
-
-Image = NDArray[np.uint8]
 
 INK: Colour = (30, 30, 36)
 PAPER: Colour = (250, 250, 250)
@@ -31,7 +29,7 @@ WIDE = 1.6
 
 
 def draw_layout(layout: Layout, grid: OccupancyGrid | None = None, *, panel: int = 600) -> Image:
-    """Overview uint8 RGB (h, w, 3): map, clean map, lines, faces and rooms side by side, those of wide maps in a column, y up.
+    """Overview uint8 RGB (h, w, 3), y up: map, clean map, lines, faces and rooms in a row, or a column if wide.
 
     Args:
         layout: The layout.
@@ -57,9 +55,8 @@ def room_colours(count: int) -> NDArray[np.uint8]:
     """RGB uint8 (count + 1, 3), white for 0: hues by the golden angle, so that close ids look different."""
     hue = (np.arange(count + 1) * 137.508) % 360
     level = np.arange(count + 1) % 3
-    hsv = np.stack(
-        (hue / 2, np.choose(level, (95, 150, 70)), np.choose(level, (245, 225, 205))), axis=1
-    ).astype(np.uint8)
+    saturation, value = np.choose(level, (95, 150, 70)), np.choose(level, (245, 225, 205))
+    hsv = np.stack((hue / 2, saturation, value), axis=1).astype(np.uint8)
     colours: NDArray[np.uint8] = cv2.cvtColor(hsv[None], cv2.COLOR_HSV2RGB)[0]
     colours[0] = PAPER
     return colours
@@ -70,11 +67,9 @@ class _Canvas:
 
     def __init__(self, grid: OccupancyGrid, panel: int) -> None:
         known = np.argwhere(grid.cells >= 0)
-        low, high = (
-            (known.min(axis=0), known.max(axis=0) + 1)
-            if len(known)
-            else (np.zeros(2, int), np.array(grid.shape))
-        )
+        low, high = np.zeros(2, int), np.array(grid.shape)
+        if len(known):
+            low, high = known.min(axis=0), known.max(axis=0) + 1
         pad = 10
         self.grid = grid
         self.low = np.maximum(low - pad, 0)
@@ -111,22 +106,13 @@ class _Canvas:
         cv2.line(image, a, b, colour, width, cv2.LINE_AA, 4)
 
     def fill(self, image: Image, polygon: shapely.Polygon, colour: Colour) -> None:
-        rings = [polygon.exterior, *polygon.interiors]
-        cv2.fillPoly(
-            image, [self.pixels(shapely.get_coordinates(r))[:, None] for r in rings], colour, cv2.LINE_AA, 4
-        )
+        rings = [shapely.get_coordinates(ring) for ring in (polygon.exterior, *polygon.interiors)]
+        cv2.fillPoly(image, [self.pixels(ring)[:, None] for ring in rings], colour, cv2.LINE_AA, 4)
 
     def outline(self, image: Image, polygon: shapely.Polygon, colour: Colour, width: int) -> None:
         for ring in (polygon.exterior, *polygon.interiors):
-            cv2.polylines(
-                image,
-                [self.pixels(shapely.get_coordinates(ring))[:, None]],
-                True,
-                colour,
-                width,
-                cv2.LINE_AA,
-                4,
-            )
+            corners = self.pixels(shapely.get_coordinates(ring))[:, None]
+            cv2.polylines(image, [corners], True, colour, width, cv2.LINE_AA, 4)
 
 
 def _draw_lines(canvas: _Canvas, layout: Layout) -> Image:

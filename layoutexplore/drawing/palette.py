@@ -7,6 +7,12 @@ apart for all readers.
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[np.uint8]
+"""uint8 (height, width, 3), red, green, blue."""
+
 Colour = tuple[int, int, int]
 """Red, green and blue, 0..255."""
 

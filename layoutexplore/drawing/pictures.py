@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
-from layoutexplore.drawing.dashboard import draw_dashboard, write
+from layoutexplore.drawing.dashboard import draw_dashboard, put_text
+from layoutexplore.drawing.palette import Image
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision, Frontier
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
@@ -28,19 +29,15 @@ from layoutexplore.sensing.lidar import Lidar
 if TYPE_CHECKING:
     from layoutexplore.simulation.simulation import Simulation
 
-Image = NDArray[np.uint8]
-"""uint8 (height, width, 3), red, green, blue."""
-
 _SHIFT = 4
 """OpenCV's fixed-point bits: shapes are placed to a sixteenth of a pixel."""
 
 _WALL_DEPTH = 0.3
 """Metres of solid ground beside free space that are drawn as wall; what lies farther in is left pale."""
 
-
 _UNSEEN, _PREDICTED, _MISTAKEN, _FRONTIER = 101, 102, 103, 104
-"""Codes for what is not a cell value: true floor that has not been seen, what is predicted to be the rest of a room and is
-such floor or not, and the first frontier class."""
+"""Codes for what is not a cell value: true floor that has not been seen, cells predicted to be the rest of a
+room that are such floor, and that are not, and the first frontier class."""
 
 _CLASSES = (palette.FRONTIER, palette.CLOSED, palette.OPEN)
 """Colours of frontiers without a class, closed ones and open ones."""
@@ -90,7 +87,7 @@ def draw_state(
     """A frame that shows where a run stands.
 
     The grid, what a predictor takes for the rest of rooms (strong where it is right), the frontiers with
-    their viewpoints (in the colours of their classes), the way walked (the older the paler), the robot with
+    their viewpoints (in the colours of their classes), the path travelled (the older the paler), the robot with
     what it sees, and below them a bar with the plan, the agent, the coverage and its curve over the distance.
 
     Args:
@@ -98,7 +95,7 @@ def draw_state(
         size: Width and height in pixels, 320 x 240 or more; None for 960 pixels and a height that suits the
             plan.
         agent: Name of the strategy for the caption.
-        target: Index of the frontier the robot is about to go to; the way there is drawn.
+        target: Index of the frontier the robot is about to go to; the path there is drawn.
         frontiers: Whether to draw frontiers; without them the decision that is due is not computed.
         truth: Whether to hint at the floor that has not been seen, and at mistaken predictions.
 
@@ -121,7 +118,7 @@ def draw_state(
     _draw_track(image, view, simulation.track)
     if decision is not None and decision.frontiers:
         if target is not None:
-            _draw_way(image, view, decision, target)
+            _draw_path(image, view, decision, target)
         _draw_viewpoints(image, view, decision, target)
     _draw_robot(image, view, simulation.pose, simulation.config.robot_radius)
     if decision is not None and decision.layout is not None:
@@ -262,7 +259,7 @@ def _draw_sight(image: Image, view: _View, simulation: Simulation) -> None:
 
 
 def _draw_track(image: Image, view: _View, track: NDArray[np.float64], pieces: int = 24) -> None:
-    """The way walked, from pale to strong."""
+    """The path travelled, from pale to strong."""
     points = view.fixed(track[:, :2]).reshape(-1, 1, 2)
     borders = np.unique(np.linspace(0, len(points) - 1, pieces + 1).astype(int))
     for first, last in itertools.pairwise(borders.tolist()):
@@ -270,8 +267,8 @@ def _draw_track(image: Image, view: _View, track: NDArray[np.float64], pieces: i
         cv2.polylines(image, [points[first : last + 1]], False, colour, 2, cv2.LINE_AA, _SHIFT)
 
 
-def _draw_way(image: Image, view: _View, decision: Decision, target: int) -> None:
-    """The planned way to a frontier, dashed."""
+def _draw_path(image: Image, view: _View, decision: Decision, target: int) -> None:
+    """The planned path to a frontier, dashed."""
     cells = descend(decision.distances, decision.traversable, decision.frontiers[target].viewpoint)
     points = view.fixed(decision.grid.cells_to_world(cells)).reshape(-1, 1, 2)
     dash = max(2, round(7 / view.scale))
@@ -320,5 +317,5 @@ def _draw_legend(image: Image) -> None:
         (palette.PREDICTED, "predicted"),
     ):
         _dot(image, [(left + height) << _SHIFT, 3 * height << _SHIFT], 0.6 * height, colour)
-        width = write(image, text, left + 2.5 * height, 3.5 * height, height, palette.FADED_INK)
+        width = put_text(image, text, left + 2.5 * height, 3.5 * height, height, palette.FADED_INK)
         left += width + 5 * height

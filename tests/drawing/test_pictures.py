@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
 from layoutexplore.drawing import pictures as picture
-from layoutexplore.drawing.dashboard import text_width, write
+from layoutexplore.drawing.dashboard import put_text, text_width
 from layoutexplore.drawing.pictures import draw_grid, draw_plan, draw_state
 from layoutexplore.envs.viewer import draw_text
 from layoutexplore.errors import ConfigError
@@ -208,7 +208,7 @@ def test_text_of_a_wide_map_is_cut_to_the_columns(plan: FloorPlan) -> None:
 
 def test_letters_without_an_ascii_form_do_not_break_the_caption() -> None:
     image = np.full((40, 400, 3), 255, np.uint8)
-    write(image, "Büro Łódź 教室", 5, 30, 12, palette.INK)
+    put_text(image, "Büro Łódź 教室", 5, 30, 12, palette.INK)
     assert (image < 255).any()
     assert text_width("Büro", 12) == text_width("Buro", 12)
     assert text_width("MM", 24) > text_width("MM", 12) > 10
