@@ -125,11 +125,7 @@ class CostUtility(Greedy[CostUtilityOptions]):
         self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Between 0 and 1."""
-        areas = visible_areas(decision, chosen)
-        nearness = 1.0 - lengths / max(float(lengths.max()), 1e-9)
-        utility = areas / max(float(areas.max()), 1e-9)
-        scores: NDArray[np.float64] = self.options.alpha * nearness + (1.0 - self.options.alpha) * utility
-        return scores
+        return utilities(lengths, visible_areas(decision, chosen), self.options.alpha)
 
 
 class GainOverDistance(Greedy[GreedyOptions]):
@@ -173,6 +169,19 @@ class DistanceAdvantage(Greedy[DistanceAdvantageOptions]):
 def visible_areas(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.float64]:
     """Visible unknown areas float64 (k,) of the chosen frontiers, in square metres."""
     return np.array([decision.frontiers[i].visible_area for i in chosen], np.float64)
+
+
+def utilities(lengths: NDArray[np.float64], gains: NDArray[np.float64], alpha: float) -> NDArray[np.float64]:
+    """Weighted nearness and gain of k frontiers, float64 (k,) in 0..1, each relative to the greatest among them.
+
+    Args:
+        lengths: float64 (k,), path lengths in metres.
+        gains: float64 (k,), areas in square metres.
+        alpha: Weight of nearness, 0..1.
+    """
+    nearness = 1.0 - lengths / max(float(lengths.max()), 1e-9)
+    share = gains / max(float(gains.max()), 1e-9)
+    return np.asarray(alpha * nearness + (1.0 - alpha) * share)
 
 
 register("random", "any frontier, all equally likely", Random, Options())

@@ -52,7 +52,7 @@ class LayoutTourOptions(LayoutOptions):
     )
 
 
-class _LayoutHeuristic(Heuristic[LayoutOptions]):
+class RoomAwareHeuristic(Heuristic[LayoutOptions]):
     """A heuristic whose decisions are completed by a predictor, and that stops early where nothing is left to find."""
 
     @property
@@ -80,7 +80,7 @@ def nearest_of(decision: Decision, chosen: NDArray[np.int64]) -> int:
     return int(chosen[best_index(-lengths, lengths)])
 
 
-class LayoutNearest(_LayoutHeuristic):
+class LayoutNearest(RoomAwareHeuristic):
     """The nearest frontier that need not wait."""
 
     def choose(self, decision: Decision) -> Choice:
@@ -88,7 +88,7 @@ class LayoutNearest(_LayoutHeuristic):
         return nearest_of(decision, ready_frontiers(decision, self.options.min_size, self.options.area))
 
 
-class LayoutTour(_LayoutHeuristic):
+class LayoutTour(RoomAwareHeuristic):
     """The first frontier of a latency tour over those that need not wait."""
 
     def choose(self, decision: Decision) -> Choice:
@@ -98,7 +98,7 @@ class LayoutTour(_LayoutHeuristic):
         return int(plan_latency_tour(decision, chosen, patience)[0])
 
 
-class LayoutGain(_LayoutHeuristic):
+class LayoutGain(RoomAwareHeuristic):
     """Expected area against path length: A exp(-lambda d) (Luperto and Amigoni, AAMAS 2021)."""
 
     def choose(self, decision: Decision) -> Choice:
@@ -110,7 +110,7 @@ class LayoutGain(_LayoutHeuristic):
         return int(chosen[best_index(areas * np.exp(-rate * (lengths - lengths.min())), lengths)])
 
 
-class ClosedFirst(_LayoutHeuristic):
+class ClosedFirst(RoomAwareHeuristic):
     """The nearest closed frontier; an open one only when no closed one is left."""
 
     def choose(self, decision: Decision) -> Choice:
@@ -118,7 +118,7 @@ class ClosedFirst(_LayoutHeuristic):
         return _nearest_of_class(decision, self.options, closed=True)
 
 
-class OpenFirst(_LayoutHeuristic):
+class OpenFirst(RoomAwareHeuristic):
     """The nearest open frontier; a closed one only when no open one is left."""
 
     def choose(self, decision: Decision) -> Choice:
