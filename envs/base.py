@@ -24,15 +24,14 @@ from layoutexplore.envs.viewer import RENDER_MODES, Viewer
 from layoutexplore.errors import ConfigError, StartError
 from layoutexplore.frontiers.decision import Predictor
 from layoutexplore.grids.grid import Pose
-from layoutexplore.metrics.exploration import distance_to_coverage
-from layoutexplore.sensing.lidar import LidarConfig
+from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN, distance_to_coverage
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 
 Action = TypeVar("Action")
 
 STOP_REASONS = ("", "coverage", "no_frontier", "budget", "agent", "invalid_actions", "steps")
-"""Why an episode ended; `info["stop_reason"]` is the index. Those from "budget" on, but for "agent", truncate."""
+"""Why an episode ended; `info["stop_reason"]` is the index. From "budget" on all but "agent" truncate."""
 
 _INFO: dict[str, type[np.generic]] = {
     "coverage": np.float64,
@@ -63,24 +62,17 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
 
     def __init__(
         self,
-        *,
         plan: PlanSpec,
-        sensor: str | LidarConfig | None,
-        resolution: float | None,
-        robot_radius: float | None,
-        simulation: SimulationConfig | None,
+        config: SimulationConfig,
+        *,
         randomisation: Randomisation | None,
         predictor: str | Predictor | None,
         reward_function: str | Reward,
-        render_mode: str | None,
-        render_size: tuple[int, int],
-        shows_frontiers: bool,
+        viewer: Viewer,
         watches_rooms: bool = False,
     ) -> None:
-        given = {"sensor": sensor, "resolution": resolution, "robot_radius": robot_radius}
-        changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-        self.config = replace(simulation or SimulationConfig(), **changes)
-        self.render_mode = render_mode
+        self.config = config
+        self.render_mode = viewer.mode
         self.progress = 1.0
         self._randomisation = randomisation
         self._plans = PlanSource(plan)
@@ -89,9 +81,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         self._counts_visits = reads_rooms(self._reward)
         self._watches_rooms = watches_rooms or self._counts_visits
         self._ledger: RoomLedger | None = None
-        self._viewer = Viewer(
-            render_mode, render_size, self.metadata["render_fps"], frontiers=shows_frontiers
-        )
+        self._viewer = viewer
         self._simulation: Simulation | None = None
         self._over = True
 
@@ -156,8 +146,8 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
             distance=simulation.distance,
             budget=simulation.max_distance,
             stop_reason=self.stop_reason,
-            metres_before_95=self._metres_before(0.95),
-            metres_before_99=self._metres_before(0.99),
+            metres_before_95=self._metres_before(NEARLY_SEEN),
+            metres_before_99=self._metres_before(FULLY_SEEN),
             reference=0.2 * (100.0 + simulation.target_area),
             rooms_finished=finished,
         )
@@ -166,7 +156,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         return float(self._reward(transition)), self._over and not truncated, truncated
 
     def _watch(self) -> int:
-        """Tell the ledger, if there is one, what has been seen; the rooms that were finished, where the reward reads them."""
+        """The rooms that were finished, if the reward reads them; the ledger, if any, notes what was seen."""
         if self._ledger is None:
             return 0
         simulation = self.simulation
@@ -175,20 +165,20 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         )
         return finished if self._counts_visits else 0
 
-    def _metres_before(self, mark: float) -> float:
-        """Metres of the step that has been made before the coverage reached a mark."""
+    def _metres_before(self, threshold: float) -> float:
+        """Metres of the step that has been made before the coverage reached a threshold."""
         simulation = self.simulation
         distance, _, coverage = self._before
-        if coverage >= mark:
+        if coverage >= threshold:
             return 0.0
-        if simulation.coverage < mark:
+        if simulation.coverage < threshold:
             return simulation.distance - distance
         curve = simulation.curve
-        return distance_to_coverage(curve[:, 0], curve[:, 1], mark, budget=0.0)[0] - distance
+        return distance_to_coverage(curve[:, 0], curve[:, 1], threshold, budget=0.0)[0] - distance
 
     @property
     def info_types(self) -> dict[str, NDArray[np.generic]]:
-        """Every entry of `info` as a zero of its shape and dtype: what a vector environment makes room for."""
+        """Every entry of `info` as a zero of its shape and dtype, for vector environments to make room."""
         return {name: np.zeros((), dtype) for name, dtype in _INFO.items()}
 
     def _check_running(self) -> None:
@@ -212,6 +202,12 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
             "plan_index": self._plan_index,
             "simulation_seed": self._simulation_seed,
         }
+
+
+def configure(simulation: SimulationConfig | None, **overrides: Any) -> SimulationConfig:
+    """The configuration of an environment's simulations: overrides that are None change nothing."""
+    changes = {name: value for name, value in overrides.items() if value is not None}
+    return replace(simulation or SimulationConfig(), **changes)
 
 
 def _named(predictor: str) -> Predictor | None:

@@ -1,4 +1,4 @@
-"""Floor plans without end, from small to large, and sensors that change from episode to episode: training data as data.
+"""Floor plans without end, from small to large, and sensors that change from episode to episode.
 
 Both are frozen dataclasses that read a table of a TOML file and draw from the environment's generator, so
 that an episode depends on the seed alone.
@@ -35,7 +35,7 @@ _ATTEMPTS = 20
 
 @dataclass(frozen=True, kw_only=True)
 class PlanSampler:
-    """Draws floor plans: generated ones of all families, and shipped ones in between. Usable as `plan=` of an environment.
+    """Draws floor plans, for `plan=` of an environment: generated of all families, shipped in between.
 
     An environment hands its `progress` (0 ... 1, how far the training is; 1 unless set) to the sampler: the
     largest plan grows with it from `first_area` to the end of `area`.
@@ -120,7 +120,7 @@ class PlanSampler:
 
 @dataclass(frozen=True, kw_only=True)
 class Randomisation:
-    """What changes from episode to episode besides the plan and the start; each is drawn from the values listed.
+    """What changes from episode to episode besides plan and start; each is drawn from the values listed.
 
     Attributes:
         sensors: Presets; none leaves the environment's own.
@@ -175,16 +175,16 @@ def _one(values: tuple[Any, ...], rng: np.random.Generator) -> Any:
 def _generated(
     family: str, seed: int, area: Range, clutter: Range, door_width: Range, closed_doors: Range
 ) -> FloorPlan:
-    """A generated plan, its knobs drawn from its seed; the last ones are kept. A seed that fails is followed by others."""
+    """A generated plan, its parameters drawn from its seed; where one fails, others follow."""
     from layoutexplore.maps.generator import PlanConfig, generate
 
     rng = np.random.default_rng([0x9E3779B9, seed])
     for attempt in itertools.count():
         size = math.exp(rng.uniform(math.log(area[0]), math.log(area[1])))
         ranges = {"clutter": clutter, "door_width": door_width, "closed_doors": closed_doors}
-        knobs: dict[str, Any] = {name: float(rng.uniform(*limits)) for name, limits in ranges.items()}
+        parameters: dict[str, Any] = {name: float(rng.uniform(*limits)) for name, limits in ranges.items()}
         try:
-            return generate(family, seed + attempt * 2**32, PlanConfig(area=size, **knobs))
+            return generate(family, seed + attempt * 2**32, PlanConfig(area=size, **parameters))
         except ConfigError:
             if attempt == _ATTEMPTS:
                 raise

@@ -17,7 +17,7 @@ from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 
 CHANNELS = ("free", "occupied", "frontier", "trail")
-"""Known free floor (share of the pixel), then 255 where a pixel holds any occupied, frontier or visited cell."""
+"""Free floor (share of the pixel), then 255 where a pixel holds an occupied, frontier or visited cell."""
 
 LAYOUT_CHANNELS = ("predicted_room", "predicted_wall", "closed_room")
 """255 where a pixel holds unknown cells of a predicted room, of its outline, or of a room that is closed."""
@@ -27,6 +27,20 @@ FRONTIER, TRAIL, ROOM, WALL, CLOSED = 1, 2, 4, 8, 16
 
 _FIRST_MARK = 2
 """The first channel that is a mark."""
+
+
+class _View(NamedTuple):
+    """A square image of the surroundings; the robot is at (row, col) in cells, its heading up.
+
+    A pixel is `pixel` cells wide and is sampled `samples` times along either axis.
+    """
+
+    row: float
+    col: float
+    cos: float
+    sin: float
+    pixel: float
+    samples: int
 
 
 class MapFrame(NamedTuple):
@@ -58,9 +72,9 @@ class Trail:
         self.marks = np.zeros(grid.shape, np.uint8)
 
     def extend(self, track: NDArray[np.float64]) -> None:
-        """Mark the way along poses float64 (n, 3) as the robot believes them, the first one already marked before."""
+        """Mark the cells along believed poses float64 (n, 3), the first one of which is marked already."""
         origin, resolution = self._grid.origin, self._grid.resolution
-        _mark_way(self.marks, (track[:, 1] - origin.y) / resolution, (track[:, 0] - origin.x) / resolution)
+        _mark_lines(self.marks, (track[:, 1] - origin.y) / resolution, (track[:, 0] - origin.x) / resolution)
 
 
 def draw_local_map(
@@ -91,16 +105,15 @@ def draw_local_map(
     pixel = span / size / grid.resolution
     row, col = (pose.y - grid.origin.y) / grid.resolution, (pose.x - grid.origin.x) / grid.resolution
     samples = max(1, math.ceil(pixel - 1e-9))
-    _draw_local(
-        grid.cells, marks, row, col, math.cos(pose.theta), math.sin(pose.theta), pixel, samples, detect, image
-    )
+    view = _View(row, col, math.cos(pose.theta), math.sin(pose.theta), pixel, samples)
+    _draw_local(grid.cells, marks, view, detect, image)
     return image
 
 
 def draw_global_map(
     grid: OccupancyGrid, marks: NDArray[np.uint8], *, size: int, min_span: float, channels: int
 ) -> tuple[NDArray[np.uint8], MapFrame]:
-    """All that is known, north up: the square around the known cells, so that the image tells nothing of what is not known.
+    """All that is known, north up: the square around the known cells, so that the image tells nothing else.
 
     Args:
         grid: What the robot knows.
@@ -121,7 +134,7 @@ def draw_global_map(
 
 
 @njit(cache=True, nogil=True)
-def _mark_way(marks: NDArray[np.uint8], rows: NDArray[np.float64], cols: NDArray[np.float64]) -> None:
+def _mark_lines(marks: NDArray[np.uint8], rows: NDArray[np.float64], cols: NDArray[np.float64]) -> None:
     """Mark the cells along straight lines from point to point (in cells), sampled every half cell."""
     for k in range(len(rows)):
         row, col = rows[max(0, k - 1)], cols[max(0, k - 1)]
@@ -137,19 +150,16 @@ def _mark_way(marks: NDArray[np.uint8], rows: NDArray[np.float64], cols: NDArray
 def _draw_local(
     cells: NDArray[np.int8],
     marks: NDArray[np.uint8],
-    row: float,
-    col: float,
-    cos: float,
-    sin: float,
-    pixel: float,
-    samples: int,
+    view: _View,
     detect: bool,
     image: NDArray[np.uint8],
 ) -> None:
-    """Sample each pixel `samples` x `samples` times; the robot is at (row, col) in cells, a pixel is `pixel` cells wide."""
+    """Sample each pixel; with `detect`, free cells beside an unknown one are frontiers."""
+    row, col, cos, sin, pixel, samples = view
     rows, cols = cells.shape
     channels, size = image.shape[0], image.shape[1]
     step = pixel / samples
+    # Samples lie in the middle of their step, half a step inside of the image's border.
     half = 0.5 * size * pixel - 0.5 * step
     free = np.zeros(size, np.int32)
     bits = np.zeros(size, np.int32)
@@ -157,11 +167,13 @@ def _draw_local(
         free[:] = 0
         bits[:] = 0
         for k in range(i * samples, (i + 1) * samples):
+            # A row of samples, left to right: the far end of the image, row 0, lies ahead of the robot.
             ahead = half - k * step
             y = row + ahead * sin + half * cos
             x = col + ahead * cos - half * sin
             for j in range(size):
                 for _ in range(samples):
+                    # Outside of the grid everything is unknown: such samples count in the share as not free.
                     if 0.0 <= y < rows and 0.0 <= x < cols:
                         r, c = int(y), int(x)
                         value = cells[r, c]
@@ -203,18 +215,16 @@ def _draw_global(
     pixels_per_cell: float,
     image: NDArray[np.uint8],
 ) -> None:
-    """Gather cells and marks into the pixels that hold their centres: first down the columns of a band, then along it."""
+    """Gather cells and marks into the pixels that hold their centres."""
     channels, size = image.shape[0], image.shape[1]
-    rows, cols = (
-        _borders(low_row, pixels_per_cell, size, cells.shape[0]),
-        _borders(low_col, pixels_per_cell, size, cells.shape[1]),
-    )
+    rows = _borders(low_row, pixels_per_cell, size, cells.shape[0])
+    cols = _borders(low_col, pixels_per_cell, size, cells.shape[1])
     first, width = cols[0], cols[size] - cols[0]
-    free_below, value_below, bits_below = (
-        np.empty(width, np.uint16),
-        np.empty(width, np.int8),
-        np.empty(width, np.uint8),
-    )
+    free_below = np.empty(width, np.uint16)
+    value_below = np.empty(width, np.int8)
+    bits_below = np.empty(width, np.uint8)
+    # First down the columns of a band of cells, as they lie in memory, then along the band. Row 0 of the
+    # image is the highest band. Occupied (100) is the greatest value: a pixel's greatest tells of any.
     for i in range(size):
         free_below[:] = 0
         value_below[:] = 0
@@ -244,7 +254,7 @@ def _draw_global(
 
 @njit(cache=True, nogil=True)
 def _borders(low: float, pixels_per_cell: float, size: int, count: int) -> NDArray[np.int64]:
-    """int64 (size + 1,): the first cell (of `count`) whose centre lies in each pixel or beyond, along one axis."""
+    """int64 (size + 1,): the first cell of `count` whose centre lies in each pixel or beyond, on one axis."""
     borders = np.empty(size + 1, np.int64)
     for k in range(size + 1):
         borders[k] = min(max(0, int(np.ceil(low + k / pixels_per_cell - 0.5))), count)

@@ -10,12 +10,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from layoutexplore.envs.base import ExplorationEnv
+from layoutexplore.envs.base import ExplorationEnv, configure
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.observation import Observation, ObservationConfig, Observer
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.privileged import PrivilegedView
 from layoutexplore.envs.rewards import Reward
+from layoutexplore.envs.viewer import Viewer
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Predictor
 from layoutexplore.options import COUNT
@@ -59,7 +60,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `frontiers` | (64 * 13,) | a row per slot, flattened; zeros where there is no frontier |
     | `robot` | (9,) | the robot and the map as a whole |
     | `action_mask` | (65,) | 1 for valid actions |
-    | `privileged` | (8,) | what only the floor plan tells, for the critic in training; only with `privileged=True` |
+    | `privileged` | (8,) | what only the floor plan tells, for the critic; only with `privileged=True` |
 
     Channels: `free` (share of the pixel), `occupied`, `frontier`, `trail` (where the robot has been),
     `predicted_room`, `predicted_wall`, `closed_room`.
@@ -73,7 +74,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `turn` | direction of its middle relative to the heading, in half turns, -1 ... 1, left positive |
     | `size` | its length |
     | `visible_area` | unknown area that would be in view |
-    | `detour` | metres by which the tour over the frontiers that need not wait grows when this one is visited first |
+    | `detour` | metres by which the tour over frontiers that need not wait grows with this one first |
     | `tour_rank` | 1 / position in that tour, 0 when it is not in it |
     | `class` | 1 closed (the rest of a room), -1 open (leads on), 0 not predicted |
     | `expected_area` | predicted unknown area behind it |
@@ -100,8 +101,8 @@ class FrontierEnv(ExplorationEnv[np.int64]):
 
     | Name | Reward of a step |
     |---|---|
-    | `path_length` (default) | -10 * metres / budget; at the end +10 when all is explored, else +5 * coverage |
-    | `path_to_marks` | -(metres before 95 % + metres before 99 % coverage) / (0.2 * (100 m + 1 m per m² of floor)) |
+    | `path_length` (default) | -10 * metres / budget; at the end +10 when all is seen, else +5 * coverage |
+    | `path_to_marks` | -(metres before 95 % + before 99 % coverage) / (0.2 * (100 m + 1 m per m² of floor)) |
     | `area` | m² that became known |
     | `area_per_metre` | the same per metre travelled |
     | `room_area` | the same, and 5 for every room finished on the first visit |
@@ -130,7 +131,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
 
     | Argument | Meaning |
     |---|---|
-    | `plan` | a name, split, path, folder, `FloorPlan`, a sequence of these, or a callable `rng -> FloorPlan` (`PlanSampler`) |
+    | `plan` | a name, split, path, folder, `FloorPlan`, several, or `rng -> FloorPlan` (`PlanSampler`) |
     | `sensor` | a preset (`stage`, `indoor`, `short`, `mapex`) or a `LidarConfig` |
     | `resolution` | metres per cell (0.1) |
     | `robot_radius` | metres (0.2) |
@@ -170,17 +171,12 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         render_size: tuple[int, int] = (960, 720),
     ) -> None:
         super().__init__(
-            plan=plan,
-            sensor=sensor,
-            resolution=resolution,
-            robot_radius=robot_radius,
-            simulation=simulation,
+            plan,
+            configure(simulation, sensor=sensor, resolution=resolution, robot_radius=robot_radius),
             randomisation=randomisation,
             predictor=predictor,
             reward_function=reward,
-            render_mode=render_mode,
-            render_size=render_size,
-            shows_frontiers=True,
+            viewer=Viewer(render_mode, render_size, self.metadata["render_fps"], frontiers=True),
             watches_rooms=observation is not None and observation.privileged,
         )
         self.observation_config = observation or ObservationConfig()
@@ -231,11 +227,8 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     def info_types(self) -> dict[str, NDArray[np.generic]]:
         """Every entry of `info` as a zero of its shape and dtype."""
         counts = {"frontier_count": np.zeros((), np.int64), "invalid_actions": np.zeros((), np.int64)}
-        return (
-            super().info_types
-            | counts
-            | {"action_mask": np.zeros(self.observation_config.max_frontiers + 1, np.int8)}
-        )
+        mask = np.zeros(self.observation_config.max_frontiers + 1, np.int8)
+        return super().info_types | counts | {"action_mask": mask}
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are valid, bool (max_frontiers + 1,)."""
@@ -248,7 +241,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         return self._invalid_penalty
 
     def _outcome(self) -> tuple[Observation, dict[str, Any]]:
-        """Observation and info of the decision that is due, and the mask for both; shows the window in mode "human"."""
+        """Observation and info of the decision that is due; keeps the mask, updates the window if any."""
         decision = self.simulation.decision
         privileged = self._privileged.vector() if self._privileged else None
         observation = self._observer.observe(decision, privileged)

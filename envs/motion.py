@@ -10,12 +10,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from layoutexplore.envs.base import ExplorationEnv
+from layoutexplore.envs.base import ExplorationEnv, configure
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.egocentric_maps import CHANNELS, Trail, draw_local_map
 from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.rewards import Reward
+from layoutexplore.envs.viewer import Viewer
 from layoutexplore.errors import ConfigError
 from layoutexplore.options import COUNT, POSITIVE, Rule, check
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
@@ -116,12 +117,12 @@ class MotionEnv(ExplorationEnv[Any]):
 
     | Key | Shape | Content |
     |---|---|---|
-    | `local_map` | (4, 64, 64) uint8 | 12.8 m around the robot, the heading up: `free`, `occupied`, `frontier`, `trail` |
-    | `scan` | (90,) float32 | ranges over the sensor's field of view, from right to left, as shares of its range |
+    | `local_map` | (4, 64, 64) uint8 | 12.8 m around the robot, the heading up |
+    | `scan` | (90,) float32 | ranges over the field of view, from right to left, as shares of the greatest |
     | `robot` | (7,) float32 | see below |
 
-    A beam without return is 1. With sensor noise the scan is a reading of its own, besides the one that is
-    mapped.
+    Channels of the map: `free`, `occupied`, `frontier`, `trail`. A beam without return is 1. With sensor
+    noise the scan is a reading of its own, besides the one that is mapped.
 
     `robot`: `heading_cos`, `heading_sin`, `moved` (share of a full move forward that the last step made),
     `collided` (1 when a wall stopped it), `new_area` (of the last step), `distance` travelled, `known_area`.
@@ -155,7 +156,7 @@ class MotionEnv(ExplorationEnv[Any]):
 
     | Argument | Meaning |
     |---|---|
-    | `plan` | a name, split, path, folder, `FloorPlan`, a sequence of these, or a callable `rng -> FloorPlan` (`PlanSampler`) |
+    | `plan` | a name, split, path, folder, `FloorPlan`, several, or `rng -> FloorPlan` (`PlanSampler`) |
     | `actions` | `discrete` or `continuous` |
     | `sensor` | a preset (`stage`, `indoor`, `short`, `mapex`) or a `LidarConfig` |
     | `resolution` | metres per cell (0.1) |
@@ -194,17 +195,12 @@ class MotionEnv(ExplorationEnv[Any]):
         render_size: tuple[int, int] = (960, 720),
     ) -> None:
         super().__init__(
-            plan=plan,
-            sensor=sensor,
-            resolution=resolution,
-            robot_radius=robot_radius,
-            simulation=simulation,
+            plan,
+            configure(simulation, sensor=sensor, resolution=resolution, robot_radius=robot_radius),
             randomisation=randomisation,
             predictor=None,
             reward_function=reward,
-            render_mode=render_mode,
-            render_size=render_size,
-            shows_frontiers=False,
+            viewer=Viewer(render_mode, render_size, self.metadata["render_fps"], frontiers=False),
         )
         if actions not in ACTIONS:
             raise ConfigError(f"actions must be one of {', '.join(ACTIONS)}, got {actions!r}")

@@ -52,7 +52,7 @@ FRONTIER_FEATURES: dict[str, tuple[float, float]] = {
     "expected_area": (0.0, _LARGE),
     "confidence": (0.0, 1.0),
 }
-"""The columns of a frontier and their bounds; lengths and areas in units of `length_scale` and `area_scale`."""
+"""The columns of a frontier and their bounds; units are `length_scale` and `area_scale`."""
 
 ROBOT_FEATURES: dict[str, tuple[float, float]] = {
     "heading_cos": (-1.0, 1.0),
@@ -77,9 +77,12 @@ PRIVILEGED_FEATURES: dict[str, tuple[float, float]] = {
     "length_to_99": (0.0, _LARGE),
     "budget_used": (0.0, 1.0),
 }
-"""The entries of the privileged vector and their bounds: the share of the target seen, the area of it not seen yet and
-in all, the share of rooms with something left, the length of a tour over these and of its parts up to 95 and
-99 % coverage (estimates), and the share of the metres that may be walked."""
+"""The entries of the privileged vector and their bounds.
+
+The share of the target seen, the area of it not seen yet and in all, the share of rooms with something left,
+the length of a tour over these and of its parts up to 95 and 99 % coverage (estimates), and the share of the
+metres that may be travelled.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +102,7 @@ class ObservationConfig:
             predictor).
         detour: Whether to compute the columns `detour` and `tour_rank`: the distances between all frontiers
             and a tour, a millisecond or two a decision. Without it the columns are zero.
-        tour: How the tour behind these columns weighs ways and areas.
+        tour: How the tour behind these columns weighs path lengths and areas.
         privileged: Whether the environment adds the entry `privileged`, what only the floor plan tells (see
             `layoutexplore.envs.privileged`): for the critic of an actor-critic in training, never for the
             policy. An agent that acts from decisions alone sees zeros there.
@@ -264,7 +267,7 @@ def action_mask(decision: Decision, max_frontiers: int) -> NDArray[np.int8]:
 
 
 def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[np.float32]:
-    """float32 (max_frontiers * features,): a row of `FRONTIER_FEATURES` per slot, zero in slots without a frontier."""
+    """float32 (max_frontiers * features,): a row of `FRONTIER_FEATURES` per slot, zero in empty ones."""
     table = np.zeros((config.max_frontiers, len(FRONTIER_FEATURES)), np.float32)
     shown = decision.table.first(config.max_frontiers)
     count = len(shown.x)
@@ -291,9 +294,11 @@ def _encode(
     """Write the rows of `FRONTIER_FEATURES` from a table of frontiers, a row a frontier."""
     (x, y, theta), (low, high) = pose, limits
     for k in range(len(shown.x)):
+        # The robot's frame: x ahead, y to the left.
         dx, dy = shown.x[k] - x, shown.y[k] - y
         ahead = (dx * math.cos(theta) + dy * math.sin(theta)) / metres
         left = (dy * math.cos(theta) - dx * math.sin(theta)) / metres
+        # In the order of `FRONTIER_FEATURES`.
         row = (
             1.0,
             ahead,
@@ -314,7 +319,7 @@ def _encode(
 
 
 def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame) -> NDArray[np.float32]:
-    """float32 (features,): the entries of `ROBOT_FEATURES`; map position and span are 0 without a global map."""
+    """float32 (features,): the entries of `ROBOT_FEATURES`; those of the map are 0 without a global map."""
     grid, pose = decision.grid, decision.pose
     map_x = map_y = span = 0.0
     if config.global_map:

@@ -49,7 +49,7 @@ class PlanSource:
             raise ConfigError(f"no floor plan to explore in {spec!r}")
 
     def draw(self, rng: np.random.Generator, progress: float = 1.0) -> tuple[int, FloorPlan]:
-        """The index of a plan among those given (0 for a callable), and the plan; a `Curriculum` is told the progress."""
+        """A plan, and its index among those given (0 of a callable); a `Curriculum` gets the progress."""
         if isinstance(self._function, Curriculum):
             return 0, self._function.draw(rng, progress)
         if self._function is not None:

@@ -12,10 +12,14 @@ from numpy.typing import NDArray
 
 from layoutexplore.envs.observation import PRIVILEGED_FEATURES, ObservationConfig, bounds
 from layoutexplore.envs.room_progress import RoomLedger, room_distances
+from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.planning.tours import construct, improve
 from layoutexplore.simulation.simulation import Simulation
 
 _LOW, _HIGH = bounds(PRIVILEGED_FEATURES)
+
+_UNSEEN_SHARES = np.round(1.0 - np.array([NEARLY_SEEN, FULLY_SEEN]), 6)
+"""What is still unseen at the two coverage thresholds, 0..1."""
 
 
 class PrivilegedView:
@@ -42,10 +46,9 @@ class PrivilegedView:
         unseen, rooms = simulation.target_area * (1.0 - simulation.coverage), self._distances.rooms
         is_open, left = ledger.open[rooms], ledger.left[rooms]
         cell = simulation.raster.world_to_cell(simulation.pose.x, simulation.pose.y)
-        marks = np.array([0.05, 0.01]) * simulation.target_area
-        self._order, *lengths = _plan(
-            self._distances.between, self._distances.to_rooms(cell), self._order, is_open, left, unseen, marks
-        )
+        areas = _UNSEEN_SHARES * simulation.target_area
+        between, to_rooms = self._distances.between, self._distances.to_rooms(cell)
+        self._order, *lengths = _plan(between, to_rooms, self._order, is_open, left, unseen, areas)
         values = (
             simulation.coverage,
             unseen / config.area_scale,
@@ -65,16 +68,17 @@ def _plan(
     is_open: NDArray[np.bool_],
     left: NDArray[np.float64],
     unseen: float,
-    marks: NDArray[np.float64],
+    areas: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], float, float, float]:
-    """The order over open rooms, its length in metres, and the lengths after which only the first and second mark are unseen.
+    """The order over open rooms, its length, and the lengths after which only two areas are unseen.
 
-    An empty order is a tour that has not been planned; one that has is kept, as far as its rooms are open,
-    and improved. What is left outside of the rooms of the tour, in doors and corners, is taken to be seen
-    evenly on the way.
+    Lengths are in metres, areas in square metres. An empty order is a tour that has not been planned; one
+    that has is kept, as far as its rooms are open, and improved. What is left outside of the rooms of the
+    tour, in doors and corners, is taken to be seen evenly along it.
     """
     rooms = (order[is_open[order]] if len(order) else np.flatnonzero(is_open)).astype(np.int64)
     count = len(rooms)
+    # Index 0 is the robot, k + 1 the k-th open room.
     matrix = np.zeros((count + 1, count + 1))
     for k in range(count):
         matrix[0, k + 1] = matrix[k + 1, 0] = to_rooms[rooms[k]]
@@ -89,6 +93,7 @@ def _plan(
     for k in range(count):
         leg, found = matrix[tour[k], tour[k + 1]], left[rooms[k]] / total * unseen
         for m in range(2):
-            until[m] += leg * min(max((unseen - marks[m] - seen) / found, 0.0), 1.0)
+            # The share of the leg until that area is left; floor comes into view evenly along a leg.
+            until[m] += leg * min(max((unseen - areas[m] - seen) / found, 0.0), 1.0)
         length, seen = length + leg, seen + found
     return rooms, length, until[0], until[1]

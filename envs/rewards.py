@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 
 
 class Transition(NamedTuple):
@@ -71,7 +72,7 @@ def path_length(transition: Transition) -> float:
 
 
 def area(transition: Transition) -> float:
-    """Square metres of floor that became known. Teaches greed: the last rooms are not worth the way to them."""
+    """Square metres of floor that became known. Teaches greed: the last rooms are not worth going there."""
     return transition.new_area
 
 
@@ -81,18 +82,18 @@ def area_per_metre(transition: Transition) -> float:
 
 
 def coverage(transition: Transition) -> float:
-    """Gain of coverage in per cent: the return of an episode is its final coverage less that of the first scan."""
+    """Gain of coverage in per cent: an episode's return is its final coverage less that of the first scan."""
     return 100.0 * transition.coverage_gain
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathToMarks:
-    """Minus the metres walked before 95 and 99 % coverage, as shares of the reference.
+    """Minus the metres travelled before 95 and 99 % coverage, as shares of the reference.
 
     The return of an episode is -(weight_95 d95 + weight_99 d99) / reference: the two lengths that the
-    benchmark reports. The step that crosses a mark is charged only for the way to it. Who gives up (stops, or
-    acts invalidly until the episode is cut off) pays for a mark that was not reached as if the rest of the
-    budget had been walked.
+    benchmark reports. The step that crosses a threshold is charged only for the metres up to it. Who gives up
+    (stops, or acts invalidly until the episode is cut off) pays for a threshold not reached as if the rest of
+    the budget had been walked.
 
     Attributes:
         weight_95: What a metre before 95 % costs.
@@ -112,8 +113,8 @@ class PathToMarks:
         early, late = transition.metres_before_95, transition.metres_before_99
         if transition.stop_reason in ("agent", "invalid_actions"):
             rest = max(0.0, transition.budget - transition.distance)
-            early += rest * (transition.coverage < 0.95)
-            late += rest * (transition.coverage < 0.99)
+            early += rest * (transition.coverage < NEARLY_SEEN)
+            late += rest * (transition.coverage < FULLY_SEEN)
         return -(self.weight_95 * early + self.weight_99 * late) / transition.reference
 
 
@@ -148,7 +149,7 @@ REWARDS: dict[str, Reward] = {
 
 
 def reads_rooms(function: Reward) -> bool:
-    """Whether a reward may read `Transition.rooms_finished`; the functions of this module that do not are spared the count."""
+    """Whether a reward may read `Transition.rooms_finished`; where none does, nothing is counted."""
     return isinstance(function, RoomArea) or not (
         isinstance(function, PathToMarks) or function in REWARDS.values()
     )

@@ -1,4 +1,4 @@
-"""What the floor plan's rooms tell of an episode: what is left to see in each, and how far it is between them.
+"""The floor plan's rooms in an episode: what is left to see in each, and how far it is between them.
 
 Only rewards and the critic's privileged view read it; policies do not.
 """
@@ -10,18 +10,18 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import Truth
-from layoutexplore.frontiers.tour_features import LITTLE_LEFT
 from layoutexplore.grids.grid import Cell
 from layoutexplore.maps.floorplan import PlanRaster
 from layoutexplore.planning.shortest_paths import distances_between
 
-_BLOCK = 4
-"""Cells of the plan per cell of the kept distance fields, along each axis."""
+_BLOCK = 0.4
+"""Side in metres of the squares of the plan for each of which one path length to a room is kept."""
 
 
 class RoomLedger:
-    """What is left to see in every room of an episode's floor plan, and how often the robot has been in it.
+    """What is left to see in each room of an episode's floor plan, and how often the robot has been in it.
 
     Args:
         truth: The truth of the episode.
@@ -29,9 +29,9 @@ class RoomLedger:
     Attributes:
         left: float64 (rooms + 1,), square metres of the target area in each room that have not been seen;
             entry 0 lies in no room.
-        counted: bool (rooms + 1,), the rooms that had 1 m² or more to see at first: smaller ones are no rooms
-            to visit.
-        open: bool (rooms + 1,), those of them with 1 m² or more left to see.
+        counted: bool (rooms + 1,), the rooms that had `LITTLE_LEFT` or more to see at first: smaller ones
+            are no rooms to visit.
+        open: bool (rooms + 1,), those of them with as much left to see.
         visits: int64 (rooms + 1,), how often the robot has entered each room.
     """
 
@@ -94,26 +94,26 @@ class RoomDistances:
         middles = [_middle(np.argwhere(ids == room), truth.reachable) for room in self.rooms.tolist()]
         # One reachable cell stands for its block; it is what the fields are kept for.
         cells = np.argwhere(truth.reachable)
-        width = -(-raster.shape[1] // _BLOCK)
-        blocks, first = np.unique(cells[:, 0] // _BLOCK * width + cells[:, 1] // _BLOCK, return_index=True)
-        self._place = np.zeros(-(-raster.shape[0] // _BLOCK) * width, np.int32)
+        self._side = side = max(1, round(_BLOCK / raster.resolution))
+        height, width = (-(-count // side) for count in raster.shape)
+        blocks, first = np.unique(cells[:, 0] // side * width + cells[:, 1] // side, return_index=True)
+        self._place = np.zeros(height * width, np.int32)
         self._place[blocks], self._width = np.arange(len(blocks)), width
         targets = np.concatenate([np.array(middles, np.int64).reshape(-1, 2), cells[first]]).astype(np.int32)
-        fields = [
-            distances_between(truth.reachable, middle, targets, raster.resolution) for middle in middles
-        ]
+        reachable, resolution = truth.reachable, raster.resolution
+        fields = [distances_between(reachable, middle, targets, resolution) for middle in middles]
         table = np.array(fields, np.float32).reshape(len(middles), len(targets))
         self.between = table[:, : len(middles)].astype(np.float64)
         self._fields = table[:, len(middles) :].astype(np.float16)
 
     def to_rooms(self, cell: Cell) -> NDArray[np.float64]:
-        """Path lengths float64 (n,) in metres from a reachable cell to the rooms' middles, to half a metre."""
-        place = self._place[cell.row // _BLOCK * self._width + cell.col // _BLOCK]
+        """Path lengths float64 (n,) from a reachable cell to the rooms' middles, in metres (half ones)."""
+        place = self._place[cell.row // self._side * self._width + cell.col // self._side]
         return self._fields[:, place].astype(np.float64)
 
 
 def room_distances(truth: Truth) -> RoomDistances:
-    """The distances of an episode's floor plan, shared by all episodes of the process in the same area of it."""
+    """The distances of an episode's floor plan, shared by all episodes in the same area of it."""
     kept = _DISTANCES.setdefault(truth.raster, {})
     key = (truth.robot_radius, int(np.argmax(truth.reachable)))
     if key not in kept:
@@ -125,7 +125,7 @@ _DISTANCES: WeakKeyDictionary[PlanRaster, dict[tuple[float, int], RoomDistances]
 
 
 def _middle(cells: NDArray[np.int64], reachable: NDArray[np.bool_]) -> Cell:
-    """The reachable cell nearest to the middle of a room's cells int64 (n, 2): inside of the room if there is one."""
+    """The reachable cell nearest to the middle of a room's cells int64 (n, 2), inside of it if one is."""
     inside = cells[reachable[cells[:, 0], cells[:, 1]]]
     candidates = inside if len(inside) else np.argwhere(reachable)
     nearest = candidates[np.argmin(((candidates - cells.mean(axis=0)) ** 2).sum(axis=1))]

@@ -19,7 +19,7 @@ from layoutexplore.envs.frontier import FrontierEnv
 from layoutexplore.envs.motion import MotionEnv
 from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.vector_buffers import Arrays
-from layoutexplore.envs.vector_workers import Crew, LocalCrew, ProcessCrew
+from layoutexplore.envs.vector_workers import LocalWorkers, ProcessWorkers, Workers, WorkerSetup
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.options import COUNT
 from layoutexplore.processes import usable_cores
@@ -31,7 +31,7 @@ Step = tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.boo
 
 
 class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
-    """N independent environments, stepped together; the same trajectories as N single ones with the same seeds.
+    """N independent environments, stepped together; the trajectories of N single ones with the same seeds.
 
     Observations, rewards and infos are written into arrays that are made once; with worker processes these
     lie in shared memory, so that only a few bytes travel per step. Floor plans, their rasters and the
@@ -73,14 +73,19 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         make = partial(_make, self.environment, options)
         template = make()
         self.num_envs, self._mode, self._copy = num_envs, _checked_mode(autoreset_mode), copy
-        self._crew = _crew(make, template, num_envs, backend, workers, self._mode, max_episode_steps)
+        groups, backend = _grouped(num_envs, backend, workers)
+        COUNT.convert("max_episode_steps", 1 if max_episode_steps is None else max_episode_steps)
+        setup = WorkerSetup(make, template, groups, self._mode, max_episode_steps)
+        self._workers: Workers = (
+            ProcessWorkers(setup)
+            if backend == "processes"
+            else LocalWorkers(setup, threads=backend == "threads")
+        )
         self.closed = False
         self.metadata = template.metadata | {"autoreset_mode": self._mode}
         self.render_mode = template.render_mode
-        self.single_observation_space, self.single_action_space = (
-            template.observation_space,
-            template.action_space,
-        )
+        self.single_observation_space = template.observation_space
+        self.single_action_space = template.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
@@ -104,7 +109,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         options = dict(options or {})
         chosen = _checked_mask(options.pop("reset_mask", None), self.num_envs)
         self._command("reset", [(seeds[a:b], options, chosen[a:b]) for a, b in self.groups])
-        buffers = self._crew.buffers
+        buffers = self._workers.buffers
         return self._shown(buffers.observation), _batched(buffers.info, chosen)
 
     def step(self, actions: Any) -> Step:
@@ -120,51 +125,50 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
 
     def step_async(self, actions: Any) -> None:
         """Send the actions; with threads or processes the environments step meanwhile."""
-        buffers = self._crew.buffers
-        if (
-            self._mode == AutoresetMode.DISABLED
-            and (buffers.flags["terminated"] | buffers.flags["truncated"]).any()
-        ):
+        buffers = self._workers.buffers
+        over = buffers.flags["terminated"] | buffers.flags["truncated"]
+        if self._mode == AutoresetMode.DISABLED and over.any():
             raise ResetNeeded(
                 "an episode is over and nothing resets it by itself: reset(options={'reset_mask': ...})"
             )
         given = np.asarray(actions)
         if given.shape != buffers.actions.shape:
+            wanted = buffers.actions.shape
             raise ConfigError(
-                f"the actions of {self.num_envs} environments have shape {buffers.actions.shape}, got {given.shape}"
+                f"the actions of {self.num_envs} environments have shape {wanted}, got {given.shape}"
             )
         buffers.actions[...] = given
-        self._crew.start("step", [()] * len(self.groups))
+        self._workers.start("step", [()] * len(self.groups))
 
     def step_wait(self) -> Step:
         """The results of the step that was sent last."""
-        self._crew.wait()
+        self._workers.wait()
         return self._results(0, self.num_envs)
 
     @property
     def groups(self) -> Sequence[tuple[int, int]]:
         """Half-open ranges of environments, one for each thread or process that steps them."""
-        return self._crew.groups
+        return self._workers.groups
 
     def send(self, actions: NDArray[Any], group: int) -> None:
-        """Step the environments of one group; the groups need not wait for each other, and `receive` tells which is done.
+        """Step the environments of one group; no group waits for another, `receive` names one that is done.
 
         Args:
             actions: One for each environment of the group.
             group: Which of `groups`; it must have been received since it was sent last.
         """
         begin, end = self.groups[group]
-        self._crew.buffers.actions[begin:end] = actions
-        self._crew.start_one(group, "step", ())
+        self._workers.buffers.actions[begin:end] = actions
+        self._workers.start_one(group, "step", ())
 
     def receive(self) -> tuple[int, Step]:
-        """A group that was sent and is done, and its step: as of `step`, with a row for each environment of the group."""
-        group = self._crew.wait_one()
+        """A group that was sent and is done, and its step: as of `step`, a row for each environment."""
+        group = self._workers.wait_one()
         return group, self._results(*self.groups[group])
 
     def _results(self, begin: int, end: int) -> Step:
         """What the last step of some environments left in the buffers."""
-        buffers = self._crew.buffers.rows(begin, end)
+        buffers = self._workers.buffers.rows(begin, end)
         flags = {name: flag.copy() for name, flag in buffers.flags.items()}
         infos: dict[str, Any] = {}
         over = flags["terminated"] | flags["truncated"]
@@ -175,17 +179,12 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             infos |= {"final_obs": final, "_final_obs": over.copy()}
             infos |= {"final_info": _batched(buffers.final_info, over), "_final_info": over.copy()}
         infos |= _batched(buffers.info, np.ones(end - begin, np.bool_))
-        return (
-            self._shown(buffers.observation),
-            flags["reward"],
-            flags["terminated"],
-            flags["truncated"],
-            infos,
-        )
+        observation = self._shown(buffers.observation)
+        return observation, flags["reward"], flags["terminated"], flags["truncated"], infos
 
     def action_masks(self) -> NDArray[np.bool_]:
         """Which actions are valid, bool (num_envs, actions), for `Frontier-v0`."""
-        return np.asarray(self._crew.buffers.observation["action_mask"], np.bool_)
+        return np.asarray(self._workers.buffers.observation["action_mask"], np.bool_)
 
     def render(self) -> tuple[Any, ...]:
         """A frame of each environment, as its render mode says."""
@@ -201,7 +200,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         return self.call(name)
 
     def set_attr(self, name: str, values: Any) -> None:
-        """Set an attribute of each environment: a list or tuple holds one value for each, anything else is for all."""
+        """Set an attribute: a list or tuple holds a value for each environment, anything else is for all."""
         each = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
         if len(each) != self.num_envs:
             raise ConfigError(f"{self.num_envs} environments need as many values, got {len(each)}")
@@ -219,11 +218,11 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the workers; afterwards no process and no shared memory is left."""
-        self._crew.close()
+        self._workers.close()
 
     def _command(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
-        self._crew.start(command, arguments)
-        return self._crew.wait()
+        self._workers.start(command, arguments)
+        return self._workers.wait()
 
     def _shown(self, observation: Arrays) -> Observation:
         return {key: array.copy() if self._copy else array for key, array in observation.items()}
@@ -248,30 +247,17 @@ def _make(environment: type[ExplorationEnv[Any]], options: dict[str, Any]) -> Ex
     return environment(**options)
 
 
-def _crew(
-    make: Any,
-    template: ExplorationEnv[Any],
-    count: int,
-    backend: str | None,
-    workers: int | None,
-    mode: AutoresetMode,
-    limit: int | None,
-) -> Crew:
-    """The crew that a vector environment asks for."""
+def _grouped(count: int, backend: str | None, workers: int | None) -> tuple[Sequence[tuple[int, int]], str]:
+    """Half-open ranges of environments, one for each worker, and the backend."""
     COUNT.convert("num_envs", count)
-    for name, value in (("workers", workers), ("max_episode_steps", limit)):
-        COUNT.convert(name, 1 if value is None else value)
-    cores = usable_cores()
+    COUNT.convert("workers", 1 if workers is None else workers)
+    available = usable_cores() if workers is None else workers
     if backend is None:
-        backend = "processes" if count > 1 and (cores if workers is None else workers) > 1 else "serial"
+        backend = "processes" if count > 1 and available > 1 else "serial"
     if backend not in BACKENDS:
         raise unknown_name("backend", backend, BACKENDS)
-    members = 1 if backend == "serial" else min(count, cores if workers is None else workers)
-    bounds = np.linspace(0, count, members + 1).round().astype(int).tolist()
-    groups = list(pairwise(bounds))
-    if backend == "processes":
-        return ProcessCrew(make, template, groups, mode, limit)
-    return LocalCrew(make, template, groups, mode, limit, threads=backend == "threads")
+    bounds = np.linspace(0, count, 1 + (1 if backend == "serial" else min(count, available)))
+    return list(pairwise(bounds.round().astype(int).tolist())), backend
 
 
 def _checked_mode(mode: AutoresetMode | str) -> AutoresetMode:

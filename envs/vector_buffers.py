@@ -35,8 +35,7 @@ class Buffers:
         actions: (n, ...), read by `step`.
         observation: By key, (n, ...).
         info: By key, (n, ...).
-        final_observation: The last observation of an episode that ended in a step that already began the next
-            one.
+        final_observation: The last observation of an episode, where the step that ended it began the next.
         final_info: Its info.
         flags: `reward` float64 and `terminated` and `truncated` bool, (n,) each.
     """
@@ -61,14 +60,8 @@ class Buffers:
             return {name: new((count, *shape), dtype) for name, (shape, dtype) in parts.items()}
 
         action = (env.action_space.shape or (), np.dtype(env.action_space.dtype))
-        return cls(
-            rows({"action": action})["action"],
-            rows(shapes),
-            rows(infos),
-            rows(shapes),
-            rows(infos),
-            rows(flags),
-        )
+        actions = rows({"action": action})["action"]
+        return cls(actions, rows(shapes), rows(infos), rows(shapes), rows(infos), rows(flags))
 
     def rows(self, begin: int, end: int) -> Buffers:
         """Views of some rows; of all of them, the arrays themselves."""
@@ -82,7 +75,7 @@ class Buffers:
         return Buffers(self.actions[begin:end], *map(cut, parts))
 
 
-class Lanes:
+class EnvironmentGroup:
     """A group of environments and the rows they write.
 
     Args:
@@ -103,7 +96,7 @@ class Lanes:
         self.envs = [make() for _ in range(len(buffers.actions))]
         self._steps = np.zeros(len(self.envs), np.int64)
 
-    def obey(self, command: str, *arguments: Any) -> Any:
+    def execute(self, command: str, *arguments: Any) -> Any:
         """Do what a vector environment asks for: one of the methods below, by name."""
         return getattr(self, command)(*arguments)
 

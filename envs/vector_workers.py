@@ -1,7 +1,7 @@
 """Who steps the environments of a vector: this thread, a few threads, or worker processes with shared memory.
 
-A crew has one or more members, each with its own group of environments (`Lanes`). A command goes to all of
-them and the answers are collected; between the two the caller may do something else.
+Each worker has its own group of environments (`EnvironmentGroup`). A command goes to all of them and the
+answers are collected; between the two the caller may do something else.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import cloudpickle  # type: ignore[import-untyped]  # gymnasium depends on it
 import numpy as np
@@ -26,7 +26,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from layoutexplore.envs.base import ExplorationEnv
-from layoutexplore.envs.vector_buffers import Buffers, Lanes
+from layoutexplore.envs.vector_buffers import Buffers, EnvironmentGroup
 from layoutexplore.errors import WorkerError
 from layoutexplore.processes import single_threaded
 
@@ -39,59 +39,66 @@ _PATIENCE = 5.0
 """Seconds that a worker is given to end by itself."""
 
 
-class Crew(Protocol):
-    """Groups of environments that obey commands.
+class WorkerSetup(NamedTuple):
+    """What workers are made from.
+
+    Attributes:
+        make: Makes an environment; functions and classes that it needs may come from the main module.
+        template: One of them, for its spaces.
+        groups: Half-open ranges of rows, one per worker.
+        autoreset: When the next episode begins.
+        limit: Steps after which an episode is truncated, or None.
+    """
+
+    make: Make
+    template: ExplorationEnv[Any]
+    groups: Sequence[tuple[int, int]]
+    autoreset: AutoresetMode
+    limit: int | None
+
+
+class Workers(Protocol):
+    """Groups of environments that execute commands.
 
     Attributes:
         buffers: What all environments write, a row each.
-        groups: Half-open ranges of rows, one per member.
+        groups: Half-open ranges of rows, one per worker.
     """
 
     buffers: Buffers
     groups: Sequence[tuple[int, int]]
 
     def start(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> None:
-        """Send a command of `Lanes` to every member, with its arguments."""
+        """Send a command of `EnvironmentGroup` to every worker, with its arguments."""
 
     def wait(self) -> list[Any]:
-        """The members' answers; raises what one of them raised."""
+        """The workers' answers; raises what one of them raised."""
 
     def start_one(self, k: int, command: str, arguments: tuple[Any, ...]) -> None:
-        """Send a command to one member, which must not be busy."""
+        """Send a command to one worker, which must not be busy."""
 
     def wait_one(self) -> int:
-        """A member that has answered its `start_one`; raises what it raised."""
+        """A worker that has answered its `start_one`; raises what it raised."""
 
     def close(self) -> None:
         """End it; never raises."""
 
 
-class LocalCrew:
+class LocalWorkers:
     """One group of environments in this thread, or several on threads.
 
     Args:
-        make: Makes an environment.
-        template: One of them, for its spaces.
-        groups: Half-open ranges of rows, one per member.
-        autoreset: When the next episode begins.
-        limit: Steps after which an episode is truncated, or None.
-        threads: Whether each member has a thread of its own.
+        setup: What they are made from.
+        threads: Whether each group has a thread of its own.
     """
 
-    def __init__(
-        self,
-        make: Make,
-        template: ExplorationEnv[Any],
-        groups: Sequence[tuple[int, int]],
-        autoreset: AutoresetMode,
-        limit: int | None,
-        *,
-        threads: bool,
-    ) -> None:
-        self.groups = groups
-        self.buffers = Buffers.allocate(template, groups[-1][1], np.zeros)
-        self.members = [Lanes(make, self.buffers.rows(*group), autoreset, limit) for group in groups]
-        self._pool = ThreadPoolExecutor(len(groups), thread_name_prefix="lanes") if threads else None
+    def __init__(self, setup: WorkerSetup, *, threads: bool) -> None:
+        make, template, self.groups, autoreset, limit = setup
+        self.buffers = Buffers.allocate(template, self.groups[-1][1], np.zeros)
+        self.members = [
+            EnvironmentGroup(make, self.buffers.rows(*group), autoreset, limit) for group in self.groups
+        ]
+        self._pool = ThreadPoolExecutor(len(self.groups), thread_name_prefix="envs") if threads else None
         self._answers: list[Any] = []
         self._futures: list[Future[Any]] = []
         self._single: dict[Future[Any], int] = {}
@@ -101,12 +108,12 @@ class LocalCrew:
         """Send a command; without threads it is done at once."""
         tasks = list(zip(self.members, arguments, strict=True))
         if self._pool:
-            self._futures = [self._pool.submit(member.obey, command, *given) for member, given in tasks]
+            self._futures = [self._pool.submit(member.execute, command, *given) for member, given in tasks]
         else:
-            self._answers = [member.obey(command, *given) for member, given in tasks]
+            self._answers = [member.execute(command, *given) for member, given in tasks]
 
     def wait(self) -> list[Any]:
-        """The members' answers."""
+        """The workers' answers."""
         if self._pool:
             for future in self._futures:
                 future.exception()
@@ -114,16 +121,16 @@ class LocalCrew:
         return self._answers
 
     def start_one(self, k: int, command: str, arguments: tuple[Any, ...]) -> None:
-        """Send a command to one member; without threads it is done at once."""
-        obey = partial(self.members[k].obey, command, *arguments)
+        """Send a command to one worker; without threads it is done at once."""
+        task = partial(self.members[k].execute, command, *arguments)
         if self._pool:
-            self._single[self._pool.submit(obey)] = k
+            self._single[self._pool.submit(task)] = k
         else:
-            obey()
+            task()
             self._done.append(k)
 
     def wait_one(self) -> int:
-        """A member that has answered its `start_one`."""
+        """A worker that has answered its `start_one`."""
         if not self._pool:
             return self._done.pop(0)
         done = next(iter(wait(self._single, return_when=FIRST_COMPLETED).done))
@@ -139,7 +146,7 @@ class LocalCrew:
             member.close()
 
 
-class ProcessCrew:
+class ProcessWorkers:
     """Groups of environments in worker processes that write into memory shared with this one.
 
     The workers are spawned (threads and compiled kernels do not survive a fork), keep to one thread each, and
@@ -147,21 +154,11 @@ class ProcessCrew:
     however it ends.
 
     Args:
-        make: Makes an environment; functions and classes that it needs may come from the main module.
-        template: One of them, for its spaces.
-        groups: Half-open ranges of rows, one per worker.
-        autoreset: When the next episode begins.
-        limit: Steps after which an episode is truncated, or None.
+        setup: What they are made from.
     """
 
-    def __init__(
-        self,
-        make: Make,
-        template: ExplorationEnv[Any],
-        groups: Sequence[tuple[int, int]],
-        autoreset: AutoresetMode,
-        limit: int | None,
-    ) -> None:
+    def __init__(self, setup: WorkerSetup) -> None:
+        make, template, groups, autoreset, limit = setup
         context = multiprocessing.get_context("spawn")
         blocks: list[Any] = []
 
@@ -183,7 +180,7 @@ class ProcessCrew:
                         target=_work,
                         args=(there, settings, blocks, group),
                         daemon=True,
-                        name=f"layoutexplore-lanes-{k}",
+                        name=f"layoutexplore-envs-{k}",
                     )
                     process.start()
                     there.close()
@@ -196,7 +193,7 @@ class ProcessCrew:
             raise
 
     def start(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> None:
-        """Send a command; an answer that was never collected (the user pressed Ctrl-C) is thrown away first."""
+        """Send a command; answers that were never collected (after Ctrl-C) are thrown away first."""
         if any(self._waiting):
             self.wait()
         for k, given in enumerate(arguments):
@@ -263,14 +260,11 @@ class ProcessCrew:
         process.join(_PATIENCE)
         code = process.exitcode
         self.close()
-        cause = (
-            f"was killed by {signal.Signals(-code).name}"
-            if code and code < 0
-            else f"ended with exit code {code}"
-        )
+        killed = code is not None and code < 0
+        cause = f"was killed by {signal.Signals(-code).name}" if killed else f"ended with exit code {code}"
         return WorkerError(
-            f"worker {k} of {len(self.groups)} (environments {begin} to {end - 1}) {cause}; the vector environment is closed: "
-            "make a new one, with fewer workers if memory ran out"
+            f"worker {k} of {len(self.groups)} (environments {begin} to {end - 1}) {cause}; "
+            "the vector environment is closed: make a new one, with fewer workers if memory ran out"
         )
 
 
@@ -283,7 +277,7 @@ class _Failure:
 
 @contextlib.contextmanager
 def _blank_main() -> Iterator[None]:
-    """Spawned processes import the main module; here nothing of it is needed, and it may lack a `__main__` guard."""
+    """An empty main module: spawned processes import it, need nothing of it, and it may lack a guard."""
     main = sys.modules["__main__"]
     sys.modules["__main__"] = types.ModuleType("__main__")
     try:
@@ -298,7 +292,7 @@ def _array(block: Any, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[
 
 
 def _work(pipe: Connection, settings: bytes, blocks: list[Any], group: tuple[int, int]) -> None:
-    """The life of a worker: make its environments, then obey until told to leave or the pipe breaks."""
+    """The life of a worker: make its environments, then execute commands until one says to leave."""
     import cv2
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that owns the workers.
@@ -308,7 +302,7 @@ def _work(pipe: Connection, settings: bytes, blocks: list[Any], group: tuple[int
         try:
             make, count, autoreset, limit = pickle.loads(settings)
             buffers = Buffers.allocate(make(), count, lambda shape, dtype: _array(next(left), shape, dtype))
-            lanes = Lanes(make, buffers.rows(*group), autoreset, limit)
+            envs = EnvironmentGroup(make, buffers.rows(*group), autoreset, limit)
         except Exception as error:
             _answer(pipe, _Failure(error))
             return
@@ -318,11 +312,11 @@ def _work(pipe: Connection, settings: bytes, blocks: list[Any], group: tuple[int
             if command == "leave":
                 break
             try:
-                answer = lanes.obey(command, *arguments)
+                answer = envs.execute(command, *arguments)
             except Exception as error:
                 answer = _Failure(error)
             _answer(pipe, answer)
-        lanes.close()
+        envs.close()
 
 
 def _answer(pipe: Connection, answer: Any) -> None:

@@ -87,7 +87,7 @@ class Viewer:
 
 
 def draw_text(simulation: Simulation, *, columns: int = 100, frontiers: bool = True) -> str:
-    """What is known, in letters: `#` wall, `.` free, `?` frontier, an arrow for the robot, a blank for the unknown.
+    """What is known, in letters: `#` wall, `.` free, `?` frontier, an arrow the robot, blank the unknown.
 
     Args:
         simulation: A simulation that has been reset.
@@ -113,7 +113,8 @@ def draw_text(simulation: Simulation, *, columns: int = 100, frontiers: bool = T
         round(pose.theta / (math.pi / 2)) % 4
     ]
     state = simulation.stop_reason or "exploring"
-    head = f"{simulation.plan.name}: {100 * simulation.coverage:.1f} % seen, {simulation.distance:.1f} m, {state}"
+    seen = f"{100 * simulation.coverage:.1f} % seen, {simulation.distance:.1f} m"
+    head = f"{simulation.plan.name}: {seen}, {state}"
     return "\n".join([head, *("".join(line).rstrip() for line in letters[::-1])])
 
 

@@ -17,6 +17,7 @@ from layoutexplore.agents.omniscient.route_planner import RouteConfig, WatchmanP
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Choice, Decision, Truth
 from layoutexplore.grids.grid import Cell
+from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.options import Options, option
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
 
@@ -25,8 +26,10 @@ from layoutexplore.planning.shortest_paths import descend, geodesic_distances
 class ClairvoyantOptions(Options):
     """Parameters of `Clairvoyant`."""
 
-    coverage: float = option(0.99, "share of the target that the route is planned to see", low=0.01, high=1.0)
-    early: float = option(0.95, "share that is planned to be seen early", low=0.0, high=1.0)
+    coverage: float = option(
+        FULLY_SEEN, "share of the target that the route is planned to see", low=0.01, high=1.0
+    )
+    early: float = option(NEARLY_SEEN, "share that is planned to be seen early", low=0.0, high=1.0)
     early_weight: float = option(1.5, "what a metre before that costs more than one after it", low=0.0)
     rounds: int = option(30, "how often a stretch of the route is planned anew", low=0)
 

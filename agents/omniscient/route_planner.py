@@ -24,6 +24,7 @@ from layoutexplore.agents.omniscient.route import Leg, Route, Stop, cheapest_gap
 from layoutexplore.agents.omniscient.visibility import Bits, Sight, added_sizes, size
 from layoutexplore.frontiers.decision import Truth
 from layoutexplore.grids.grid import Cell
+from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
 from layoutexplore.planning.tours import improve_tour
 
@@ -54,8 +55,8 @@ class RouteConfig:
             variety.
     """
 
-    coverage: float = 0.99
-    early_coverage: float = 0.95
+    coverage: float = FULLY_SEEN
+    early_coverage: float = NEARLY_SEEN
     early_weight: float = 1.5
     lattice: float = 0.8
     scan_spacing: float = 0.5

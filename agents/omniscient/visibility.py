@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.frontiers.decision import Path, Truth
+from layoutexplore.frontiers.decision import CellPath, Truth
 from layoutexplore.grids.bitsets import ones
 from layoutexplore.sensing.lidar import LidarConfig, around, beam_table
 
@@ -65,7 +65,7 @@ class Sight:
         _look_around(self._labels, np.asarray(cells, np.int64), *self._around, self._range, seen)
         return seen
 
-    def walking(self, path: Path) -> Bits:
+    def walking(self, path: CellPath) -> Bits:
         """What the scans on the way along a path show (not those at its ends): uint64 (words,)."""
         seen = np.zeros(self.words, np.uint64)
         _look_ahead(

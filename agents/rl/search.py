@@ -41,7 +41,7 @@ from layoutexplore.errors import ResultsError
 from layoutexplore.files import atomic
 from layoutexplore.frontiers.decision import Predictor
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
-from layoutexplore.metrics.exploration import distance_to_coverage
+from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN, distance_to_coverage
 from layoutexplore.predictors import make_predictor
 from layoutexplore.processes import end_with_parent, single_threaded, usable_cores
 from layoutexplore.simulation.config import SimulationConfig
@@ -258,7 +258,7 @@ def _explore(simulation: Simulation, seed: int, tour: TourConfig) -> tuple[float
     distance, coverage, _ = simulation.curve.T
     d95, d99 = (
         distance_to_coverage(distance, coverage, mark, budget=simulation.max_distance)[0]
-        for mark in (0.95, 0.99)
+        for mark in (NEARLY_SEEN, FULLY_SEEN)
     )
     return d95, d99
 

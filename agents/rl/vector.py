@@ -13,14 +13,13 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from layoutexplore.envs.vector import ExplorationVectorEnv
 from layoutexplore.errors import ConfigError
+from layoutexplore.metrics.exploration import NEARLY_SEEN
 
 Batch = Any
 """A batched observation: an array, or arrays by name."""
 
 Told = tuple[Batch, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
 """Observations, rewards, which episodes ended, and infos."""
-
-LEVEL = 0.95
 
 
 class VectorAdapter(VecEnv):
@@ -104,7 +103,7 @@ class VectorAdapter(VecEnv):
         self._lengths[rows] += 1
         coverage, distance = (_at_the_end(info, name) for name in ("coverage", "distance"))
         marks = self._d95[rows]
-        reached = np.isnan(marks) & (coverage >= LEVEL)
+        reached = np.isnan(marks) & (coverage >= NEARLY_SEEN)
         marks[reached] = distance[reached]
         infos: list[dict[str, Any]] = [{} for _ in range(len(done))]
         for k in np.flatnonzero(done).tolist():

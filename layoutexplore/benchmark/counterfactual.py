@@ -21,13 +21,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision, Frontier
 from layoutexplore.frontiers.viewpoints import remaining_share
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.planning.shortest_paths import distance_matrix
 from layoutexplore.predictors import OraclePredictor
-from layoutexplore.predictors.learned import LEFTOVER
 from layoutexplore.simulation.simulation import Simulation
 
 LOG = (
@@ -92,7 +92,7 @@ class DecisiveDecision:
     def right(self) -> bool:
         """Whether the truth says the same of the frontier that was given up: put off, or not."""
         closed, area, true_closed, true_area = self.judged[self.without].tolist()
-        return bool((closed and area < LEFTOVER) == (true_closed and true_area < LEFTOVER))
+        return bool((closed and area < LITTLE_LEFT) == (true_closed and true_area < LITTLE_LEFT))
 
     def is_about(self, other: DecisiveDecision, resolution: float) -> bool:
         """Whether both are about the same two places, to within 2 m.
@@ -356,7 +356,8 @@ def _counts(found: Sequence[Frontier], true: Sequence[Frontier]) -> list[float]:
     """The columns from `closed` to `open_left`."""
     judged = _judged(found, true)
     closed, true_closed = judged[:, 0] > 0, judged[:, 2] > 0
-    leftover, true_leftover = closed & (judged[:, 1] < LEFTOVER), true_closed & (judged[:, 3] < LEFTOVER)
+    leftover = closed & (judged[:, 1] < LITTLE_LEFT)
+    true_leftover = true_closed & (judged[:, 3] < LITTLE_LEFT)
     sums = [
         true_closed, true_closed & ~closed, ~true_closed, ~true_closed & closed,
         true_leftover, true_leftover & ~leftover, leftover & ~true_leftover,

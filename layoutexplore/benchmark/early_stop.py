@@ -22,11 +22,8 @@ from layoutexplore.benchmark.counterfactual import Counterfactual
 from layoutexplore.benchmark.episode import Row
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.frontiers.tour_features import BEGUN, SURE
-from layoutexplore.metrics.exploration import distance_to_coverage
+from layoutexplore.metrics.exploration import FULLY_SEEN, distance_to_coverage
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, interquartile_mean, weighted_mean
-
-GOAL = 0.99
-"""Coverage to which the baseline is run."""
 
 POINTS_LOST = 0.02
 """A run that loses more coverage than this has stopped too early."""
@@ -189,10 +186,12 @@ def stop_at(
         baseline_curve: float64 (n, 2), its metres and coverage.
     """
     there, _ = distance_to_coverage(
-        baseline_curve[:, 0], baseline_curve[:, 1], min(coverage, GOAL), budget=baseline_metres
+        baseline_curve[:, 0], baseline_curve[:, 1], min(coverage, FULLY_SEEN), budget=baseline_metres
     )
-    lost = max(0.0, GOAL - coverage)
-    return RunStop(plan, 1 - metres / baseline_metres, lost, 1 - there / baseline_metres, coverage < GOAL)
+    lost = max(0.0, FULLY_SEEN - coverage)
+    return RunStop(
+        plan, 1 - metres / baseline_metres, lost, 1 - there / baseline_metres, coverage < FULLY_SEEN
+    )
 
 
 def try_rule(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from layoutexplore.frontiers.classes import classify_frontiers
+from layoutexplore.frontiers.classes import LITTLE_LEFT, true_classes
 from layoutexplore.frontiers.decision import Decision, Privileged
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor
@@ -27,9 +27,6 @@ SEEN = (0.05, 0.95)
 
 FRONTIER_MIN = 0.5
 """Metres of frontier that an item holds at least."""
-
-LEFTOVER = 1.0
-"""Square metres: closed frontiers with less left can wait."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,12 +82,12 @@ class FrontierScore:
     @property
     def leftover(self) -> bool:
         """Judged closed with less than 1 m2 left."""
-        return self.closed and self.area < LEFTOVER
+        return self.closed and self.area < LITTLE_LEFT
 
     @property
     def true_leftover(self) -> bool:
         """Closed with less than 1 m2 left."""
-        return self.true_closed and self.true_area < LEFTOVER
+        return self.true_closed and self.true_area < LITTLE_LEFT
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,14 +219,8 @@ def boundary_distance(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
 
 
 def _score_frontiers(snapshot: Snapshot, judged: Decision, predictor: str) -> list[FrontierScore]:
-    decision, raster = snapshot.decision, snapshot.truth.raster
-    true = classify_frontiers(
-        decision.grid.cells,
-        [f.cells for f in decision.frontiers],
-        raster.room_ids,
-        raster.free,
-        raster.resolution,
-    )
+    decision = snapshot.decision
+    true = true_classes(decision, snapshot.truth)
     return [
         FrontierScore(
             plan=snapshot.plan,

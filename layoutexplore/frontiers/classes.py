@@ -9,15 +9,19 @@ is closed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.frontiers.decision import Decision, Truth
+from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import UNKNOWN
+
+LITTLE_LEFT = 1.0
+"""Square metres: a closed frontier with less left in its room can wait, a room with less left is finished."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +63,7 @@ DEFAULT_CLASSES = ClassConfig()
 
 def classify_frontiers(
     cells: NDArray[np.int8],
-    frontiers: Sequence[NDArray[np.int32]],
+    clusters: FrontierClusters,
     room_ids: NDArray[np.int32],
     passable: NDArray[np.bool_],
     resolution: float,
@@ -69,7 +73,7 @@ def classify_frontiers(
 
     Args:
         cells: int8 (rows, cols), what is known.
-        frontiers: Per frontier its cells int32 (n, 2).
+        clusters: The cells of the frontiers.
         room_ids: int32 (rows, cols), the room of each cell, 0 none (walls, doorways).
         passable: bool (rows, cols), cells that are free, in truth or by prediction.
         resolution: Metres per cell.
@@ -81,12 +85,12 @@ def classify_frontiers(
         >>> cells = np.array([[-1, 0, 0, 100, -1], [-1, 0, 0, 0, -1], [-1, 0, 0, 100, -1]], np.int8)
         >>> rooms = np.array([[1, 1, 1, 0, 2], [1, 1, 1, 0, 2], [1, 1, 1, 0, 2]], np.int32)
         >>> left, door = np.array([[0, 1], [1, 1], [2, 1]], np.int32), np.array([[1, 3]], np.int32)
-        >>> classes = classify_frontiers(cells, [left, door], rooms, cells != 100, resolution=0.5)
+        >>> clusters = FrontierClusters.of([left, door])
+        >>> classes = classify_frontiers(cells, clusters, rooms, cells != 100, resolution=0.5)
         >>> classes.is_closed.tolist(), classes.room.tolist(), classes.remaining_area.tolist()
         ([True, False], [1, 2], [0.75, 0.75])
     """
-    offsets = np.cumsum([0, *(len(f) for f in frontiers)])
-    members = np.concatenate(frontiers).astype(np.int32) if len(frontiers) else np.empty((0, 2), np.int32)
+    members, offsets = clusters.cells, clusters.offsets
     depth = max(1, round(config.depth / resolution))
     total, seen = _count_rooms(cells, room_ids, passable)
     component, components = label_components((cells == UNKNOWN) & passable)
@@ -99,6 +103,12 @@ def classify_frontiers(
     remaining = np.where(room > 0, (total - seen)[room], beyond) * cell_area
     is_open = (share < config.entrance_share) | (other * cell_area >= config.beyond_area)
     return FrontierClasses(~is_open, room, remaining, share, (beyond * cell_area).astype(np.float64))
+
+
+def true_classes(decision: Decision, truth: Truth) -> FrontierClasses:
+    """The classes of a decision's frontiers against the rooms of the floor plan."""
+    cells, raster = decision.grid.cells, truth.raster
+    return classify_frontiers(cells, decision.clusters, raster.room_ids, raster.free, raster.resolution)
 
 
 @njit(cache=True, nogil=True)
@@ -118,6 +128,7 @@ def _count_rooms(
 
 @njit(cache=True, nogil=True)
 def _unknown_at(cells: NDArray[np.int8], passable: NDArray[np.bool_], r: int, c: int) -> bool:
+    """Whether a cell lies inside of the grid, is unknown and can be passed."""
     return bool(0 <= r < cells.shape[0] and 0 <= c < cells.shape[1] and cells[r, c] == -1 and passable[r, c])
 
 
@@ -144,13 +155,18 @@ def _rooms_behind(
     depth: int,
     rooms: int,
 ) -> NDArray[np.int32]:
-    """Per frontier the room with the most unknown cells within `depth` steps behind it (the lowest id of equals); 0: none."""
+    """Per frontier the room with the most unknown cells within `depth` steps behind it; 0 if none.
+
+    Of rooms with equally many the one with the lowest id.
+    """
     # Not `grids.flood.spread_in_place`: every frontier has its own flood, and they overlap.
+    # A cell with the stamp k + 1 has been counted for frontier k: the array need not be cleared in between.
     stamp = np.zeros(cells.shape, np.int32)
     queue = np.empty((cells.shape[0] * cells.shape[1], 2), np.int32)
     room = np.zeros(len(offsets) - 1, np.int32)
     for k in range(len(room)):
         votes = np.zeros(rooms, np.int64)
+        # The queue holds the ring that is spread from, queue[first:ring], and behind it the next one.
         first, last = 0, 0
         for n in range(offsets[k], offsets[k + 1]):
             queue[last] = members[n]
@@ -167,7 +183,7 @@ def _rooms_behind(
                         votes[room_ids[r, c]] += 1
                         queue[last] = r, c
                         last += 1
-        votes[0] = 0
+        votes[0] = 0  # Cells in no room do not vote.
         if votes.max() > 0:
             room[k] = votes.argmax()
     return room
@@ -182,6 +198,7 @@ def _reached(
     room: NDArray[np.int32],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Per frontier the unknown cells it reaches: the most in any one other room, and all together."""
+    # Components are counted as a whole: what borders the frontier is reached to its end.
     rows, cols = component.shape
     other, beyond = np.zeros(len(room), np.int64), np.zeros(len(room), np.int64)
     stamp = np.zeros(len(by_room), np.int32)

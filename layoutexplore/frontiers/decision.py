@@ -27,11 +27,11 @@ from layoutexplore.sensing.lidar import LidarConfig
 STOP = -1
 """The choice that ends an exploration."""
 
-Path = NDArray[np.int32]
+CellPath = NDArray[np.int32]
 """Cells int32 (k, 2) as (row, col), each next to the one before."""
 
-Choice = int | Path
-"""An index into `Decision.frontiers`, `STOP`, or (from an agent that knows the floor plan) a path to follow."""
+Choice = int | CellPath
+"""An index into `Decision.frontiers`, `STOP`, or (of an agent that knows the floor plan) a path to follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +217,7 @@ def _gather(
 class Distances(Protocol):
     """Geodesic distances from the robot to every cell, worked out when they are asked for.
 
-    A running simulation keeps them in an array that its next step takes (`layoutexplore.planning.traversability`).
+    A simulation keeps them in an array that its next step takes: `layoutexplore.planning.traversability`.
     """
 
     @property
@@ -227,7 +227,7 @@ class Distances(Protocol):
     def metres(self) -> NDArray[np.float32]:
         """float32 (rows, cols): distances in metres, inf where the robot cannot go."""
 
-    def path_to(self, target: Cell) -> Path:
+    def path_to(self, target: Cell) -> CellPath:
         """The shortest path to a cell, both ends included."""
 
 
@@ -250,7 +250,7 @@ class KnownDistances:
         """The distances, as given."""
         return self.array
 
-    def path_to(self, target: Cell) -> Path:
+    def path_to(self, target: Cell) -> CellPath:
         """The shortest path to a cell, both ends included."""
         return descend(self.array, self.reached, target)
 

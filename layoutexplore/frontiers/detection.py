@@ -35,9 +35,10 @@ class FrontierClusters:
 
     @classmethod
     def of(cls, clusters: Sequence[NDArray[np.int32]]) -> FrontierClusters:
-        """One or more clusters int32 (n, 2), put one behind the other."""
+        """Clusters int32 (n, 2), put one behind the other."""
         offsets = np.cumsum([0, *(len(cluster) for cluster in clusters)], dtype=np.int64)
-        return cls(np.ascontiguousarray(np.concatenate(clusters), np.int32), offsets)
+        members = np.concatenate([np.empty((0, 2), np.int32), *clusters])
+        return cls(np.ascontiguousarray(members, np.int32), offsets)
 
     def cluster(self, i: int) -> NDArray[np.int32]:
         """Cells int32 (n, 2) as (row, col) of one cluster."""
@@ -119,7 +120,7 @@ def _mark_row(
     below: NDArray[np.int8],
     mark: NDArray[np.uint8],
 ) -> None:
-    """Mark free cells beside an unknown one; without branches or other loops around, so that it compiles to SIMD."""
+    """Mark free cells beside an unknown one; without branches, so that it compiles to SIMD."""
     for c in range(here.size):
         unknown = (left[c] == -1) | (right[c] == -1) | (above[c] == -1) | (below[c] == -1)
         mark[c] = (here[c] == 0) & unknown
@@ -129,9 +130,8 @@ def _mark_row(
 def _scan(cells: NDArray[np.int8], row0: int, row1: int, col0: int, col1: int) -> NDArray[np.int64]:
     """Flat indices of the frontier cells in a box, in raster order."""
     rows, cols = cells.shape
-    found = np.empty(
-        (row1 - row0) * (col1 - col0), np.int64
-    )  # Of which only the pages that are written cost anything.
+    # Of so much memory only the pages that are written cost anything.
+    found = np.empty((row1 - row0) * (col1 - col0), np.int64)
     count = 0
     inner0, inner1 = max(col0, 1), min(col1, cols - 1)
     # One byte a column, looked through eight at a time.
@@ -141,11 +141,8 @@ def _scan(cells: NDArray[np.int8], row0: int, row1: int, col0: int, col1: int) -
         # A row beyond the edge is replaced by the row itself: next to itself no free cell is unknown.
         above, below = cells[max(r - 1, 0)], cells[min(r + 1, rows - 1)]
         if inner1 > inner0:
-            here, left, right = (
-                cells[r, inner0:inner1],
-                cells[r, inner0 - 1 : inner1 - 1],
-                cells[r, inner0 + 1 : inner1 + 1],
-            )
+            here = cells[r, inner0:inner1]
+            left, right = cells[r, inner0 - 1 : inner1 - 1], cells[r, inner0 + 1 : inner1 + 1]
             _mark_row(here, left, right, above[inner0:inner1], below[inner0:inner1], mark[inner0:inner1])
         for c in (0, cols - 1):
             if col0 <= c < col1:
@@ -172,6 +169,7 @@ def _merge(
     count, j = first, 0
     for i in range(first, behind):
         index = old[i]
+        # Inside of the box only the fresh ones hold.
         if col0 <= index % cols < col1:
             continue
         while j < fresh.size and fresh[j] < index:

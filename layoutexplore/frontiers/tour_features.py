@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import Decision, Frontier
 from layoutexplore.options import NON_NEGATIVE, check
 from layoutexplore.planning.latency_tours import latency_tour
@@ -25,11 +26,8 @@ TOUR_SIZE = 1.0
 LAYOUT_TOUR_SIZE = 0.4
 """The same where a layout tells: it leaves out what is small and near a finished room's wall."""
 
-LITTLE_LEFT = 1.0
-"""Square metres; closed frontiers with less left in their room wait."""
-
 MOST_AREA = 30.0
-"""Square metres; more than this in view counts as this much: walls that nobody has seen yet stand in the way."""
+"""Square metres; more than this in view counts as this much: walls not seen yet will stand in the way."""
 
 SAME_GOAL = 2.0
 """Metres; a frontier that is nearer to the middle of the one last gone to is what is left of it."""
@@ -38,26 +36,26 @@ SURE = 0.7
 """Probability of being right from which a class is relied on where nobody looks again: to stop."""
 
 BEGUN = 60.0
-"""Square metres of known floor from which a building can be finished: before, the robot has hardly left its first room."""
+"""Square metres of known floor from which a building can be finished: before, hardly a room is left."""
 
 _UNCONNECTED = 1e6
 
 
 @dataclass(frozen=True, kw_only=True)
 class TourConfig:
-    """How a tour weighs ways and areas. The defaults are the tour of the agents `layout-tour` and `latency-tour`.
+    """How a tour weighs path lengths and areas; by default as the agents `layout-tour` and `latency-tour` do.
 
     A frontier's weight is min(area in view, most_area) ** area_exponent * (1 + expected area) **
     expected_exponent.
 
     Attributes:
-        patience: Weight of the tour's length against the mean way to a unit of weight.
+        patience: Weight of the tour's length against the mean path length to a unit of weight.
         most_area: Square metres; more than this in view counts as this much.
         area_exponent: Of the area in view.
         expected_exponent: Of 1 + the expected area in square metres, where a predictor tells one.
-        first_leg: By which share the way to the first stop counts more than the ways between stops: it is
-            walked as planned, the others may be planned anew.
-        hold: Metres by which the way to what is left of the last goal counts as shorter.
+        first_leg: By which share the path to the first stop counts more than those between stops: it is
+            followed as planned, the others may be planned anew.
+        hold: Metres by which the path to what is left of the last goal counts as shorter.
         little_left: Square metres; closed frontiers with less left in their room wait.
 
     Raises:
@@ -106,7 +104,7 @@ def sizeable_frontiers(decision: Decision, min_size: float = TOUR_SIZE) -> NDArr
 def ready_frontiers(
     decision: Decision, min_size: float = TOUR_SIZE, area: float = LITTLE_LEFT
 ) -> NDArray[np.int64]:
-    """Indices int64 (k,) of the sizeable frontiers that need not wait; of all sizeable ones when all would wait.
+    """Indices int64 (k,) of the sizeable frontiers that need not wait; of all sizeable ones when all would.
 
     Args:
         decision: The decision.
@@ -132,7 +130,7 @@ def tour_weights(
 
 
 def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFeatures:
-    """Place in the latency tour over the frontiers that need not wait, and detour, of every frontier of a decision.
+    """Rank in the latency tour over the frontiers that need not wait, and detour, of every frontier.
 
     Visiting frontier i first costs d(robot, i) + d(i, first) - d(robot, first), less what is saved where it
     is taken out of the tour. One matrix of distances between the frontiers of the tour serves it and their
@@ -171,11 +169,11 @@ def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFe
 def _as_weighed(
     distances: NDArray[np.float64], decision: Decision, chosen: NDArray[np.int64], config: TourConfig
 ) -> NDArray[np.float64]:
-    """The distances float64 (k + 1, k + 1) with the ways from the robot, index 0, as the configuration counts them."""
-    ways = distances[0] * (1.0 + config.first_leg)
+    """The path lengths float64 (k + 1, k + 1), those from the robot (index 0) as configured."""
+    lengths = distances[0] * (1.0 + config.first_leg)
     if config.hold and decision.goal is not None:
         (x, y), table = decision.goal, decision.table
-        ways[1:] -= config.hold * (np.hypot(table.x[chosen] - x, table.y[chosen] - y) < SAME_GOAL)
+        lengths[1:] -= config.hold * (np.hypot(table.x[chosen] - x, table.y[chosen] - y) < SAME_GOAL)
     weighed = distances.copy()
-    weighed[0] = weighed[:, 0] = np.maximum(ways, 0.0)
+    weighed[0] = weighed[:, 0] = np.maximum(lengths, 0.0)
     return weighed

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.frontiers.decision import FrontierList, FrontierTable
 from layoutexplore.frontiers.detection import FrontierClusters
-from layoutexplore.frontiers.visible_area import OpenView
+from layoutexplore.frontiers.visible_area import VisibleUnknownArea
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.morphology import disc_offsets
@@ -25,16 +25,16 @@ from layoutexplore.grids.rays import is_free_line
 from layoutexplore.planning.traversability import DistanceField
 
 MAX_REACH = 1.5
-"""How far from the frontier a viewpoint may lie, in metres: beyond it a gap is taken to be too narrow for the robot."""
+"""How far from the frontier a viewpoint may lie, in metres: beyond, the gap is too narrow for the robot."""
 
-NOTHING_VAIN = np.empty(0, np.uint64)
-"""For a map that is looked at for the first time."""
+NONE_FAILED = np.empty(0, np.uint64)
+"""For a map whose viewpoints are searched for the first time."""
 
 _MIX = np.uint64(0x9E3779B97F4A7C15)
 
 
-class Outlook:
-    """Lists the frontiers of a run as they are offered to the robot.
+class ViewpointSelector:
+    """Selects, for each frontier of a run, the viewpoint that the robot is offered.
 
     Args:
         shape: (rows, cols) of the grid.
@@ -48,14 +48,14 @@ class Outlook:
         self, shape: tuple[int, int], resolution: float, *, min_size: float, gain_range: float, gain_rays: int
     ) -> None:
         self._cols, self._min_size = shape[1], min_size
-        self._view = OpenView(shape, resolution, gain_range, gain_rays)
-        self._exhausted = np.empty(0, np.int64)
-        self._vain = NOTHING_VAIN
+        self._view = VisibleUnknownArea(shape, resolution, gain_range, gain_rays)
+        self._blacklisted = np.empty(0, np.int64)
+        self._failed = NONE_FAILED
 
-    def exhaust(self, cells: NDArray[np.int32]) -> None:
-        """Never offer these frontier cells int32 (n, 2) again: they were looked at in vain."""
+    def blacklist(self, cells: NDArray[np.int32]) -> None:
+        """Never offer these frontier cells int32 (n, 2) again: looking at them showed nothing new."""
         indices = cells.astype(np.int64) @ np.array([self._cols, 1])
-        self._exhausted = np.sort(np.concatenate([self._exhausted, indices]))
+        self._blacklisted = np.sort(np.concatenate([self._blacklisted, indices]))
 
     def frontiers(
         self,
@@ -74,9 +74,9 @@ class Outlook:
             clusters: All frontier clusters of the grid.
             changed: Around all cells of the grid that changed since the last call.
         """
-        clusters = self._without_exhausted(clusters)
-        view, found, self._vain = choose_viewpoints(
-            grid.cells, distances.units, distances.settled, clusters, grid.resolution, self._vain
+        clusters = self._without_blacklisted(clusters)
+        view, found, self._failed = choose_viewpoints(
+            grid.cells, distances.units, distances.settled, clusters, grid.resolution, self._failed
         )
         sizes = np.diff(clusters.offsets) * grid.resolution
         usable = found & (sizes >= self._min_size - 1e-9)
@@ -92,11 +92,11 @@ class Outlook:
         table.straight_distance[:] = np.hypot(table.x - here.x, table.y - here.y)
         return FrontierList(clusters, kept, table, view[kept])
 
-    def _without_exhausted(self, clusters: FrontierClusters) -> FrontierClusters:
-        """The clusters without the cells that were looked at in vain."""
-        if len(self._exhausted) == 0:
+    def _without_blacklisted(self, clusters: FrontierClusters) -> FrontierClusters:
+        """The clusters without the blacklisted cells."""
+        if len(self._blacklisted) == 0:
             return clusters
-        return FrontierClusters(*_without(clusters.cells, clusters.offsets, self._cols, self._exhausted))
+        return FrontierClusters(*_without(clusters.cells, clusters.offsets, self._cols, self._blacklisted))
 
 
 def choose_viewpoints(
@@ -105,7 +105,7 @@ def choose_viewpoints(
     farthest: int,
     clusters: FrontierClusters,
     resolution: float,
-    vain: NDArray[np.uint64],
+    failed: NDArray[np.uint64],
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.uint64]]:
     """A viewpoint for every cluster.
 
@@ -118,25 +118,25 @@ def choose_viewpoints(
         farthest: The greatest of them that the robot can go.
         clusters: The frontier clusters.
         resolution: Metres per cell.
-        vain: uint64 (n,), what the last call on this map returned, or `NOTHING_VAIN`: clusters for which it
+        failed: uint64 (n,), what the last call on this map returned, or `NONE_FAILED`: clusters for which it
             found none and around which nothing has changed are not searched again.
 
     Returns:
         int32 (k, 2) viewpoints, bool (k,) whether there is one, and the clusters without, for the next call.
     """
     offsets = _nearest_first(math.ceil(MAX_REACH / resolution))
-    return _choose(cells, distances, farthest, clusters.cells, clusters.offsets, offsets, vain)
+    return _choose(cells, distances, farthest, clusters.cells, clusters.offsets, offsets, failed)
 
 
-def looked_at(
+def cells_in_view(
     cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tuple[int, int], resolution: float
 ) -> NDArray[np.int32]:
     """The cells int32 (m, 2) of a frontier that a viewpoint sees from within `MAX_REACH` metres."""
-    return frontier[_looked_at(cells, frontier, viewpoint[0], viewpoint[1], MAX_REACH / resolution)]
+    return frontier[_are_in_view(cells, frontier, viewpoint[0], viewpoint[1], MAX_REACH / resolution)]
 
 
 def facing(cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tuple[int, int]) -> float:
-    """Heading in radians from a viewpoint (row, col) to the middle of the unknown cells along a frontier int32 (n, 2)."""
+    """Heading in radians from a viewpoint (row, col) to the unknown cells along a frontier int32 (n, 2)."""
     row, col = _unknown_middle(cells, frontier)
     return math.atan2(row - viewpoint[0], col - viewpoint[1])
 
@@ -152,7 +152,7 @@ def _nearest_first(radius: int) -> NDArray[np.int32]:
 def _without(
     cells: NDArray[np.int32], offsets: NDArray[np.int64], cols: int, left_out: NDArray[np.int64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Clusters without the cells of some sorted flat indices (of a grid of `cols` columns); those without any cell fall away."""
+    """Clusters without the cells of some sorted flat indices; those that are empty then fall away."""
     kept, starts = np.empty_like(cells), np.empty_like(offsets)
     least, most = left_out[0], left_out[-1]
     count, clusters = 0, 0
@@ -197,47 +197,46 @@ def _choose(
     members: NDArray[np.int32],
     starts: NDArray[np.int64],
     offsets: NDArray[np.int32],
-    vain: NDArray[np.uint64],
+    failed: NDArray[np.uint64],
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.uint64]]:
-    """Viewpoints, whether there are any, and the digests of the clusters that have none; those in `vain` are not searched."""
+    """Viewpoints, whether there are any, and digests of clusters without; those in `failed` are skipped."""
     count = len(starts) - 1
     view = np.zeros((count, 2), np.int32)
     found = np.zeros(count, np.bool_)
-    still_vain, failures = np.empty(count, np.uint64), 0
+    still_failed, failures = np.empty(count, np.uint64), 0
     for k in range(count):
         cluster = members[starts[k] : starts[k + 1]]
         middle_row, middle_col = _middle(cluster)
         # Hardly ever is more than the nearest cell tried, so only then are they sorted.
-        first = 0
-        nearest = np.inf
+        first, nearest = 0, np.inf
         for n in range(len(cluster)):
             away = (cluster[n, 0] - middle_row) ** 2 + (cluster[n, 1] - middle_col) ** 2
             if away < nearest:
                 first, nearest = n, away
-        found[k] = _look_around(
-            cells, distances, farthest, cluster[first, 0], cluster[first, 1], offsets, view[k]
-        )
+        row, col = cluster[first]
+        found[k] = _find_viewpoint(cells, distances, farthest, row, col, offsets, view[k])
         if found[k]:
             continue
         digest = _digest(cells, distances, farthest, cluster, offsets[-1, 0])
-        if not (vain == digest).any():
+        if not (failed == digest).any():
             order = np.argsort(
                 (cluster[:, 0] - middle_row) ** 2 + (cluster[:, 1] - middle_col) ** 2, kind="mergesort"
             )
+            # Rank 0 has been tried. Sixteen or so cells, from the middle outwards, stand for a long frontier.
             stride = max(1, len(cluster) // 16)
             for rank in range(stride, len(cluster), stride):
                 row, col = cluster[order[rank]]
-                found[k] = _look_around(cells, distances, farthest, row, col, offsets, view[k])
+                found[k] = _find_viewpoint(cells, distances, farthest, row, col, offsets, view[k])
                 if found[k]:
                     break
         if not found[k]:
-            still_vain[failures] = digest
+            still_failed[failures] = digest
             failures += 1
-    return view, found, still_vain[:failures]
+    return view, found, still_failed[:failures]
 
 
 @njit(cache=True, nogil=True)
-def _look_around(
+def _find_viewpoint(
     cells: NDArray[np.int8],
     distances: NDArray[np.int32],
     farthest: int,
@@ -246,7 +245,10 @@ def _look_around(
     offsets: NDArray[np.int32],
     view: NDArray[np.int32],
 ) -> bool:
-    """Whether a reachable cell at one of the offsets sees a cell; the first one is written into `view` (2,)."""
+    """Whether a reachable cell at one of the offsets sees a cell; the first one is written into `view` (2,).
+
+    Distances have a border of one cell, which is never reachable.
+    """
     rows, cols = cells.shape
     for n in range(len(offsets)):
         r, c = row + offsets[n, 0], col + offsets[n, 1]
@@ -269,7 +271,8 @@ def _digest(
     cluster: NDArray[np.int32],
     reach: int,
 ) -> np.uint64:
-    """64 bits of all that the search for a cluster's viewpoint reads: its cells, and what is free and reachable around them."""
+    """64 bits of what the search for a cluster's viewpoint reads: its cells, what is free and reachable."""
+    # Equal digests are taken for equal surroundings; of 2^64 codes two hardly ever meet in one run.
     code = np.uint64(len(cluster))
     for n in range(len(cluster)):
         code = (code ^ np.uint64(cluster[n, 0] * cells.shape[1] + cluster[n, 1])) * _MIX
@@ -284,20 +287,21 @@ def _digest(
 
 
 @njit(cache=True, nogil=True)
-def _looked_at(
+def _are_in_view(
     cells: NDArray[np.int8], frontier: NDArray[np.int32], row: int, col: int, reach: float
 ) -> NDArray[np.bool_]:
+    """Which cells of a frontier a viewpoint sees from within so many cells, bool (n,)."""
     seen = np.zeros(len(frontier), np.bool_)
     for n in range(len(frontier)):
         r, c = frontier[n]
-        # From the frontier to the viewpoint, as `_choose` looked: a traversal is not symmetric at corners.
+        # From the frontier to the viewpoint, as `_find_viewpoint` looked: at corners the reverse may differ.
         seen[n] = (r - row) ** 2 + (c - col) ** 2 <= reach**2 and is_free_line(cells, r, c, row, col)
     return seen
 
 
 @njit(cache=True, nogil=True)
 def remaining_share(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> float:
-    """The share of a frontier's cells int32 (n, 2), at least one, that are free and still border the unknown, 0..1."""
+    """The share of a frontier's cells int32 (n, 2), at least one, that still border the unknown, 0..1."""
     rows, cols = cells.shape
     count = 0
     for n in range(len(frontier)):
@@ -314,7 +318,7 @@ def remaining_share(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> flo
 
 @njit(cache=True, nogil=True)
 def _unknown_middle(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> tuple[float, float]:
-    """Mean (row, col) of the unknown 4-neighbours of the frontier's cells; of the cells themselves when there is none."""
+    """Mean (row, col) of the unknown 4-neighbours of a frontier's cells; of the cells when there is none."""
     rows, cols = cells.shape
     sum_row, sum_col, count = 0.0, 0.0, 0
     for n in range(len(frontier)):

@@ -1,9 +1,10 @@
-"""The unknown area in view of a place: what a robot could see from there, as far as it knows."""
+"""The visible unknown area of a place: what a robot could see from there, as far as it knows."""
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -26,7 +27,7 @@ def visible_unknown_area(
     """Unknown area that rays from viewpoints would cross, through unknown and free cells alike.
 
     Equally spaced rays leave the viewpoint's centre and end at an occupied cell, at the range or at the edge
-    of the grid. A stretch of unknown cells from distance a to b on a ray stands for the piece of ring that
+    of the grid. A run of unknown cells from distance a to b on a ray stands for the piece of ring that
     the ray's share of the full turn cuts out there: (b^2 - a^2) * pi / rays.
 
     Args:
@@ -55,12 +56,12 @@ def visible_unknown_area(
     points = np.ascontiguousarray(np.asarray(viewpoints).reshape(-1, 2), np.int32)
     if points.size and ((points < 0).any() or (points >= cells.shape).any()):
         raise ConfigError(f"a viewpoint lies outside of the grid of shape {cells.shape}")
-    view = OpenView(cells.shape, resolution, range_max, rays)
+    view = VisibleUnknownArea(cells.shape, resolution, range_max, rays)
     return view.areas(cells, points, (0, 0, 0, 0))
 
 
-class OpenView:
-    """The unknown area in view of places, as `visible_unknown_area` has it, on a grid that changes.
+class VisibleUnknownArea:
+    """The visible unknown area of places, as `visible_unknown_area` has it, on a grid that changes.
 
     The rays from a place read cells of a small box. As long as nothing in it changes, the area is kept.
 
@@ -73,8 +74,8 @@ class OpenView:
 
     def __init__(self, shape: tuple[int, ...], resolution: float, range_max: float, rays: int) -> None:
         reach = range_max / resolution
-        self._rows, self._cols, entered, starts = ray_table(int(rays), reach)
-        self._table = (_flat_offsets(int(rays), reach, shape[1]), entered, starts, reach * reach)
+        self._rays, self._end = ray_table(int(rays), reach), reach * reach
+        self._offsets = _flat_offsets(int(rays), reach, shape[1])
         self._unit = math.pi / rays * resolution**2
         self._places, self._areas = np.empty((0, 2), np.int32), np.empty(0)
         self._boxes = np.empty((0, 4), np.int64)
@@ -89,22 +90,30 @@ class OpenView:
         """
         areas, boxes = np.empty(len(places)), np.empty((len(places), 4), np.int64)
         fresh = _still_valid(self._places, self._areas, self._boxes, places, np.array(changed), areas, boxes)
-        _unknown_area(cells, places, fresh, self._rows, self._cols, *self._table, areas, boxes)
+        _unknown_area(cells, places, fresh, self._rays, self._offsets, self._end, areas, boxes)
         self._places, self._areas, self._boxes = places, areas, boxes
         return areas * self._unit
 
 
-@lru_cache(maxsize=8)
-def ray_table(
-    rays: int, reach: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]:
-    """The cells that rays from a cell's centre cross, ray after ray; the same from every viewpoint, so kept.
+class RayTable(NamedTuple):
+    """The cells that rays from a cell's centre cross, ray after ray; numba kernels take it as it is.
 
-    Returns:
-        Row and column offsets int64 (n,), squared distance at which the ray enters the cell float64 (n,), all
-        in cells,
-        and starts int64 (rays + 1,): ray i has the entries from `starts[i]` to `starts[i + 1]`.
+    Attributes:
+        rows: int64 (n,), row offsets of the cells.
+        cols: int64 (n,), column offsets.
+        entered: float64 (n,), squared distance in cells at which the ray enters the cell.
+        starts: int64 (rays + 1,): ray i has the entries from `starts[i]` up to, but without, `starts[i + 1]`.
     """
+
+    rows: NDArray[np.int64]
+    cols: NDArray[np.int64]
+    entered: NDArray[np.float64]
+    starts: NDArray[np.int64]
+
+
+@lru_cache(maxsize=8)
+def ray_table(rays: int, reach: float) -> RayTable:
+    """The table of equally spaced rays that reach so many cells; the same from every viewpoint, so kept."""
     rows, cols, entered, starts = [], [], [], [0]
     for ray in range(rays):
         # Half a step off the axes: a ray along the row of a cell's centre would stand for its whole share of
@@ -126,14 +135,14 @@ def ray_table(
                 cols.append(step_x * (k if x_leads else n))
                 entered.append(at * at)
         starts.append(len(rows))
-    return np.array(rows), np.array(cols), np.array(entered), np.array(starts)
+    return RayTable(np.array(rows), np.array(cols), np.array(entered), np.array(starts))
 
 
 @lru_cache(maxsize=8)
 def _flat_offsets(rays: int, reach: float, width: int) -> NDArray[np.int64]:
     """The offsets int64 (n,) of `ray_table` in a ravelled grid of that width."""
-    rows, cols, _, _ = ray_table(rays, reach)
-    return rows * width + cols
+    table = ray_table(rays, reach)
+    return table.rows * width + table.cols
 
 
 @njit(cache=True, nogil=True)
@@ -157,6 +166,7 @@ def _still_valid(
                 break
         if found >= 0:
             row0, row1, col0, col1 = old_boxes[found]
+            # Both boxes are half open: where one ends as the other begins, no cell that was read changed.
             if row0 >= changed[1] or changed[0] >= row1 or col0 >= changed[3] or changed[2] >= col1:
                 areas[k], boxes[k] = old_areas[found], old_boxes[found]
                 continue
@@ -170,21 +180,18 @@ def _unknown_area(
     cells: NDArray[np.int8],
     places: NDArray[np.int32],
     numbers: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    cols: NDArray[np.int64],
+    rays: RayTable,
     offsets: NDArray[np.int64],
-    entered: NDArray[np.float64],
-    starts: NDArray[np.int64],
     end: float,
     areas: NDArray[np.float64],
     boxes: NDArray[np.int64],
 ) -> None:
-    """Sum over the rays of b^2 - a^2 for each unknown stretch from a to b, in cells; `end` is the squared range.
+    """Sum over the rays of b^2 - a^2 for each unknown run from a to b, in cells; `end` is the squared range.
 
     Written for the places of these numbers, with the box (half open) of the cells that were read. The grid's
-    edge ends a ray.
+    edge ends a ray. `offsets` are those of the rays' cells in the ravelled grid.
     """
-    flat = cells.ravel()
+    flat, (rows, cols, entered, starts) = cells.ravel(), rays
     for k in numbers:
         row, col = np.int64(places[k, 0]), np.int64(places[k, 1])
         here = row * cells.shape[1] + col
@@ -197,6 +204,7 @@ def _unknown_area(
             # Rows and columns of a ray only grow, or only shrink: where its end is inside, all of it is.
             inside = bottom <= rows[last] < top and left <= cols[last] < right
             for n in range(starts[ray], starts[ray + 1]):
+                # Outside of the grid counts as occupied. The index is unsigned: then numba does not wrap it.
                 if not inside and not (bottom <= rows[n] < top and left <= cols[n] < right):
                     value = np.int64(100)
                 else:
@@ -212,6 +220,7 @@ def _unknown_area(
                     total += -entered[n] if unknown else entered[n]
             if unknown:
                 total += end
+            # The last cell read of a ray is the farthest: the box around the ends holds all that was read.
             low_row, high_row = min(low_row, rows[last]), max(high_row, rows[last])
             low_col, high_col = min(low_col, cols[last]), max(high_col, cols[last])
         areas[k] = total

@@ -15,7 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from layoutexplore.errors import ConfigError
 
-LEVELS = (0.90, 0.95, 0.99)
+NEARLY_SEEN = 0.95
+"""Coverage from which a building is nearly explored: what is left are corners."""
+
+FULLY_SEEN = 0.99
+"""Coverage from which a building counts as explored."""
+
+LEVELS = (0.90, NEARLY_SEEN, FULLY_SEEN)
 """Coverage levels whose distances are reported as d90, d95 and d99."""
 
 FINISHED_SHARE = 0.95
@@ -60,7 +66,9 @@ def auc_horizon(target_area: float) -> float:
     return 20.0 + 0.2 * target_area
 
 
-def score_curve(curve: ArrayLike, *, budget: float, target_area: float, goal: float = 0.99) -> CurveScores:
+def score_curve(
+    curve: ArrayLike, *, budget: float, target_area: float, goal: float = FULLY_SEEN
+) -> CurveScores:
     """All scores of a coverage curve.
 
     Args:

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.files import fingerprint
-from layoutexplore.frontiers.classes import FrontierClasses
+from layoutexplore.frontiers.classes import LITTLE_LEFT, FrontierClasses
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.models.forest import Forest
@@ -49,9 +49,6 @@ from layoutexplore.predictors.frontier_model.network_input import draw_crops
 from layoutexplore.predictors.protocol import RoomLabels, with_classes
 from layoutexplore.predictors.room_completion import complete_regions
 from layoutexplore.predictors.seen_rooms import Regions, seen_regions
-
-LEFTOVER = 1.0
-"""Square metres: closed frontiers with less left are what strategies put off."""
 
 CLOSED = 0.6
 """Probability from which a frontier is called closed: on either half of the buildings, trained on the other, Matthews'
@@ -219,7 +216,7 @@ def classify(
     closed, leftover = 1.0 / (1.0 + np.exp(-scores[:2]))
     closed, area = np.maximum(closed, leftover), np.maximum(np.expm1(scores[2]), 0.0)
     area = np.where(
-        leftover > 0.5, np.minimum(area, math.nextafter(LEFTOVER, 0.0)), np.maximum(area, LEFTOVER)
+        leftover > 0.5, np.minimum(area, math.nextafter(LITTLE_LEFT, 0.0)), np.maximum(area, LITTLE_LEFT)
     )
     is_closed = (closed > CLOSED) | (leftover > 0.5)
     classes = FrontierClasses(is_closed, rooms, area, np.ones(len(rooms)), area)

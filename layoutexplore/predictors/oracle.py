@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
+from layoutexplore.frontiers.classes import FrontierClasses, true_classes
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.predictors.protocol import RoomLabels, with_classes
 
@@ -45,15 +45,7 @@ class OraclePredictor:
     def predict(self, decision: Decision) -> Decision:
         """The decision with the true class and remaining area of every frontier."""
         assert self._truth is not None, "a simulation reveals the truth before the first decision"
-        raster = self._truth.raster
-        classes = classify_frontiers(
-            decision.grid.cells,
-            [f.cells for f in decision.frontiers],
-            raster.room_ids,
-            raster.free,
-            raster.resolution,
-        )
-        return with_classes(decision, self._wrong(classes))
+        return with_classes(decision, self._wrong(true_classes(decision, self._truth)))
 
     def rooms(self, decision: Decision) -> RoomLabels:
         """The true rooms."""

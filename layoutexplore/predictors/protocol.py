@@ -40,8 +40,8 @@ class RoomPredictor(Protocol):
 
 def classes_in(rooms: RoomLabels, decision: Decision) -> FrontierClasses:
     """The classes of a decision's frontiers against predicted rooms, by the rule that holds for the true ones."""
-    cells, clusters = decision.grid.cells, [f.cells for f in decision.frontiers]
-    return classify_frontiers(cells, clusters, rooms.room_ids, rooms.passable, decision.grid.resolution)
+    grid = decision.grid
+    return classify_frontiers(grid.cells, decision.clusters, rooms.room_ids, rooms.passable, grid.resolution)
 
 
 def with_classes(

@@ -1,9 +1,10 @@
-"""How a run is simulated: every option of `layoutexplore.simulation.simulation.Simulation`, with its unit and default."""
+"""How a run is simulated: every option of a `Simulation`, with its unit and default."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from layoutexplore.metrics.exploration import FULLY_SEEN
 from layoutexplore.options import COUNT, NON_NEGATIVE, POSITIVE, SHARE, Rule, check
 from layoutexplore.sensing.lidar import LidarConfig, sensor
 from layoutexplore.simulation.robot import PERFECT_ODOMETRY, OdometryNoise
@@ -17,7 +18,7 @@ class SimulationConfig:
         resolution: Metres per grid cell.
         sensor: A preset's name or a `LidarConfig`.
         robot_radius: Metres. 0.2 m is a small indoor robot.
-        scan_spacing: Metres between scans while walking.
+        scan_spacing: Metres between scans on a path.
         coverage_goal: The run ends when this share of the target area has been seen, 0..1.
         max_distance: Budget in metres; None means 100 m plus 1 m for every square metre of target area
             (about five times what going to the nearest frontier needs).
@@ -25,7 +26,7 @@ class SimulationConfig:
         frontier_min_size: Metres; shorter frontiers are offered only when no longer one is left.
         gain_range: Metres up to which `Frontier.visible_area` looks (never beyond the sensor's range).
         gain_rays: Rays per viewpoint for `Frontier.visible_area`.
-        gone_share: A walk ends early when less than this share of the target frontier is left, 0..1.
+        gone_share: A path ends early when less than this share of the target frontier is left, 0..1.
         odometry_noise: How the believed pose drifts; the error enters the map.
 
     Raises:
@@ -36,7 +37,7 @@ class SimulationConfig:
     sensor: str | LidarConfig = "stage"
     robot_radius: float = 0.2
     scan_spacing: float = 0.5
-    coverage_goal: float = 0.99
+    coverage_goal: float = FULLY_SEEN
     max_distance: float | None = None
     turn_cost: float = 0.0
     frontier_min_size: float = 0.4

@@ -42,7 +42,7 @@ class Coverage:
         return 1.0 - self.unseen_count / self.target_count
 
     def update(self, cells: NDArray[np.int8], box: Box) -> None:
-        """Count the target's cells that are known now, inside the box of the grid int8 (rows, cols) that changed."""
+        """Count the target's cells that are known now, in the box of the grid int8 (rows, cols)."""
         self.unseen_count -= strike_seen(cells, self.unseen, self.rooms, self.unseen_in, *box)
 
 
@@ -57,7 +57,7 @@ def strike_seen(
     col0: int,
     col1: int,
 ) -> int:
-    """How many unseen cells are known now; they are struck from `unseen` and from the counts of their rooms."""
+    """How many unseen cells are known now; they leave `unseen` and the counts of their rooms."""
     count = 0
     for row in range(row0, row1):
         for col in range(col0, col1):

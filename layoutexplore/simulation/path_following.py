@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.frontiers.decision import Path
+from layoutexplore.frontiers.decision import CellPath
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import Pose
 from layoutexplore.sensing.lidar import Lidar, beam_table
@@ -34,10 +34,10 @@ NO_FRONTIER = np.empty((0, 2), np.int32)
 """For a path that leads to no frontier: int32 (0, 2)."""
 
 _X, _Y, _HEADING, _WALKED, _TURNED, _SCANNED_AT, _FROM_X, _FROM_Y = range(8)
-"""Places in a kernel's float64 state: the pose, metres walked and radians turned in all, and the last scan's metres and place."""
+"""Places in a kernel's float64 state: pose, metres and radians in all, metres and place of the last scan."""
 
 _NEW, _NEW_OCCUPIED, _FREE_CHANGE, _OCCUPIED_CHANGE, _ROW0, _ROW1, _COL0, _COL1, _UNSEEN = range(9)
-"""Places in a kernel's int64 totals: those of a `Changes` of the mapper, its box half open, and the cells left to see."""
+"""Places in a kernel's int64 totals: what the mapper counts, the changed box (half open), unseen cells."""
 
 
 class _Sensor(NamedTuple):
@@ -53,7 +53,7 @@ class _Sensor(NamedTuple):
 
 
 class _Maps(NamedTuple):
-    """What scans change: the robot's grid, and of a `Coverage` what is unseen, the rooms, what is unseen in each, and the target."""
+    """What scans change: the robot's grid, and what a `Coverage` counts in it."""
 
     cells: NDArray[np.int8]
     unseen: NDArray[np.bool_]
@@ -63,7 +63,10 @@ class _Maps(NamedTuple):
 
 
 class _Task(NamedTuple):
-    """What to follow; `first` is the first cell that is still ahead, `scans` how many may be made, -1 for none but by the caller."""
+    """A path, its first cell still ahead, the frontier it leads to, and how many scans to make at most.
+
+    With -1 scans the caller makes them.
+    """
 
     path: NDArray[np.int32]
     first: int
@@ -72,7 +75,7 @@ class _Task(NamedTuple):
 
 
 class _Log(NamedTuple):
-    """Written by the kernel: poses float64 (n, 3), (distance, coverage) float64 (n, 2) a scan, and the totals int64 (9,)."""
+    """Written by the kernel: poses float64 (n, 3), a (distance, coverage) a scan, and totals int64 (9,)."""
 
     track: NDArray[np.float64]
     curve: NDArray[np.float64]
@@ -129,7 +132,7 @@ class PathFollower:
         self._since = (0.0, 0.0, 0.0)
 
     def note_scan(self, robot: Robot) -> None:
-        """A scan was made here, or a path begins here: the next one is due when the spacing has been walked."""
+        """A scan was made here, or a path begins here: the next scan is due after the spacing."""
         self._since = (robot.walked, robot.believed.x, robot.believed.y)
 
     def scan_heading(self, robot: Robot) -> float:
@@ -138,7 +141,13 @@ class PathFollower:
         return scan_heading(robot.believed.x, robot.believed.y, x, y)
 
     def follow(
-        self, robot: Robot, mapper: Mapper, path: Path, first: int, frontier: NDArray[np.int32], scans: int
+        self,
+        robot: Robot,
+        mapper: Mapper,
+        path: CellPath,
+        first: int,
+        frontier: NDArray[np.int32],
+        scans: int,
     ) -> PathSegment:
         """Follow a path until something happens, or to its end.
 
@@ -184,7 +193,7 @@ def _follow(
     maps: _Maps,
     log: _Log,
 ) -> tuple[int, int, int, int]:
-    """The event, the cells of the path behind the robot, and the numbers of steps and scans; see `PathFollower.follow`."""
+    """The event, the number of cells behind the robot, and the numbers of steps and scans."""
     path, points = task.path, _centres(task.path, task.first, floor)
     k, steps, scans = task.first, 0, 0
     while k < len(path):

@@ -1,7 +1,7 @@
-"""The rules of following a path, each once: when a scan is due, which way the robot faces, what ends a segment.
+"""The rules of following a path, each once: when a scan is due, where it looks, what ends a segment.
 
-Where nothing is noisy, `layoutexplore.simulation.path_following` runs them compiled; where readings or odometry
-are noisy, `layoutexplore.simulation.simulation` calls the very same functions from Python, scan by scan.
+Where nothing is noisy, `layoutexplore.simulation.path_following` runs them compiled; where readings or
+odometry are noisy, `layoutexplore.simulation.simulation` calls the same functions from Python, scan by scan.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class PathEvent(IntEnum):
     """Nothing in particular: the path's end, or as many scans as were asked for."""
 
     STEP_DUE = 1
-    """A step that only `Robot.translate` can make: a wall may stop it, the budget may end in it, odometry may drift."""
+    """A step for `Robot.translate`: a wall may stop it, the budget may end in it, odometry may drift."""
 
     SCAN_DUE = 2
     """A scan that the caller has to make, because its readings are noisy."""

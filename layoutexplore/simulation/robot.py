@@ -47,7 +47,7 @@ class Motion(NamedTuple):
 
 
 def draw_start(raster: PlanRaster, robot_radius: float, rng: np.random.Generator) -> Pose:
-    """A random pose at the centre of a reachable cell of the plan's largest connected area, with a random heading."""
+    """A random heading at the centre of a random reachable cell of the plan's largest connected area."""
     cells = np.argwhere(raster.reachable(robot_radius))
     row, col = cells[rng.integers(len(cells))]
     x, y = raster.cell_to_world(int(row), int(col))
@@ -206,7 +206,7 @@ class Robot:
         self.walked, self.turned = walked, turned
 
     def touched(self, dx: float, dy: float) -> NDArray[np.int32]:
-        """Cells int32 (n, 2) of the walls in front of the robot in direction (dx, dy), in the believed frame."""
+        """Cells int32 (n, 2) of the walls ahead of the robot in direction (dx, dy), in the believed frame."""
         raster = self._raster
         offset = self.pose.theta - self.believed.theta
         angle = math.atan2(dy, dx) + offset

@@ -1,9 +1,9 @@
 """The simulation: floor plan + robot + lidar + grid. The single place where time passes.
 
-A run alternates decisions and paths. At a decision the robot knows its grid, the reachable frontiers and a path
-to each; it follows the path to the one that is chosen, scanning on the way, and decides again on arrival, when
-the frontier has dissolved or when the path turns out to be blocked. The environments, the benchmark and the
-recorder all drive this class.
+A run alternates decisions and paths. At a decision the robot knows its grid, the reachable frontiers and a
+path to each; it follows the path to the one that is chosen, scanning on the way, and decides again on
+arrival, when the frontier has dissolved or when the path turns out to be blocked. The environments, the
+benchmark and the recorder all drive this class.
 
 The robot's disc is tested against the same cells that the lidar sees. It plans on what it knows; a wall that
 it has not seen stops it, and touching the wall puts it on the map.
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path as FilePath
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +21,15 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import (
     STOP,
+    CellPath,
     Choice,
     Decision,
     Frontier,
-    Path,
     Predictor,
     Privileged,
     Truth,
 )
-from layoutexplore.frontiers.viewpoints import facing, looked_at, remaining_share
+from layoutexplore.frontiers.viewpoints import cells_in_view, facing, remaining_share
 from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import load_plan
@@ -79,7 +79,7 @@ class Simulation:
 
     def __init__(
         self,
-        plan: FloorPlan | str | FilePath,
+        plan: FloorPlan | str | Path,
         config: SimulationConfig | None = None,
         predictor: Predictor | None = None,
     ) -> None:
@@ -152,9 +152,8 @@ class Simulation:
             self.state.finish("agent")
             return decision
         elif not 0 <= choice < len(decision.frontiers):
-            raise ConfigError(
-                f"there is no frontier {choice}: this decision has {len(decision.frontiers)}, or STOP ({STOP})"
-            )
+            count = len(decision.frontiers)
+            raise ConfigError(f"there is no frontier {choice}: this decision has {count}, or STOP ({STOP})")
         else:
             frontier = decision.frontiers[choice]
             state.begin_step(goal=frontier.centroid)
@@ -234,7 +233,7 @@ class Simulation:
 
     @property
     def unseen_in(self) -> NDArray[np.int64]:
-        """int64 (rooms + 1,): the cells of the target area not seen yet, by room; entry 0 counts those in none."""
+        """int64 (rooms + 1,): cells of the target area not seen yet, by room (0: in none)."""
         return self.state.coverage.unseen_in
 
     @property
@@ -274,7 +273,7 @@ class Simulation:
         return self.decision
 
     def _here(self) -> Cell:
-        """The robot's cell; with odometry noise it may believe to be outside of its grid: then the nearest cell."""
+        """The robot's cell; the nearest one where drift makes it believe to be outside of its grid."""
         return self.mapper.grid.nearest_cell(self.robot.believed.x, self.robot.believed.y)
 
     def _decide(self) -> Decision:
@@ -299,8 +298,8 @@ class Simulation:
         )
         return self.predictor.predict(decision) if self.predictor and decision.frontiers else decision
 
-    def _follow(self, path: Path, frontier: Frontier | None) -> bool:
-        """Follow a path, scanning on the way; whether its end was reached with the frontier still to be looked at."""
+    def _follow(self, path: CellPath, frontier: Frontier | None) -> bool:
+        """Follow a path, scanning on the way; whether the frontier is still to be looked at from its end."""
         state, goal = self.state, NO_FRONTIER if frontier is None else frontier.cells
         state.follower.note_scan(state.robot)
         k = 1
@@ -321,7 +320,7 @@ class Simulation:
                     return False
         return not self.done
 
-    def _segment(self, path: Path, k: int, goal: NDArray[np.int32]) -> tuple[int, int]:
+    def _segment(self, path: CellPath, k: int, goal: NDArray[np.int32]) -> tuple[int, int]:
         """Follow a path from its cell k on until something happens: what did, and the next cell's number."""
         state = self.state
         state.decision = None
@@ -336,7 +335,7 @@ class Simulation:
             self.on_scan(self)
         return segment.event, segment.reached
 
-    def _scan_on_the_way(self, ahead: Path, goal: NDArray[np.int32]) -> int:
+    def _scan_on_the_way(self, ahead: CellPath, goal: NDArray[np.int32]) -> int:
         """A scan that is due on a path of which these cells lie ahead: the event that it means."""
         state = self.state
         state.robot.turn_to(state.follower.scan_heading(state.robot))
@@ -346,14 +345,14 @@ class Simulation:
         return event_after_scan(rules, self.coverage, cells, new_occupied, goal, ahead)
 
     def _look(self, frontier: Frontier) -> None:
-        """Face the frontier and scan, turn fully if it is still there, and do not offer again what even that leaves."""
+        """Face the frontier and scan, all around if it is still there, and blacklist what that leaves."""
         cells = self.mapper.grid.cells
         self.robot.turn_to(facing(cells, frontier.cells, frontier.viewpoint))
         self._scan()
         if not self.done and remaining_share(cells, frontier.cells) >= self.config.gone_share:
             self._scan(full_turn=True)
-        rest = looked_at(cells, frontier.cells, frontier.viewpoint, self.raster.resolution)
-        self.state.selector.exhaust(rest)
+        rest = cells_in_view(cells, frontier.cells, frontier.viewpoint, self.raster.resolution)
+        self.state.selector.blacklist(rest)
 
     def _advance(self, cell: Cell) -> bool:
         """One step to the centre of a neighbouring cell; whether the robot can go on."""

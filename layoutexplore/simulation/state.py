@@ -10,7 +10,7 @@ import numpy as np
 
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.detection import FrontierDetector
-from layoutexplore.frontiers.viewpoints import Outlook
+from layoutexplore.frontiers.viewpoints import ViewpointSelector
 from layoutexplore.grids.boxes import Box, union
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
@@ -37,7 +37,7 @@ class SimulationState:
         witness: The map from the true poses, which says what was seen; the robot's own without drift.
         coverage: What of the target has been seen.
         detector: Finds the frontier clusters of the robot's grid.
-        selector: Chooses their viewpoints, and remembers what was looked at in vain.
+        selector: Chooses their viewpoints, and remembers the blacklisted cells.
         traversability: Where the robot can plan to go.
         path_lengths: Those between frontiers, kept from decision to decision.
         follower: Drives the robot along paths.
@@ -58,7 +58,7 @@ class SimulationState:
     witness: Mapper
     coverage: Coverage
     detector: FrontierDetector
-    selector: Outlook
+    selector: ViewpointSelector
     traversability: Ground
     path_lengths: PathTable
     follower: PathFollower
@@ -73,7 +73,7 @@ class SimulationState:
     decision: Decision | None = None
 
     def begin_step(self, goal: tuple[float, float] | None) -> None:
-        """A decision is acted on, by going to a frontier in the middle of which the goal lies, or otherwise."""
+        """A decision is acted on; the goal is the middle of the frontier that is gone to, if one is."""
         self.decisions += 1
         self.decision, self.goal = None, goal
 
@@ -142,7 +142,7 @@ def begin_run(
         witness=Mapper(shape, resolution, origin) if drifts(config) else mapper,
         coverage=coverage,
         detector=FrontierDetector(shape),
-        selector=Outlook(
+        selector=ViewpointSelector(
             shape,
             config.resolution,
             min_size=config.frontier_min_size,

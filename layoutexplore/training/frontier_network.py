@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
 
+from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.predictors.frontier_model.network import LAYERS, MOST, WIDTHS
 from layoutexplore.predictors.frontier_model.network_input import KNOWN
-from layoutexplore.predictors.learned import LEFTOVER
 from layoutexplore.training.folds import building_weights
 from layoutexplore.training.predictor_samples import CropSamples
 from layoutexplore.training.torch_layers import Convolution, StepProgress, fit_network, plain_weights
@@ -205,7 +205,7 @@ def _losses(
         found, drawn = network.layers["judge"](hidden["weigh"]), network.drawing(hidden)
     found, drawn = found.float(), drawn.float()
     wanted = torch.from_numpy(
-        np.stack([closed, closed & (area < LEFTOVER), np.log1p(area)], 1).astype(np.float32)
+        np.stack([closed, closed & (area < LITTLE_LEFT), np.log1p(area)], 1).astype(np.float32)
     )
     wrong = functional.binary_cross_entropy_with_logits(found[:, :2], wanted[:, :2], reduction="none").mean(0)
     off = functional.smooth_l1_loss(found[:, 2], wanted[:, 2])

@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import save_forests
 from layoutexplore.predictors.cell_model import features as cell_features
 from layoutexplore.predictors.cell_model.features import add_first_estimate
 from layoutexplore.predictors.frontier_model.features import FEATURES
-from layoutexplore.predictors.learned import CELL_MODEL, FRONTIER_MODEL, LEFTOVER
+from layoutexplore.predictors.learned import CELL_MODEL, FRONTIER_MODEL
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
 from layoutexplore.training.folds import building_weights, deal_folds
 from layoutexplore.training.predictor_samples import CellSamples, PredictorSamples
@@ -71,7 +72,7 @@ def fit_frontier_forests(
     weights = _frontier_weights(samples, config.generated_share)
     targets = {
         "closed": samples.closed,
-        "leftover": samples.closed & (samples.area < LEFTOVER),
+        "leftover": samples.closed & (samples.area < LITTLE_LEFT),
         "area": np.log1p(samples.area),
     }
     return {name: fit_forest(samples.features, target, boosting, weights) for name, target in targets.items()}

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
+from layoutexplore.frontiers.classes import FrontierClasses, true_classes
 from layoutexplore.maps.floorplan import PlanRaster
 from layoutexplore.predictors.cell_model.features import Candidates, find_candidates
 from layoutexplore.predictors.cell_model.network_input import NetworkInput, make_network_input
@@ -195,10 +195,9 @@ def gather_crops(snapshots: Iterable[Snapshot], plan: str) -> CropSamples:
 
 def _look(snapshot: Snapshot, regions: Regions) -> tuple[Surroundings, FrontierClasses]:
     """What lies around a snapshot's frontiers, and their true classes."""
-    grid, truth = snapshot.decision.grid, snapshot.truth.raster
-    clusters = [f.cells for f in snapshot.decision.frontiers]
-    true = classify_frontiers(grid.cells, clusters, truth.room_ids, truth.free, grid.resolution)
-    return look_around(grid.cells, snapshot.decision.clusters, regions, grid.resolution), true
+    decision, grid = snapshot.decision, snapshot.decision.grid
+    around = look_around(grid.cells, decision.clusters, regions, grid.resolution)
+    return around, true_classes(decision, snapshot.truth)
 
 
 def _cell_samples(snapshot: Snapshot, regions: Regions, rng: np.random.Generator) -> CellSamples:

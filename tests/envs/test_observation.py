@@ -1,4 +1,4 @@
-"""What environments show of a decision: images against slow obvious versions, and the vectors' documented meaning."""
+"""What environments show of a decision: images against slow versions, the vectors' documented meaning."""
 
 from __future__ import annotations
 

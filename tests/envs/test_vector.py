@@ -1,4 +1,4 @@
-"""Vector environments: the same trajectories as single ones, Gymnasium's contract, and workers that end cleanly."""
+"""Vector environments: the trajectories of single ones, Gymnasium's contract, workers that end cleanly."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def assert_same(ours: Any, theirs: Any) -> None:
 def test_trajectories_are_those_of_single_environments(
     name: str, options: dict[str, Any], mode: AutoresetMode, backend: dict[str, Any]
 ) -> None:
-    """Gymnasium's own vector of single environments is the judge: observations, rewards, ends, infos and final infos."""
+    """The reference is Gymnasium's own vector of single environments: observations, rewards, ends, infos."""
     limit = 5
     env = vector(name, autoreset_mode=mode, max_episode_steps=limit, **backend, **options)
     reference = SyncVectorEnv(

@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import classify_frontiers
-from layoutexplore.frontiers.detection import find_frontiers
+from layoutexplore.frontiers.detection import FrontierClusters, find_frontiers
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import FALSE_CLOSED_AREA, OraclePredictor, make_predictor
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
@@ -29,7 +29,7 @@ def test_against_a_slow_version(cells: NDArray[np.int8], rooms: NDArray[np.int32
     passable = cells != 100
     clusters = find_frontiers(cells)
     frontiers = [clusters.cluster(k) for k in range(len(clusters))]
-    classes = classify_frontiers(cells, frontiers, rooms, passable, 0.5)
+    classes = classify_frontiers(cells, clusters, rooms, passable, 0.5)
     for k, frontier in enumerate(frontiers):
         steps = spread(cells, passable, frontier)
         near = [rooms[cell] for cell, depth in steps.items() if depth <= 1 and rooms[cell] > 0]
@@ -61,7 +61,8 @@ def spread(
 
 def test_no_frontier() -> None:
     cells = np.zeros((3, 3), np.int8)
-    classes = classify_frontiers(cells, [], np.ones((3, 3), np.int32), cells == 0, 0.1)
+    none = FrontierClusters.of([])
+    classes = classify_frontiers(cells, none, np.ones((3, 3), np.int32), cells == 0, 0.1)
     assert len(classes.is_closed) == len(classes.room) == 0
 
 

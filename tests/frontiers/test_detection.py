@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.frontiers.detection import FrontierClusters, FrontierDetector, find_frontiers
-from layoutexplore.frontiers.visible_area import OpenView, visible_unknown_area
+from layoutexplore.frontiers.visible_area import VisibleUnknownArea, visible_unknown_area
 
 
 def random_cells(seed: int, shape: tuple[int, int], unknown: float = 0.3) -> NDArray[np.int8]:
@@ -149,7 +149,7 @@ def test_areas_that_are_kept_are_those_anew(seed: int, reach: float, rays: int) 
     """Small changes here and there, places that come and go, some twice, some at the edge."""
     rng = np.random.default_rng(seed)
     cells = rng.choice(np.array([-1, 0, 100], np.int8), p=[0.3, 0.6, 0.1], size=(30, 40))
-    view = OpenView(cells.shape, 0.1, reach, rays)
+    view = VisibleUnknownArea(cells.shape, 0.1, reach, rays)
     every = np.stack([rng.integers(30, size=12), rng.integers(40, size=12)], axis=1).astype(np.int32)
     box = (0, 30, 0, 40)
     for _ in range(8):

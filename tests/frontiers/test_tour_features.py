@@ -65,7 +65,7 @@ def on_a_line(*frontiers: Frontier) -> Any:
 
 
 def test_the_detour_is_the_cost_of_going_there_first() -> None:
-    """On a line with the robot at 0 and frontiers at 1, 3 and -4 the tours 1, 3, -4 and 3, 1, -4 take 10 m; -4, 1, 3 takes 11."""
+    """Robot at 0, frontiers at 1, 3 and -4: tours 1, 3, -4 and 3, 1, -4 take 10 m; -4, 1, 3 takes 11."""
     features = tour_features(on_a_line(frontier(1.0), frontier(3.0), frontier(-4.0)))
     assert features.detour.tolist() == [0.0, 0.0, 1.0]
     assert features.rank == pytest.approx([1.0, 1 / 2, 1 / 3])

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from layoutexplore.frontiers.detection import find_frontiers
 from layoutexplore.frontiers.viewpoints import (
     MAX_REACH,
-    NOTHING_VAIN,
-    Outlook,
+    NONE_FAILED,
+    ViewpointSelector,
+    cells_in_view,
     choose_viewpoints,
     facing,
-    looked_at,
     remaining_share,
 )
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
@@ -60,13 +60,13 @@ def test_viewpoints_are_reachable_near_and_in_sight(cells: NDArray[np.int8], see
     start = Cell(*map(int, free[seed % len(free)]))
     distances = geodesic_distances(cells == 0, start, 0.1)
     clusters = find_frontiers(cells)
-    view, found, _ = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1, NOTHING_VAIN)
+    view, found, _ = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1, NONE_FAILED)
     for k in range(len(clusters)):
         members = clusters.cluster(k)
         if found[k]:
             assert np.isfinite(distances[tuple(view[k])])
             assert np.hypot(*(members - view[k]).T).min() * 0.1 <= MAX_REACH + 1e-9
-            assert len(looked_at(cells, members, tuple(view[k]), 0.1)) > 0, (
+            assert len(cells_in_view(cells, members, tuple(view[k]), 0.1)) > 0, (
                 "the viewpoint sees a part of the frontier"
             )
         else:
@@ -80,17 +80,17 @@ def test_viewpoints_are_reachable_near_and_in_sight(cells: NDArray[np.int8], see
 def test_what_was_searched_in_vain_is_searched_again_when_something_changes(
     cells: NDArray[np.int8], seed: int
 ) -> None:
-    rng, vain = np.random.default_rng(seed), NOTHING_VAIN
+    rng, failed = np.random.default_rng(seed), NONE_FAILED
     distances = padded(
         np.where((cells == 0) & (rng.random(cells.shape) < 0.5), 1.0, np.inf).astype(np.float32)
     )
     for _ in range(4):
         clusters = find_frontiers(cells)
-        view, found, vain = choose_viewpoints(cells, distances, 0, clusters, 0.1, vain)
-        expected = choose_viewpoints(cells, distances, 0, clusters, 0.1, NOTHING_VAIN)
+        view, found, failed = choose_viewpoints(cells, distances, 0, clusters, 0.1, failed)
+        expected = choose_viewpoints(cells, distances, 0, clusters, 0.1, NONE_FAILED)
         np.testing.assert_array_equal(view, expected[0])
         np.testing.assert_array_equal(found, expected[1])
-        assert len(vain) == np.count_nonzero(~found)
+        assert len(failed) == np.count_nonzero(~found)
         for changed in (cells, distances[1:-1, 1:-1]):
             row, col = (int(rng.integers(n)) for n in cells.shape)
             other = (int(rng.integers(n)) for n in cells.shape)
@@ -105,7 +105,7 @@ def test_wall_hides_the_nearest_cell() -> None:
     distances = np.where(cells == 0, 1.0, np.inf).astype(np.float32)
     distances[:4, :4] = np.inf
     clusters = find_frontiers(cells)
-    view, found, _ = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1, NOTHING_VAIN)
+    view, found, _ = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1, NONE_FAILED)
     assert found.all() and (view[:, 0] < 4).all()
 
 
@@ -119,15 +119,15 @@ def test_facing_looks_into_the_unknown() -> None:
 @settings(max_examples=60, deadline=None)
 @given(cells=TRINARY, data=st.data())
 def test_offered_frontiers_are_listed_as_if_one_by_one(cells: NDArray[np.int8], data: st.DataObject) -> None:
-    """Cells that were looked at in vain are left out, and what is kept as a table is what each frontier tells."""
+    """Blacklisted cells are left out, and what is kept as a table is what each frontier tells."""
     free = np.argwhere(cells == 0)
     if len(free) == 0:
         return
     config = SimulationConfig(robot_radius=0.1, frontier_min_size=data.draw(st.sampled_from([0.0, 0.3])))
-    grid, ground, outlook = (
+    grid, ground, selector = (
         OccupancyGrid(cells, 0.1),
         Ground(cells.shape, 0.1, 0.1),
-        Outlook(
+        ViewpointSelector(
             cells.shape,
             config.resolution,
             min_size=config.frontier_min_size,
@@ -138,13 +138,13 @@ def test_offered_frontiers_are_listed_as_if_one_by_one(cells: NDArray[np.int8], 
     ground.note((0, cells.shape[0], 0, cells.shape[1]))
     start = Cell(*map(int, free[data.draw(st.integers(0, len(free) - 1))]))
     here = Pose(*grid.cell_to_world(*start), 0.0)
-    vain: set[tuple[int, int]] = set()
+    blacklisted: set[tuple[int, int]] = set()
     for _ in range(3):
         distances = ground.distances(cells, start)
-        found = outlook.frontiers(grid, here, distances, find_frontiers(cells), (0, 0, 0, 0))
+        found = selector.frontiers(grid, here, distances, find_frontiers(cells), (0, 0, 0, 0))
         clusters = find_frontiers(cells)
         rest = [
-            [tuple(c) for c in clusters.cluster(k).tolist() if tuple(c) not in vain]
+            [tuple(c) for c in clusters.cluster(k).tolist() if tuple(c) not in blacklisted]
             for k in range(len(clusters))
         ]
         expected = [cluster for cluster in rest if cluster]
@@ -157,7 +157,7 @@ def test_offered_frontiers_are_listed_as_if_one_by_one(cells: NDArray[np.int8], 
             assert frontier.size == len(frontier.cells) * 0.1
             assert frontier.path_length == distances.metres()[frontier.viewpoint]
             middle = frontier.cells.mean(axis=0)
-            assert frontier.centroid == grid.cell_to_world(*middle) and not vain & set(offered[k])
+            assert frontier.centroid == grid.cell_to_world(*middle) and not blacklisted & set(offered[k])
             told = (
                 *frontier.centroid,
                 frontier.path_length,
@@ -168,6 +168,6 @@ def test_offered_frontiers_are_listed_as_if_one_by_one(cells: NDArray[np.int8], 
             assert tuple(column[k] for column in found.table) == (*told, 0.0, 0.0, 0.0)
         if len(found):
             chosen = found[data.draw(st.integers(0, len(found) - 1))].cells
-            looked_at_in_vain = chosen[: data.draw(st.integers(1, len(chosen)))]
-            outlook.exhaust(looked_at_in_vain)
-            vain |= {tuple(c) for c in looked_at_in_vain.tolist()}
+            seen = chosen[: data.draw(st.integers(1, len(chosen)))]
+            selector.blacklist(seen)
+            blacklisted |= {tuple(c) for c in seen.tolist()}

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from layoutexplore.benchmark.episode import prepare
 from layoutexplore.errors import LayoutExploreError
@@ -46,7 +46,10 @@ walks = st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), min_size=1, 
 def test_corners_are_the_same_way(steps: list[tuple[int, int]]) -> None:
     track = np.column_stack([np.cumsum(np.array(steps, float), axis=0), np.zeros(len(steps))])
     short = corners(track)
-    length: Callable[[Any], float] = lambda t: float(np.hypot(*np.diff(t[:, :2], axis=0).T).sum())  # noqa: E731
+
+    def length(track: NDArray[np.float64]) -> float:
+        return float(np.hypot(*np.diff(track[:, :2], axis=0).T).sum())
+
     assert length(short) == pytest.approx(length(track))
     assert len(short) <= len(track) and {tuple(p) for p in short} <= {tuple(p) for p in track}
 

@@ -59,7 +59,7 @@ SEEDED: dict[str, Callable[[int], bytes]] = {
 
 @pytest.mark.parametrize("what", SEEDED)
 def test_every_seed_counts(what: str) -> None:
-    """The same seed gives the same bytes, whatever the global generators are at; another seed gives others."""
+    """The same seed gives the same bytes, whatever the global generators are at; another gives others."""
     results = []
     for seed, other in ((5, 1), (5, 2), (6, 1)):
         np.random.seed(other)  # noqa: NPY002  (shows that nothing draws from the global generator)

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from layoutexplore.errors import ConfigError, MapError, StartError
-from layoutexplore.frontiers.decision import STOP
-from layoutexplore.frontiers.decision import Path as CellPath
+from layoutexplore.frontiers.decision import STOP, CellPath
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.maps.floorplan import FloorPlan
@@ -29,7 +28,8 @@ def three_rooms() -> FloorPlan:
 
 
 def explore(sensor: str | LidarConfig, seed: int, **options: object) -> Simulation:
-    simulation = Simulation(three_rooms(), SimulationConfig(sensor=sensor, **options))  # type: ignore[arg-type]
+    config = SimulationConfig(sensor=sensor, **options)  # type: ignore[arg-type]
+    simulation = Simulation(three_rooms(), config)
     decision = simulation.reset(seed=seed)
     rng = np.random.default_rng(seed)
     while not simulation.done:

@@ -57,7 +57,7 @@ def test_it_does_not_matter_which_group_is_quicker(tmp_path: Path, monkeypatch: 
                     config.environment, 3, workers=2, backend="threads", **environment_arguments(config)
                 )
             )
-            member = env._native._crew.members[slow]  # type: ignore[attr-defined]
+            member = env._native._workers.members[slow]  # type: ignore[attr-defined]
             step = member.step
             monkeypatch.setattr(member, "step", lambda step=step: (time.sleep(0.02), step()))
         found.append(filled(env))
