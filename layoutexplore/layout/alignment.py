@@ -1,7 +1,7 @@
 """Turning a grid so that its walls run along rows and columns, and labels back again.
 
-A map comes in its canonical orientation (`layoutexplore.layout.canonical`): what follows breaks ties in raster
-order, so a map and its mirror image would else differ wherever a decision is close.
+A map comes in its canonical orientation (`layoutexplore.layout.canonical`): what follows breaks ties in
+raster order, so a map and its mirror image would else differ wherever a decision is close.
 
 The main direction is the peak of ROSE's profile of the walls' surfaces, modulo 90 degrees. Turned occupied
 cells are splatted besides being looked up, so that thin walls stay closed.
@@ -88,7 +88,7 @@ def _turn(cells: NDArray[np.int8], angle: float, rows: int, cols: int) -> NDArra
 
 @njit(cache=True, nogil=True)
 def _turn_back(labels: NDArray[Any], angle: float, rows: int, cols: int, out: NDArray[Any]) -> None:
-    """Look up each cell of `out` (rows, cols) in labels of a turned grid; cells outside of it stay as they are."""
+    """Look up each cell of `out` (rows, cols) in labels of a turned grid; what lies outside of it stays."""
     c, s = np.cos(angle), np.sin(angle)
     r0, c0 = 0.5 * (rows - 1), 0.5 * (cols - 1)
     r1, c1 = 0.5 * (labels.shape[0] - 1), 0.5 * (labels.shape[1] - 1)

@@ -186,7 +186,7 @@ def _without_symbols(ink: NDArray[np.bool_], resolution: float, config: Blueprin
 
 
 def _outside(walls: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """What the border of the picture reaches once gaps of the walls up to twice `reach` pixels are closed, bool (h, w)."""
+    """What the picture's border reaches once gaps of walls up to twice `reach` pixels are closed, bool."""
     padded = np.pad(walls, reach + 1).astype(np.uint8)
     square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     closed = cv2.dilate(padded, square)

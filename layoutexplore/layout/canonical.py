@@ -1,4 +1,4 @@
-"""Running a method in the canonical orientation of a map, so that the map turned or mirrored has the same rooms.
+"""Running a method in a map's canonical orientation, so that turned or mirrored it has the same rooms.
 
 What decides close calls in raster order, or by the order of directions, treats a map and its mirror image
 differently. Brought into the orientation that follows from where their free cells lie, both are one map.
@@ -30,7 +30,7 @@ Side = TypeVar("Side", Line, Wall)
 def in_canonical_orientation(
     run: Callable[[OccupancyGrid, ConfigT], Layout],
 ) -> Callable[[OccupancyGrid, ConfigT], Layout]:
-    """Decorate `run(grid, config)`: it sees the grid oriented, at the origin, and its layout is brought back."""
+    """Decorate `run(grid, config)`: it sees the grid oriented, at the origin; its layout is brought back."""
 
     @wraps(run)
     def run_oriented(grid: OccupancyGrid, config: ConfigT) -> Layout:
@@ -68,7 +68,7 @@ class Inversion:
         return to_world(np.stack([x, y], axis=1), self.origin)
 
     def angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Directions float64 (n,) in the world of directions in the oriented grid, in the same order, in [0, pi)."""
+        """Directions float64 (n,) in the world, in [0, pi), of directions in the oriented grid."""
         return angles_to_world(self.orientation.invert_angles(angles), self.origin)
 
     def pairs(self, points: Iterable[Point]) -> list[Point]:
@@ -199,7 +199,7 @@ class Orientation:
         return np.asarray(cv2.flip(_plain(cells), code)).view(cells.dtype)
 
     def invert_angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Directions (n,) in this orientation as directions in the grid, in the same order, radians in [0, pi)."""
+        """Directions (n,) in this orientation as directions in the grid, radians in [0, pi)."""
         if self.swap:
             angles = np.pi / 2 - angles
         return undirected(-angles if self.mirror_rows != self.mirror_cols else angles)
@@ -228,7 +228,7 @@ def canonical_orientation(cells: NDArray[np.int8]) -> Orientation:
 
 
 def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:
-    """The known part of a grid as -1, 0 and 100 (above 50 is occupied, 1 to 50 unknown), and its first row and column.
+    """The known part of a grid as -1, 0 and 100 (above 50 is occupied, 1 to 50 unknown), and its corner.
 
     Args:
         cells: int8 (rows, cols), -1 unknown, 0 free ... 100 occupied.

@@ -138,7 +138,7 @@ def rooms_of_labels(
 def _count_cells(
     labels: NDArray[np.int32], cells: NDArray[np.int8], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
-    """By label: its cells, the known ones, whether a free one lies beside an unknown one, and whether one lies on the border."""
+    """By label: cells, known ones, whether a free one is beside an unknown one, and one on the border."""
     rows, cols = labels.shape
     total, seen = np.zeros(count, np.int64), np.zeros(count, np.int64)
     frontier, border = np.zeros(count, np.bool_), np.zeros(count, np.bool_)

@@ -1,4 +1,4 @@
-"""What a layout is: directions, walls, representative lines, faces and rooms, all in metres of the world frame.
+"""What a layout is: directions, walls, lines, faces and rooms, all in metres of the world frame.
 
 The vocabulary is that of the IAS-15, ROSE and ROSE2 papers: a *wall* is a chain of collinear segments, a
 *representative line* runs through one or more walls, a *face* is a cell of the arrangement of the lines, a
@@ -85,7 +85,7 @@ class Line:
 
 
 class FaceEdge(NamedTuple):
-    """A side of a face: its ends, the line it lies on, the covered share, and the face behind it (or `OUTSIDE`)."""
+    """A side of a face: its ends, its line, the covered share, and the face behind it (or `OUTSIDE`)."""
 
     start: Point
     end: Point
@@ -185,7 +185,7 @@ class LayoutRoom:
 
     @property
     def faces(self) -> tuple[int, ...]:
-        """Indices into `Layout.faces`; empty for methods without faces, and for a room that no face belongs to."""
+        """Indices into `Layout.faces`; empty without faces, and for a room that no face belongs to."""
         return self.details.faces_of(self.id)
 
 
@@ -233,7 +233,7 @@ class Layout:
 
     @property
     def cell_scores(self) -> NDArray[np.float32] | None:
-        """float32 (rows, cols) in 0..1, ROSE's score of the occupied cells; None for methods without scores."""
+        """float32 (rows, cols) in 0..1, ROSE's score of the occupied cells; None without scores."""
         return self.details.cell_scores
 
     @property

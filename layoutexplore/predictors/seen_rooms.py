@@ -25,7 +25,7 @@ from layoutexplore.grids.runs import run_end
 from layoutexplore.layout.merging.door_gaps import GAP, DoorGapConfig, list_gaps
 
 DOORS = DoorGapConfig(door_max=2.2, slack=0.0)
-"""Gaps that count as doors: narrower ones than where rooms are merged, and walls step aside by one cell only."""
+"""Gaps that count as doors: narrower ones than those of merging, and walls step aside by one cell only."""
 
 CORE = 0.5
 """Metres: two regions are one where the way between them is wider than twice this."""
@@ -47,12 +47,12 @@ class Regions:
 
     @property
     def boxes(self) -> NDArray[np.int64]:
-        """int64 (count + 1, 5): number of cells, and the half-open box (row0, col0, row1, col1) around them."""
+        """int64 (count + 1, 5): number of cells, and their half-open box (row0, col0, row1, col1)."""
         return self._sums[0]
 
     @property
     def doors(self) -> NDArray[np.float64]:
-        """float64 (count + 1,): cells of doors in each region, each divided by the width of its door in metres."""
+        """float64 (count + 1,): cells of doors in each region, each divided by its door's width in metres."""
         return self._sums[1]
 
     @cached_property
@@ -95,7 +95,7 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
 
 
 def find_doors(occupied: NDArray[np.bool_], resolution: float) -> NDArray[np.float32]:
-    """Gaps along rows and columns that may be doors: float32 (rows, cols), their width in metres, 0 elsewhere.
+    """Gaps along rows and columns that may be doors: float32 (rows, cols), width in metres, 0 elsewhere.
 
     Where two gaps cross, the narrower one counts.
     """
@@ -132,6 +132,7 @@ def _sum_up(
             c = run_end(row, c, label)
             if label == 0:
                 continue
+            # few runs have a door: it is looked for without a branch a cell
             some = False
             for k in range(begin, c):
                 some |= widths[np.uint64(k)] > 0

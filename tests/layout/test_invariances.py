@@ -1,4 +1,4 @@
-"""What must not matter: how a map is turned, mirrored or sampled, and that every method takes every hard input."""
+"""What must not matter: how a map is turned, mirrored or sampled; every method takes every hard input."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ MAPS: dict[str, Callable[[], OccupancyGrid]] = {
 
 
 def strays(a: NDArray[np.int32], b: NDArray[np.int32], steps: int = 2) -> int:
-    """Cells of rooms that lie farther than so many cells from the room's best match in the other labelling."""
+    """Cells of rooms farther than so many cells from the room's best match in the other labelling."""
     table = np.zeros((int(a.max()) + 1, int(b.max()) + 1), int)
     np.add.at(table, (a.ravel(), b.ravel()), 1)
     table[0] = table[:, 0] = 0

@@ -26,7 +26,7 @@ METHODS = ("rose", "rose2", "ias15")
 
 
 def building(resolution=0.05, unknown=1.0):
-    """Three rooms of 4 x 4 m on either side of a corridor of 2 m, walls of 0.1 m, doors of 0.9 m, all on the corridor."""
+    """Three rooms of 4 x 4 m on either side of a corridor of 2 m, walls of 0.1 m, doors of 0.9 m to it."""
     scale = 1 / resolution
     pad = round(unknown * scale)
     rows, cols = round(10 * scale), round(12 * scale)

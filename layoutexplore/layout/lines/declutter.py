@@ -196,7 +196,7 @@ def dominant_directions(
         return np.zeros(0), 1.0
     scaled = (profile - low) / (high - low)
     n = len(scaled)
-    peaks, prominences = _circular_peaks(np.ascontiguousarray(scaled), config.prominence)
+    peaks, prominences = circular_peaks(np.ascontiguousarray(scaled), config.prominence)
     if not len(peaks):
         return np.zeros(0), 1.0
     strongest = np.sort(np.argsort(-prominences, kind="stable")[: config.max_directions])
@@ -208,10 +208,10 @@ def dominant_directions(
 
 
 @njit(cache=True, nogil=True)
-def _circular_peaks(
+def circular_peaks(
     profile: NDArray[np.float64], least: float
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Peaks of a circular profile, rising, and their prominences, at least `least`; of a flat top, its middle.
+    """Peaks of a circular profile, rising, with prominences of `least` or more; of a flat top, its middle.
 
     A peak's prominence is its height above the higher of the two lowest points on the ways, left and right,
     to a higher value.
@@ -247,7 +247,7 @@ def _circular_peaks(
 def _polar_maps(
     side: int, steps: int, radius_min: float, radius_max: float, reach: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Sampling positions (cols, rows) float32 (steps, radii) among the frequencies from -reach, by wall direction."""
+    """Sampling positions (cols, rows) float32 (steps, radii) among the frequencies, by wall direction."""
     normal = np.arange(steps) * np.pi / steps + np.pi / 2
     radii = np.arange(radius_min, radius_max + 1e-9)
     u, v = np.cos(normal)[:, None] * radii, np.sin(normal)[:, None] * radii
@@ -260,7 +260,7 @@ def _polar_maps(
 def _angle_profile(
     spectrum: NDArray[np.complex64], side: int, resolution: float, config: DeclutterConfig
 ) -> NDArray[np.float64]:
-    """Cumulative amplitude by wall direction: the spectrum unfolded about its centre and summed over the radius.
+    """Cumulative amplitude by wall direction: the spectrum unfolded about its centre, summed over the radius.
 
     Args:
         spectrum: complex64 (side, at least reach + 1), the half spectrum.
@@ -282,7 +282,7 @@ def _angle_profile(
 def _ridges_only(
     spectrum: NDArray[np.complex64], side: int, directions: NDArray[np.float64], width: float
 ) -> NDArray[np.float32]:
-    """Inverse transform of the bands of `width` frequencies through the centre, normal to each wall direction."""
+    """Inverse transform of bands of `width` frequencies through the centre, normal to each wall direction."""
     kept = np.zeros_like(spectrum)
     half = width / 2
     signed = scipy.fft.fftfreq(side, 1 / side)
@@ -343,7 +343,7 @@ def mixture_threshold(scores: NDArray[np.float32], *, bins: int = 256, iteration
 def _maximise(
     counts: NDArray[np.int64], x: NDArray[np.float64], high: NDArray[np.float64], floor: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Weighted densities (2, bins) and means (2,) of the two Gaussians, given each bin's share in the high one."""
+    """Weighted densities (2, bins) and means (2,) of two Gaussians, by each bin's share in the high one."""
     weights = counts * np.stack((1 - high, high))
     mass = np.maximum(weights.sum(axis=1), 1e-9)
     means = (weights * x).sum(axis=1) / mass

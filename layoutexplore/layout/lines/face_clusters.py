@@ -98,7 +98,7 @@ def cluster_faces(
 
 
 def renumber(group: NDArray[Number], first: int = 0) -> NDArray[Number]:
-    """The same grouping (n,) numbered `first`, `first` + 1, ... by first appearance; smaller members become `first` - 1."""
+    """The same grouping (n,) numbered from `first` as groups appear; smaller members become `first` - 1."""
     return np.asarray(_renumber(np.ascontiguousarray(group), first))
 
 
@@ -119,7 +119,7 @@ def _renumber(group: NDArray[Any], first: int) -> NDArray[Any]:
 def merge_small(
     room: NDArray[np.int64], graph: FaceGraph, area: NDArray[np.float64], least: float
 ) -> NDArray[np.int64]:
-    """Give rooms of less than `least` square metres to the neighbour with the longest open boundary, smallest first.
+    """Give rooms of less than `least` m2 to the neighbour with the longest open boundary, smallest first.
 
     Args:
         room: int64 (count,), room of each face, -1 for none.

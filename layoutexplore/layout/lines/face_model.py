@@ -95,7 +95,7 @@ class WallModel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FaceModel:
-    """The faces of a wall model; m lines, f cells of the arrangement, n faces (unions of cells over dropped edges).
+    """The faces of a wall model: m lines, f cells of the arrangement, n faces (unions over dropped edges).
 
     Attributes:
         arrangement: The cells of all lines.
@@ -153,7 +153,7 @@ def arrange_lines(grid: OccupancyGrid, model: WallModel, margin: float) -> Arran
 
 
 def build_faces(grid: OccupancyGrid, model: WallModel, config: FaceConfig, timer: StageTimer) -> FaceModel:
-    """Arrange the lines, weigh their edges, unite faces over the edges that are dropped, and classify the faces."""
+    """Arrange the lines, weigh their edges, unite faces over dropped edges, and classify the faces."""
     with timer("faces"):
         arrangement = arrange_lines(grid, model, config.margin)
         covered, weight, is_open = open_edges(arrangement, model, config)
@@ -167,7 +167,7 @@ def build_faces(grid: OccupancyGrid, model: WallModel, config: FaceConfig, timer
 def open_edges(
     arrangement: Arrangement, model: WallModel, config: FaceConfig
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Covered metres of each edge (e,), covered share of each line (m + 4,), and the edges that part no faces, bool (e,)."""
+    """Covered metres of each edge (e,), covered share of each line (m + 4,), and whether an edge is open."""
     covered, weight = line_weights(arrangement, model)
     share = covered / np.maximum(arrangement.edge_length, 1e-9)
     solid = (share >= config.edge_weight) & (arrangement.edge_length >= config.edge_length)
@@ -183,7 +183,7 @@ def face_model(
     region: NDArray[np.uint8],
     config: FaceConfig,
 ) -> FaceModel:
-    """Everything about the faces that are unions of cells of an arrangement; `region` is 1 inside the seen contour."""
+    """Everything about faces, unions of cells of an arrangement; `region` is 1 inside the seen contour."""
     count = int(group.max()) + 1
     graph = face_graph(arrangement, covered, group, count)
     painted = paint_faces(arrangement, grid.shape, grid.resolution)
@@ -218,7 +218,7 @@ def find_rooms(faces: FaceModel, config: FaceConfig) -> NDArray[np.int64]:
 
 
 def with_lines(lines: WallGroups, direction: NDArray[np.int64], offset: NDArray[np.float64]) -> WallGroups:
-    """The lines and those given by direction (n,) and offset (n,) that are not among them; no segment covers these."""
+    """The lines and those of direction (n,) and offset (n,) not among them; no segment covers these."""
     known = set(zip(lines.direction.tolist(), lines.offset.tolist(), strict=True))
     new = sorted(set(zip(direction.tolist(), offset.tolist(), strict=True)) - known)
     zeros = np.zeros(len(new))

@@ -14,7 +14,7 @@ from layoutexplore.layout.lines.faces import Arrangement
 
 
 def paint_faces(arrangement: Arrangement, shape: tuple[int, int], resolution: float) -> NDArray[np.int32]:
-    """The face that holds each cell's centre, int32 (rows, cols); -1 outside the box. Every centre is in one face only."""
+    """The one face that holds each cell's centre, int32 (rows, cols); -1 outside the box."""
     corners, offsets = arrangement.rings()
     image = np.full(shape, -1, np.int32)
     _paint_convex(corners / resolution - 0.5, offsets, image)
@@ -23,6 +23,7 @@ def paint_faces(arrangement: Arrangement, shape: tuple[int, int], resolution: fl
 
 @njit(cache=True, nogil=True)
 def _paint_convex(corners: NDArray[np.float64], offsets: NDArray[np.int64], image: NDArray[np.int32]) -> None:
+    """Fill convex rings, counter-clockwise, corners (n, 2) as (col, row), row by row between two edges."""
     rows, cols = image.shape
     left = np.empty(rows, np.int64)
     right = np.empty(rows, np.int64)
@@ -31,8 +32,10 @@ def _paint_convex(corners: NDArray[np.float64], offsets: NDArray[np.int64], imag
         low, high = rows, 0
         for i in range(first, last):
             j = i + 1 if i + 1 < last else first
+            # a rising edge bounds the face on its right, a falling one on its left
             rising = corners[j, 1] > corners[i, 1]
             a, b = (i, j) if rising else (j, i)
+            # rows and columns are half open, so that a centre on an edge is in one of its two faces only
             from_row = max(int(np.ceil(corners[a, 1])), 0)
             to_row = min(int(np.ceil(corners[b, 1])), rows)
             if from_row >= to_row:
@@ -51,7 +54,7 @@ def _paint_convex(corners: NDArray[np.float64], offsets: NDArray[np.int64], imag
 
 
 def outline(arrangement: Arrangement, group: NDArray[np.int64], count: int) -> list[shapely.Polygon]:
-    """Polygons of the groups 0 ... count - 1 in metres of the local frame, holes included, without needless corners.
+    """Polygons of the groups 0 ... count - 1 in local metres, with their holes, without needless corners.
 
     Args:
         arrangement: The faces.

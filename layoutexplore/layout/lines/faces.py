@@ -92,7 +92,7 @@ class Arrangement:
         return self.span[:, 1] - self.span[:, 0]
 
     def rings(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Corners float64 (n, 2) of all bounded faces, counter-clockwise, face after face, and offsets int64 (f + 1,).
+        """Corners float64 (n, 2) of all bounded faces, counter-clockwise, and offsets int64 (f + 1,).
 
         Faces of an arrangement of lines are convex: sorting their half-edges by direction walks around them.
         """
@@ -221,7 +221,7 @@ def _next_half_edges(origin: NDArray[np.int64], angle: NDArray[np.float64]) -> N
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Coverage:
-    """How much of each line is covered by segments: a piecewise linear cumulative length for all lines at once.
+    """How much of each line segments cover: a piecewise linear cumulative length for all lines at once.
 
     Attributes:
         position: float64 (m,), line * stride + coordinate, rising.

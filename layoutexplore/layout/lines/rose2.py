@@ -1,4 +1,4 @@
-"""ROSE2: structure identification and room segmentation of cluttered grids (Luperto, Kucner, Tassi, Magnusson, Amigoni).
+"""ROSE2: room segmentation of cluttered grids (Luperto, Kucner, Tassi, Magnusson, Amigoni).
 
 ROSE declutters the map and gives the directions (III-A), segments become walls and representative lines
 (III-B), the faces of the lines become rooms (III-C), and rooms whose topological graph falls apart are split
@@ -66,7 +66,8 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
             parent.__post_init__(self)
         if not 0 < self.level <= self.level_max < 1 or self.level_step <= 0:
             raise ConfigError(
-                f"levels must rise from above 0 to below 1, got {self.level} to {self.level_max} by {self.level_step}"
+                "levels must rise from above 0 to below 1, "
+                f"got {self.level} to {self.level_max} by {self.level_step}"
             )
         if self.wall_gap < 0 or self.line_distance < 0 or self.deviation <= 0:
             raise ConfigError("wall_gap and line_distance must not be negative, deviation must be above 0")
@@ -139,7 +140,7 @@ def clean_map(
 def chain_walls(
     segments: NDArray[np.float64], structure: Directions, config: Rose2Config
 ) -> tuple[AlignedSegments, NDArray[np.int64], WallGroups, WallGroups] | None:
-    """The aligned segments, their rows in `segments`, walls and representative lines; None when there is no wall."""
+    """Aligned segments, their rows in `segments`, walls and representative lines; None without a wall."""
     if not len(structure.directions) or not len(segments):
         return None
     aligned, kept = align(segments, structure.directions, np.radians(config.deviation))

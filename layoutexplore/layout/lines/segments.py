@@ -1,4 +1,4 @@
-"""Wall segments: probabilistic Hough transform on a binary map, and their alignment to the dominant directions.
+"""Wall segments: probabilistic Hough transform of a binary map, aligned to the dominant directions.
 
 ROSE2, section III-B: segments come from the clean map itself, and each is replaced by its projection on the
 line of the nearest dominant direction through its midpoint.

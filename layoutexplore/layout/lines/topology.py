@@ -139,7 +139,7 @@ def _best_cut(
     parts: NDArray[np.int64],
     overlap: float,
 ) -> Cut | None:
-    """The line that separates the parts of a room: a representative line, else one in the widest gap; None if none does."""
+    """The line that separates a room's parts: a representative one, else in the widest gap, if one does."""
     inside = np.isin(part_of, parts)
     points, rank = points[inside], np.searchsorted(parts, part_of[inside])
     fallback, widest = None, -overlap
@@ -153,10 +153,8 @@ def _best_cut(
         gap = begin - reach
         k = int(gap.argmax())
         if gap[k] > widest:
-            widest, fallback = (
-                float(gap[k]),
-                Cut(room=room, direction=direction, offset=float((begin[k] + reach[k]) / 2)),
-            )
+            widest = float(gap[k])
+            fallback = Cut(room=room, direction=direction, offset=float((begin[k] + reach[k]) / 2))
         mine = np.flatnonzero(model.lines.direction == direction)
         for line in mine:
             between = np.flatnonzero(
@@ -220,7 +218,7 @@ def _centres(arrangement: Arrangement) -> NDArray[np.float64]:
 
 
 def _parents(fine: Arrangement, coarse: Arrangement) -> NDArray[np.int64]:
-    """The cell of the coarse arrangement that holds each cell of the fine one, by the sides of all coarse lines."""
+    """The coarse arrangement's cell that holds each of the fine one, by the sides of all coarse lines."""
     lines = coarse.lines
     normal = np.stack((-np.sin(lines.angle), np.cos(lines.angle)))
     codes = [np.packbits(_centres(a) @ normal > lines.offset, axis=1) for a in (coarse, fine)]
@@ -234,12 +232,12 @@ def _parents(fine: Arrangement, coarse: Arrangement) -> NDArray[np.int64]:
 def _connected(
     arrangement: Arrangement, group: NDArray[np.int64], of_cell: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Faces and rooms that are connected: groups split by room, rooms split into their connected pieces; both (f,)."""
+    """Faces and rooms that are connected: groups split by room, rooms into their components; both (f,)."""
     left, right = arrangement.sides.T
     inner = (left >= 0) & (right >= 0)
     left, right = left[inner], right[inner]
     same_room = of_cell[left] == of_cell[right]
-    piece = components(left[same_room], right[same_room], len(arrangement))
+    part = components(left[same_room], right[same_room], len(arrangement))
     same_face = same_room & (group[left] == group[right])
     face = components(left[same_face], right[same_face], len(arrangement))
-    return face, np.where(of_cell < 0, -1, piece)
+    return face, np.where(of_cell < 0, -1, part)

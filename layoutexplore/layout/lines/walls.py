@@ -42,7 +42,7 @@ class WallGroups:
 
 
 def find_walls(segments: AlignedSegments, gap: float) -> WallGroups:
-    """Chains of segments of one direction, each within `gap` metres of the next (DBSCAN with one point a cluster)."""
+    """Chains of segments of one direction, each within `gap` metres of the next (DBSCAN of one point)."""
     key = segments.direction * 1e6 + segments.offset
     order = np.argsort(key, kind="stable")
     return summarise(
@@ -64,7 +64,7 @@ def _chains(
     gap: float,
     gap_squared: float,
 ) -> NDArray[np.int64]:
-    """Chain of each segment; `order` sorts `key`, which rises with the direction first and the offset then."""
+    """Chain of each segment; `order` sorts `key`, which rises with the direction, then with the offset."""
     parent = np.arange(len(order)).astype(np.int32)
     for n in range(len(order)):
         i = order[n]
@@ -80,7 +80,7 @@ def _chains(
 
 
 def merge_walls(segments: AlignedSegments, walls: WallGroups, distance: float) -> WallGroups:
-    """Groups of walls of one direction whose lines are closer than `distance` metres to the heaviest among them."""
+    """Groups of walls of one direction, their lines closer than `distance` metres to the heaviest of them."""
     heaviest = np.argsort(-walls.length.round(9), kind="stable")
     key = walls.direction * 1e6 + walls.offset
     by_key = np.argsort(key, kind="stable")
@@ -91,7 +91,7 @@ def merge_walls(segments: AlignedSegments, walls: WallGroups, distance: float) -
 def _lines_of_walls(
     heaviest: NDArray[np.int64], by_key: NDArray[np.int64], key: NDArray[np.float64], distance: float
 ) -> NDArray[np.int64]:
-    """Line of each wall; `heaviest` sorts the walls by falling length and `by_key` by place, where they have the rising `key`."""
+    """Line of each wall; `heaviest` sorts the walls by falling length, `by_key` by the rising `key`."""
     count = len(heaviest)
     place = np.empty(count, np.int64)
     place[by_key] = np.arange(count)
@@ -110,7 +110,7 @@ def _lines_of_walls(
 
 
 def chain_lines(segments: AlignedSegments, distance: float) -> WallGroups:
-    """Groups of segments of one direction by single linkage of their lines' distances (IAS-15's spatial clusters)."""
+    """Groups of segments of one direction by single linkage of their lines (IAS-15's spatial clusters)."""
     order = np.lexsort((segments.offset, segments.direction))
     direction, offset = segments.direction[order], segments.offset[order]
     breaks = (np.diff(direction) != 0) | (np.diff(offset) >= distance)
@@ -120,7 +120,7 @@ def chain_lines(segments: AlignedSegments, distance: float) -> WallGroups:
 
 
 def summarise(segments: AlignedSegments, group: NDArray[np.int64]) -> WallGroups:
-    """The groups' directions, offsets and extents, given the group of each segment (0 ... m - 1, none empty)."""
+    """The groups' directions, offsets and extents, given each segment's group (0 ... m - 1, none empty)."""
     count = int(group.max()) + 1 if len(group) else 0
     direction, start, end, length = _extents(group, count, segments.direction, segments.start, segments.end)
     return WallGroups(
@@ -162,7 +162,8 @@ def grouped_median(
     """Weighted lower median float64 (count,) of the values of each group; no group is empty.
 
     Example:
-        >>> grouped_median(np.array([3.0, 1.0, 2.0]), np.array([1.0, 5.0, 1.0]), np.array([0, 0, 0]), 1).tolist()
+        >>> values, weights = np.array([3.0, 1.0, 2.0]), np.array([1.0, 5.0, 1.0])
+        >>> grouped_median(values, weights, np.array([0, 0, 0]), 1).tolist()
         [1.0]
     """
     return np.asarray(_medians(np.lexsort((values, group)), values, weights, group, count))

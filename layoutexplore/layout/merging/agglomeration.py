@@ -1,4 +1,4 @@
-"""Regions merge into rooms: the surest pair first, as a small forest of decision trees says from readable features."""
+"""Regions merge into rooms, the surest pair first, as a forest of trees says from readable features."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def _agglomerate(
     truth: NDArray[np.float64],
     samples: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], int]:
-    """Merge in place; with `truth` (k + 1, rooms + 1) only where it is right, and every pair asked about is a sample.
+    """Merge in place; with `truth` (k + 1, rooms + 1) only where it is right, each pair asked about a sample.
 
     Returns the region that each one ends up in, and how many samples were written.
     """
@@ -175,7 +175,7 @@ def _agglomerate(
     odds = np.full(len(ends), -1e9)
     # contacts across walls only never merge by themselves, but add up
     gone = edges[:, EDGE.open] <= 0
-    # the first rows of `stale` are to be asked about (again): all at first, then those of the region that grew
+    # the first rows of `stale` are to be asked about: all at first, then those of the region that grew
     stale = np.flatnonzero(~gone).astype(np.int32)
     stale_count = len(stale)
     stale = np.concatenate((stale, np.empty(count, np.int32)))
@@ -247,7 +247,8 @@ def training_samples(graph: RegionGraph, forest: Forest, rooms: NDArray[np.float
     Args:
         graph: The regions; not changed.
         forest: The classifier that gives the order.
-        rooms: float64 (k + 1, rooms + 1), known free cells of each region in each true room, column 0 in none.
+        rooms: float64 (k + 1, rooms + 1), known free cells of each region in each true room; column 0: in
+            none.
 
     Returns:
         float64 (n, features + 2): the features of a pair, 1 where both belong to one room, and the sample's

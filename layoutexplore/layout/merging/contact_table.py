@@ -35,7 +35,7 @@ class RegionMaps(NamedTuple):
 
 
 class WallBits(NamedTuple):
-    """Walls, thickened by how far they may step aside, as bits of rows; and how far they are looked at [cells].
+    """Walls, thickened by how far they may step aside, as bits; and how far they are looked at [cells].
 
     Attributes:
         along_rows: uint64, the rows of the map.
@@ -74,7 +74,7 @@ class Side(NamedTuple):
 def _add_walls(
     edge: NDArray[np.float64], walls: NDArray[np.uint64], cols: int, r: int, c: int, near: int, far: int
 ) -> None:
-    """Add the walls in line with a contact between cells (r, c) and (r + 1, c); what is outside the grid is no wall.
+    """Add the walls in line with a contact between cells (r, c) and (r + 1, c); outside the grid is none.
 
     A wall counts in the row that has more of it: it may lie on either side of the contact.
     """
@@ -90,7 +90,7 @@ def _add_walls(
 
 @njit(cache=True, nogil=True)
 def _add_lines(edge: NDArray[np.float64], side: Side, lines: LineStrips) -> None:
-    """Add what the representative lines say of a side: faces and rooms of the strips `reach` before and behind it."""
+    """Add what the lines say of a side: faces and rooms of the strips `reach` before and behind it."""
     r, c, reach = side.row, side.col, lines.reach
     covered = 0.0
     if side.above:

@@ -1,4 +1,4 @@
-"""Details of merged layouts, computed when they are asked for: scores of the cells, lines, faces that follow the rooms.
+"""Details of merged layouts, computed when asked for: scores, lines, faces that follow the rooms.
 
 The rooms come from regions of free space and not from lines, so nothing of this is needed to find them. The
 representative lines are those of the walls of the map without its clutter (ROSE2, section III-B), and where a
@@ -92,7 +92,7 @@ class MergingDetails(Details):
 def with_room_lines(
     grid: OccupancyGrid, model: WallModel, labels: NDArray[np.int32], distance: float
 ) -> WallModel:
-    """The lines, and those along the sides of the smallest box around each room that lie farther than this from all others.
+    """The lines, and the sides of each room's smallest box that lie farther than this from all others.
 
     Args:
         grid: The grid.
@@ -161,7 +161,7 @@ def faces_of_labels(
 def _owners(
     painted: NDArray[np.int32], labels: NDArray[np.int32], count: int, rooms: int, least: float
 ) -> NDArray[np.int64]:
-    """The commonest label of each cell of the arrangement, 0 where less than a share `least` of it is labelled."""
+    """The commonest label of each cell of the arrangement; 0 where less than `least` of it is labelled."""
     total = np.zeros(count, np.int64)
     table = np.zeros((count, rooms), np.int32)
     for r in range(painted.shape[0]):

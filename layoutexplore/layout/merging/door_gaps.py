@@ -106,7 +106,7 @@ def _run_length(blocked: NDArray[np.bool_], r: int, c: int, step: int, slack: in
 
 @njit(cache=True, nogil=True)
 def _widens(blocked: NDArray[np.bool_], r: int, c: int, step: int, reach: int, wanted: int) -> bool:
-    """Whether the cells above (`step` 1) or below (-1) one are free up to a run of the wanted length, `reach` rows off.
+    """Whether cells above (`step` 1) or below (-1) are free up to a run as long as wanted in `reach` rows.
 
     The border of the grid blocks: a gap in its first or last row leads nowhere.
     """
@@ -174,7 +174,7 @@ def list_gaps(
 
 @njit(cache=True, nogil=True)
 def _mark(table: NDArray[np.int32], first: int, last: int, gap: NDArray[np.int32]) -> None:
-    """Write the numbers of the gaps first <= k < last of the table to their cells; a cell of two keeps the narrower.
+    """Write the numbers of gaps first <= k < last of the table to their cells; of two the narrower counts.
 
     The first of equal ones stays, so gaps along the rows go before those along the columns.
     """

@@ -2,8 +2,8 @@
 
 Lines without a wall seen between them leave two rooms in one: a wall that was never looked at, or one that
 furniture hides. ROSE2 splits a room whose topological graph is not connected inside it (section III-D). Here
-the graph is that of the regions: the regions that lie mostly in one room of the lines stay together only as far
-as wide passes between them reach.
+the graph is that of the regions: those that lie mostly in one room of the lines stay together only as far as
+wide passes between them reach.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def _split(
     rooms: NDArray[np.float64],
     share: float,
 ) -> NDArray[np.float64]:
-    """The table of rooms (k + 1, parts + 1), a column for each part of a room that wide passes hold together."""
+    """The table of rooms (k + 1, parts + 1), a column for each part that wide passes hold together."""
     count = len(nodes)
     # the room most of a region lies in; 0 for none, and of equal ones the first
     own = np.empty(count, np.int64)
@@ -67,8 +67,8 @@ def split_line_rooms(graph: RegionGraph, share: float) -> RegionGraph:
 
     Args:
         graph: The regions; not changed.
-        share: A pass is wide if it is at least this share of the smaller of the two regions' largest distances
-            to obstacles.
+        share: A pass is wide if it is at least this share of the smaller of the two regions' largest
+            distances to obstacles.
 
     Returns:
         The graph with other `rooms`: each region counts for the part of the room it mostly lies in, its other

@@ -7,11 +7,11 @@
 3. The distance to walls, shut gaps and unseen space falls into watershed basins: more regions than there are
    rooms.
 4. Slivers join the neighbour they open to most widely. Representative lines through the long walls cut the
-   map into faces and rooms of their own (the idea of ROSE2), which fall apart where the passes inside them are
-   narrow; they are no result but evidence.
-5. Small forests of decision trees look at two touching regions (the pass between them, the door gaps and walls
-   in line with it, the lines between them, their shapes and that of their union, ...), and the surest pair
-   merges, again and again, while it is likely that both belong to one room.
+   map into faces and rooms of their own (the idea of ROSE2), which fall apart where the passes inside them
+   are narrow; they are no result but evidence.
+5. Small forests of decision trees look at two touching regions (the pass between them, the door gaps and
+   walls in line with it, the lines between them, their shapes and that of their union, ...), and the surest
+   pair merges, again and again, while it is likely that both belong to one room.
 6. Regions too small for a room join the neighbour they most likely belong to, and so do nooks that are not
    surely rooms; what is too small and has no neighbour is dropped. The rooms' cells are turned back.
 
@@ -74,8 +74,8 @@ class MergingConfig(DoorGapConfig):
         basin_wide: ... or so far from all obstacles.
         sliver_area: Smaller regions join the neighbour they open to most widely before any pair is
             classified [m2].
-        room_pass: Regions are in one room of the lines as far as the passes between them are this share of the
-            smaller peak.
+        room_pass: Regions are in one room of the lines as far as the passes between them are this share of
+            the smaller peak.
         merge_level: Regions merge while the log-odds of belonging together are at least this.
         room_area: Smallest room [m2]; what is smaller joins the neighbour it most likely belongs to.
         nook_area: What is smaller than this joins it too [m2] ...
@@ -206,7 +206,7 @@ def merge_into_rooms(
 def _meet_regions(
     regions: NDArray[np.int32], cells: NDArray[np.int8], count: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """The regions in the order of their first cells in raster order; and the free cells of each, int64 (count,)."""
+    """The regions as their first cells come in raster order; and the free cells of each, int64 (count,)."""
     rows, cols = regions.shape
     order = np.empty(count, np.int32)
     free = np.zeros(count, np.int64)
@@ -316,7 +316,7 @@ def _doubts(rooms: tuple[LayoutRoom, ...], structure: Directions) -> Iterator[st
 
 
 def find_walls_of(clean: OccupancyGrid, structure: Directions) -> WallModel | None:
-    """Walls and representative lines of a map without clutter, by the stages of ROSE2; None when it has no wall."""
+    """Walls and representative lines of a map without clutter, as ROSE2 finds them; None without a wall."""
     segments = find_segments(surfaces(clean.cells), clean.resolution, WALLS)
     chained = chain_walls(segments, structure, WALLS)
     if chained is None:

@@ -11,7 +11,7 @@ from layoutexplore.layout.merging.graph_tables import NODE
 
 @njit("boolean[:,::1](int32[:,::1], boolean[:,::1])", cache=True, nogil=True)
 def label_changes(spread: NDArray[np.int32], wall: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Cells whose right or upper neighbour belongs elsewhere; a region ends at the walls that it was spread into.
+    """Cells whose right or upper neighbour belongs elsewhere; a region ends where it was spread into walls.
 
     What lies outside the grid is elsewhere for the cells of a region.
     """

@@ -12,7 +12,7 @@ from layoutexplore.layout.merging.graph_tables import EDGE, NODE
 
 
 class PairFeatures(NamedTuple):
-    """The features in their order; the small region is the one of less known free space, the union is of both.
+    """The features in their order; the small region has less known free space, the union is of both.
 
     A model's file names them: another order, or another name, is another model.
     """
@@ -135,7 +135,7 @@ def _contact_features(
 
 @njit(cache=True, nogil=True)
 def _ways_out(node: NDArray[np.float64], e: NDArray[np.float64]) -> float:
-    """Sides of a region towards others, at least those of the contact: sides inside a union are taken off late."""
+    """Sides of a region towards others, at least those of the contact."""
     others = node[NODE.sides] - node[NODE.wall_sides] - node[NODE.open_end]
     return float(max(others, e[EDGE.open], 1.0))
 
@@ -191,7 +191,7 @@ def _own_features(
 def _room_features(
     a: NDArray[np.float64], b: NDArray[np.float64], size: NDArray[np.float64], out: NDArray[np.float64]
 ) -> None:
-    """What the rooms of the lines say of a small and a large region; `size` (r + 1,) are all regions' cells in each room.
+    """What the rooms of the lines say of a small and a large region; `size` (r + 1,) is each room's.
 
     A region fits a room by intersection over union.
     """

@@ -1,11 +1,14 @@
-"""Slivers join a neighbour before any pair is classified: most watershed basins of a noisy map are that small.
+"""Slivers join a neighbour before any pair is classified: most basins of a noisy map are slivers.
 
 A sliver lies between furniture or along a rough wall. It joins the neighbour it opens to most widely, the
 smallest sliver first; one that is open to nothing is left out. On mapped buildings this loses none of what
-merging the regions by the truth would reach, and leaves the classifier a third of the pairs, which all matter.
+merging the regions by the truth would reach, and leaves the classifier a third of the pairs, all of which
+matter.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -22,15 +25,25 @@ from layoutexplore.layout.merging.graph_tables import (
 )
 
 
+class HalfEdges(NamedTuple):
+    """Chains of the open half-edges that start at one region, in the order of the edges; -1 ends a chain.
+
+    Half-edge 2 e starts at the first end of edge e, 2 e + 1 at its second.
+
+    Attributes:
+        first: int32 (k + 1,), of each region's chain.
+        last: int32 (k + 1,), of each region's chain.
+        links: int32 (2 m,), the half-edge behind each.
+    """
+
+    first: NDArray[np.int32]
+    last: NDArray[np.int32]
+    links: NDArray[np.int32]
+
+
 @njit(cache=True, nogil=True)
-def _unite(
-    nodes: NDArray[np.float64], ends: NDArray[np.int32], edges: NDArray[np.float64], limit: float
-) -> NDArray[np.int32]:
-    """The region each region ends up in, 0 for a sliver that is open to nothing."""
-    count = len(nodes)
-    parent = np.arange(count).astype(np.int32)
+def _half_edges(ends: NDArray[np.int32], edges: NDArray[np.float64], count: int) -> HalfEdges:
     first, last = np.full(count, -1, np.int32), np.full(count, -1, np.int32)
-    # chains of the half-edges that start at one region, in the order of the edges; 2 e starts at ends[e, 0]
     links = np.full(2 * len(ends), -1, np.int32)
     for h in range(2 * len(ends)):
         if edges[h // 2, EDGE.open] > 0:
@@ -40,63 +53,84 @@ def _unite(
             else:
                 links[last[k]] = h
             last[k] = h
+    return HalfEdges(first, last, links)
+
+
+@njit(cache=True, nogil=True)
+def _widest_neighbour(
+    k: int,
+    parent: NDArray[np.int32],
+    ends: NDArray[np.int32],
+    edges: NDArray[np.float64],
+    halves: HalfEdges,
+    contact: NDArray[np.float64],
+    near: NDArray[np.int32],
+) -> int:
+    """The region that one opens to most widely, of equal ones over most sides, then the first met; 0 if none.
+
+    `contact` (k + 1, 3: sides, sides in door gaps, clearance) is zero between calls; `near` takes neighbours.
+    """
+    n = 0
+    h = halves.first[k]
+    while h >= 0:
+        other = root_of(parent, ends[h // 2, 1 - h % 2])
+        edge = edges[h // 2]
+        if other != k:
+            if contact[other, 0] == 0:
+                near[n] = other
+                n += 1
+            contact[other, 0] += edge[EDGE.open]
+            contact[other, 1] += edge[EDGE.door]
+            contact[other, 2] = max(contact[other, 2], edge[EDGE.clearance])
+        h = halves.links[h]
+    best, best_pass, best_sides = 0, -1.0, -1.0
+    for other in near[:n]:
+        sides, doors, through = contact[other]
+        # what lies behind a door gap is rather another room
+        if doors > 0.5 * sides:
+            through *= 0.5
+        if through > best_pass or (through == best_pass and sides > best_sides):
+            best, best_pass, best_sides = other, through, sides
+        contact[other] = 0.0
+    return best
+
+
+@njit(cache=True, nogil=True)
+def _unite(
+    nodes: NDArray[np.float64], ends: NDArray[np.int32], edges: NDArray[np.float64], limit: float
+) -> NDArray[np.int32]:
+    """The region each region ends up in, 0 for a sliver that is open to nothing."""
+    count = len(nodes)
+    parent = np.arange(count).astype(np.int32)
+    halves = _half_edges(ends, edges, count)
     space = nodes[:, NODE.space].copy()
-    # sides, sides in door gaps and clearance between a sliver and each neighbour
-    contact = np.zeros((count, 3))
-    near = np.empty(count, np.int32)
-    # the smallest first, of equal ones the first; a sliver that has grown above the limit stays
+    contact, near = np.zeros((count, 3)), np.empty(count, np.int32)
+    # the smallest first, of equal ones the first; one that has grown to the limit stays
     for k in np.argsort(nodes[:, NODE.space], kind="mergesort"):
         if k == 0 or space[k] >= limit:
             continue
-        n = 0
-        h = first[k]
-        while h >= 0:
-            other = root_of(parent, ends[h // 2, 1 - h % 2])
-            edge = edges[h // 2]
-            if other != k:
-                if contact[other, 0] == 0:
-                    near[n] = other
-                    n += 1
-                contact[other, 0] += edge[EDGE.open]
-                contact[other, 1] += edge[EDGE.door]
-                contact[other, 2] = max(contact[other, 2], edge[EDGE.clearance])
-            h = links[h]
-        best, best_pass, best_sides = 0, -1.0, -1.0
-        for other in near[:n]:
-            sides, doors, through = contact[other]
-            # what lies behind a door is another room
-            if doors > 0.5 * sides:
-                through *= 0.5
-            if through > best_pass or (through == best_pass and sides > best_sides):
-                best, best_pass, best_sides = other, through, sides
-            contact[other] = 0.0
+        best = _widest_neighbour(k, parent, ends, edges, halves, contact, near)
         # the neighbour takes over the sliver's half-edges: one chain is hung to the other's end
         if best > 0:
             parent[k] = best
             space[best] += space[k]
-            links[last[best]] = first[k]
-            last[best] = last[k]
+            halves.links[halves.last[best]] = halves.first[k]
+            halves.last[best] = halves.last[k]
     into = np.zeros(count, np.int32)
     for k in range(1, count):
         root = root_of(parent, k)
-        into[k] = root if space[root] >= limit or _is_open(root, parent, ends, first, links) else 0
+        into[k] = root if space[root] >= limit or _is_open(root, parent, ends, halves) else 0
     return into
 
 
 @njit(cache=True, nogil=True)
-def _is_open(
-    k: int,
-    parent: NDArray[np.int32],
-    ends: NDArray[np.int32],
-    first: NDArray[np.int32],
-    links: NDArray[np.int32],
-) -> bool:
+def _is_open(k: int, parent: NDArray[np.int32], ends: NDArray[np.int32], halves: HalfEdges) -> bool:
     """Whether a region is open to another one than itself."""
-    h = first[k]
+    h = halves.first[k]
     while h >= 0:
         if root_of(parent, ends[h // 2, 1 - h % 2]) != k:
             return True
-        h = links[h]
+        h = halves.links[h]
     return False
 
 
@@ -155,7 +189,7 @@ def absorb_slivers(graph: RegionGraph, area: float) -> tuple[RegionGraph, NDArra
         area: Regions with less space are slivers [m2].
 
     Returns:
-        The graph of what is left, and int32 (k + 1,), the region of it that each region belongs to, 0 for none.
+        The graph of what is left, and int32 (k + 1,), its region that each region belongs to, 0 for none.
     """
     into = _unite(graph.nodes, graph.ends, graph.edges, area / graph.resolution**2)
     nodes, ends, edges = _coarsen(graph.nodes, graph.ends, graph.edges, into)

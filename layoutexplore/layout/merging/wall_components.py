@@ -1,4 +1,4 @@
-"""The connected-component clutter filter: an obstacle that floats freely and is small is clutter, the rest is wall."""
+"""The connected-component clutter filter: what floats freely and is small is clutter, the rest wall."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from layoutexplore.grids.runs import find_runs
 def _structural(
     solid: NDArray[np.uint8], occupied: NDArray[np.bool_], resolution: float, area: float, length: float
 ) -> NDArray[np.bool_]:
-    """The solid cells of the components that are large or long enough; they hang together over eight neighbours."""
+    """The solid cells of the components, over eight neighbours, that are large or long enough."""
     runs = find_runs(solid, np.uint8(0))
     number = join_runs(runs, solid, 1)
     count = number.max() + 1 if len(runs) else 0
@@ -40,7 +40,7 @@ def _structural(
 def structural_components(
     occupied: NDArray[np.bool_], doors: NDArray[np.bool_], resolution: float, *, area: float, length: float
 ) -> NDArray[np.bool_]:
-    """Obstacles and door gaps that are structure: bool (rows, cols); other components float freely and are small.
+    """Obstacles and door gaps that are structure: bool (rows, cols); other components are small and float.
 
     Args:
         occupied: bool (rows, cols), the obstacles.

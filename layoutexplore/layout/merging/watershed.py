@@ -1,4 +1,4 @@
-"""Watershed basins of the distance to the obstacles: the regions (superpixels) that rooms are put together from."""
+"""Watershed basins of the distance to the obstacles: the regions (superpixels) that rooms are made of."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from layoutexplore.grids.components import root_of
 from layoutexplore.grids.grid import FREE, UNKNOWN
 
 STEPS = 8
-"""Heights a cell: distances are compared in eighths of a cell, so that equal ones stay equal wherever they are."""
+"""Heights a cell: distances are compared in eighths, so that equal ones stay equal wherever they are."""
 
 HIGHEST = 65535
 """What is higher counts as this high: few maps are open for 8000 cells all around."""
@@ -38,7 +38,7 @@ def _highest_first(levels: NDArray[np.uint16], inside: NDArray[np.int64]) -> NDA
 
 @njit(cache=True, nogil=True)
 def _only_label(labels: NDArray[np.int32], i: int, cols: int) -> int:
-    """The label of a cell's straight neighbours if no neighbour has another one, else 0: as nearly everywhere."""
+    """The label of a cell's straight neighbours, as nearly everywhere; 0 if any neighbour has another one."""
     below, left, right, above = labels[i - cols], labels[i - 1], labels[i + 1], labels[i + cols]
     a, b, c, d = labels[i - cols - 1], labels[i - cols + 1], labels[i + cols - 1], labels[i + cols + 1]
     one = max(max(below, left), max(right, above))
@@ -60,7 +60,7 @@ def _meet(
     share: float,
     wide: int,
 ) -> int:
-    """The basin of a cell where basins meet, after those that are one here have become one; 0 if no neighbour has one."""
+    """The basin of a cell where basins meet, once those that are one here are united; 0 for a new peak."""
     around = (-cols - 1, -cols, -cols + 1, -1, 1, cols - 1, cols, cols + 1)
     # the cells beside a step: a diagonal one needs both
     one_side = (-cols, -cols, -cols, -1, 1, cols, cols, cols)
@@ -121,7 +121,7 @@ def _fill(
 def _flood(
     distance: NDArray[np.float32], inside: NDArray[np.int64], share: float, wide: int
 ) -> NDArray[np.int32]:
-    """Basins of distances with a border of zeros, flooded from the highest down; heights are rounded to `STEPS` a cell.
+    """Basins of distances with a border of zeros, flooded from the highest down, in `STEPS` a cell.
 
     Where two basins meet at height h they become one if h is at least `wide`, or `share` of the lower peak.
 

@@ -41,14 +41,14 @@ class Borders:
         self.perimeter[into] = sum(self.shares[into].values())
 
     def around(self, region: int) -> set[int]:
-        """The region, its neighbours and theirs: all whose merging depends on its shares or its neighbours'."""
+        """The region, its neighbours and theirs: all whose merging depends on the shares of the first two."""
         near = {region, *self.shares[region]} - {0}
         return near.union(*(self.shares[k] for k in near)) - {0}
 
 
 @njit(cache=True, nogil=True)
 def _border_cells(padded: NDArray[np.int32], count: int) -> NDArray[np.int64]:
-    """Rows (label, other label, cells of the other that touch the label by an 8-neighbour), rising; each cell counts once.
+    """Rows (label, other, cells of the other with an 8-neighbour of the label), rising; a cell counts once.
 
     `padded` are the labels with a border of zeros.
     """
@@ -96,7 +96,7 @@ def _border_cells(padded: NDArray[np.int32], count: int) -> NDArray[np.int64]:
     return out[:k]
 
 
-def _target(borders: Borders, region: int, area: float, merge_area: float) -> int:
+def merge_target(borders: Borders, region: int, area: float, merge_area: float) -> int:
     """The neighbour a region merges into, 0 for none: rules (a) to (e) of the authors, in their order."""
     shares, perimeter = borders.shares[region], borders.perimeter[region]
     neighbours = sorted((k for k in shares if k > 0), key=lambda k: (-shares[k], k))
@@ -155,7 +155,7 @@ def merge_by_borders(labels: NDArray[np.int32], resolution: float, *, merge_area
         area, region = entry
         if borders.area[region] != area:
             continue
-        target = _target(borders, region, area * resolution**2, merge_area)
+        target = merge_target(borders, region, area * resolution**2, merge_area)
         if target == 0:
             continue
         borders.merge(region, target)

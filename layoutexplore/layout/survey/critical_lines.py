@@ -18,7 +18,7 @@ BUCKET = 16
 def _fill_buckets(
     cells: NDArray[np.int32], rows: int, cols: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First entry of each bucket (rows, cols of buckets, one more at the end), and the cells' indices bucket by bucket."""
+    """First entry of each bucket, row by row and one more, and the cells' indices bucket by bucket."""
     high, wide = rows // BUCKET + 1, cols // BUCKET + 1
     first = np.zeros(high * wide + 1, np.int64)
     for i in range(len(cells)):
@@ -131,7 +131,7 @@ def _beaten(
 def critical_lines(
     points: NDArray[np.int32], walls: NDArray[np.int32], distance: NDArray[np.uint8], spacing: float
 ) -> NDArray[np.int32]:
-    """The lines that cut the free space: int32 (n, 3, 2), a critical point and its two basis points, as (row, col).
+    """The lines that cut the free space: int32 (n, 3, 2), a critical point and its two basis points.
 
     The first basis point is the nearest cell of the walls, the second the nearest that is farther from the
     first than the point from the walls. Of points closer than `spacing` times their distance to the walls

@@ -56,7 +56,7 @@ class MorphologicalConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class DistanceConfig:
-    """The threshold on the distance to the walls that gives most regions within the area range gives the rooms.
+    """The threshold on the distance that gives most regions within the area range gives the rooms.
 
     Attributes:
         area_min: Smallest region [m2] (Bormann et al., Table I).
@@ -98,7 +98,7 @@ def regions_with_areas(mask: NDArray[np.uint8]) -> tuple[Contours, list[int], ND
 def morphological_labels(
     free: NDArray[np.bool_], resolution: float, config: MorphologicalConfig
 ) -> NDArray[np.int32]:
-    """Rooms of the morphological method, int32 (rows, cols), 0 outside the free space and where no seed gets."""
+    """Rooms of the morphological method, int32 (rows, cols), 0 where no seed gets or nothing is free."""
     left = free.astype(np.uint8)
     seeds = np.zeros(free.shape, np.int32)
     kernel, label = np.ones((3, 3), np.uint8), 0

@@ -53,7 +53,7 @@ def voronoi_labels(free: NDArray[np.bool_], resolution: float, config: VoronoiCo
 
 
 def voronoi_regions(free: NDArray[np.bool_], resolution: float, config: VoronoiConfig) -> NDArray[np.int32]:
-    """What the critical lines leave of the free space, int32 (rows, cols): regions from 1, 0 on lines and elsewhere."""
+    """What the critical lines leave of the free space, int32 (rows, cols): regions from 1, 0 elsewhere."""
     cells = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
     distance = np.ascontiguousarray(np.minimum(np.rint(cells), 255).astype(np.uint8))
     walls = contour_cells(free)

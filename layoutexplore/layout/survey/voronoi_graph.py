@@ -1,4 +1,4 @@
-"""The Voronoi graph of the free space on the grid, and its critical points (Thrun and Bücken; Bormann et al. 2016).
+"""The Voronoi graph of the free space, and its critical points (Thrun and Bücken; Bormann et al. 2016).
 
 The sites are the cells of the free space's contours, as in the survey, and not its skeleton: a ragged wall
 makes many short branches, and the critical points among them make the many regions that the method merges
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 
 def contour_cells(free: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Cells int32 (n, 2) as (row, col) of the contours of a mask and of its holes, along the contours, each once."""
+    """Cells int32 (n, 2) as (row, col) along the contours of a mask and of its holes, each once."""
     contours, _ = cv2.findContours(free.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if not contours:
         return np.zeros((0, 2), np.int32)
@@ -69,7 +69,7 @@ def voronoi_edges(sites: NDArray[np.int32], shape: tuple[int, int]) -> NDArray[n
 
 
 def _circumcentres(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Centres float64 (n, 2) as (row, col) of the circles through corners (n, 3, 2) as (x, y); NaN for flat triangles."""
+    """Centres (row, col) float64 (n, 2) of circles through corners (x, y) (n, 3, 2); NaN where flat."""
     a = corners[:, 0]
     (bx, by), (cx, cy) = (corners[:, 1] - a).T, (corners[:, 2] - a).T
     twice = 2 * (bx * cy - by * cx)
@@ -81,7 +81,7 @@ def _circumcentres(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @njit("void(float64[:,::1], uint8[:,::1], uint8[:,::1])", cache=True, nogil=True)
 def _draw_edges(edges: NDArray[np.float64], inner: NDArray[np.uint8], graph: NDArray[np.uint8]) -> None:
-    """Draw the edges with both ends inside, as 8-connected lines of cells, into a graph with a border of one cell."""
+    """Draw edges with both ends inside, lines of 8-connected cells, into a graph with a border of a cell."""
     rows, cols = inner.shape
     for k in range(len(edges)):
         edge = edges[k]
@@ -113,7 +113,7 @@ def _degree(graph: NDArray[np.uint8], r: int, c: int) -> int:
 
 @njit("void(uint8[:,::1], int64)", cache=True, nogil=True)
 def _prune(graph: NDArray[np.uint8], passes: int) -> None:
-    """Delete ends of spurs in raster order, pass by pass, up to the nodes (cells of at least three neighbours)."""
+    """Delete ends of spurs in raster order, pass by pass, up to nodes (cells of three neighbours or more)."""
     rows, cols = graph.shape
     # cells that are no nodes, in raster order; a cell deleted makes the next one an end in the same pass
     loose = np.empty((rows * cols, 2), np.int32)
@@ -141,11 +141,12 @@ def _prune(graph: NDArray[np.uint8], passes: int) -> None:
 def _take_neighbourhood(
     left: NDArray[np.uint8], members: NDArray[np.int32], r: int, c: int, wanted: int, iterations: int
 ) -> int:
-    """Move cells around one of the graph from `left` to `members`, ring by ring, until there are more than wanted.
+    """Move cells around one of the graph from `left` to `members`, ring by ring, until more than wanted.
 
     Returns how many there are; the last ring is always whole.
     """
     rows, cols = left.shape
+    # a cell leaves `left` when it is queued, so that it is queued once
     left[r, c] = 0
     members[0] = r * cols + c
     n, begin = 1, 0
@@ -197,7 +198,7 @@ def _critical_points(
 def critical_points(
     graph: NDArray[np.uint8], distance: NDArray[np.uint8], neighbourhood: int, iterations: int
 ) -> NDArray[np.int32]:
-    """The narrowest cell of each stretch of the graph, int32 (n, 2) as (row, col); ties go to the first cell reached.
+    """The narrowest cell of each stretch of the graph, int32 (n, 2) as (row, col); ties go to the first met.
 
     Args:
         graph: uint8 (rows, cols), 1 for the cells of the graph.

@@ -13,8 +13,8 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.layout.lines.declutter import (
     DeclutterConfig,
-    _circular_peaks,
     bounding_box,
+    circular_peaks,
     dominant_directions,
     find_structure,
     mixture_threshold,
@@ -137,6 +137,6 @@ def test_peaks_of_a_circular_profile(values: list[int], least: float) -> None:
     n = len(values)
     slow, found = find_peaks(np.tile(profile, 3), prominence=least)
     middle = (slow >= n) & (slow < 2 * n)
-    peaks, prominences = _circular_peaks(profile, least)
+    peaks, prominences = circular_peaks(profile, least)
     assert peaks.tolist() == (slow[middle] - n).tolist()
     assert prominences.tolist() == found["prominences"][middle].tolist()

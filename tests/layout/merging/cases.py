@@ -10,7 +10,7 @@ from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
 
 
 def office(clutter: bool = False) -> OccupancyGrid:
-    """A corridor of 2 m with three rooms of 4 m x 5 m on either side, doors of 0.9 m, at 0.05 m; walls of 0.2 m."""
+    """A corridor of 2 m, three rooms of 4 m x 5 m on either side, doors of 0.9 m, walls of 0.2 m, at 0.05 m."""
     cells = np.full((260, 280), -1, np.int8)
     cells[10:250, 10:270] = 100
     cells[110:150, 14:266] = 0
@@ -28,7 +28,7 @@ def office(clutter: bool = False) -> OccupancyGrid:
 
 
 def plan() -> np.ndarray:
-    """Two rooms of 4 m x 5 m side by side above a corridor of 2 m, walls of 0.2 m, doors of 0.9 m, at 0.05 m."""
+    """Two rooms of 4 m x 5 m above a corridor of 2 m, walls of 0.2 m, doors of 0.9 m, at 0.05 m."""
     cells = np.full((170, 190), UNKNOWN, np.int8)
     cells[10:164, 10:178] = 100
     cells[14:54, 14:174] = 0
@@ -59,7 +59,7 @@ def graphs(draw: st.DrawFn) -> RegionGraph:
 
 
 def slow_parts(graph: RegionGraph, area: float) -> list[set[int]]:
-    """The regions that become one: each sliver in turn, by size, looks at all contacts of what it belongs to."""
+    """The regions that become one: each sliver in turn, by size, looks at all its group's contacts."""
     groups = {k: {k} for k in range(1, len(graph.nodes))}
     of = {k: k for k in groups}
     order = sorted(groups, key=lambda k: (graph.nodes[k, NODE.space], k))

@@ -1,4 +1,4 @@
-"""What the classifier of regions sees: slivers, representative lines, and classifiers made of several forests."""
+"""What the classifier of regions sees, and the order in which it is asked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What layouts tell when asked: lines, faces and scores of the default method, and that they agree with its rooms."""
+"""Details of merged layouts: lines, faces and scores, and that they agree with the rooms."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from layoutexplore.layout.types import BORDER, FaceKind, Layout
 
 
 def plan(furniture: bool = False) -> OccupancyGrid:
-    """A corridor of 2 m, two rooms of 4 m and 6 m by 5 m on one side, a hall of 10 m by 4 m on the other; 0.05 m."""
+    """A corridor of 2 m, two rooms of 4 m and 6 m by 5 m beside it, a hall of 10 m by 4 m opposite; 0.05 m."""
     cells = np.full((254, 232), -1, np.int8)
     cells[10:246, 10:222] = 100
     for rows, cols in (

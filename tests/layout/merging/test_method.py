@@ -123,8 +123,8 @@ def hard(name: str) -> np.ndarray:
 
 @pytest.mark.parametrize(
     "name",
-    ["all unknown", "all free", "all occupied", "one free cell", "salt", "round", "two levels", "tiny", "scan", "islands", "line",
-     "probabilities"],
+    ["all unknown", "all free", "all occupied", "one free cell", "salt", "round", "two levels", "tiny", "scan",
+     "islands", "line", "probabilities"],
 )  # fmt: skip
 def test_hard_maps_give_a_layout(name: str) -> None:
     grid = OccupancyGrid(hard(name), 0.05)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from layoutexplore.layout.survey.border_merging import Borders, _target, merge_by_borders
+from layoutexplore.layout.survey.border_merging import Borders, merge_by_borders, merge_target
 
 
 def test_borders_count_distinct_cells_and_merge() -> None:
@@ -29,7 +29,8 @@ def slow_merging(labels: np.ndarray, resolution: float, merge_area: float) -> np
     while True:
         alive = sorted((area, region) for region, area in enumerate(borders.area) if region > 0 and area > 0)
         targets = (
-            (region, _target(borders, region, area * resolution**2, merge_area)) for area, region in alive
+            (region, merge_target(borders, region, area * resolution**2, merge_area))
+            for area, region in alive
         )
         region, target = next((pair for pair in targets if pair[1] > 0), (0, 0))
         if target == 0:
