@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.doors import ClosedDoor
-from layoutexplore.closed_doors.scene import LARGEST, Scene, peaks
+from layoutexplore.closed_doors.scene import APART, LARGEST, Scene, in_line, peaks
 from layoutexplore.grids.grid import FREE
 
-_LINES, _NEAREST, _SIDES = (
-    7,
-    3,
-    12,
-)  # lines tried on each side: with most support, nearest; edges of all kinds
-_USUAL = 3  # usual widths and depths tried
+_LINES, _NEAREST, _SIDES = 7, 3, 12
+"""Lines tried on each side, those with most support and the nearest; edges of all kinds."""
+
+_USUAL = 3
+"""Usual widths and depths tried."""
+
+_SUPPORT = 0.75
+"""Metres of wall that support a line."""
 
 
 def rectangles(scene: Scene, door: ClosedDoor) -> NDArray[np.int64]:
@@ -31,32 +33,36 @@ def rectangles(scene: Scene, door: ClosedDoor) -> NDArray[np.int64]:
         return np.empty((0, 4), np.int64)
     bottom += 1
     reach, t = round(LARGEST / scene.resolution), scene.thickness
-    strip = scene.possible[max(bottom - max(t, 8), 0) : bottom].mean(0) > 0.6
+    strip = scene.possible[max(bottom - max(t, scene.span(0.4)), 0) : bottom].mean(0) > 0.6
     starts = [*_ends(strip, middle, -1, reach), *_beside(scene, door, -1, reach)]
     stops = [*_ends(strip, middle, 1, reach), *_beside(scene, door, 1, reach)]
-    shaft = scene.possible[:, max(door.start + 3, 0) : max(door.stop - 3, door.start + 4)].mean(1) > 0.6
+    inner = scene.span(0.15)
+    inside = np.s_[max(door.start + inner, 0) : max(door.stop - inner, door.start + scene.span(0.2))]
+    shaft = scene.possible[:, inside].mean(1) > 0.6
     tops = _ends(shaft, bottom - 1, -1, reach)
     left, right, far = _mirrored_room(scene, bottom, middle)
     starts, stops, tops = starts + left, stops + right, tops + far
-    starts += _lines(scene.faces[0], scene.faces[1], t, middle, -1, reach)
-    stops += _lines(scene.faces[1], scene.faces[0], -t, middle, 1, reach)
-    tops += _lines(scene.faces[2], scene.faces[3], t, bottom - 1, -1, reach)
-    usual = [_usual(lengths, scene.resolution) for lengths in scene.widths]
+    starts += _lines(scene, (0, 1), t, middle, -1)
+    stops += _lines(scene, (1, 0), -t, middle, 1)
+    tops += _lines(scene, (2, 3), t, bottom - 1, -1)
+    usual = [_usual(lengths, scene) for lengths in scene.widths]
     starts, stops = (
         starts + [c - w for c in stops[:3] for w in usual[0]],
         stops + [b + w for b in starts[:3] for w in usual[0]],
     )
     tops += [bottom - d for d in usual[1]]
-    starts, stops, tops = (_distinct(sides, _SIDES) for sides in (starts, stops, tops))
+    starts, stops, tops = (_distinct(sides, scene.span(0.1)) for sides in (starts, stops, tops))
     square = {(bottom - c + b, b, bottom, c) for b in starts[:4] for c in stops[:4]}
     boxes = np.array([*{(a, b, bottom, c) for a in tops for b in starts for c in stops} | square]).reshape(
         -1, 4
     )
     boxes = boxes[np.lexsort(boxes.T)]
     boxes = boxes[
-        (boxes[:, :2] >= 0).all(1) & (boxes[:, 3] <= scene.cells.shape[1]) & (boxes[:, 1] <= door.start + 4)
+        (boxes[:, :2] >= 0).all(1)
+        & (boxes[:, 3] <= scene.cells.shape[1])
+        & (boxes[:, 1] <= door.start + scene.span(0.2))
+        & (boxes[:, 3] >= door.stop - scene.span(0.2))
     ]
-    boxes = boxes[boxes[:, 3] >= door.stop - 4]
     if not len(boxes):
         return np.empty((0, 4), np.int64)
     width, depth = boxes[:, 3] - boxes[:, 1], boxes[:, 2] - boxes[:, 0]
@@ -68,24 +74,24 @@ def rectangles(scene: Scene, door: ClosedDoor) -> NDArray[np.int64]:
 
 def _beside(scene: Scene, door: ClosedDoor, sign: int, reach: int) -> list[int]:
     """Edges beside the door: at its jamb, halfway to the next door of the wall, and at that door's jamb."""
-    t, jamb = scene.thickness, max(round(0.15 / scene.resolution), 1)
-    around = np.array(scene.leaves[max(door.row - 3, 0) : door.row + 4].any(axis=0))
+    t, jamb, away = scene.thickness, scene.span(0.15), scene.span(0.25)
+    around = np.array(scene.leaves[max(door.row - jamb, 0) : door.row + jamb + 1].any(axis=0))
     if sign < 0:
-        others = np.flatnonzero(around[max(door.start - reach, 0) : max(door.start - 5, 0)])
+        others = np.flatnonzero(around[max(door.start - reach, 0) : max(door.start - away, 0)])
         if not len(others):
             return [door.start - jamb]
         end = int(others[-1]) + max(door.start - reach, 0) + 1
         return [(end + door.start + t) // 2, door.start - jamb, end + jamb + t]
-    others = np.flatnonzero(around[door.stop + 5 : door.stop + reach])
+    others = np.flatnonzero(around[door.stop + away : door.stop + reach])
     if not len(others):
         return [door.stop + jamb]
-    begin = int(others[0]) + door.stop + 5
+    begin = int(others[0]) + door.stop + away
     return [(begin + door.stop - t) // 2, door.stop + jamb, begin - jamb - t]
 
 
 def _mirrored_room(scene: Scene, bottom: int, middle: int) -> tuple[list[int], list[int], list[int]]:
     """Edges of the free space of the mirrored plan around the place behind the door."""
-    row = max(bottom - 4, 0)
+    row = max(bottom - scene.span(0.2), 0)
     if scene.mirrored[row, middle] != FREE:
         return [], [], []
     line, column = scene.mirrored[row] == FREE, scene.mirrored[:, middle] == FREE
@@ -102,42 +108,48 @@ def _ends(line: NDArray[np.bool_], start: int, sign: int, reach: int) -> list[in
     return [start + int(stop[0])] if sign > 0 else [start - int(stop[0]) + 1]
 
 
-def _lines(
-    same: NDArray[np.int64], other: NDArray[np.int64], shift: int, start: int, sign: int, reach: int
-) -> list[int]:
-    """Edges in line with walls seen elsewhere: faces of the same side, and of the other side a wall's thickness away."""
-    support = same.astype(np.float64)
-    moved = np.roll(other, shift)
-    support = np.convolve(support + moved, [1, 1, 1], "same")
-    low, high = (
-        (max(start - reach, 0), start - 5) if sign < 0 else (start + 5, min(start + reach, len(support)))
-    )
+def _lines(scene: Scene, faces: tuple[int, int], shift: int, start: int, sign: int) -> list[int]:
+    """Edges in line with walls seen elsewhere: faces of the same side, and of the other side a wall's thickness away.
+
+    Args:
+        scene: The turned grid.
+        faces: Which of its faces are of the same side and which of the other.
+        shift: Cells by which the other side's are moved.
+        start: Where the search begins.
+        sign: -1 towards lower lines, 1 towards higher ones.
+    """
+    same, moved = scene.faces[faces[0]], np.roll(scene.faces[faces[1]], shift)
+    support = in_line(same + moved, scene.resolution)
+    reach, apart = round(LARGEST / scene.resolution), scene.span(APART)
+    low, high = max(start - reach, 0), start - apart
+    if sign > 0:
+        low, high = start + apart, min(start + reach, len(support))
     part = support[low:high].copy()
     found: list[int] = []
-    while len(found) < _LINES and len(part) and part.max() >= 15:
+    while len(found) < _LINES and len(part) and part.max() >= scene.span(_SUPPORT):
         k = int(part.argmax())
         found.append(low + k + (1 if sign < 0 else 0))
-        part[max(k - 5, 0) : k + 6] = 0
-    near = np.flatnonzero(peaks(same + moved)[low:high])[::sign][:_NEAREST]
+        part[max(k - apart, 0) : k + apart + 1] = 0
+    near = np.flatnonzero(peaks(same + moved, scene.resolution)[low:high])[::sign][:_NEAREST]
     return [low + int(k) + (1 if sign < 0 else 0) for k in near] + found
 
 
-def _distinct(sides: list[int], most: int, apart: int = 2) -> list[int]:
-    """The first edges, less those that lie next to an earlier one."""
+def _distinct(sides: list[int], apart: int) -> list[int]:
+    """The first edges, less those that lie no further than `apart` from an earlier one."""
     kept: list[int] = []
     for side in sides:
-        if len(kept) < most and all(abs(side - other) > apart for other in kept):
+        if len(kept) < _SIDES and all(abs(side - other) > apart for other in kept):
             kept.append(side)
     return kept
 
 
-def _usual(lengths: NDArray[np.float64], resolution: float) -> list[int]:
+def _usual(lengths: NDArray[np.float64], scene: Scene) -> list[int]:
     """The most usual lengths above 1 m in cells."""
-    part = lengths.copy()
+    part, apart = lengths.copy(), scene.span(0.3)
     found: list[int] = []
-    part[: round(1.0 / resolution)] = 0
+    part[: scene.span(1.0)] = 0
     while len(found) < _USUAL and part.max() >= 1.0:
         k = int(part.argmax())
         found.append(k)
-        part[max(k - 6, 0) : k + 7] = 0
+        part[max(k - apart, 0) : k + apart + 1] = 0
     return found

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
 
 DOOR_FEATURES = (
     *("length", "occupied", "run", "buried", "buried_other", "loose", "loose_other"),
@@ -82,7 +82,7 @@ def door_features(
         resolution: Metres a cell.
         edges: As from `find_edges`.
     """
-    pad = round(max(_BEHIND, _AHEAD) / resolution) + 4
+    pad = round(max(_BEHIND, _AHEAD) / resolution) + in_cells(0.2, resolution)
     padded = np.pad(cells, pad, constant_values=UNKNOWN)
     return np.array([_describe(padded, resolution, *(edge + pad)) for edge in edges], np.float32).reshape(
         -1, len(DOOR_FEATURES)
@@ -115,21 +115,23 @@ def _describe(cells: NDArray[np.int8], resolution: float, row: int, start: int, 
     buried = line & unknown[middle - 1] & unknown[middle + 1]
     loose = line & free[middle - 1] & free[middle + 1]
     edge = free[2:] & ~free[1:-1] & unknown[:-2]
-    near = edge[middle - 3 : middle + 2].any(0)
+    # Row k of `edge` tells of row k + 1 of the cells.
+    one, two, three = (in_cells(metres, resolution) for metres in (0.05, 0.1, 0.15))
+    near = edge[middle - 1 - two : middle + two].any(0)
     ends: list[list[float]] = []
     run = stop - start if line[start:stop].mean() > 0.5 else 0
     for columns, jambs in (
-        (np.arange(start - 1, start - 1 - beside, -1), range(start - 3, start + 2)),
-        (np.arange(stop, stop + beside), range(stop - 1, stop + 4)),
+        (np.arange(start - 1, start - 1 - beside, -1), range(start - three, start + two)),
+        (np.arange(stop, stop + beside), range(stop - one, stop + one + three)),
     ):
         more = int(np.argmin(np.append(line[columns], False))) if run else 0
         run += more
         on = columns[:more]
         reach = round(_RECESS / resolution)
-        steps = [_step(occupied[middle + 1 :, c], free[middle + 1 :, c], reach) for c in jambs]
+        steps = [_step(occupied[middle + 1 :, c], free[middle + 1 :, c], reach, two) for c in jambs]
         jamb = max(int(occupied[middle + 1 : middle + 1 + 2 * reach, c].sum()) for c in jambs)
-        rough = (occupied[middle - 3 : middle + 4, columns].sum() - more) / 3
-        gap = _run(~occupied[middle - 1 : middle + 2, columns].any(0))
+        rough = (occupied[middle - three : middle + three + 1, columns].sum() - more) / 3
+        gap = _run(~occupied[middle - one : middle + one + 1, columns].any(0))
         ends.append(
             [
                 buried[on].sum(),
@@ -143,7 +145,7 @@ def _describe(cells: NDArray[np.int8], resolution: float, row: int, start: int, 
         )
     pairs = np.sort(np.array(ends), axis=0).T * resolution
     shut = occupied[middle, start:stop].mean()
-    probes = [start + 2, (start + stop) // 2, stop - 3]
+    probes = [start + two, (start + stop) // 2, stop - 1 - two]
     behind = min(_run(unknown[:middle, c][::-1]) for c in probes)
     ahead = sorted(_run(free[middle + 2 :, c]) for c in probes)
     share = unknown[middle - beside : middle, start:stop].mean()
@@ -158,7 +160,7 @@ def _run(mask: NDArray[np.bool_]) -> int:
     return int(np.argmin(np.append(mask, False)))
 
 
-def _step(occupied: NDArray[np.bool_], free: NDArray[np.bool_], reach: int) -> int:
-    """Cells by which the face of a wall stands before a leaf in one column; 0 for none within reach."""
+def _step(occupied: NDArray[np.bool_], free: NDArray[np.bool_], reach: int, before: int) -> int:
+    """Cells by which the face of a wall, free `before` it, stands before a leaf in one column; 0 for none within reach."""
     found = np.flatnonzero(occupied[:reach])
-    return int(found[-1]) + 1 if len(found) and free[found[-1] + 1 : found[-1] + 3].any() else 0
+    return int(found[-1]) + 1 if len(found) and free[found[-1] + 1 : found[-1] + 1 + before].any() else 0

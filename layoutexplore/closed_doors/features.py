@@ -43,7 +43,8 @@ def describe(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> NDArra
     """`FEATURES` of rectangles, float64 (n, features); lengths in metres, shares 0..1."""
     top, left, bottom, right = boxes.T
     height, width = bottom - top, right - left
-    t, res, reach = scene.thickness, scene.resolution, scene.thickness + 4
+    t, res, near = scene.thickness, scene.resolution, scene.span(0.15)
+    reach = t + scene.span(0.2)
 
     contacts = [
         _contact(scene, boxes, "left", reach), _contact(scene, boxes, "right", reach),
@@ -55,9 +56,9 @@ def describe(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> NDArra
         (scene.faces[1], scene.faces[0], right, t),
         (scene.faces[2], scene.faces[3], top - 1, -t),
     ):
-        support = _around(same, position) + _around(other, position + shift)
+        support = _around(scene, same, position) + _around(scene, other, position + shift)
         lines.append(np.log1p(support * res))
-        gaps.append(_around(same, position) * res)
+        gaps.append(_around(scene, same, position) * res)
     area = width * height
     known_box = scene.box
     inside = (
@@ -70,7 +71,7 @@ def describe(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> NDArra
     ]  # fmt: skip
     rim = np.stack([top - reach, left - reach, bottom + reach, right + reach], 1)
     rows = np.full_like(top, door.row)
-    front = np.stack([rows - 3, left, rows + 4, right], 1)
+    front = np.stack([rows - near, left, rows + near + 1, right], 1)
     sides = np.stack(contacts[:3])
     ahead = np.stack([top - round(1.5 / res), left, top, right], 1)
     columns = [
@@ -90,8 +91,9 @@ def describe(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> NDArra
 def _fit(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> list[NDArray[np.float64]]:
     """Distances to this door and the next ones, how usual the size is, lines beyond, and the mirrored plan."""
     top, left, bottom, right = boxes.T
-    res, reach = scene.resolution, scene.thickness + 4
-    around = np.array(scene.leaves[max(door.row - 3, 0) : door.row + 4].any(axis=0))
+    res, near, rim = scene.resolution, scene.span(0.15), scene.span(0.1)
+    reach, inner = scene.thickness + scene.span(0.2), scene.span(0.2)
+    around = np.array(scene.leaves[max(door.row - near, 0) : door.row + near + 1].any(axis=0))
     around[door.start : door.stop] = False
     others = np.flatnonzero(around)
     far = round(5.0 / res)
@@ -105,18 +107,19 @@ def _fit(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> list[NDArr
         (scene.faces[1], np.full(size, door.stop), right),
         (scene.faces[2], top - 1, bottom),
     ):
-        strong = np.concatenate([[0], np.cumsum(peaks(same))])
-        lines.append(strong[np.clip(b - 3, 0, len(strong) - 1)] - strong[np.clip(a + 4, 0, len(strong) - 1)])
+        strong = np.concatenate([[0], np.cumsum(peaks(same, res))])
+        first, last = (np.clip(v, 0, len(strong) - 1) for v in (a + near + 1, b - near))
+        lines.append(strong[last] - strong[first])
     rims = [
-        np.stack([top, left - reach, bottom, left + 2], 1), np.stack([top, right - 2, bottom, right + reach], 1),
-        np.stack([top - reach, left, top + 2, right], 1),
+        np.stack([top, left - reach, bottom, left + rim], 1), np.stack([top, right - rim, bottom, right + reach], 1),
+        np.stack([top - reach, left, top + rim, right], 1),
     ]  # fmt: skip
     lengths = (bottom - top, bottom - top, right - left)
     mirrored = [
-        np.minimum(scene.count("mirror_wall", rim) / length, 2.0)
-        for rim, length in zip(rims, lengths, strict=True)
+        np.minimum(scene.count("mirror_wall", box) / length, 2.0)
+        for box, length in zip(rims, lengths, strict=True)
     ]
-    inner_box = np.stack([top + 4, left + 4, bottom - 4, right - 4], 1)
+    inner_box = np.stack([top + inner, left + inner, bottom - inner, right - inner], 1)
     return [
         (door.start - left) * res, (right - door.stop) * res, np.minimum(before, far) * res, np.minimum(after, far) * res,
         _seen(scene.widths[0], right - left), _seen(scene.widths[1], bottom - top), *lines,
@@ -128,16 +131,17 @@ def _fit(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> list[NDArr
 def _neighbours(scene: Scene, boxes: NDArray[np.int64]) -> list[NDArray[np.float64]]:
     """How the far side fits the far walls of the rooms beside, and the sides the walls of the rooms opposite."""
     top, left, bottom, right = boxes.T
-    res, reach, t = scene.resolution, scene.thickness + 4, scene.thickness
+    res, t, near = scene.resolution, scene.thickness, scene.span(0.15)
+    reach = t + scene.span(0.2)
     metre, wide = round(1.0 / res), round(6.0 / res)
     above = np.stack([np.maximum(top - metre, 0), left, top, right], 1)
     out: list[NDArray[np.floating]] = [_contact(scene, above, side, reach) for side in ("left", "right")]
     for a, b in ((left - t - wide, left - t), (right + t, right + t + wide)):
-        out.append(scene.count("far", np.stack([top - 3, a, top + 3, b], 1)) * res)
+        out.append(scene.count("far", np.stack([top - near, a, top + near, b], 1)) * res)
     for a, b in ((left - t - metre, left - t), (right + t, right + t + metre)):
-        out.append(scene.count("outline", np.stack([top - 3 - t // 2, a, top + 3, b], 1)) / metre)
-    across = np.stack([bottom, left - 3, bottom + wide * 2, left + 3], 1)
-    other = np.stack([bottom, right - 3, bottom + wide * 2, right + 3], 1)
+        out.append(scene.count("outline", np.stack([top - near - t // 2, a, top + near, b], 1)) / metre)
+    across = np.stack([bottom, left - near, bottom + wide * 2, left + near], 1)
+    other = np.stack([bottom, right - near, bottom + wide * 2, right + near], 1)
     out.append((scene.count("start", across) + scene.count("stop", other)) * res)
     return [np.asarray(column, np.float64) for column in out]
 
@@ -170,6 +174,8 @@ def _seen(lengths: NDArray[np.float64], values: NDArray[np.int64]) -> NDArray[np
     return np.asarray(np.log1p(lengths[np.clip(values, 0, len(lengths) - 1)]))
 
 
-def _around(support: NDArray[np.int64], position: NDArray[np.int64]) -> NDArray[np.int64]:
-    index = np.clip(position, 2, len(support) - 3)
-    return np.asarray(sum(support[index + k] for k in (-2, -1, 0, 1, 2)))
+def _around(scene: Scene, support: NDArray[np.int64], position: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Cells of wall on the lines within 0.1 m of each position."""
+    beside = scene.span(0.1)
+    index = np.clip(position, beside, len(support) - 1 - beside)
+    return np.asarray(sum(support[index + k] for k in range(-beside, beside + 1)))

@@ -28,7 +28,7 @@ from layoutexplore.closed_doors.features import FEATURES, describe
 from layoutexplore.closed_doors.models import Models, shipped_models
 from layoutexplore.closed_doors.scene import Scene, room_space, wall_thickness
 from layoutexplore.closed_doors.symmetry import best_mirror
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
 
 LEAST_DOOR = 0.25
 """Edges less likely to be doors are walls."""
@@ -41,7 +41,8 @@ LEAST = 0.4
 """Rectangles whose estimated agreement, times the probability of their door, is lower are not drawn: a part raises an
 intersection over union of J when more than J / (1 + J) of it is right, and J is about 0.7."""
 
-_MARK = 16  # cells by which the line that marks a door may run on into the wall
+_MARK = 0.8
+"""Metres by which the line that marks a door may run on into the wall."""
 
 Judge = Callable[[int, NDArray[np.int64], NDArray[np.float32]], NDArray[np.float64]]
 """From quarter turns, edges int64 (n, 3) and their features to the probability float64 (n,) that each is a door."""
@@ -89,7 +90,8 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
                 top, left, bottom, right = box
                 np.rot90(rooms, turns)[top:bottom, left:right] = True
                 np.rot90(doorways, turns)[bottom : door.row + 1, door.start : door.stop] = True
-        rooms &= room_space(without_doors(cells, doors), wall_thickness(cells, grid.resolution))
+        walls = without_doors(cells, grid.resolution, doors)
+        rooms &= room_space(walls, wall_thickness(cells, grid.resolution))
         rooms = (rooms | doorways) & (cells == UNKNOWN)
     rim = cv2.dilate(rooms.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     drawn = np.where(rooms, FREE, np.where(rim & (cells == UNKNOWN), OCCUPIED, grid.cells)).astype(np.int8)
@@ -154,9 +156,9 @@ def turned_scenes(
     for turns, found in enumerate(doors):
         for door in found:
             np.rot90(leaves, turns)[door.row, door.start : door.stop] = True
-    mirror = best_mirror(cells)
+    mirror = best_mirror(cells, resolution)
     thickness, hull = wall_thickness(cells, resolution), _hull(cells != UNKNOWN)
-    possible = room_space(without_doors(cells, doors), thickness)
+    possible = room_space(without_doors(cells, resolution, doors), thickness)
     for turns in range(4):
         view, mirrored = (np.ascontiguousarray(np.rot90(layer, turns)) for layer in (cells, mirror.cells))
         around, shut, space = (
@@ -166,15 +168,17 @@ def turned_scenes(
         yield Scene(view, resolution, thickness, around, shut, mirrored, likeness, space)
 
 
-def without_doors(cells: NDArray[np.int8], doors: Sequence[Sequence[ClosedDoor]]) -> NDArray[np.int8]:
+def without_doors(
+    cells: NDArray[np.int8], resolution: float, doors: Sequence[Sequence[ClosedDoor]]
+) -> NDArray[np.int8]:
     """The cells int8 (rows, cols) with the leaves of doors, their jambs and niches unknown: walls as if without doors."""
-    out = cells.copy()
+    out, mark = cells.copy(), in_cells(_MARK, resolution)
     for turns, found in enumerate(doors):
         view = np.rot90(out, turns)
         for door in found:
             rows = slice(max(door.row - 1, 0), door.row + max(door.recess_other, 1))
             view[rows, door.start : door.stop] = UNKNOWN
-            beside = view[rows, max(door.start - _MARK, 0) : door.stop + _MARK]
+            beside = view[rows, max(door.start - mark, 0) : door.stop + mark]
             beside[beside == OCCUPIED] = UNKNOWN
     return out
 

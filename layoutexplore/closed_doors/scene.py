@@ -9,11 +9,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
 from layoutexplore.grids.runs import run_lengths
 
 LARGEST = 20.0
 """Longest side of a room behind a closed door, in metres."""
+
+APART = 0.25
+"""Metres: lines of walls that lie nearer to each other are one."""
+
+_ASTRAY = 0.05
+"""Metres by which the faces of walls in line, and the thickness of walls, differ from map noise."""
+
+_LINE, _RUN = 0.5, 0.4
+"""Metres of wall in line that make a peak, and of straight wall around a cell that is a face."""
+
+_THINNEST, _WALLS = 0.2, 5.0
+"""Metres: the thinnest wall, and how much wall must be seen from both sides to tell their thickness."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +53,10 @@ class Scene:
     mirrored: NDArray[np.int8]
     likeness: tuple[float, float]
     possible: NDArray[np.bool_]
+
+    def span(self, metres: float) -> int:
+        """A length in cells, one at least."""
+        return in_cells(metres, self.resolution)
 
     @cached_property
     def widths(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -90,10 +106,11 @@ class Scene:
     def faces(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """Length of the walls with their face on each column (free right, free left) and row (free below, free above)."""
         free, occupied = self.cells == FREE, self.cells == OCCUPIED
-        right = (occupied[:, :-1] & free[:, 1:] & _solid(occupied[:, :-1], (9, 1))).sum(0)
-        left = (occupied[:, 1:] & free[:, :-1] & _solid(occupied[:, 1:], (9, 1))).sum(0)
-        below = (occupied[:-1] & free[1:] & _solid(occupied[:-1], (1, 9))).sum(1)
-        above = (occupied[1:] & free[:-1] & _solid(occupied[1:], (1, 9))).sum(1)
+        run = 2 * self.span(_RUN / 2) + 1
+        right = (occupied[:, :-1] & free[:, 1:] & _solid(occupied[:, :-1], (run, 1))).sum(0)
+        left = (occupied[:, 1:] & free[:, :-1] & _solid(occupied[:, 1:], (run, 1))).sum(0)
+        below = (occupied[:-1] & free[1:] & _solid(occupied[:-1], (1, run))).sum(1)
+        above = (occupied[1:] & free[:-1] & _solid(occupied[1:], (1, run))).sum(1)
         return np.append(right, 0), np.insert(left, 0, 0), np.append(below, 0), np.insert(above, 0, 0)
 
     def count(self, name: str, box: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -123,17 +140,25 @@ def wall_thickness(cells: NDArray[np.int8], resolution: float) -> int:
         lengths = run_lengths(turned != FREE)
         lengths = lengths[lengths < len(counts)]
         counts += np.bincount(lengths, minlength=len(counts))
-    counts[: max(round(0.2 / resolution), 2)] = 0
-    if counts.sum() < 100:
-        return max(round(0.2 / resolution), 2)
-    return max(int(np.argmax(np.convolve(counts, [1, 2, 1], "same"))), 2)
+    thinnest = max(in_cells(_THINNEST, resolution), 2)
+    counts[:thinnest] = 0
+    if counts.sum() * resolution < _WALLS:
+        return thinnest
+    slope = np.arange(in_cells(_ASTRAY, resolution)) + 1
+    near = np.concatenate([slope, [len(slope) + 1], slope[::-1]])
+    return max(int(np.argmax(np.convolve(counts, near, "same"))), 2)
 
 
-def peaks(support: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Where the walls in line are longest within 5 cells, and 0.5 m long at least."""
-    smooth = np.convolve(support, [1, 1, 1], "same")
-    highest = cv2.dilate(smooth.astype(np.float32).reshape(1, -1), np.ones((1, 11), np.uint8))[0]
-    return np.asarray((smooth == highest) & (smooth >= 10))
+def in_line(support: NDArray[np.int64], resolution: float) -> NDArray[np.int64]:
+    """Length of the walls (in cells) on each line or as little beside it as walls are astray."""
+    return np.asarray(np.convolve(support, np.ones(2 * in_cells(_ASTRAY, resolution) + 1, np.int64), "same"))
+
+
+def peaks(support: NDArray[np.int64], resolution: float) -> NDArray[np.bool_]:
+    """Where the walls in line are longest nearby (`APART`), and 0.5 m long at least."""
+    smooth, near = in_line(support, resolution), 2 * in_cells(APART, resolution) + 1
+    highest = cv2.dilate(smooth.astype(np.float32).reshape(1, -1), np.ones((1, near), np.uint8))[0]
+    return np.asarray((smooth == highest) & (smooth >= in_cells(_LINE, resolution)))
 
 
 def _solid(mask: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:
@@ -143,11 +168,11 @@ def _solid(mask: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:
 
 
 def _run_lengths(cells: NDArray[np.int8], resolution: float) -> NDArray[np.float64]:
-    """Metres of free space in runs along rows, by their length in cells, smoothed over 5 cells."""
+    """Metres of free space in runs along rows, by their length in cells, smoothed over 0.1 m to either side."""
     lengths = run_lengths(cells == FREE)
-    most = round(LARGEST / resolution) + 3
+    most = round(LARGEST / resolution) + in_cells(0.15, resolution)
     counts = np.bincount(lengths[lengths < most], minlength=most) * resolution
-    return np.asarray(np.convolve(counts, np.ones(5), "same"))
+    return np.asarray(np.convolve(counts, np.ones(2 * in_cells(0.1, resolution) + 1), "same"))
 
 
 def _moved(mask: NDArray[np.bool_], rows: int, cols: int) -> NDArray[np.bool_]:

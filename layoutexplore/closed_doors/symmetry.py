@@ -8,10 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
 
-_COARSE = 4  # cells a side of what the search looks at first
-_OVERLAP = 0.45  # least share of what is known that must fall on known cells
+_COARSE = 0.2
+"""Metres a side of the squares that the search looks at first."""
+
+_OVERLAP = 0.45
+"""Least share of what is known that must fall on known cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,17 +32,19 @@ class Mirror:
     overlap: float
 
 
-def best_mirror(cells: NDArray[np.int8]) -> Mirror:
+def best_mirror(cells: NDArray[np.int8], resolution: float) -> Mirror:
     """The better of the mirror images along rows and along columns.
 
     Args:
         cells: int8 (rows, cols), as in `OccupancyGrid`, with walls along rows and columns.
+        resolution: Metres a cell.
     """
-    walls = _shrink(cells == OCCUPIED, 0.05)
-    floor = _shrink(cells == FREE, 0.5)
+    side = in_cells(_COARSE, resolution)
+    walls = _shrink(cells == OCCUPIED, side, 0.05)
+    floor = _shrink(cells == FREE, side, 0.5)
     quality, overlap, axis, place = max(_place(walls, floor, axis) for axis in (0, 1))
     # index k: cell i of the map falls on cell k - i of the mirrored one
-    shifts = range((place - 1) * _COARSE, (place + 2) * _COARSE)
+    shifts = range((place - 1) * side, (place + 2) * side)
     fine = max(shifts, key=lambda shift: _hits(cells, axis, shift))
     size = cells.shape[axis]
     source = fine - np.arange(size)
@@ -62,9 +67,10 @@ def _place(
     return float(quality[best]), float(overlap[best]), axis, best
 
 
-def _shrink(mask: NDArray[np.bool_], least: float) -> NDArray[np.float32]:
-    size = (-(-mask.shape[1] // _COARSE), -(-mask.shape[0] // _COARSE))
-    padded = np.zeros((size[1] * _COARSE, size[0] * _COARSE), np.float32)
+def _shrink(mask: NDArray[np.bool_], side: int, least: float) -> NDArray[np.float32]:
+    """Squares of so many cells a side whose share of true cells is higher than the least."""
+    size = (-(-mask.shape[1] // side), -(-mask.shape[0] // side))
+    padded = np.zeros((size[1] * side, size[0] * side), np.float32)
     padded[: mask.shape[0], : mask.shape[1]] = mask
     return np.asarray(cv2.resize(padded, size, interpolation=cv2.INTER_AREA) > least, np.float32)
 

@@ -158,6 +158,16 @@ def check_cell_range(cells: NDArray[np.generic]) -> None:
         )
 
 
+def in_cells(metres: float, resolution: float) -> int:
+    """A length in whole cells, one at least.
+
+    Example:
+        >>> in_cells(0.15, 0.05), in_cells(0.15, 0.025), in_cells(0.02, 0.1)
+        (3, 6, 1)
+    """
+    return max(round(metres / resolution), 1)
+
+
 def check_resolution(resolution: float) -> None:
     """Raise `MapError` unless the resolution is a finite number of metres above 0."""
     if (

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.decision import Decision
-from layoutexplore.grids.grid import OCCUPIED, UNKNOWN
+from layoutexplore.grids.grid import OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
 from layoutexplore.predictors.bit_map import draw_bit_map, extended_walls
 from layoutexplore.predictors.protocol import RoomLabels, classes_in, with_classes
 from layoutexplore.predictors.room_completion import Shape, complete_regions
@@ -26,6 +26,9 @@ LINE_WEIGHT, SHAPE_WEIGHT, COUNT_WEIGHT = 10.0, 10.0, 5.0
 
 MOST_FACES, FACE_AREA = 9, (0.1, 60.0)
 """Most candidate faces of a room, and the areas in square metres that they may have."""
+
+_BLUR, _SIMPLER, _BESIDE = 0.1, 0.3, 0.2
+"""Metres: blur before the direction of walls is taken, what outlines are simplified by, how far a wall is from a side it backs."""
 
 Outline = Callable[[NDArray[np.int32], float], NDArray[np.float64]]
 """(points (x, y) int32 (n, 2), main angle in radians) -> corners float64 (k, 2)."""
@@ -49,7 +52,7 @@ class ShapePredictor:
         regions = seen_regions(cells, resolution)
         if self._outline is None:
             return complete_regions(cells, regions, {})
-        return complete_regions(cells, regions, draw_shapes(cells, regions, self._outline))
+        return complete_regions(cells, regions, draw_shapes(cells, resolution, regions, self._outline))
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with the classes that follow from the rooms."""
@@ -60,9 +63,10 @@ class ShapePredictor:
         )
 
 
-def main_angle(cells: NDArray[np.int8]) -> float:
+def main_angle(cells: NDArray[np.int8], resolution: float) -> float:
     """Direction of the walls against the grid's columns in radians, in [-pi/4, pi/4], as the fourfold mean of their gradient."""
-    blurred = cv2.GaussianBlur((cells == OCCUPIED).astype(np.float32), (5, 5), 1.0)
+    side, sigma = 2 * in_cells(2 * _BLUR, resolution) + 1, _BLUR / resolution
+    blurred = cv2.GaussianBlur((cells == OCCUPIED).astype(np.float32), (side, side), sigma)
     gradient = cv2.Sobel(blurred, cv2.CV_32F, 1, 0) + 1j * cv2.Sobel(blurred, cv2.CV_32F, 0, 1)
     size = np.maximum(np.abs(gradient), 1e-3)
     unit = gradient / size
@@ -88,9 +92,11 @@ def parallel_outline(points: NDArray[np.int32], angle: float) -> NDArray[np.floa
     return np.asarray(np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)]) @ along)
 
 
-def draw_shapes(cells: NDArray[np.int8], regions: Regions, outline: Outline) -> dict[int, Shape]:
+def draw_shapes(
+    cells: NDArray[np.int8], resolution: float, regions: Regions, outline: Outline
+) -> dict[int, Shape]:
     """The shape of every region that borders the unknown."""
-    angle, boxes = main_angle(cells), regions.boxes
+    angle, boxes = main_angle(cells, resolution), regions.boxes
     beside = cv2.dilate((cells == UNKNOWN).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     partial = np.unique(regions.labels[beside & (regions.labels > 0)])
     return {int(region): _draw(regions, boxes, int(region), outline, angle) for region in partial}
@@ -124,7 +130,7 @@ class FaceSubsetPredictor:
         candidates = _neighbouring_faces(regions, faces, stats[:, cv2.CC_STAT_AREA] * resolution**2)
         shapes = {}
         for region, chosen in candidates.items():
-            shape = _best_subset(cells, regions, faces, region, chosen)
+            shape = _best_subset(decision.grid, regions, faces, region, chosen)
             if shape is not None:
                 shapes[region] = shape
         return complete_regions(cells, regions, shapes)
@@ -160,21 +166,22 @@ def _neighbouring_faces(
 
 
 def _best_subset(
-    cells: NDArray[np.int8], regions: Regions, faces: NDArray[np.int32], region: int, candidates: list[int]
+    grid: OccupancyGrid, regions: Regions, faces: NDArray[np.int32], region: int, candidates: list[int]
 ) -> Shape | None:
     """The union of the best faces and the lines between them; None where nothing beats the seen part."""
+    cells, resolution = grid.cells, grid.resolution
     part = (regions.labels == region) | np.isin(faces, candidates)
     rows, cols = np.flatnonzero(part.any(1)), np.flatnonzero(part.any(0))
     window = np.s_[max(rows[0] - 2, 0) : rows[-1] + 3, max(cols[0] - 2, 0) : cols[-1] + 3]
     seen = (regions.labels[window] == region).astype(np.uint8)
     walls, unknown = cells[window] == OCCUPIED, cells[window] == UNKNOWN
-    best, best_score = None, _subset_score(seen, walls)
+    best, best_score = None, _subset_score(seen, walls, resolution)
     singles = [_with_lines(seen | (faces[window] == face), unknown) for face in candidates]
     # Up to three faces together: more are almost never the best and cost as many again.
     for size in (1, 2, 3):
         for subset in combinations(range(len(singles)), size):
             union = _with_lines(np.maximum.reduce([singles[k] for k in subset]), unknown)
-            score = _subset_score(union, walls)
+            score = _subset_score(union, walls, resolution)
             if score > best_score:
                 best, best_score = union, score
     return None if best is None else Shape(int(window[0].start), int(window[1].start), best > 0)
@@ -186,7 +193,7 @@ def _with_lines(part: NDArray[np.uint8], unknown: NDArray[np.bool_]) -> NDArray[
     return np.where(unknown, closed, part).astype(np.uint8)
 
 
-def _subset_score(part: NDArray[np.uint8], walls: NDArray[np.bool_]) -> float:
+def _subset_score(part: NDArray[np.uint8], walls: NDArray[np.bool_], resolution: float) -> float:
     """Walls seen on the sides, less what lacks to the convex hull, less the number of sides."""
     contours, _ = cv2.findContours(part, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if len(contours) != 1:
@@ -195,8 +202,9 @@ def _subset_score(part: NDArray[np.uint8], walls: NDArray[np.bool_]) -> float:
     area = max(int(part.sum()), 1)
     hull = np.zeros_like(part)
     cv2.fillPoly(hull, [cv2.convexHull(contour)], 1)
-    corners = cv2.approxPolyDP(contour, 3.0, True).reshape(-1, 2)
-    near = cv2.dilate(walls.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    corners = cv2.approxPolyDP(contour, in_cells(_SIMPLER, resolution), True).reshape(-1, 2)
+    side = 2 * in_cells(_BESIDE, resolution) + 1
+    near = cv2.dilate(walls.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     weights = 0.0
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         steps = int(max(abs(b - a).max(), 1))

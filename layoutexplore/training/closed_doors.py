@@ -26,7 +26,7 @@ from layoutexplore.closed_doors.prediction import find_closed_doors, turned_scen
 from layoutexplore.closed_doors.scene import Scene, integral
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.files import is_whole, read_arrays, write_arrays
-from layoutexplore.grids.grid import FREE
+from layoutexplore.grids.grid import FREE, in_cells
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.models.forest_files import save_forests
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
@@ -42,7 +42,11 @@ ROOM_BOOSTING = BoostingConfig(trees=150, rate=0.08, leaves=12, leaf_samples=40,
 """How the trees that find doors and those that score rectangles are grown."""
 
 _KEPT, _BEST = 24, 4  # rectangles kept of a door: at random, and the best
-_BEHIND = 0.35  # metres behind an edge that are hidden where it is a door
+_BEHIND = 0.35
+"""Metres behind an edge that are hidden where it is a door."""
+
+_TOUCHED = 0.075
+"""Square metres of a hidden room that must lie right behind a door of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +121,10 @@ def agreement_of(
     rooms: NDArray[np.int32],
 ) -> NDArray[np.float64]:
     """Hidden cells of each rectangle over the rectangle and the room behind the door together, float64 (n,)."""
-    behind = rooms[max(door.row - 6, 0) : door.row + 1, door.start : door.stop]
+    deep = in_cells(0.3, scene.resolution)
+    behind = rooms[max(door.row - deep, 0) : door.row + 1, door.start : door.stop]
     ids, counts = np.unique(behind[behind > 0], return_counts=True)
-    room = np.isin(rooms, ids[counts > 30])
+    room = np.isin(rooms, ids[counts > round(_TOUCHED / scene.resolution**2)])
     if not room.any():
         return np.zeros(len(boxes))
     top, left, bottom, right = boxes.T
@@ -218,7 +223,11 @@ def _maps(source: Source, rng: np.random.Generator) -> tuple[NDArray[np.int8], N
 
     if source.truth is not None:
         return read_cells(source.path), read_cells(source.truth)
-    truth = read_cells(source.path) if "-shut-" in source.name else plan_cells(load_plan(source.path), rng)
+    truth = (
+        read_cells(source.path)
+        if "-shut-" in source.name
+        else plan_cells(load_plan(source.path), RESOLUTION, rng)
+    )
     cells = shut_rooms(truth, RESOLUTION, rng)
     return None if cells is None else add_outer_doors(cells, truth, RESOLUTION, rng, int(rng.integers(3)))
 

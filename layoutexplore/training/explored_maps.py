@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Pose
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Pose, in_cells
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper
 from layoutexplore.training.merging_examples import Example, make_example
-from layoutexplore.training.simulated_maps import DENSITIES, choose_stops, furnish
+from layoutexplore.training.simulated_maps import DENSITIES, choose_stops, furnish_cells
 
 RANGES, FIELDS = (4.0, 8.0, 15.0, 30.0), (np.pi, 2 * np.pi, 2 * np.pi)
 DENSE, SPARSE = (720,), (180, 360, 720)
@@ -41,8 +41,8 @@ def explore_map(
         cells: int8 (rows, cols), trinary.
         resolution: Metres a cell.
         rng: Source of randomness.
-        dense: Whether the beams stand close, and what lies two cells beside what they see is known too; else
-            one.
+        dense: Whether the beams stand close, and what lies 0.1 m beside what they see is known too; else
+            0.05 m.
     """
     solid = cells != FREE
     beams = int(rng.choice(DENSE if dense else SPARSE))
@@ -52,7 +52,7 @@ def explore_map(
     for cell in choose_stops(~inflate(solid, CLEARANCE, resolution), resolution, rng):
         x, y = mapper.grid.cell_to_world(*cell)
         mapper.observe(lidar, Pose(x, y, float(rng.uniform(0, 2 * np.pi))))
-    side = 5 if dense else 3
+    side = 2 * in_cells(0.1 if dense else 0.05, resolution) + 1
     shown = cv2.dilate((mapper.grid.cells == FREE).astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     return np.where(shown, cells, UNKNOWN).astype(np.int8)
 
@@ -78,7 +78,7 @@ def explored_examples(
     """
     versions = [explore_map(cells, resolution, rng, dense=k % 4 == 0) for k in range(VERSIONS)]
     for k in range(FURNISHED):
-        added = furnish(cells == OCCUPIED, truth, float(rng.choice(DENSITIES[1:])), resolution, rng)
+        added = furnish_cells(cells == OCCUPIED, truth, float(rng.choice(DENSITIES[1:])), resolution, rng)
         furnished = np.where(added & (cells == FREE), OCCUPIED, cells).astype(np.int8)
         versions.append(
             explore_map(furnished, resolution, rng, dense=k % 2 == 0) if rng.random() < 0.5 else furnished

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
 from layoutexplore.maps.floorplan import FloorPlan
 
 RESOLUTION = 0.05
@@ -56,7 +56,7 @@ def find_doorways(cells: NDArray[np.int8], resolution: float) -> list[Doorway]:
 
 def _passages(free: NDArray[np.bool_], resolution: float) -> list[tuple[int, int, int, int]]:
     """First row, row behind the last, first and last column of stacks of equal short runs between wider ones."""
-    step = np.diff(free.astype(np.int8), axis=1)
+    step, astray = np.diff(free.astype(np.int8), axis=1), in_cells(0.15, resolution)
     open_stacks: list[list[int]] = []
     found = []
     for row in range(free.shape[0]):
@@ -65,24 +65,27 @@ def _passages(free: NDArray[np.bool_], resolution: float) -> list[tuple[int, int
         runs = np.stack([starts, stops], 1)[narrow].tolist()
         going = []
         for stack in open_stacks:
-            near = [r for r in runs if abs(r[0] - stack[2]) <= 3 and abs(r[1] - stack[3]) <= 3]
+            near = [r for r in runs if max(abs(r[0] - stack[2]), abs(r[1] - stack[3])) <= astray]
             if near:
                 runs.remove(near[0])
                 stack[1], stack[2], stack[3] = row + 1, max(stack[2], near[0][0]), min(stack[3], near[0][1])
                 going.append(stack)
-            elif _DEPTHS[0] <= (stack[1] - stack[0]) * resolution <= _DEPTHS[1] and _wider(free, stack):
+            elif _DEPTHS[0] <= (stack[1] - stack[0]) * resolution <= _DEPTHS[1] and _wider(
+                free, stack, resolution
+            ):
                 found.append((stack[0], stack[1], stack[2], stack[3]))
         open_stacks = going + [[row, row + 1, *run] for run in runs]
     return found
 
 
-def _wider(free: NDArray[np.bool_], stack: list[int]) -> bool:
+def _wider(free: NDArray[np.bool_], stack: list[int], resolution: float) -> bool:
     """Whether the free space widens on both sides of a passage."""
     top, bottom, start, stop = stack
-    if stop - start < 6 or top < 4 or bottom > free.shape[0] - 4:
+    beside, rim = in_cells(0.15, resolution), in_cells(0.2, resolution)
+    if stop - start < in_cells(0.3, resolution) or top < rim or bottom > free.shape[0] - rim:
         return False
     middle, more = (start + stop) // 2, (stop - start) // 4
-    for row in (top - 3, bottom + 2):
+    for row in (top - beside, bottom - 1 + beside):
         if not free[row, middle]:
             return False
         left, right = free[row, max(start - more, 0) : middle].all(), free[row, middle : stop + more].all()
@@ -119,7 +122,8 @@ def shut_rooms(
             break
     if not shut:
         return None
-    around = cv2.dilate(seen.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    side = 2 * in_cells(0.1, resolution) + 1
+    around = cv2.dilate(seen.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     cells = np.where(seen, FREE, np.where((truth == OCCUPIED) & around, OCCUPIED, UNKNOWN)).astype(np.int8)
     touched = cv2.dilate(seen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     for line in shut:
@@ -162,15 +166,16 @@ def _largest(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax()))
 
 
-def plan_cells(plan: FloorPlan, rng: np.random.Generator) -> NDArray[np.int8]:
+def plan_cells(plan: FloorPlan, resolution: float, rng: np.random.Generator) -> NDArray[np.int8]:
     """The map int8 (rows, cols) of a floor plan: its free space, shrunk at random for thicker walls, and its rim.
 
     Args:
         plan: A floor plan whose walls run along rows and columns.
+        resolution: Metres a cell.
         rng: How much is shrunk, and which cells of the rim are missing.
     """
-    free = plan.rasterize(RESOLUTION, margin=1.0).free
-    shrink = 2 * int(rng.integers(0, 3)) + 1
+    free = plan.rasterize(resolution, margin=1.0).free
+    shrink = 2 * int(rng.integers(0, 3)) * in_cells(0.05, resolution) + 1
     free = cv2.erode(free.astype(np.uint8), np.ones((shrink, shrink), np.uint8)) > 0
     free = _largest(free)
     rim = cv2.dilate(free.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
@@ -194,39 +199,35 @@ def add_outer_doors(
         Both maps with the doors.
     """
     cells, truth = cells.copy(), truth.copy()
-    width, space, face = (round(metres / resolution) for metres in (1.2, 2.5, 1.8))
-    kernel = np.ones((space, face), np.uint8)
+
+    def cells_of(metres: float) -> int:
+        return in_cells(metres, resolution)
+
+    width, space, face, wall = (cells_of(metres) for metres in (1.2, 2.5, 1.8, 0.15))
+    behind = np.ones((space, face), np.uint8), (face // 2, space - 1)
+    before = np.ones((cells_of(0.2), face), np.uint8), (face // 2, 0)
     for turns in rng.permutation(4)[:count].tolist():
         seen, true = np.rot90(cells, turns), np.rot90(truth, turns)
-        outside = (
-            cv2.erode(
-                ((seen == UNKNOWN) & (true == UNKNOWN)).astype(np.uint8),
-                kernel,
-                anchor=(face // 2, space - 1),
-            )
-            > 0
-        )
-        inside = (
-            cv2.erode((seen == FREE).astype(np.uint8), np.ones((4, face), np.uint8), anchor=(face // 2, 0))
-            > 0
-        )
+        unknown = ((seen == UNKNOWN) & (true == UNKNOWN)).astype(np.uint8)
+        outside = cv2.erode(unknown, behind[0], anchor=behind[1]) > 0
+        inside = cv2.erode((seen == FREE).astype(np.uint8), before[0], anchor=before[1]) > 0
         near = np.zeros(seen.shape, np.bool_)
-        near[3:] = outside[:-3] & inside[3:]
+        near[wall:] = outside[:-wall] & inside[wall:]
         places = np.argwhere(near)
-        places = places[(places[:, 0] > 2 * space // 3) & (places[:, 0] < seen.shape[0] - 4)]
+        last = seen.shape[0] - cells_of(0.2)
+        places = places[(places[:, 0] > 2 * space // 3) & (places[:, 0] < last)]
         if not len(places):
             continue
         row, col = places[rng.integers(len(places))]
-        start, stop = (
-            int(col) - width // 2 + int(rng.integers(3)),
-            int(col) + width // 2 - int(rng.integers(3)),
-        )
-        deep, pocket = int(rng.integers(3, 8)), int(rng.integers(1, 12))
+        start = int(col) - width // 2 + int(rng.integers(cells_of(0.15)))
+        stop = int(col) + width // 2 - int(rng.integers(cells_of(0.15)))
+        deep = int(rng.integers(wall, cells_of(0.4)))
+        pocket = int(rng.integers(cells_of(0.05), cells_of(0.6)))
         leaf = int(row) - deep
         for grid in (seen, true):
             grid[leaf:row, start - 1 : stop + 1] = OCCUPIED
             grid[leaf + 1 : row + 1, start:stop] = FREE
-        extra = int(rng.integers(0, 8))
-        seen[leaf, start - extra : stop + 8 - extra] = OCCUPIED
+        extra = int(rng.integers(0, cells_of(0.4)))
+        seen[leaf, start - extra : stop + cells_of(0.4) - extra] = OCCUPIED
         true[max(leaf - pocket, 0) : leaf + 1, start:stop] = FREE
     return cells, truth

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import LayoutExploreError
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell, Pose
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell, Pose, in_cells
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.planning.shortest_paths import geodesic_distances
@@ -18,8 +18,8 @@ from layoutexplore.sensing.mapper import Mapper
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
 
 RESOLUTION = 0.05
-LARGEST = 3_000_000
-"""Cells of a raster above which a plan is left out: it would weigh as much as ten others and take as long."""
+LARGEST = 7500.0
+"""Square metres of a raster above which a plan is left out: it would weigh as much as ten others and take as long."""
 
 DENSITIES = (0.0, 0.05, 0.15, 0.3)
 """Pieces of furniture a square metre, one of them for each map."""
@@ -34,7 +34,7 @@ STOPS, NEIGHBOURHOODS = (6, 15, 40), (10, 25, 60, 150, 400)
 """Scans a map, and how many of 600 random places, the nearest to the start, they are spread over."""
 
 
-def furnish(
+def furnish_cells(
     occupied: NDArray[np.bool_],
     rooms: NDArray[np.int32],
     density: float,
@@ -42,6 +42,9 @@ def furnish(
     rng: np.random.Generator,
 ) -> NDArray[np.bool_]:
     """Add furniture: columns, cupboards, tables on four legs, things that stand askew; none reaches through a wall.
+
+    The furniture of generated plans (`layoutexplore.maps.generator.furniture`) stands as people place it; this one
+    stands anywhere, also where no plan but only a grid is at hand, and is drawn with the walls of a scan.
 
     Args:
         occupied: bool (rows, cols).
@@ -53,28 +56,38 @@ def furnish(
     out, floor = occupied.copy(), np.argwhere(rooms > 0)
     for _ in range(int(len(floor) * resolution**2 * density)):
         row, col = (int(v) for v in floor[rng.integers(len(floor))])
-        reach = 44
+        reach = in_cells(2.2, resolution)
         part = np.s_[max(row - reach, 0) : row + reach, max(col - reach, 0) : col + reach]
         here = rooms[part] == rooms[row, col]
-        out[part] |= (_furniture(here.shape, row - part[0].start, col - part[1].start, rng) > 0) & here
+        place = Cell(row - part[0].start, col - part[1].start)
+        out[part] |= (_furniture(here.shape, place, resolution, rng) > 0) & here
     return out
 
 
-def _furniture(shape: tuple[int, ...], row: int, col: int, rng: np.random.Generator) -> NDArray[np.uint8]:
+def _furniture(
+    shape: tuple[int, ...], place: Cell, resolution: float, rng: np.random.Generator
+) -> NDArray[np.uint8]:
+    """One thing at a place: not 0 where it stands."""
+
+    def cells_of(metres: float) -> int:
+        return in_cells(metres, resolution)
+
+    (row, col), one, two = place, cells_of(0.05), cells_of(0.1)
     canvas, kind = np.zeros(shape, np.uint8), rng.integers(4)
     if kind == 0:
-        cv2.circle(canvas, (col, row), int(rng.integers(1, 5)), 1, cv2.FILLED)
+        cv2.circle(canvas, (col, row), int(rng.integers(one, cells_of(0.25))), 1, cv2.FILLED)
     elif kind == 1:
-        w, h = (int(v) for v in rng.integers(6, 36, 2))
+        w, h = (int(v) for v in rng.integers(cells_of(0.3), cells_of(1.8), 2))
         canvas[row : row + h, col : col + w] = 1
         if rng.random() < 0.5:
-            canvas[row + 1 : row + h - 1, col + 1 : col + w - 1] = 0
+            canvas[row + one : row + h - one, col + one : col + w - one] = 0
     elif kind == 2:
-        w, h = (int(v) for v in rng.integers(10, 36, 2))
+        w, h = (int(v) for v in rng.integers(cells_of(0.5), cells_of(1.8), 2))
         for down, along in ((0, 0), (0, w), (h, 0), (h, w)):
-            canvas[row + down : row + down + 2, col + along : col + along + 2] = 1
+            canvas[row + down : row + down + two, col + along : col + along + two] = 1
     else:
-        size = (float(rng.uniform(8, 40)), float(rng.uniform(4, 16)))
+        sides = ((0.4, 2.0), (0.2, 0.8))
+        size = tuple(float(rng.uniform(cells_of(low), cells_of(high))) for low, high in sides)
         corners = cv2.boxPoints(((float(col), float(row)), size, float(rng.uniform(0, 180))))
         cv2.fillPoly(canvas, [np.rint(corners).astype(np.int32)], 1)
     return canvas
@@ -118,7 +131,7 @@ def choose_stops(
         rng: Source of randomness.
     """
     places = np.argwhere(allowed)
-    if len(places) < 100:
+    if len(places) < round(0.25 / resolution**2):
         return []
     start = places[rng.integers(len(places))]
     away = geodesic_distances(allowed, Cell(int(start[0]), int(start[1])), resolution)
@@ -132,11 +145,13 @@ def choose_stops(
 def simulated_example(plan: FloorPlan, rng: np.random.Generator) -> Example | None:
     """A map of a floor plan as something to learn from; None for a plan too large or too small."""
     raster = plan.rasterize(RESOLUTION)
-    if raster.room_ids.size > LARGEST:
+    if raster.room_ids.size > round(LARGEST / RESOLUTION**2):
         return None
     density = float(rng.choice(DENSITIES))
     occupied = (
-        furnish(raster.occupied, raster.room_ids, density, RESOLUTION, rng) if density else raster.occupied
+        furnish_cells(raster.occupied, raster.room_ids, density, RESOLUTION, rng)
+        if density
+        else raster.occupied
     )
     cells = see(occupied, raster.room_ids, raster.origin, rng)
     if cells is None:

@@ -10,7 +10,7 @@ from layoutexplore.closed_doors.models import shipped_models
 from layoutexplore.closed_doors.prediction import door_probability, find_closed_doors
 from layoutexplore.evaluation.closed_doors import score_prediction
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
-from tests.closed_doors.cases import WALL, WIDTH, office
+from tests.closed_doors.cases import DEPTH, WALL, WIDTH, office
 
 
 def test_closed_doors_are_found_and_open_ones_are_not() -> None:
@@ -33,6 +33,23 @@ def test_a_shut_room_between_its_neighbours_is_predicted(turns: int) -> None:
     score = score_prediction(predicted.grid.free, seen == FREE, truth == FREE)
     assert score.iou > 0.8
     assert np.array_equal(predicted.grid.cells[seen != UNKNOWN], seen[seen != UNKNOWN])
+
+
+@pytest.mark.parametrize("resolution", [0.025, 0.05, 0.1])
+def test_a_drawn_scene_gives_the_same_doors_and_rooms_on_every_grid(resolution: float) -> None:
+    seen, truth = office((2,), resolution=resolution)
+    models = shipped_models()
+    found = find_closed_doors(
+        seen, resolution, lambda turns, edges, features: door_probability(features, models)
+    )
+    assert [len(doors) for doors in found] == [1, 0, 0, 0]
+    left = 10 + 2 * (WIDTH + WALL)
+    assert abs(found[0][0].start * resolution - 0.05 * (left + 25)) <= resolution
+    assert abs(found[0][0].stop * resolution - 0.05 * (left + 45)) <= resolution
+    predicted = predict_closed_rooms(OccupancyGrid(seen, resolution))
+    assert score_prediction(predicted.grid.free, seen == FREE, truth == FREE).iou > 0.8
+    area = (predicted.rooms & (truth == FREE)).sum() * resolution**2
+    assert area == pytest.approx(WIDTH * DEPTH * 0.05**2, rel=0.15)
 
 
 def test_a_grid_without_anything_known_stays_as_it_is() -> None:

@@ -18,7 +18,7 @@ def test_the_mirror_image_of_a_symmetric_plan_completes_it(axis: int) -> None:
     half[tuple(slice(seen.shape[axis], None) if k == axis else slice(None) for k in (0, 1))] = np.flip(
         truth, axis
     )
-    mirror = best_mirror(half)
+    mirror = best_mirror(half, 0.05)
     hidden = (whole == FREE) & (half != FREE)
     assert hidden.any() and (mirror.cells[hidden] == FREE).mean() > 0.98
     assert mirror.score > 0.3 and mirror.overlap > 0.9

@@ -9,7 +9,8 @@ import pytest
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.training.shut_rooms import add_outer_doors, find_doorways, plan_cells, shut_rooms
-from tests.closed_doors.cases import _with_walls, office
+from layoutexplore.training.simulated_maps import furnish_cells
+from tests.closed_doors.cases import office, with_walls
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -29,13 +30,39 @@ def test_rooms_shut_at_random_are_hidden_and_nothing_else(seed: int) -> None:
 
 
 def test_a_map_without_doorways_shuts_nothing() -> None:
-    cells = _with_walls(np.pad(np.ones((60, 60), bool), 8))
+    cells = with_walls(np.pad(np.ones((60, 60), bool), 8))
     assert shut_rooms(cells, 0.05, np.random.default_rng(0)) is None
 
 
 def test_a_floor_plan_becomes_a_map() -> None:
     plan = floorplan_from_ascii("#######\n#aa.bb#\n#aa#bb#\n#######", resolution=1.0)
-    cells = plan_cells(plan, np.random.default_rng(0))
+    cells = plan_cells(plan, 0.05, np.random.default_rng(0))
     assert set(np.unique(cells)) == {FREE, OCCUPIED, UNKNOWN} and (
         cells == FREE
     ).sum() * 0.05**2 == pytest.approx(9, rel=0.25)
+
+
+@pytest.mark.parametrize("resolution", [0.025, 0.05, 0.1])
+def test_doorways_are_the_same_in_metres_on_every_grid(resolution: float) -> None:
+    truth = office((), resolution=resolution)[1]
+    found = [(d.turns, d.row, d.end, d.start, d.stop) for d in find_doorways(truth, resolution)]
+    expected = [(d.turns, d.row, d.end, d.start, d.stop) for d in find_doorways(office(())[1], 0.05)]
+    assert len(found) == len(expected) == 6
+    for one, other in zip(sorted(found), sorted(expected), strict=True):
+        assert np.abs(np.array(one[1:]) * resolution - np.array(other[1:]) * 0.05).max() <= max(
+            resolution, 0.05
+        )
+    seen = shut_rooms(truth, resolution, np.random.default_rng(1))
+    assert seen is not None
+    seen, truth = (np.pad(m, round(4 / resolution), constant_values=UNKNOWN) for m in (seen, truth))
+    more, true = add_outer_doors(seen, truth, resolution, np.random.default_rng(0), 4)
+    outer = ((true == FREE) & (truth != FREE)).sum() * resolution**2
+    assert 0.3 < outer < 4 * 1.2 * 0.95 and more.shape == seen.shape
+
+
+@pytest.mark.parametrize("resolution", [0.025, 0.05, 0.1])
+def test_furniture_is_as_large_on_every_grid(resolution: float) -> None:
+    rooms = np.ones((round(40 / resolution), round(40 / resolution)), np.int32)
+    free = np.zeros(rooms.shape, np.bool_)
+    covered = furnish_cells(free, rooms, 0.05, resolution, np.random.default_rng(0)).mean()
+    assert 0.015 < covered < 0.035
