@@ -66,6 +66,16 @@ class PolicySpec:
         """Whether it has to be shown the tour."""
         return not _OF_THE_TOUR.isdisjoint(self.frontier_features)
 
+    @property
+    def frontier_columns(self) -> list[int]:
+        """Where its features of a frontier stand among `FRONTIER_FEATURES`."""
+        return [list(FRONTIER_FEATURES).index(name) for name in self.frontier_features]
+
+    @property
+    def rank_column(self) -> int | None:
+        """Where 1 / the place in the tour stands among its features; it alone is not compressed by asinh."""
+        return self.frontier_features.index("tour_rank") if "tour_rank" in self.frontier_features else None
+
     def as_table(self) -> dict[str, Any]:
         """Nested plain values for TOML."""
         return {k: list(v) if isinstance(v, tuple) else v for k, v in dataclasses.asdict(self).items()}

@@ -21,7 +21,7 @@ from layoutexplore.options import COUNT, POSITIVE, Rule, check, rule_like
 DEFAULTS = Path(__file__).resolve().parent.parent / "hyperparameters.toml"
 """The shipped hyper-parameters."""
 
-DEFAULT_ALGORITHM = "maskable-ppo"
+DEFAULT_ALGORITHM = "tour-search"
 
 ENCODERS = ("pooled", "attention", "deep-sets", "none")
 

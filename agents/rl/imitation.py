@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from torch.nn import functional
 
 from layoutexplore.agents import make_agent
+from layoutexplore.agents.rl.agent import logits_of
 from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.hyperparameters import ImitationConfig, TrainingConfig
-from layoutexplore.agents.rl.network import Actor
+from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Agent, Decision, Privileged
@@ -31,7 +32,7 @@ NEAR = 1.0
 
 
 @dataclass
-class Lessons:
+class Demonstrations:
     """Decisions with what the teacher would have done.
 
     Attributes:
@@ -78,15 +79,15 @@ def imitate(
     assert isinstance(env, ExplorationEnv)
     rng = np.random.default_rng([config.seed, 1])
     optimizer = torch.optim.Adam(actor.parameters(), lr=plan.learning_rate)
-    lessons = Lessons()
+    demonstrations = Demonstrations()
     for number in range(plan.rounds):
         for _ in range(-(-plan.episodes // plan.rounds)):
-            _attend(env, teacher, actor if number else None, lessons, int(rng.integers(2**31)))
+            _attend(env, teacher, actor if number else None, demonstrations, int(rng.integers(2**31)))
             if stop():
                 return
-        agreement = _learn(actor, lessons, plan, optimizer, rng)
+        agreement = _learn(actor, demonstrations, plan, optimizer, rng)
         say(
-            f"imitation, round {number + 1} of {plan.rounds}: {len(lessons.choices)} decisions, {agreement:.1%} as the teacher"
+            f"imitation, round {number + 1} of {plan.rounds}: {len(demonstrations.choices)} decisions, {agreement:.1%} as the teacher"
         )
     env.close()
 
@@ -105,7 +106,11 @@ def teachers_choice(teacher: Agent, decision: Decision) -> int:
 
 
 def _attend(
-    env: ExplorationEnv[np.int64], teacher: Agent, actor: Actor | None, lessons: Lessons, seed: int
+    env: ExplorationEnv[np.int64],
+    teacher: Agent,
+    actor: Actor | None,
+    demonstrations: Demonstrations,
+    seed: int,
 ) -> None:
     """One exploration, led by the teacher or by the policy; the teacher's choices are remembered."""
     observation, _ = env.reset(seed=seed)
@@ -116,7 +121,7 @@ def _attend(
     while not over:
         label = teachers_choice(teacher, env.simulation.decision)
         if 0 <= label < len(observation["action_mask"]) - 1:
-            lessons.add(observation, label)
+            demonstrations.add(observation, label)
         action = label if actor is None else act(actor, observation)
         observation, _, terminated, truncated, _ = env.step(np.int64(max(action, 0)))
         over = terminated or truncated
@@ -124,31 +129,27 @@ def _attend(
 
 def act(actor: Actor, observation: dict[str, NDArray[np.generic]]) -> int:
     """The allowed frontier with the highest logit."""
-    with torch.no_grad():
-        logits = actor({name: torch.from_numpy(array[None]) for name, array in observation.items()})[
-            0
-        ].numpy()
     allowed = observation["action_mask"][:-1].astype(np.bool_)
-    return int(np.argmax(np.where(allowed, logits[:-1], -np.inf)))
+    return int(np.argmax(np.where(allowed, logits_of(actor, observation)[:-1], -np.inf)))
 
 
 def _learn(
     actor: Actor,
-    lessons: Lessons,
+    demonstrations: Demonstrations,
     plan: ImitationConfig,
     optimizer: torch.optim.Optimizer,
     rng: np.random.Generator,
 ) -> float:
-    """Some passes of cross-entropy over all lessons; the share of decisions, in the last pass, that are the teacher's."""
+    """Some passes of cross-entropy over all demonstrations; the share of decisions, in the last pass, that are the teacher's."""
     agreed = 0
     for _ in range(plan.epochs):
-        order, agreed = rng.permutation(len(lessons.choices)), 0
+        order, agreed = rng.permutation(len(demonstrations.choices)), 0
         for k in range(0, len(order), plan.batch_size):
-            observation, choices = lessons.batch(order[k : k + plan.batch_size])
+            observation, choices = demonstrations.batch(order[k : k + plan.batch_size])
             logits = actor(observation)[:, :-1].masked_fill(observation["action_mask"][:, :-1] == 0, -1e8)
             loss = functional.cross_entropy(logits, choices)
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             agreed += int((logits.argmax(dim=1) == choices).sum())
-    return agreed / max(1, len(lessons.choices))
+    return agreed / max(1, len(demonstrations.choices))

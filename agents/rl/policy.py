@@ -12,7 +12,7 @@ from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 from torch import Tensor
 
 from layoutexplore.agents.rl.card import PolicySpec
-from layoutexplore.agents.rl.network import Actor, Critic
+from layoutexplore.agents.rl.networks.actor_critic import Actor, Critic
 
 
 class FrontierPolicy(MaskableActorCriticPolicy):

@@ -11,7 +11,7 @@ import torch
 from safetensors import SafetensorError
 
 from layoutexplore.agents.rl.card import PolicySpec, read_spec
-from layoutexplore.agents.rl.network import Actor
+from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.errors import ResultsError
 from layoutexplore.files import atomic, to_toml, write_atomically
 

@@ -25,7 +25,7 @@ RELUCTANCE = 0.01
 """Curvature that is added around where one is: what hardly changes anything stays as it is."""
 
 
-class Surface(NamedTuple):
+class ResponseSurface(NamedTuple):
     """Expected slopes and curvatures float64 (p,) at z = 0, and the standard deviations of the slopes."""
 
     slope: NDArray[np.float64]
@@ -33,7 +33,9 @@ class Surface(NamedTuple):
     deviation: NDArray[np.float64]
 
 
-def fit_surface(z: NDArray[np.float64], values: NDArray[np.float64], *, noise: float = NOISE) -> Surface:
+def fit_surface(
+    z: NDArray[np.float64], values: NDArray[np.float64], *, noise: float = NOISE
+) -> ResponseSurface:
     """The surface behind some measurements.
 
     Args:
@@ -54,11 +56,11 @@ def fit_surface(z: NDArray[np.float64], values: NDArray[np.float64], *, noise: f
     precision = np.diag(np.repeat([SLOPE**-2, CURVATURE**-2], count))
     covariance = np.linalg.inv(terms.T @ terms / noise**2 + precision)
     found = covariance @ (terms.T @ around / noise**2)
-    return Surface(found[:count], found[count:], np.sqrt(np.diag(covariance)[:count]))
+    return ResponseSurface(found[:count], found[count:], np.sqrt(np.diag(covariance)[:count]))
 
 
 def lowest(
-    surface: Surface, centre: NDArray[np.float64], trust: float, least: NDArray[np.float64]
+    surface: ResponseSurface, centre: NDArray[np.float64], trust: float, least: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Where to go on from a centre: the lowest place of surface + RELUCTANCE (z - centre)^2 in a box, float64 (p,).
 
@@ -69,7 +71,7 @@ def lowest(
         least: float64 (p,), the least values that make sense.
 
     Example:
-        >>> surface = Surface(np.array([-0.04, 0.02]), np.array([0.01, -0.02]), np.zeros(2))
+        >>> surface = ResponseSurface(np.array([-0.04, 0.02]), np.array([0.01, -0.02]), np.zeros(2))
         >>> lowest(surface, np.zeros(2), 1.5, np.full(2, -9.0)).tolist()
         [1.0, -1.5]
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import platform
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -15,8 +15,11 @@ import numpy as np
 import torch
 from stable_baselines3.common.logger import configure
 
+from layoutexplore.agents.rl.agent import NetworkPolicy
 from layoutexplore.agents.rl.card import PolicySpec
+from layoutexplore.agents.rl.evaluation import Evaluation, score
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
+from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.policy_file import save_policy
 from layoutexplore.errors import ConfigError, ResultsError
 from layoutexplore.files import atomic, to_toml, write_atomically
@@ -50,6 +53,7 @@ class TrainingRun:
     Attributes:
         evaluations: What each evaluation found, oldest first.
         stopping: Somebody asked to stop.
+        device: Where the policy learns.
 
     Raises:
         ResultsError: The folder holds a run already.
@@ -73,8 +77,10 @@ class TrainingRun:
         if device == "cuda" and not torch.cuda.is_available():
             raise ConfigError("there is no CUDA device here: use --device cpu or auto")
         self.config, self.folder, self.watcher = config, folder, watcher
+        self.device = torch.device("cpu")
         self.evaluations: list[dict[str, float]] = []
         self.stopping = False
+        self._evaluation = Evaluation(config) if config.chooses_frontiers else None
 
     def train(self) -> None:
         """Train until all steps are done or somebody asks to stop."""
@@ -85,47 +91,65 @@ class TrainingRun:
         """Steps that the policy has learnt from."""
         raise NotImplementedError
 
+    @property
+    def seconds(self) -> float:
+        """How long it has learnt."""
+        raise NotImplementedError
+
+    @property
+    def spec(self) -> PolicySpec | None:
+        """What the policy reads as it is now; None where it does not choose frontiers."""
+        raise NotImplementedError
+
+    def actor(self) -> Actor:
+        """The network that scores frontiers as it is now, on the CPU."""
+        raise NotImplementedError
+
+    def weights(self) -> Mapping[str, torch.Tensor]:
+        """What is kept of the policy as it is now."""
+        return dict(self.actor().state_dict())
+
+    def scores(self) -> dict[str, float]:
+        """How good the policy is, by name; empty when somebody asked to stop."""
+        assert self.spec is not None and self._evaluation is not None
+        agent = NetworkPolicy("policy", self.actor(), self.spec)
+        return self._evaluation.compare(agent, lambda: self.stopping)
+
+    def save(self) -> None:
+        """Write the policy as it is now."""
+        save_policy(self.folder / "policy.safetensors", self.weights(), self.card())
+
     def begin_folder(self) -> None:
         """Make the folder and write the configuration."""
         self.folder.mkdir(parents=True, exist_ok=True)
         write_atomically(self.folder / CONFIG, to_toml(self.config.as_table()))
 
-    def record(
-        self,
-        now: float,
-        scores: Mapping[str, float],
-        weights: Mapping[str, torch.Tensor],
-        card: Callable[[], dict[str, Any]],
-    ) -> None:
-        """Note what an evaluation found and keep the policy if it is the best so far.
-
-        Args:
-            now: One number to compare by, smaller is better.
-            scores: By name.
-            weights: Of the policy.
-            card: Makes the card of the policy, with what is noted here.
-        """
+    def evaluate(self) -> None:
+        """Explore the cells of the evaluation; keep the policy if it is the best so far."""
+        scores = self.scores()
+        if not scores:
+            return
+        now = score(scores, self.config.evaluation.references if self.spec else ())
         best = min((e["score"] for e in self.evaluations), default=np.inf)
         self.evaluations.append({"steps": self.steps, "score": now, **scores})
         if now < best:
-            save_policy(self.folder / "best.safetensors", weights, card())
+            save_policy(self.folder / "best.safetensors", self.weights(), self.card())
         self._write_evaluations()
-        self.watcher.say(
-            f"{self.steps} steps: " + ", ".join(f"{name} {value:.3f}" for name, value in scores.items())
-        )
+        told = ", ".join(f"{name} {value:.3f}" for name, value in scores.items())
+        self.watcher.say(f"{self.steps} steps: {told}")
+        self.save()
 
-    def card(
-        self, spec: PolicySpec | None, results: Mapping[str, Any] | None, seconds: float, device: str
-    ) -> dict[str, Any]:
+    def card(self) -> dict[str, Any]:
         """What there is to say of the policy as it is now."""
+        hardware = f"{platform.machine()}, {self.device.type}, {torch.get_num_threads()} threads"
         return {
-            "policy": spec.as_table() if spec else None,
-            "results": results,
+            "policy": self.spec.as_table() if self.spec else None,
+            "results": self.evaluations[-1] if self.evaluations else None,
             "training": {
                 "steps_done": self.steps,
-                "minutes": round(seconds / 60, 1),
+                "minutes": round(self.seconds / 60, 1),
                 "command": command_line(),
-                "hardware": f"{platform.machine()}, {device}, {torch.get_num_threads()} threads",
+                "hardware": hardware,
                 "torch": torch.__version__,
                 "config": self.config.as_table(),
             },

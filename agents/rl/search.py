@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import dataclasses
 import math
 import multiprocessing
 import time
@@ -26,25 +27,24 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from layoutexplore.agents.rl.agent import PolicyAgent
-from layoutexplore.agents.rl.card import spec_of
+from layoutexplore.agents.base import Heuristic, Options
+from layoutexplore.agents.rl.card import PolicySpec, spec_of
 from layoutexplore.agents.rl.environments import plan_source
-from layoutexplore.agents.rl.evaluation import Evaluation, score
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
-from layoutexplore.agents.rl.network import Actor
-from layoutexplore.agents.rl.policy_file import save_policy
+from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.response_surface import fit_surface, lowest
 from layoutexplore.agents.rl.run import EVALUATIONS, TrainingRun, Watcher
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.plans import PlanSource
 from layoutexplore.errors import ResultsError
 from layoutexplore.files import atomic
-from layoutexplore.frontiers.decision import Predictor
+from layoutexplore.frontiers.decision import Decision, Predictor
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
-from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN, distance_to_coverage
+from layoutexplore.metrics.exploration import score_curve
 from layoutexplore.predictors import make_predictor
 from layoutexplore.processes import end_with_parent, single_threaded, usable_cores
 from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.episode import play
 from layoutexplore.simulation.simulation import Simulation
 
 EXPLORATIONS = "explorations.csv"
@@ -94,7 +94,6 @@ class SearchRun(TrainingRun):
         self.members = 2 * config.search.pairs
         self.explorations: list[Exploration] = []
         self._seconds = 0.0
-        self._evaluation = Evaluation(config)
         self._centres = [np.zeros(len(PARAMETERS))]
         PlanSource(plan_source(config))  # What cannot be explored is told before anything is written.
         Randomisation(sensors=config.sensors)
@@ -112,6 +111,16 @@ class SearchRun(TrainingRun):
         return len(self.explorations)
 
     @property
+    def seconds(self) -> float:
+        """Seconds since the search began or went on."""
+        return self._seconds
+
+    @property
+    def spec(self) -> PolicySpec:
+        """What the policy reads, with the tour as it is now."""
+        return spec_of(dataclasses.replace(self.config, tour=self.tour))
+
+    @property
     def tour(self) -> TourConfig:
         """The tour at the centre, as it is now."""
         return _tour(self.config.tour, self._centre(self.steps // self.search.round))
@@ -121,18 +130,15 @@ class SearchRun(TrainingRun):
         began = time.monotonic()
         with self.stop_on_signal(), _executor(self.config.workers) as executor:
             if not self.evaluations and not self.stopping:
-                self._evaluate()
+                self.evaluate()
             while self.steps < self.config.steps and not self.stopping:
                 self._round(executor)
                 self._seconds = time.monotonic() - began
-                self._save()
-                due = (
-                    self.evaluations[-1]["steps"] // self.config.evaluation.every if self.evaluations else -1
-                )
-                if not self.stopping and (
-                    self.steps // self.config.evaluation.every > due or self.steps >= self.config.steps
-                ):
-                    self._evaluate()
+                self.save()
+                every, last = self.config.evaluation.every, self.evaluations[-1:]
+                due = self.steps // every > (last[0]["steps"] // every if last else -1)
+                if not self.stopping and (due or self.steps >= self.config.steps):
+                    self.evaluate()
 
     def draws(self, group: int) -> NDArray[np.float64]:
         """The parameters z float64 (members, p) that a group explores, around the centre of its round."""
@@ -184,33 +190,10 @@ class SearchRun(TrainingRun):
                 if self.stopping:
                     return
 
-    def _evaluate(self) -> None:
-        agent = PolicyAgent("policy", self._actor(), spec_of(self._config()))
-        scores = self._evaluation.compare(agent, lambda: self.stopping)
-        if scores:
-            self.record(
-                score(scores, self.config.evaluation.references),
-                scores,
-                self._actor().state_dict(),
-                self._card,
-            )
-            self._save()
-
-    def _config(self) -> TrainingConfig:
-        """The configuration with the tour as it is now."""
-        return TrainingConfig(**{**vars(self.config), "tour": self.tour})
-
-    def _actor(self) -> Actor:
+    def actor(self) -> Actor:
         """The network, which is not learnt here: it goes where the tour begins."""
         torch.manual_seed(self.config.seed)
         return Actor(spec_of(self.config)).eval()
-
-    def _save(self) -> None:
-        save_policy(self.folder / "policy.safetensors", self._actor().state_dict(), self._card())
-
-    def _card(self) -> dict[str, object]:
-        results = self.evaluations[-1] if self.evaluations else None
-        return self.card(spec_of(self._config()), results, self._seconds, "cpu")
 
     def _rewrite(self) -> None:
         """Write all explorations anew: what was cut off in the middle of a group is done again."""
@@ -251,16 +234,22 @@ def explore_group(config: TrainingConfig, group: int, tours: list[TourConfig]) -
     return [_explore(simulation, seed, tour) for tour in tours]
 
 
+class _TourAgent(Heuristic[Options]):
+    """Goes where a tour begins."""
+
+    def __init__(self, tour: TourConfig) -> None:
+        super().__init__("tour", Options())
+        self._tour = tour
+
+    def choose(self, decision: Decision) -> int:
+        """The index of the tour's first frontier."""
+        return int(np.argmax(tour_features(decision, self._tour).rank))
+
+
 def _explore(simulation: Simulation, seed: int, tour: TourConfig) -> tuple[float, float]:
-    decision = simulation.reset(seed)
-    while not simulation.done:
-        decision = simulation.step(int(np.argmax(tour_features(decision, tour).rank)))
-    distance, coverage, _ = simulation.curve.T
-    d95, d99 = (
-        distance_to_coverage(distance, coverage, mark, budget=simulation.max_distance)[0]
-        for mark in (NEARLY_SEEN, FULLY_SEEN)
-    )
-    return d95, d99
+    curve = play(simulation, _TourAgent(tour), seed=seed).curve
+    scores = score_curve(curve, budget=simulation.max_distance, target_area=simulation.target_area)
+    return scores.d95, scores.d99
 
 
 def _tour(start: TourConfig, z: NDArray[np.float64]) -> TourConfig:

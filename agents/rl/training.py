@@ -8,6 +8,7 @@ stopped.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,18 +20,16 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.utils import get_device
 
-from layoutexplore.agents.rl.agent import PolicyAgent
 from layoutexplore.agents.rl.callback import TrainingCallback
 from layoutexplore.agents.rl.card import PolicySpec, spec_of
 from layoutexplore.agents.rl.checkpoint import FILE, Progress, load_checkpoint, save_checkpoint
 from layoutexplore.agents.rl.environments import make_envs
-from layoutexplore.agents.rl.evaluation import Evaluation, evaluate_motion, score
+from layoutexplore.agents.rl.evaluation import evaluate_motion
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.imitation import imitate
-from layoutexplore.agents.rl.network import Actor
+from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.policy import FrontierPolicy
-from layoutexplore.agents.rl.policy_file import save_policy
-from layoutexplore.agents.rl.ppo import FrontierPPO
+from layoutexplore.agents.rl.ppo.algorithm import FrontierPPO
 from layoutexplore.agents.rl.run import TrainingRun, Watcher
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"maskable-ppo": FrontierPPO, "ppo": PPO, "dqn": DQN}
@@ -58,10 +57,10 @@ class Run(TrainingRun):
         self, config: TrainingConfig, folder: Path, *, device: str, resume: bool, watcher: Watcher
     ) -> None:
         super().__init__(config, folder, FILE, device=device, resume=resume, watcher=watcher)
-        self.spec = spec_of(config) if config.chooses_frontiers else None
+        self._spec = spec_of(config) if config.chooses_frontiers else None
         self.envs = make_envs(config)
-        self.model = build(config, self.envs, self.spec, device)
-        self._evaluation = Evaluation(config) if self.spec else None
+        self.model = build(config, self.envs, self._spec, device)
+        self.device = self.model.device
         self.progress = load_checkpoint(folder, self.model) if resume else Progress(type(self.model).__name__)
         self.evaluations = self.progress.evaluations
         if not resume:
@@ -71,6 +70,16 @@ class Run(TrainingRun):
     def steps(self) -> int:
         """Steps that the policy has learnt from."""
         return self.progress.steps
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of training, without evaluations."""
+        return self.progress.seconds
+
+    @property
+    def spec(self) -> PolicySpec | None:
+        """What the policy reads; None where it does not choose frontiers."""
+        return self._spec
 
     def train(self) -> None:
         """Train until all steps are done or somebody asks to stop; either way a checkpoint is left."""
@@ -85,13 +94,13 @@ class Run(TrainingRun):
     def _begin(self) -> None:
         """Imitation, if any, and how good the policy is before it learns by reward."""
         if self.spec and self.config.imitation and self.config.imitation.teacher:
-            actor = self._actor()
+            actor = self.actor()
             imitate(actor, self.config, self.watcher.say, lambda: self.stopping)
             if not self.stopping:
                 self._policy.actor.load_state_dict(actor.state_dict())
                 self._policy.averaged.load_state_dict(actor.state_dict())
-        self._save()
-        self._evaluate()
+        self.save()
+        self.evaluate()
 
     def _stretch(self) -> None:
         """Learn until the next checkpoint."""
@@ -111,51 +120,37 @@ class Run(TrainingRun):
         progress.updates = int(getattr(self.model, "_n_updates", 0))
         progress.calls = int(getattr(self.model, "_n_calls", 0))
         progress.seconds += time.monotonic() - began
-        self._save()
+        self.save()
         every = config.evaluation.every
         if progress.steps // every > before // every or progress.steps >= config.steps:
-            self._evaluate()
+            self.evaluate()
 
-    def _evaluate(self) -> None:
-        """Explore the cells of the evaluation; keep the policy if it is the best so far."""
-        names = self.config.evaluation.references if self.spec else ()
-        if self._evaluation:
-            assert self.spec is not None
-            scores = self._evaluation.compare(
-                PolicyAgent("policy", self._actor(), self.spec), lambda: self.stopping
-            )
-        else:
-            scores = evaluate_motion(self.model, self.config, lambda: self.stopping)
-        if not scores:
-            return
-        self.record(score(scores, names), scores, self._weights(), self._card)
-        self._save()
+    def scores(self) -> dict[str, float]:
+        """How good the policy is, by name; empty when somebody asked to stop."""
+        return (
+            super().scores() if self.spec else evaluate_motion(self.model, self.config, lambda: self.stopping)
+        )
 
-    def _save(self) -> None:
+    def save(self) -> None:
+        """Write the checkpoint and the policy as it is now."""
         save_checkpoint(self.folder, self.model, self.progress)
-        save_policy(self.folder / "policy.safetensors", self._weights(), self._card())
+        super().save()
 
     @property
     def _policy(self) -> FrontierPolicy:
         assert isinstance(self.model.policy, FrontierPolicy)
         return self.model.policy
 
-    def _actor(self) -> Actor:
+    def actor(self) -> Actor:
         """A copy of the policy's averaged actor on the CPU."""
         assert self.spec is not None
         actor = Actor(self.spec)
-        actor.load_state_dict(
-            {name: tensor.cpu() for name, tensor in self._policy.averaged.state_dict().items()}
-        )
+        actor.load_state_dict({name: tensor.cpu() for name, tensor in self.weights().items()})
         return actor.eval()
 
-    def _weights(self) -> dict[str, torch.Tensor]:
+    def weights(self) -> Mapping[str, torch.Tensor]:
+        """Those of the averaged actor; of a policy that does not choose frontiers, all."""
         return dict((self._policy.averaged if self.spec else self.model.policy).state_dict())
-
-    def _card(self) -> dict[str, Any]:
-        """What there is to say of the policy as it is now."""
-        results = self.evaluations[-1] if self.evaluations else None
-        return self.card(self.spec, results, self.progress.seconds, self.model.device.type)
 
 
 def build(config: TrainingConfig, envs: Any, spec: PolicySpec | None, device: str) -> BaseAlgorithm:

@@ -15,16 +15,19 @@ if TYPE_CHECKING:
     from layoutexplore.agents.rl.run import TrainingRun
     from layoutexplore.cli.progress import ProgressLine
 
-HELP = """Train an exploration policy by reinforcement learning (needs pip install 'layoutexplore\\[rl]').
+HELP = """Train an exploration policy (needs pip install 'layoutexplore\\[rl]').
 
-The folder gets the configuration, a checkpoint, the last and the best policy (best.safetensors), the evaluations on held-out
-plans (evaluations.csv) and TensorBoard curves. Ctrl-C leaves a checkpoint; [bold]--resume[/bold] goes on from it.
+By default it learns the numbers of a tour over frontiers, from whole explorations: what the policy that ships comes from. The
+folder gets the configuration, a checkpoint, the last and the best policy (best.safetensors), the evaluations on held-out plans
+(evaluations.csv) and TensorBoard curves. Ctrl-C leaves a checkpoint; [bold]--resume[/bold] goes on from it.
 
 [bold]Examples[/bold]
 
-  layoutexplore train --steps 100000 --out runs/first
+  layoutexplore train --out runs/first
 
   layoutexplore train --out runs/first --resume
+
+  layoutexplore train --algorithm maskable-ppo --steps 100000 --out runs/network
 
   layoutexplore benchmark --plans test --agents tour --agents policy:runs/first
 """
@@ -43,8 +46,8 @@ def train(
     algorithm: Annotated[
         str | None,
         typer.Option(
-            help="maskable-ppo (chooses frontiers, the default), tour-search (the parameters of a tour over frontiers, by whole "
-            "explorations), or ppo or dqn (drive by small motions)."
+            help="tour-search (the parameters of a tour over frontiers, by whole explorations: the default), maskable-ppo (a "
+            "network that scores frontiers), or ppo or dqn (drive by small motions)."
         ),
     ] = None,
     steps: Annotated[

@@ -1,7 +1,8 @@
 """Throughput of training: environments, policy and learner together, on plans of 1000 to 2500 square metres.
 
-What runs is what `layoutexplore train` runs, with the hyper-parameters that ship: from new episodes on, over
-a few rollouts, each learnt from in full, the last one too. Wall time, once: it takes long enough.
+What runs is what `layoutexplore train --algorithm maskable-ppo` runs, with the hyper-parameters that ship, from
+new episodes on, over a few rollouts, each learnt from in full, the last one too; beside it the learner of
+sb3-contrib, with the same networks on the same environments. Wall time, once: it takes long enough.
 """
 
 from __future__ import annotations
@@ -10,13 +11,19 @@ import importlib.util
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, NamedTuple
 
 from layoutexplore.speed.measurement import SpeedRow
 from layoutexplore.speed.vector import AREAS
 
-_ROLLOUTS = 8
-"""So many that every environment comes to the end of an episode."""
+if TYPE_CHECKING:
+    from sb3_contrib import MaskablePPO
+
+    from layoutexplore.agents.rl.hyperparameters import TrainingConfig
+    from layoutexplore.agents.rl.vector import VectorAdapter
+
+_ROLLOUTS, _STOCK_ROLLOUTS = 8, 2
+"""Ours: so many that every environment comes to the end of an episode; of the slower stock learner fewer do."""
 
 _SETTINGS: tuple[tuple[str, str, bool, float], ...] = (
     ("no tour, no prediction", "none", False, 1000.0),
@@ -25,8 +32,17 @@ _SETTINGS: tuple[tuple[str, str, bool, float], ...] = (
 """What to call it, predictor, whether the tour's features are computed, and the goal in decisions a second."""
 
 
+class Spent(NamedTuple):
+    """Seconds in all, waiting for environments, and in the updates, of so many decisions."""
+
+    decisions: int
+    total: float
+    waiting: float
+    learning: float
+
+
 def training() -> Iterator[SpeedRow]:
-    """Decisions a second of `maskable-ppo`; nothing without the extra `rl`."""
+    """Decisions a second of `maskable-ppo` and of sb3-contrib's learner; nothing without the extra `rl`."""
     if importlib.util.find_spec("sb3_contrib") is None:
         return
     for name, predictor, detour, goal in _SETTINGS:
@@ -36,58 +52,69 @@ def training() -> Iterator[SpeedRow]:
 def _row(name: str, predictor: str, detour: bool, goal: float) -> SpeedRow:
     from layoutexplore.agents.rl.hyperparameters import read_config
 
-    config = read_config()
-    config = replace(
-        config,
-        predictor=predictor,
-        observation={**config.observation, "detour": detour},
-        generator={
-            "families": {"office": 1.0},
-            "area": (AREAS[0], AREAS[-1]),
-            "seeds": 4,
-            "shipped_share": 0.0,
-        },
-    )
-    decisions = _ROLLOUTS * config.envs * config.learning["n_steps"]
-    total, waiting, learning = _learn(config, decisions)
-    rate = decisions / total
+    config = read_config(None, {"algorithm": "maskable-ppo", "predictor": predictor})
+    plans = {"families": {"office": 1.0}, "area": (AREAS[0], AREAS[-1]), "seeds": 4, "shipped_share": 0.0}
+    config = replace(config, observation={**config.observation, "detour": detour}, generator=plans)
+    ours, stock = _learn(config, _ROLLOUTS), _learn(config, _STOCK_ROLLOUTS, stock=True)
+    rate, reference = (spent.decisions / spent.total for spent in (ours, stock))
     shares = {
-        "environments": waiting,
-        "acting and rest": total - waiting,
-        "beside them the learner": learning,
+        "environments": ours.waiting,
+        "acting and rest": ours.total - ours.waiting,
+        "beside them the learner": ours.learning,
     }
     assert config.network is not None
     return SpeedRow(
         name=f"training, {name}, {config.network.encoder}",
         ours=rate,
         unit="decisions/s",
+        reference=reference,
+        reference_name="sb3-contrib MaskablePPO",
+        ratio=rate / reference,
         goal=f">= {goal:.0f} on 2 cores",
         reached=rate / goal,
-        note=", ".join(f"{part} {1e3 * seconds / decisions:.2f} ms" for part, seconds in shares.items()),
+        note=", ".join(f"{part} {1e3 * spent / ours.decisions:.2f} ms" for part, spent in shares.items()),
     )
 
 
-def _learn(config: Any, decisions: int) -> tuple[float, float, float]:
-    """Seconds in all, those spent waiting for environments, and those of the updates, of so many decisions."""
+def _learn(config: TrainingConfig, rollouts: int, *, stock: bool = False) -> Spent:
+    """What some rollouts take, after one in which the plans are drawn and everything is compiled."""
     from stable_baselines3.common.logger import configure
 
-    from layoutexplore.agents.rl.card import spec_of
     from layoutexplore.agents.rl.environments import make_envs
-    from layoutexplore.agents.rl.ppo import FrontierPPO
-    from layoutexplore.agents.rl.training import build
 
     envs = make_envs(config)
     try:
-        model = build(config, envs, spec_of(config), "cpu")
-        assert isinstance(model, FrontierPPO)
+        model = _stock_learner(config, envs) if stock else _our_learner(config, envs)
         model.set_logger(configure(None, []))
-        model.learn(
-            config.envs * config.learning["n_steps"]
-        )  # The plans are drawn and everything is compiled.
+        rollout = config.envs * config.learning["n_steps"]
+        model.learn(rollout)
         model.set_random_seed(0)
-        model._last_obs, model.learning_seconds, envs.waiting_seconds = None, 0.0, 0.0
+        model._last_obs, envs.waiting_seconds = None, 0.0
+        learnt = getattr(model, "learning_seconds", 0.0)
         start = time.perf_counter()
-        model.learn(decisions, reset_num_timesteps=False)
-        return time.perf_counter() - start, envs.waiting_seconds, model.learning_seconds
+        model.learn(rollouts * rollout, reset_num_timesteps=False)
+        total = time.perf_counter() - start
+        learning = getattr(model, "learning_seconds", 0.0) - learnt
+        return Spent(rollouts * rollout, total, envs.waiting_seconds, learning)
     finally:
         envs.close()
+
+
+def _our_learner(config: TrainingConfig, envs: VectorAdapter) -> MaskablePPO:
+    from layoutexplore.agents.rl.card import spec_of
+    from layoutexplore.agents.rl.ppo.algorithm import FrontierPPO
+    from layoutexplore.agents.rl.training import build
+
+    model = build(config, envs, spec_of(config), "cpu")
+    assert isinstance(model, FrontierPPO)
+    return model
+
+
+def _stock_learner(config: TrainingConfig, envs: VectorAdapter) -> MaskablePPO:
+    from sb3_contrib import MaskablePPO
+
+    from layoutexplore.agents.rl.card import spec_of
+    from layoutexplore.agents.rl.policy import FrontierPolicy
+
+    networks = {"spec": spec_of(config)}
+    return MaskablePPO(FrontierPolicy, envs, policy_kwargs=networks, device="cpu", seed=0, **config.learning)

@@ -10,13 +10,14 @@ import torch
 
 from layoutexplore.agents.rl.card import PolicySpec, spec_of
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig, merge, read_config
-from layoutexplore.agents.rl.network import Actor
+from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
 from layoutexplore.files import to_toml
 
 SLOTS = 12
 
 SMALL: dict[str, Any] = {
+    "algorithm": "maskable-ppo",
     "steps": 64,
     "envs": 2,
     "workers": 1,
@@ -71,7 +72,7 @@ def small_config(tmp_path: Path, **changes: Any) -> TrainingConfig:
 
 
 def spec(encoder: str = "attention", maps: bool = False) -> PolicySpec:
-    config = read_config(None, {"predictor": "none"})
+    config = read_config(None, {"algorithm": "maskable-ppo", "predictor": "none"})
     table = merge(
         config.as_table(),
         {"network": {"encoder": encoder, "width": 16}, "observation": {"global_map": maps}},

@@ -14,14 +14,14 @@ pytest.importorskip("sb3_contrib")
 
 from gymnasium import spaces  # noqa: E402
 
-from layoutexplore.agents.rl.collector import Collector  # noqa: E402
 from layoutexplore.agents.rl.environments import make_envs  # noqa: E402
-from layoutexplore.agents.rl.frontier_batch import Reader  # noqa: E402
-from layoutexplore.agents.rl.network import Actor  # noqa: E402
+from layoutexplore.agents.rl.networks.actor_critic import Actor  # noqa: E402
+from layoutexplore.agents.rl.networks.frontier_batch import Reader  # noqa: E402
+from layoutexplore.agents.rl.networks.pooling import pool, spread  # noqa: E402
 from layoutexplore.agents.rl.policy import FrontierPolicy  # noqa: E402
-from layoutexplore.agents.rl.pooling import pool, spread  # noqa: E402
-from layoutexplore.agents.rl.rollout import Lesson, Rollout  # noqa: E402
-from layoutexplore.agents.rl.update import Update  # noqa: E402
+from layoutexplore.agents.rl.ppo.collector import Collector  # noqa: E402
+from layoutexplore.agents.rl.ppo.rollout import Rollout, TrainingBatch  # noqa: E402
+from layoutexplore.agents.rl.ppo.update import Update  # noqa: E402
 from layoutexplore.agents.rl.vector import VectorAdapter  # noqa: E402
 from layoutexplore.envs.observation import ObservationConfig  # noqa: E402
 from tests.agents.rl.cases import SLOTS, observations, random_actor, small_config, spec  # noqa: E402
@@ -91,9 +91,9 @@ def test_a_collector_stops_when_told_and_leaves_nothing_unanswered(tmp_path: Pat
 
 
 def test_some_situations_of_many() -> None:
-    situations = Reader(spec())(observations(COUNTS))
+    batch = Reader(spec())(observations(COUNTS))
     chosen = torch.tensor([4, 2, 1, 0])
-    taken = situations.take(chosen)
+    taken = batch.take(chosen)
     alone = Reader(spec())({name: array[chosen] for name, array in observations(COUNTS).items()})
     for mine, theirs in zip(taken, alone, strict=True):
         if isinstance(mine, torch.Tensor):
@@ -112,19 +112,19 @@ def test_a_decision_is_judged_alike_alone_and_among_others(encoder: str) -> None
             torch.testing.assert_close(alone[0], together[k], rtol=1e-4, atol=1e-5)
 
 
-def lesson_of(policy: FrontierPolicy) -> Lesson:
+def batch_of(policy: FrontierPolicy) -> TrainingBatch:
     """Decisions in which the first of two frontiers turned out well, drawn from the policy as it is."""
     generator = torch.Generator().manual_seed(0)
     observation = observations([2] * 256)
     masks = observation["action_mask"].bool()
     masks[:, -1] = False
-    situations = policy.actor.read(observation)
+    batch = policy.actor.read(observation)
     with torch.no_grad():
-        log_probs = policy.actor.log_probs(situations, masks)
+        log_probs = policy.actor.log_probs(batch, masks)
     actions = torch.multinomial(log_probs.exp(), 1, generator=generator)[:, 0]
     gain = 1.0 - actions.float()
     chosen = log_probs.gather(1, actions[:, None])[:, 0]
-    return Lesson(situations, masks, actions, chosen, gain - gain.mean(), gain, torch.ones(256))
+    return TrainingBatch(batch, masks, actions, chosen, gain - gain.mean(), gain, torch.ones(256))
 
 
 def fresh_policy() -> FrontierPolicy:
@@ -146,29 +146,29 @@ def update(**changes: Any) -> Update:
 
 def test_what_went_well_becomes_more_likely() -> None:
     policy = fresh_policy()
-    lesson = lesson_of(policy)
+    training_batch = batch_of(policy)
     with torch.no_grad():
-        before = policy.actor.log_probs(lesson.situations, lesson.masks)[:, 0].exp().mean()
-        error = (policy.critic.values(lesson.situations)[:, 0] - lesson.returns).square().mean()
-    learnt = update().learn(policy, lesson, [torch.arange(256)] * 4)
+        before = policy.actor.log_probs(training_batch.batch, training_batch.masks)[:, 0].exp().mean()
+        error = (policy.critic.values(training_batch.batch)[:, 0] - training_batch.returns).square().mean()
+    learnt = update().learn(policy, training_batch, [torch.arange(256)] * 4)
     with torch.no_grad():
-        after = policy.actor.log_probs(lesson.situations, lesson.masks)[:, 0].exp().mean()
-        left = (policy.critic.values(lesson.situations)[:, 0] - lesson.returns).square().mean()
+        after = policy.actor.log_probs(training_batch.batch, training_batch.masks)[:, 0].exp().mean()
+        left = (policy.critic.values(training_batch.batch)[:, 0] - training_batch.returns).square().mean()
     assert after > before and left < error
     assert learnt.passes == 4 and learnt.curves["approx_kl"] > 0
 
 
 def test_an_update_ends_where_the_policy_has_moved_far() -> None:
     policy = fresh_policy()
-    learnt = update(target_kl=1e-4).learn(policy, lesson_of(policy), [torch.arange(256)] * 10)
+    learnt = update(target_kl=1e-4).learn(policy, batch_of(policy), [torch.arange(256)] * 10)
     assert learnt.passes < 10
 
 
 def test_what_an_older_actor_did_is_weighed() -> None:
     """With the ratio at 1, the gradient is that of the advantages weighed by how much likelier the actions have become."""
     policy = fresh_policy()
-    lesson = lesson_of(policy)
-    older = lesson._replace(log_probs=lesson.log_probs - 0.3)
+    training_batch = batch_of(policy)
+    older = training_batch._replace(log_probs=training_batch.log_probs - 0.3)
     twin = fresh_policy()
     settings: dict[str, Any] = {
         "batch_size": 256,
@@ -177,7 +177,7 @@ def test_what_an_older_actor_did_is_weighed() -> None:
         "vf_coef": 0.0,
     }
     update(**settings).learn(policy, older, [torch.arange(256)])
-    weighed = lesson._replace(advantages=lesson.advantages * float(np.exp(0.3)))
+    weighed = training_batch._replace(advantages=training_batch.advantages * float(np.exp(0.3)))
     update(**settings).learn(twin, weighed, [torch.arange(256)])
     for mine, theirs in zip(policy.actor.parameters(), twin.actor.parameters(), strict=True):
         if mine.requires_grad:

@@ -26,7 +26,8 @@ def test_the_shipped_ones_make_a_configuration_that_survives_a_file(algorithm: s
 
 def test_a_file_changes_the_shipped_ones_and_flags_win(tmp_path: Path) -> None:
     path = written(
-        tmp_path, 'steps = 7\nseed = 3\n[network]\nencoder = "deep-sets"\n[learning]\nlearning_rate = 1\n'
+        tmp_path,
+        'algorithm = "maskable-ppo"\nsteps = 7\nseed = 3\n[network]\nencoder = "deep-sets"\n[learning]\nlearning_rate = 1\n',
     )
     config = read_config(path, {"steps": 9, "envs": None, "plans": ["test"]})
     assert (config.steps, config.seed, config.plans) == (9, 3, ("test",))
@@ -38,8 +39,11 @@ def test_a_file_changes_the_shipped_ones_and_flags_win(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("stepps = 3", "unknown hyper-parameter of 'maskable-ppo' in .*'stepps': did you mean 'steps'"),
-        ("[learning]\nlearning_rat = 1e-3", r"\[learning\]: 'learning_rat': did you mean 'learning_rate'"),
+        ("stepps = 3", "unknown hyper-parameter of 'tour-search' in .*'stepps': did you mean 'steps'"),
+        (
+            'algorithm = "ppo"\n[learning]\nlearning_rat = 1e-3',
+            r"\[learning\]: 'learning_rat': did you mean 'learning_rate'",
+        ),
         ('algorithm = "dqn"\n[network]\nwidth = 8', "unknown hyper-parameter of 'dqn' in .*'network'"),
         ('algorithm = "sac"', "unknown algorithm 'sac'"),
         ('[network]\nencoder = "lstm"', "unknown network.encoder 'lstm'"),
@@ -49,8 +53,8 @@ def test_a_file_changes_the_shipped_ones_and_flags_win(tmp_path: Path) -> None:
         ("plans = []", "at least one of plans"),
         ("plans = [3]", "plans .* must be a list of names"),
         ("[generator]\narea = [100]", "area .* must be a list of 2 numbers"),
-        ("learning = 3", "learning .* must be a table"),
-        ("[learning]\ngamma = nan", "must be a finite number"),
+        ('algorithm = "ppo"\nlearning = 3', "learning .* must be a table"),
+        ('algorithm = "ppo"\n[learning]\ngamma = nan', "must be a finite number"),
         ("steps = ", "not valid TOML"),
     ],
 )

@@ -10,7 +10,7 @@ pytest.importorskip("sb3_contrib")
 
 from gymnasium import spaces  # noqa: E402
 
-from layoutexplore.agents.rl.network import Actor, Critic  # noqa: E402
+from layoutexplore.agents.rl.networks.actor_critic import Actor, Critic  # noqa: E402
 from layoutexplore.agents.rl.policy import FrontierPolicy  # noqa: E402
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ObservationConfig  # noqa: E402
 from tests.agents.rl.cases import SLOTS, observations, random_actor, spec  # noqa: E402

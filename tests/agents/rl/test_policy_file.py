@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
 from layoutexplore.agents import make_agent  # noqa: E402
-from layoutexplore.agents.rl.agent import PolicyAgent  # noqa: E402
+from layoutexplore.agents.rl.agent import NetworkPolicy  # noqa: E402
 from layoutexplore.agents.rl.card import WEIGHTS, find_policy, read_card, read_spec  # noqa: E402
 from layoutexplore.agents.rl.policy_file import load_actor, save_policy, save_tensors  # noqa: E402
 from layoutexplore.benchmark.episode import prepare  # noqa: E402
@@ -131,19 +131,19 @@ def test_without_torch_the_line_to_install_it_is_named(monkeypatch: pytest.Monke
 
 def test_its_name_and_predictor(saved: Path) -> None:
     agent = make_agent(f"policy:{saved}")
-    assert isinstance(agent, PolicyAgent)
+    assert isinstance(agent, NetworkPolicy)
     assert (agent.name, agent.predictor) == (f"policy:{saved}", "none")
     assert make_agent(f"policy:path={saved}").name == agent.name
 
 
 @pytest.mark.parametrize("encoder", ["attention", "deep-sets", "none"])
 def test_an_untrained_policy_explores_as_the_tour(encoder: str) -> None:
-    from layoutexplore.agents.rl.network import Actor
+    from layoutexplore.agents.rl.networks.actor_critic import Actor
 
     config = SimulationConfig(sensor="indoor")
     simulation, tour = prepare("apartment-01", config, "latency-tour")
     expected = play(simulation, tour, seed=3)
-    agent = PolicyAgent("untrained", Actor(spec(encoder)).eval(), spec(encoder))
+    agent = NetworkPolicy("untrained", Actor(spec(encoder)).eval(), spec(encoder))
     np.testing.assert_array_equal(play(simulation, agent, seed=3).curve, expected.curve)
     np.testing.assert_array_equal(play(simulation, agent, seed=3).curve, expected.curve)
 

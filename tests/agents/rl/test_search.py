@@ -22,7 +22,7 @@ from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.card import read_card  # noqa: E402
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
 from layoutexplore.agents.rl.policy_file import load_actor  # noqa: E402
-from layoutexplore.agents.rl.response_surface import RELUCTANCE, Surface, fit_surface, lowest  # noqa: E402
+from layoutexplore.agents.rl.response_surface import RELUCTANCE, ResponseSurface, fit_surface, lowest  # noqa: E402
 from layoutexplore.agents.rl.run import EVALUATIONS  # noqa: E402
 from layoutexplore.agents.rl.search import (  # noqa: E402
     EXPLORATIONS,
@@ -117,9 +117,9 @@ def test_the_policy_goes_where_the_searched_tour_begins() -> None:
     )
     tour = TourConfig(first_leg=0.5, hold=1.0, patience=2.0)
     [(d95, d99)] = explore_group(config, 5, [tour])
-    from layoutexplore.agents.rl.agent import PolicyAgent
+    from layoutexplore.agents.rl.agent import NetworkPolicy
     from layoutexplore.agents.rl.card import spec_of
-    from layoutexplore.agents.rl.network import Actor
+    from layoutexplore.agents.rl.networks.actor_critic import Actor
 
     spec = spec_of(dataclasses.replace(config, tour=tour))
     rng = np.random.default_rng([config.seed, 0, 5])
@@ -127,7 +127,9 @@ def test_the_policy_goes_where_the_searched_tour_begins() -> None:
     for _ in range(3):
         rng.integers(1)
     simulation = Simulation("apartment-01", SimulationConfig(sensor="indoor"))
-    episode = play(simulation, PolicyAgent("policy", Actor(spec).eval(), spec), seed=int(rng.integers(2**31)))
+    episode = play(
+        simulation, NetworkPolicy("policy", Actor(spec).eval(), spec), seed=int(rng.integers(2**31))
+    )
     scores = score_curve(episode.curve, budget=simulation.max_distance, target_area=simulation.target_area)
     assert (scores.d95, scores.d99) == pytest.approx((d95, d99))
 
@@ -246,7 +248,7 @@ def test_noise_alone_says_nothing() -> None:
     assert abs(found.slope[0]) < 0.01 and abs(found.curvature[0]) < 1e-3 and found.deviation[0] < 0.03
 
 
-def height(k: int, z: Any, surface: Surface, centre: Any) -> Any:
+def height(k: int, z: Any, surface: ResponseSurface, centre: Any) -> Any:
     return surface.slope[k] * z + surface.curvature[k] * z**2 + RELUCTANCE * (z - centre[k]) ** 2
 
 
@@ -254,7 +256,7 @@ def height(k: int, z: Any, surface: Surface, centre: Any) -> Any:
 @given(seed=st.integers(0, 10_000), trust=st.floats(0.1, 2.0))
 def test_the_lowest_place_against_a_fine_raster(seed: int, trust: float) -> None:
     rng = np.random.default_rng(seed)
-    surface = Surface(rng.normal(size=3), rng.normal(size=3), np.zeros(3))
+    surface = ResponseSurface(rng.normal(size=3), rng.normal(size=3), np.zeros(3))
     centre, least = rng.normal(size=3), rng.normal(size=3) - 1.0
     found = lowest(surface, centre, trust, least)
     for k in range(3):

@@ -24,7 +24,7 @@ from layoutexplore.agents.rl.environments import environment_arguments, make_env
 from layoutexplore.agents.rl.evaluation import Evaluation  # noqa: E402
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
 from layoutexplore.agents.rl.imitation import imitate  # noqa: E402
-from layoutexplore.agents.rl.network import Actor  # noqa: E402
+from layoutexplore.agents.rl.networks.actor_critic import Actor  # noqa: E402
 from layoutexplore.agents.rl.training import Run  # noqa: E402
 from layoutexplore.errors import ConfigError, ResultsError  # noqa: E402
 from tests.agents.rl.cases import Silent, small_config, write_config  # noqa: E402

@@ -19,8 +19,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from layoutexplore.agents.rl.card import PolicySpec
-from layoutexplore.agents.rl.encoders import make_encoder
-from layoutexplore.agents.rl.frontier_batch import Reader, Situations
+from layoutexplore.agents.rl.networks.encoders import make_encoder
+from layoutexplore.agents.rl.networks.frontier_batch import FrontierBatch, Reader
 
 _NEVER = -1e8
 """The logit of an action that is not allowed."""
@@ -43,31 +43,30 @@ class Actor(nn.Module):
         self.direct = _zero(nn.Linear(len(features), 1, bias=False))
         self.tour_weight = nn.Parameter(torch.tensor(config.tour_weight))
         self.stop = _zero(nn.Linear(config.width if encodes else 1, 1))
-        self._tour = features.index("tour_rank") if "tour_rank" in features else None
+        self._rank = spec.rank_column
+        first = "path_length" if self._rank is None else "detour"
         with torch.no_grad():
-            self.direct.weight[
-                0, features.index("path_length" if self._tour is None else "detour")
-            ] = -config.detour_weight
+            self.direct.weight[0, features.index(first)] = -config.detour_weight
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
         """float32 (batch, slots + 1): logits; those of empty slots mean nothing."""
         return self.logits(self.read(observation))
 
-    def logits(self, situations: Situations) -> Tensor:
+    def logits(self, batch: FrontierBatch) -> Tensor:
         """The same of decisions that have been read."""
-        frontiers = situations.frontiers
+        frontiers = batch.frontiers
         scores = self.direct(frontiers)[:, 0]
-        context = frontiers.new_zeros(len(situations.counts), 1)
+        context = frontiers.new_zeros(len(batch.counts), 1)
         if self.encode is not None and self.score is not None:
-            context, tokens = self.encode(situations)
+            context, tokens = self.encode(batch)
             scores = scores + self.score(tokens)[:, 0]
-        if self._tour is not None:
-            scores = scores + self.tour_weight * frontiers[:, self._tour]
-        return torch.cat([situations.in_slots(scores), self.stop(context)], dim=1)
+        if self._rank is not None:
+            scores = scores + self.tour_weight * frontiers[:, self._rank]
+        return torch.cat([batch.in_slots(scores), self.stop(context)], dim=1)
 
-    def log_probs(self, situations: Situations, masks: Tensor) -> Tensor:
+    def log_probs(self, batch: FrontierBatch, masks: Tensor) -> Tensor:
         """float32 (batch, slots + 1): logarithms of the probabilities, given which are allowed, bool (batch, slots + 1)."""
-        return functional.log_softmax(self.logits(situations).masked_fill(~masks, _NEVER), dim=1)
+        return functional.log_softmax(self.logits(batch).masked_fill(~masks, _NEVER), dim=1)
 
     def draw(
         self, observation: Mapping[str, NDArray[Any]], masks: NDArray[np.bool_], gumbel: Tensor
@@ -113,11 +112,11 @@ class Critic(nn.Module):
         """float32 (batch, 1): values."""
         return self.values(self.read(observation))
 
-    def values(self, situations: Situations) -> Tensor:
+    def values(self, batch: FrontierBatch) -> Tensor:
         """The same of decisions that have been read."""
-        context, _ = self.encode(situations)
-        if self.privileged and situations.privileged is not None:
-            context = torch.cat([context, situations.privileged], dim=1)
+        context, _ = self.encode(batch)
+        if self.privileged and batch.privileged is not None:
+            context = torch.cat([context, batch.privileged], dim=1)
         return torch.as_tensor(self.value(context))
 
 

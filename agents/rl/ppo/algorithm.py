@@ -21,10 +21,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import explained_variance, obs_as_tensor
 from stable_baselines3.common.vec_env import VecEnv
 
-from layoutexplore.agents.rl.collector import Collector, Ends
 from layoutexplore.agents.rl.policy import FrontierPolicy
-from layoutexplore.agents.rl.rollout import Rollout, parts_of
-from layoutexplore.agents.rl.update import Learnt, Update
+from layoutexplore.agents.rl.ppo.collector import Collector, Ends
+from layoutexplore.agents.rl.ppo.rollout import Rollout, parts_of
+from layoutexplore.agents.rl.ppo.update import Learnt, Update
 from layoutexplore.agents.rl.vector import VectorAdapter
 from layoutexplore.processes import usable_cores
 
@@ -97,9 +97,9 @@ class FrontierPPO(MaskablePPO):
         """Values, returns and advantages of the rollout; where an episode was cut off, what was still to be expected counts."""
         buffer, critic = self.rollout_buffer, self.policy.critic
         with torch.no_grad():
-            self._situations = buffer.read(critic.read)
-            everybody = torch.arange(len(self._situations.counts), device=self.device)
-            values = torch.cat([critic.values(self._situations.take(part)) for part in parts_of(everybody)])
+            self._batch = buffer.read(critic.read)
+            everybody = torch.arange(len(self._batch.counts), device=self.device)
+            values = torch.cat([critic.values(self._batch.take(part)) for part in parts_of(everybody)])
             buffer.values[:] = values.cpu().numpy().reshape(buffer.values.shape)
             for place, info in ends.items():
                 if info["TimeLimit.truncated"]:
@@ -117,7 +117,7 @@ class FrontierPPO(MaskablePPO):
         self._update_learning_rate(self.policy.optimizer)
         self._acting.load_state_dict(self.policy.actor.state_dict())
         update = Update(
-            batch_size=self.batch_size or len(self._situations.counts),
+            batch_size=self.batch_size or len(self._batch.counts),
             clip_range=self.clip_range(self._current_progress_remaining),  # type: ignore[operator]
             normalize_advantage=self.normalize_advantage,
             ent_coef=self.ent_coef,
@@ -125,9 +125,9 @@ class FrontierPPO(MaskablePPO):
             max_grad_norm=self.max_grad_norm,
             target_kl=self.target_kl,
         )
-        lesson = self.rollout_buffer.lesson(self._situations)
-        orders = [torch.randperm(len(lesson.actions)).to(self.device) for _ in range(self.n_epochs)]
-        self._update = self._learner.submit(update.learn, self.policy, lesson, orders)
+        training_batch = self.rollout_buffer.training_batch(self._batch)
+        orders = [torch.randperm(len(training_batch.actions)).to(self.device) for _ in range(self.n_epochs)]
+        self._update = self._learner.submit(update.learn, self.policy, training_batch, orders)
 
     def _finish_update(self) -> None:
         """Wait for the update that is going on, if any."""

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from layoutexplore.agents.rl.network import Actor
-from layoutexplore.agents.rl.rollout import Rollout
+from layoutexplore.agents.rl.networks.actor_critic import Actor
+from layoutexplore.agents.rl.ppo.rollout import Rollout
 from layoutexplore.agents.rl.vector import VectorAdapter
 
 Ends = dict[tuple[int, int], dict[str, Any]]

@@ -11,8 +11,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from layoutexplore.agents.rl.card import PolicySpec
-from layoutexplore.agents.rl.frontier_batch import Situations
-from layoutexplore.agents.rl.pooling import pool, spread
+from layoutexplore.agents.rl.networks.frontier_batch import FrontierBatch
+from layoutexplore.agents.rl.networks.pooling import pool, spread
 
 
 class Encoder(nn.Module):
@@ -29,15 +29,15 @@ class Encoder(nn.Module):
         self.robot = nn.Linear(len(spec.robot_features) + 1, width)
         self.map = _map_encoder(len(spec.map_channels), width) if spec.map_channels else None
 
-    def forward(self, situations: Situations) -> tuple[Tensor, Tensor]:
+    def forward(self, batch: FrontierBatch) -> tuple[Tensor, Tensor]:
         """The context (batch, width) and the frontiers (n, width)."""
         raise NotImplementedError
 
-    def surroundings(self, situations: Situations) -> Tensor:
+    def surroundings(self, batch: FrontierBatch) -> Tensor:
         """What is not told by a frontier, (batch, width)."""
-        context = self.robot(situations.robot)
-        if self.map is not None and situations.maps is not None:
-            context = context + self.map(situations.maps.float() / 255.0)
+        context = self.robot(batch.robot)
+        if self.map is not None and batch.maps is not None:
+            context = context + self.map(batch.maps.float() / 255.0)
         return torch.as_tensor(context)
 
 
@@ -57,10 +57,10 @@ class PooledEncoder(Encoder):
         self.layers = nn.ModuleList(_Pooled(width) for _ in range(layers))
         self.join = nn.Linear(2 * width, width)
 
-    def forward(self, situations: Situations) -> tuple[Tensor, Tensor]:
+    def forward(self, batch: FrontierBatch) -> tuple[Tensor, Tensor]:
         """The context (batch, width) and the frontiers (n, width)."""
-        context, owners, counts = self.surroundings(situations), situations.owners, situations.counts
-        tokens = functional.relu(self.frontier(situations.frontiers) + spread(context, owners, counts))
+        context, owners, counts = self.surroundings(batch), batch.owners, batch.counts
+        tokens = functional.relu(self.frontier(batch.frontiers) + spread(context, owners, counts))
         for layer in self.layers:
             tokens = layer(tokens, owners, counts)
         return functional.relu(self.join(pool(tokens, counts)) + context), tokens
@@ -96,15 +96,15 @@ class TokenEncoder(Encoder):
         )
         self.norm = nn.LayerNorm(config.width)
 
-    def forward(self, situations: Situations) -> tuple[Tensor, Tensor]:
+    def forward(self, batch: FrontierBatch) -> tuple[Tensor, Tensor]:
         """The context (batch, width) and the frontiers (n, width)."""
-        counts, owners = situations.counts, situations.owners
+        counts, owners = batch.counts, batch.owners
         most = int(counts.max()) if len(counts) else 0
         present = torch.arange(1 + most, device=counts.device) <= counts[:, None]
         places = (
             1 + torch.arange(len(owners), device=counts.device) - (torch.cumsum(counts, 0) - counts)[owners]
         )
-        context, frontiers = self.surroundings(situations), self.frontier(situations.frontiers)
+        context, frontiers = self.surroundings(batch), self.frontier(batch.frontiers)
         tokens = functional.pad(context[:, None], (0, 0, 0, most)).index_put((owners, places), frontiers)
         for layer in self.layers:
             tokens = layer(tokens, present)

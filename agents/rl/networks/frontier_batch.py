@@ -20,7 +20,7 @@ FEW = 10.0
 """The number of frontiers that counts as 1."""
 
 
-class Situations(NamedTuple):
+class FrontierBatch(NamedTuple):
     """A batch of decisions.
 
     Attributes:
@@ -43,7 +43,7 @@ class Situations(NamedTuple):
     privileged: Tensor | None
     slots: int
 
-    def take(self, chosen: Tensor) -> Situations:
+    def take(self, chosen: Tensor) -> FrontierBatch:
         """Some of the decisions, int64 (k,), in that order."""
         counts = self.counts[chosen]
         owners = torch.repeat_interleave(torch.arange(len(chosen), device=counts.device), counts)
@@ -51,7 +51,7 @@ class Situations(NamedTuple):
         rows = torch.arange(len(owners), device=counts.device) + shift[owners]
         maps = None if self.maps is None else self.maps[chosen]
         privileged = None if self.privileged is None else self.privileged[chosen]
-        return Situations(
+        return FrontierBatch(
             self.frontiers[rows],
             counts,
             owners,
@@ -76,13 +76,13 @@ class Reader(nn.Module):
 
     def __init__(self, spec: PolicySpec) -> None:
         super().__init__()
-        self._columns = [list(FRONTIER_FEATURES).index(name) for name in spec.frontier_features]
+        self._columns = spec.frontier_columns
         self._robot = [list(ROBOT_FEATURES).index(name) for name in spec.robot_features]
-        self._plain = [k for k, name in enumerate(spec.frontier_features) if name == "tour_rank"]
+        self._rank = spec.rank_column
         channels = CHANNELS + LAYOUT_CHANNELS
         self._channels = [channels.index(name) for name in spec.map_channels]
 
-    def forward(self, observation: Mapping[str, Tensor]) -> Situations:
+    def forward(self, observation: Mapping[str, Tensor]) -> FrontierBatch:
         """The decisions of a batch of observations."""
         table = observation["frontiers"]
         table = table.reshape(len(table), -1, len(FRONTIER_FEATURES))
@@ -90,11 +90,12 @@ class Reader(nn.Module):
         owners, places = valid.nonzero(as_tuple=True)
         chosen = table[owners, places][:, self._columns]
         frontiers = torch.asinh(chosen)
-        frontiers[:, self._plain] = chosen[:, self._plain]
+        if self._rank is not None:
+            frontiers[:, self._rank] = chosen[:, self._rank]
         counts = valid.sum(dim=1)
         robot = torch.asinh(observation["robot"][:, self._robot])
         robot = torch.cat([robot, torch.log1p(counts[:, None] / FEW)], dim=1)
         maps = observation["global_map"][:, self._channels] if self._channels else None
         hidden = observation.get("privileged")
         hidden = None if hidden is None else torch.asinh(hidden)
-        return Situations(frontiers, counts, owners, places, robot, maps, hidden, valid.shape[1])
+        return FrontierBatch(frontiers, counts, owners, places, robot, maps, hidden, valid.shape[1])

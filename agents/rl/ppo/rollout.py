@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from sb3_contrib.common.maskable.buffers import MaskableDictRolloutBuffer
 from torch import Tensor
 
-from layoutexplore.agents.rl.frontier_batch import Reader, Situations
+from layoutexplore.agents.rl.networks.frontier_batch import FrontierBatch, Reader
 
 
-class Lesson(NamedTuple):
+class TrainingBatch(NamedTuple):
     """Decisions and what became of them.
 
     Attributes:
-        situations: What was read.
+        batch: What was read.
         masks: bool (batch, actions), which were allowed.
         actions: int64 (batch,).
         log_probs: float32 (batch,), of the actions when they were taken.
@@ -26,7 +26,7 @@ class Lesson(NamedTuple):
         weights: float32 (batch,), how much each counts.
     """
 
-    situations: Situations
+    batch: FrontierBatch
     masks: Tensor
     actions: Tensor
     log_probs: Tensor
@@ -34,9 +34,9 @@ class Lesson(NamedTuple):
     returns: Tensor
     weights: Tensor
 
-    def take(self, chosen: Tensor) -> Lesson:
+    def take(self, chosen: Tensor) -> TrainingBatch:
         """Some of the decisions, int64 (k,)."""
-        return Lesson(self.situations.take(chosen), *(part[chosen] for part in self[1:]))
+        return TrainingBatch(self.batch.take(chosen), *(part[chosen] for part in self[1:]))
 
 
 class Rollout(MaskableDictRolloutBuffer):
@@ -62,19 +62,19 @@ class Rollout(MaskableDictRolloutBuffer):
         """What was done there, with the logarithms of the probabilities."""
         self.actions[step, rows, 0], self.log_probs[step, rows] = actions, log_probs
 
-    def read(self, reader: Reader) -> Situations:
+    def read(self, reader: Reader) -> FrontierBatch:
         """All decisions, those of the first step first."""
-        situations: Situations = reader(
+        batch: FrontierBatch = reader(
             {name: self.to_torch(_flat(a), copy=False) for name, a in self.observations.items()}
         )
-        return situations
+        return batch
 
-    def lesson(self, situations: Situations) -> Lesson:
+    def training_batch(self, batch: FrontierBatch) -> TrainingBatch:
         """The decisions, once their values and returns are known."""
         masks, actions = self.action_masks.astype(np.bool_), self.actions[..., 0].astype(np.int64)
         rest = (self.log_probs, self.advantages, self.returns, np.ones_like(self.returns))
-        return Lesson(
-            situations, *(self.to_torch(_flat(array), copy=False) for array in (masks, actions, *rest))
+        return TrainingBatch(
+            batch, *(self.to_torch(_flat(array), copy=False) for array in (masks, actions, *rest))
         )
 
 

@@ -19,7 +19,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from layoutexplore.agents.rl.policy import FrontierPolicy
-from layoutexplore.agents.rl.rollout import Lesson, parts_of
+from layoutexplore.agents.rl.ppo.rollout import TrainingBatch, parts_of
 
 _HEAVIEST = 2.0
 """The most that a decision counts."""
@@ -61,23 +61,25 @@ class Update:
     max_grad_norm: float
     target_kl: float | None
 
-    def learn(self, policy: FrontierPolicy, lesson: Lesson, orders: Sequence[Tensor]) -> Learnt:
+    def learn(
+        self, policy: FrontierPolicy, training_batch: TrainingBatch, orders: Sequence[Tensor]
+    ) -> Learnt:
         """Learn from a rollout.
 
         Args:
             policy: It learns in place.
-            lesson: What the rollout teaches.
+            training_batch: What the rollout teaches.
             orders: int64 (batch,) for each pass over the rollout, the order in which it is learnt from.
         """
         start = time.perf_counter()
         curves, parameters = defaultdict[str, list[float]](list), list(policy.parameters())
         passes = 0
         if not policy.actor_waits:
-            lesson = _seen_from_now(policy, lesson)
+            training_batch = _seen_from_now(policy, training_batch)
         for order in orders:
             passes += 1
             if not all(
-                self._step(policy, parameters, lesson.take(chosen), curves)
+                self._step(policy, parameters, training_batch.take(chosen), curves)
                 for chosen in parts_of(order, self.batch_size)
             ):
                 break
@@ -88,11 +90,11 @@ class Update:
         self,
         policy: FrontierPolicy,
         parameters: list[torch.nn.Parameter],
-        part: Lesson,
+        part: TrainingBatch,
         curves: dict[str, list[float]],
     ) -> bool:
         """One minibatch; False, and nothing learnt, once the policy has moved too far."""
-        value_loss = functional.mse_loss(policy.critic.values(part.situations)[:, 0], part.returns)
+        value_loss = functional.mse_loss(policy.critic.values(part.batch)[:, 0], part.returns)
         curves["value_loss"].append(value_loss.item())
         loss = self.vf_coef * value_loss
         if not policy.actor_waits:
@@ -107,10 +109,10 @@ class Update:
         return True
 
     def _actor_loss(
-        self, policy: FrontierPolicy, part: Lesson, curves: dict[str, list[float]]
+        self, policy: FrontierPolicy, part: TrainingBatch, curves: dict[str, list[float]]
     ) -> tuple[Tensor, float]:
         """The clipped surrogate loss less the entropy's share, and an estimate of how far the policy has moved."""
-        log_probs = policy.actor.log_probs(part.situations, part.masks)
+        log_probs = policy.actor.log_probs(part.batch, part.masks)
         change = log_probs.gather(1, part.actions[:, None])[:, 0] - part.log_probs
         ratio, advantages = change.exp(), part.advantages
         if self.normalize_advantage and len(advantages) > 1:
@@ -127,14 +129,14 @@ class Update:
         return -gain - self.ent_coef * entropy, divergence
 
 
-def _seen_from_now(policy: FrontierPolicy, lesson: Lesson) -> Lesson:
-    """The lesson with the probabilities of the actor as it is now, and weights for the difference."""
+def _seen_from_now(policy: FrontierPolicy, training_batch: TrainingBatch) -> TrainingBatch:
+    """The training_batch with the probabilities of the actor as it is now, and weights for the difference."""
     with torch.no_grad():
-        everybody = torch.arange(len(lesson.actions), device=lesson.actions.device)
-        parts = [lesson.take(chosen) for chosen in parts_of(everybody)]
+        everybody = torch.arange(len(training_batch.actions), device=training_batch.actions.device)
+        parts = [training_batch.take(chosen) for chosen in parts_of(everybody)]
         log_probs = torch.cat(
-            [policy.actor.log_probs(p.situations, p.masks).gather(1, p.actions[:, None])[:, 0] for p in parts]
+            [policy.actor.log_probs(p.batch, p.masks).gather(1, p.actions[:, None])[:, 0] for p in parts]
         )
-        return lesson._replace(
-            log_probs=log_probs, weights=(log_probs - lesson.log_probs).exp().clamp(max=_HEAVIEST)
+        return training_batch._replace(
+            log_probs=log_probs, weights=(log_probs - training_batch.log_probs).exp().clamp(max=_HEAVIEST)
         )

@@ -1,0 +1,1 @@
+"""Networks that score frontiers: how they read an observation, how frontiers see each other, actor and critic."""

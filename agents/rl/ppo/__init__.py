@@ -1,0 +1,1 @@
+"""Masked PPO beside the environments: `layoutexplore speed --only training` prints its rate and that of sb3-contrib."""
