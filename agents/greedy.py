@@ -1,4 +1,4 @@
-"""Agents that score every frontier by itself and go to the best.
+"""Agents that score every frontier by itself and go to the best: a name, a formula, and where it comes from.
 
 The gain of a frontier is A, the unknown area that rays from its viewpoint would cross; its cost is the path
 length d. To *finish* an exploration the total gain is fixed, so agents that chase gain can lose to the
@@ -8,14 +8,18 @@ nearest frontier.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.agents.base import Heuristic, OptionsT, register
-from layoutexplore.frontiers.decision import Choice, Decision
+from layoutexplore.agents.base import Heuristic, register
+from layoutexplore.frontiers.decision import Choice, Decision, FrontierTable
 from layoutexplore.frontiers.tour_features import sizeable_frontiers
 from layoutexplore.options import Options, option
+
+Scores = NDArray[np.float64]
+"""float64 (k,): one for each frontier that may be chosen; the greatest is the best."""
 
 _TIE = 1e-9
 """Scores that differ by less than this share of the largest one are equal."""
@@ -28,9 +32,12 @@ class GreedyOptions(Options):
     min_size: float = option(0.4, "metres; smaller frontiers wait until no other is left", low=0.0)
 
 
+GreedyT = TypeVar("GreedyT", bound=GreedyOptions)
+
+
 @dataclass(frozen=True, kw_only=True)
 class NearestOptions(GreedyOptions):
-    """Parameters of `Nearest`. Frontiers of 1 m and more first: 7 % shorter than with 0.4 m at 95 % coverage."""
+    """Parameters of `Nearest`."""
 
     min_size: float = option(1.0, "metres; smaller frontiers wait until no other is left", low=0.0)
     distance: str = option("path", "path or straight: which distance counts", choices=("path", "straight"))
@@ -58,7 +65,43 @@ class DistanceAdvantageOptions(GreedyOptions):
     weight: float = option(0.5, "how much remoteness from the other frontiers counts", low=0.0)
 
 
-def best_index(scores: NDArray[np.float64], path_lengths: NDArray[np.float64]) -> int:
+class Candidates(NamedTuple):
+    """The frontiers that may be chosen at a decision.
+
+    Attributes:
+        decision: The decision.
+        numbers: int64 (k,), which of its frontiers they are.
+        table: What they are like, a column float64 (k,) for each property.
+    """
+
+    decision: Decision
+    numbers: NDArray[np.int64]
+    table: FrontierTable
+
+    @staticmethod
+    def of(decision: Decision, numbers: NDArray[np.int64]) -> Candidates:
+        """Those of a decision with these numbers int64 (k,)."""
+        return Candidates(decision, numbers, FrontierTable(*(column[numbers] for column in decision.table)))
+
+
+class Greedy(Heuristic[GreedyT]):
+    """Goes to the candidate with the greatest score; of equal ones to the nearest."""
+
+    def choose(self, decision: Decision) -> Choice:
+        """The index of the best frontier."""
+        among = Candidates.of(decision, self.candidates(decision))
+        return int(among.numbers[best_index(self.scores(among), among.table.path_length)])
+
+    def candidates(self, decision: Decision) -> NDArray[np.int64]:
+        """Numbers int64 (k,) of the frontiers that may be chosen: the sizeable ones."""
+        return sizeable_frontiers(decision, self.options.min_size)
+
+    def scores(self, among: Candidates) -> Scores:
+        """Minus the path length: the nearest is the best."""
+        return -among.table.path_length
+
+
+def best_index(scores: Scores, path_lengths: NDArray[np.float64]) -> int:
     """The index of the greatest score; of equal ones the nearest, of equally near ones the first.
 
     Args:
@@ -72,22 +115,6 @@ def best_index(scores: NDArray[np.float64], path_lengths: NDArray[np.float64]) -
     """
     tied = np.flatnonzero(scores >= scores.max() - _TIE * np.abs(scores).max())
     return int(tied[np.argmin(path_lengths[tied])])
-
-
-class Greedy(Heuristic[OptionsT]):
-    """Goes to the sizeable frontier with the highest score."""
-
-    def choose(self, decision: Decision) -> Choice:
-        """The index of the best frontier."""
-        chosen = sizeable_frontiers(decision, getattr(self.options, "min_size", 0.0))
-        lengths = np.array([decision.frontiers[i].path_length for i in chosen], np.float64)
-        return int(chosen[best_index(self.scores(decision, chosen, lengths), lengths)])
-
-    def scores(
-        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Scores float64 (k,) of the chosen frontiers int64 (k,) whose paths have these lengths in metres."""
-        raise NotImplementedError
 
 
 class Random(Heuristic[Options]):
@@ -109,44 +136,34 @@ class Random(Heuristic[Options]):
 class Nearest(Greedy[NearestOptions]):
     """The nearest frontier (Yamauchi 1997)."""
 
-    def scores(
-        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def scores(self, among: Candidates) -> Scores:
         """Minus the distance in metres."""
-        if self.options.distance == "path":
-            return -lengths
-        return -np.array([decision.frontiers[i].straight_distance for i in chosen], np.float64)
+        straight = self.options.distance == "straight"
+        return -(among.table.straight_distance if straight else among.table.path_length)
 
 
 class CostUtility(Greedy[CostUtilityOptions]):
     """alpha (dmax - d)/dmax + (1 - alpha) A/Amax, with the maxima over the candidates (Luperto et al. 2021)."""
 
-    def scores(
-        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def scores(self, among: Candidates) -> Scores:
         """Between 0 and 1."""
-        return utilities(lengths, visible_areas(decision, chosen), self.options.alpha)
+        return utilities(among.table.path_length, among.table.visible_area, self.options.alpha)
 
 
 class GainOverDistance(Greedy[GreedyOptions]):
     """A/d."""
 
-    def scores(
-        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def scores(self, among: Candidates) -> Scores:
         """In square metres per metre; a frontier underfoot is one cell away."""
-        return visible_areas(decision, chosen) / np.maximum(lengths, decision.grid.resolution)
+        return among.table.visible_area / np.maximum(among.table.path_length, among.decision.grid.resolution)
 
 
 class GainExp(Greedy[GainExpOptions]):
     """A exp(-lambda d) (Gonzalez-Banos and Latombe 2002)."""
 
-    def scores(
-        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """In square metres, up to a factor that all share: the nearest one is not discounted, so that none underflows."""
-        discounts: NDArray[np.float64] = np.exp(-self.options.rate * (lengths - lengths.min()))
-        return visible_areas(decision, chosen) * discounts
+    def scores(self, among: Candidates) -> Scores:
+        """In square metres, up to a factor that all share."""
+        return faded(among.table.visible_area, among.table.path_length, self.options.rate)
 
 
 class DistanceAdvantage(Greedy[DistanceAdvantageOptions]):
@@ -155,23 +172,23 @@ class DistanceAdvantage(Greedy[DistanceAdvantageOptions]):
     A frontier that is far from all others costs a detour later, so it is visited while it is near.
     """
 
-    def scores(
-        self, decision: Decision, chosen: NDArray[np.int64], lengths: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """The weighted mean path length from the other frontiers less the path length from the robot, in metres."""
-        if len(chosen) == 1:
+    def scores(self, among: Candidates) -> Scores:
+        """The weighted mean path length from the other frontiers less that from the robot, in metres."""
+        lengths, others = among.table.path_length, len(among.numbers) - 1
+        if not others:
             return -lengths
-        between = decision.path_lengths(chosen)[1:, 1:].astype(np.float64)
-        remoteness: NDArray[np.float64] = between.sum(axis=0) / (len(chosen) - 1)
+        between = among.decision.path_lengths(among.numbers)[1:, 1:].astype(np.float64)
+        remoteness: Scores = between.sum(axis=0) / others
         return self.options.weight * remoteness - lengths
 
 
-def visible_areas(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Visible unknown areas float64 (k,) of the chosen frontiers, in square metres."""
-    return np.array([decision.frontiers[i].visible_area for i in chosen], np.float64)
+def faded(gains: NDArray[np.float64], lengths: NDArray[np.float64], rate: float) -> Scores:
+    """Gains times exp(-rate d); the nearest one is not discounted, so that none underflows."""
+    discounts: NDArray[np.float64] = np.exp(-rate * (lengths - lengths.min()))
+    return gains * discounts
 
 
-def utilities(lengths: NDArray[np.float64], gains: NDArray[np.float64], alpha: float) -> NDArray[np.float64]:
+def utilities(lengths: NDArray[np.float64], gains: NDArray[np.float64], alpha: float) -> Scores:
     """Weighted nearness and gain of k frontiers, float64 (k,) in 0..1, each relative to the greatest among them.
 
     Args:

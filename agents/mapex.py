@@ -1,4 +1,4 @@
-"""What one can expect to see from a frontier, by the probabilities of a predicted layout, per metre of way.
+"""What one can expect to see from a frontier, by a predicted layout's probabilities, per metre of path.
 
 After MapEx (Ho et al., "MapEx: Indoor Structure Exploration with Probabilistic Information Gain from Global
 Map Predictions", 2024): there an ensemble of image completions says how likely every unseen cell is free, a
@@ -16,16 +16,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.agents.base import Heuristic, register
-from layoutexplore.agents.greedy import GreedyOptions, best_index, visible_areas
+from layoutexplore.agents.base import register
+from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.frontiers.decision import Choice, Decision, Frontier
-from layoutexplore.frontiers.tour_features import sizeable_frontiers
+from layoutexplore.frontiers.decision import Frontier
 from layoutexplore.frontiers.visible_area import ray_table
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.options import option
@@ -47,36 +47,32 @@ class ProbabilisticOptions(GreedyOptions):
     predictor: str = option("layout", "where probabilities come from")
 
 
-class ProbabilisticGain(Heuristic[ProbabilisticOptions]):
-    """Expected new area in sight over path length; without a predicted layout the visible unknown area takes its place."""
+class ProbabilisticGain(Greedy[ProbabilisticOptions]):
+    """Expected new area in sight over path length; without a layout, the unknown area in sight instead."""
 
     @property
     def predictor(self) -> str:
         """The predictor that the simulation has to run for this agent."""
         return self.options.predictor
 
-    def choose(self, decision: Decision) -> Choice:
-        """The index of the frontier with the best score."""
-        chosen = sizeable_frontiers(decision, self.options.min_size)
-        lengths = np.array([decision.frontiers[i].path_length for i in chosen], np.float64)
-        gains = self.gains(decision, chosen)
+    def scores(self, among: Candidates) -> Scores:
+        """In square metres per metre, or, with a rate, in square metres up to a factor that all share."""
+        gains, lengths = self.gains(among), among.table.path_length
         if self.options.rate > 0:
-            scores = gains * np.exp(-self.options.rate * (lengths - lengths.min()))
-        else:
-            scores = gains / np.maximum(lengths, decision.grid.resolution)
-        return int(chosen[best_index(scores, lengths)])
+            return faded(gains, lengths, self.options.rate)
+        return gains / np.maximum(lengths, among.decision.grid.resolution)
 
-    def gains(self, decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Expected new areas float64 (k,) of the chosen frontiers, in square metres."""
+    def gains(self, among: Candidates) -> NDArray[np.float64]:
+        """Expected new areas float64 (k,), in square metres."""
+        decision, numbers, table = among
         inside = getattr(decision.layout, "inside", None)
         if inside is None:
-            return visible_areas(decision, chosen)
-        frontiers = [decision.frontiers[i] for i in chosen]
+            return table.visible_area
         return expected_new_area(
             decision.grid.cells,
             inside,
-            np.array([f.viewpoint for f in frontiers], np.int32),
-            np.array([probability_open(f) for f in frontiers]),
+            decision.viewpoints[numbers],
+            np.array([probability_open(decision.frontiers[i]) for i in numbers]),
             resolution=decision.grid.resolution,
             reach=min(self.options.reach, decision.sensor.range_max),
             fade=self.options.fade,
@@ -143,50 +139,61 @@ def expected_new_area(
         )
     if points.size and ((points < 0).any() or (points >= cells.shape).any()):
         raise ConfigError(f"a viewpoint lies outside of the grid of shape {cells.shape}")
-    rows, cols, entered, starts = ray_table(int(rays), reach / resolution)
-    area = np.zeros(len(points), np.float64)
-    view = (
+    view = _View(
         np.ascontiguousarray(cells),
         np.ascontiguousarray(inside, dtype=np.float32),
         points,
         np.asarray(leads_on, np.float64),
     )
-    _expect(*view, rows, cols, entered, starts, reach / resolution, fade / resolution, area)
+    area = np.zeros(len(points), np.float64)
+    table = _Rays(*ray_table(int(rays), reach / resolution))
+    _expect(view, table, reach / resolution, fade / resolution, area)
     return area * (math.pi / rays * resolution**2)
 
 
+class _View(NamedTuple):
+    """The grid, the probabilities inside, the viewpoints, and the probability that what lies behind each is open."""
+
+    cells: NDArray[np.int8]
+    inside: NDArray[np.float32]
+    points: NDArray[np.int64]
+    leads_on: NDArray[np.float64]
+
+
+class _Rays(NamedTuple):
+    """The cells that rays cross, as `ray_table` gives them."""
+
+    rows: NDArray[np.int64]
+    cols: NDArray[np.int64]
+    entered: NDArray[np.float64]
+    starts: NDArray[np.int64]
+
+
 @njit(cache=True, nogil=True)
-def _expect(
-    cells: NDArray[np.int8],
-    inside: NDArray[np.float32],
-    points: NDArray[np.int64],
-    leads_on: NDArray[np.float64],
-    rows: NDArray[np.int64],
-    cols: NDArray[np.int64],
-    entered: NDArray[np.float64],
-    starts: NDArray[np.int64],
-    reach: float,
-    fade: float,
-    area: NDArray[np.float64],
-) -> None:
-    """Sum over the rays of p (b^2 - a^2) over the unknown cells from a to b, in cells; `entered` holds squared distances."""
-    height, width = cells.shape
-    for k in range(len(points)):
-        for ray in range(len(starts) - 1):
+def _expect(view: _View, rays: _Rays, reach: float, fade: float, area: NDArray[np.float64]) -> None:
+    """Sum over the rays of p (b^2 - a^2) over the unknown cells from a to b, all in cells."""
+    height, width = view.cells.shape
+    for k in range(len(view.points)):
+        row, col = view.points[k]
+        for ray in range(len(rays.starts) - 1):
+            # `chance` only falls along a ray: the least probability so far; `through` counts unknown cells alone.
             chance, through = 1.0, 0.0
-            for n in range(starts[ray], starts[ray + 1]):
-                r, c = points[k, 0] + rows[n], points[k, 1] + cols[n]
-                if not (0 <= r < height and 0 <= c < width) or cells[r, c] == OCCUPIED:
+            for n in range(rays.starts[ray], rays.starts[ray + 1]):
+                r, c = row + rays.rows[n], col + rays.cols[n]
+                if not (0 <= r < height and 0 <= c < width) or view.cells[r, c] == OCCUPIED:
                     break
-                if cells[r, c] == FREE:
+                if view.cells[r, c] == FREE:
                     continue
-                end = entered[n + 1] if n + 1 < starts[ray + 1] else reach * reach
-                hope = leads_on[k] * math.exp(-through / fade)
-                chance = min(chance, max(inside[r, c], hope))
+                # `entered` holds squared distances: a cell ends where the next one of its ray begins, the last at
+                # the reach.
+                end = rays.entered[n + 1] if n + 1 < rays.starts[ray + 1] else reach * reach
+                hope = view.leads_on[k] * math.exp(-through / fade)
+                chance = min(chance, max(view.inside[r, c], hope))
+                # What is left of the ray adds next to nothing.
                 if chance < 0.01:
                     break
-                area[k] += chance * (end - entered[n])
-                through += math.sqrt(end) - math.sqrt(entered[n])
+                area[k] += chance * (end - rays.entered[n])
+                through += math.sqrt(end) - math.sqrt(rays.entered[n])
 
 
 register(

@@ -11,13 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.agents.base import register
-from layoutexplore.agents.greedy import best_index, utilities
+from layoutexplore.agents.greedy import Candidates, Scores, utilities
 from layoutexplore.agents.room_aware import LayoutOptions, RoomAwareHeuristic
-from layoutexplore.frontiers.decision import Choice, Decision
-from layoutexplore.frontiers.tour_features import sizeable_frontiers
 from layoutexplore.options import option
 
 
@@ -29,16 +26,14 @@ class PredictedUtilityOptions(LayoutOptions):
     predictor: str = option("reconstruct:ias15", "where classes and areas come from")
 
 
-class PredictedUtility(RoomAwareHeuristic):
+class PredictedUtility(RoomAwareHeuristic[PredictedUtilityOptions]):
     """alpha (dmax - d)/dmax + (1 - alpha) A/Amax, where A is predicted (Luperto and Amigoni, AAMAS 2021)."""
 
-    def choose(self, decision: Decision) -> Choice:
-        """The index of the frontier with the highest utility."""
-        chosen = sizeable_frontiers(decision, self.options.min_size)
-        table, alpha = decision.table, getattr(self.options, "alpha", 0.5)
-        gains = np.where(table.closed[chosen] > 0, table.expected_area[chosen], table.visible_area[chosen])
-        lengths: NDArray[np.float64] = table.path_length[chosen]
-        return int(chosen[best_index(utilities(lengths, gains, alpha), lengths)])
+    def scores(self, among: Candidates) -> Scores:
+        """Between 0 and 1."""
+        table = among.table
+        gains = np.where(table.closed > 0, table.expected_area, table.visible_area)
+        return utilities(table.path_length, gains, self.options.alpha)
 
 
 register(

@@ -1,23 +1,23 @@
 """Strategies that use the layout: closed frontiers with little left wait.
 
 Knowing that a frontier is only the rest of an almost finished room pays when it saves going there now: such
-frontiers wait until no other is left (the threshold is in square metres: a relative one can end an
-exploration at 40 % coverage). Going to closed or to open frontiers first are the negative controls: both cost
-metres.
+frontiers wait until no other is left. The threshold is in square metres: a share of the room would end an
+exploration early where rooms are large. Going to closed or to open frontiers first are the negative controls.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.agents.base import Heuristic, register
-from layoutexplore.agents.greedy import GreedyOptions, best_index
+from layoutexplore.agents.base import register
+from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import STOP, Choice, Decision, Frontier
-from layoutexplore.frontiers.tour_features import BEGUN, SURE, area_left, ready_frontiers, sizeable_frontiers
+from layoutexplore.frontiers.tour_features import BEGUN, SURE, area_left, ready_frontiers
 from layoutexplore.options import option
 
 
@@ -52,8 +52,11 @@ class LayoutTourOptions(LayoutOptions):
     )
 
 
-class RoomAwareHeuristic(Heuristic[LayoutOptions]):
-    """A heuristic whose decisions are completed by a predictor, and that stops early where nothing is left to find."""
+LayoutT = TypeVar("LayoutT", bound=LayoutOptions)
+
+
+class RoomAwareHeuristic(Greedy[LayoutT]):
+    """An agent whose decisions a predictor completes; it may stop early where nothing is left to find."""
 
     @property
     def predictor(self) -> str:
@@ -74,62 +77,51 @@ class RoomAwareHeuristic(Heuristic[LayoutOptions]):
         return sure and area_left(frontier) < self.options.stop_area
 
 
-def nearest_of(decision: Decision, chosen: NDArray[np.int64]) -> int:
-    """The nearest of some frontiers int64 (k,), by path length."""
-    lengths = np.array([decision.frontiers[i].path_length for i in chosen])
-    return int(chosen[best_index(-lengths, lengths)])
-
-
-class LayoutNearest(RoomAwareHeuristic):
+class LayoutNearest(RoomAwareHeuristic[LayoutOptions]):
     """The nearest frontier that need not wait."""
 
-    def choose(self, decision: Decision) -> Choice:
-        """The index of the nearest frontier that does not wait."""
-        return nearest_of(decision, ready_frontiers(decision, self.options.min_size, self.options.area))
+    def candidates(self, decision: Decision) -> NDArray[np.int64]:
+        """Numbers int64 (k,) of the sizeable frontiers that do not wait."""
+        return ready_frontiers(decision, self.options.min_size, self.options.area)
 
 
-class LayoutTour(RoomAwareHeuristic):
+class LayoutTour(RoomAwareHeuristic[LayoutTourOptions]):
     """The first frontier of a latency tour over those that need not wait."""
 
     def choose(self, decision: Decision) -> Choice:
         """The index of the tour's first frontier."""
-        chosen = ready_frontiers(decision, self.options.min_size, self.options.area)
-        patience = getattr(self.options, "patience", 1.0)
-        return int(plan_latency_tour(decision, chosen, patience)[0])
+        ready = ready_frontiers(decision, self.options.min_size, self.options.area)
+        return int(plan_latency_tour(decision, ready, self.options.patience)[0])
 
 
-class LayoutGain(RoomAwareHeuristic):
+class LayoutGain(RoomAwareHeuristic[LayoutGainOptions]):
     """Expected area against path length: A exp(-lambda d) (Luperto and Amigoni, AAMAS 2021)."""
 
-    def choose(self, decision: Decision) -> Choice:
-        """The index of the frontier with the highest score."""
-        chosen = sizeable_frontiers(decision, self.options.min_size)
-        areas = np.array([decision.frontiers[i].expected_area or 0.0 for i in chosen])
-        lengths = np.array([decision.frontiers[i].path_length for i in chosen])
-        rate = getattr(self.options, "rate", 0.0)
-        return int(chosen[best_index(areas * np.exp(-rate * (lengths - lengths.min())), lengths)])
+    def scores(self, among: Candidates) -> Scores:
+        """In square metres, up to a factor that all share."""
+        return faded(among.table.expected_area, among.table.path_length, self.options.rate)
 
 
-class ClosedFirst(RoomAwareHeuristic):
+class ClosedFirst(RoomAwareHeuristic[LayoutOptions]):
     """The nearest closed frontier; an open one only when no closed one is left."""
 
-    def choose(self, decision: Decision) -> Choice:
-        """The index of the nearest frontier of the class that goes first."""
-        return _nearest_of_class(decision, self.options, closed=True)
+    def candidates(self, decision: Decision) -> NDArray[np.int64]:
+        """Numbers int64 (k,) of the sizeable frontiers of the class that goes first."""
+        sizeable = super().candidates(decision)
+        first = sizeable[self.goes_first(decision.table.closed[sizeable] > 0.0)]
+        return first if len(first) else sizeable
+
+    def goes_first(self, closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which frontiers go first, bool (k,), of those that are closed or not, bool (k,)."""
+        return closed
 
 
-class OpenFirst(RoomAwareHeuristic):
+class OpenFirst(ClosedFirst):
     """The nearest open frontier; a closed one only when no open one is left."""
 
-    def choose(self, decision: Decision) -> Choice:
-        """The index of the nearest frontier of the class that goes first."""
-        return _nearest_of_class(decision, self.options, closed=False)
-
-
-def _nearest_of_class(decision: Decision, options: LayoutOptions, *, closed: bool) -> int:
-    chosen = sizeable_frontiers(decision, options.min_size)
-    first = chosen[[bool(decision.frontiers[i].is_closed) == closed for i in chosen]]
-    return nearest_of(decision, first if len(first) else chosen)
+    def goes_first(self, closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Those that are not closed."""
+        return ~closed
 
 
 register(

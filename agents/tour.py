@@ -22,7 +22,7 @@ from layoutexplore.planning.tours import open_tour
 
 @dataclass(frozen=True, kw_only=True)
 class TourOptions(GreedyOptions):
-    """Parameters of `Tour`. Clusters of 1 m and more: 9 % shorter than with 0.4 m at 95 % coverage."""
+    """Parameters of `Tour`."""
 
     min_size: float = option(1.0, "metres; smaller frontiers wait until no other is left", low=0.0)
 

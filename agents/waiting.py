@@ -9,31 +9,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from layoutexplore.agents.base import Heuristic, register
-from layoutexplore.agents.greedy import GreedyOptions, best_index, visible_areas
-from layoutexplore.frontiers.decision import Choice, Decision
-from layoutexplore.frontiers.tour_features import sizeable_frontiers
+from layoutexplore.agents.base import register
+from layoutexplore.agents.greedy import Greedy, GreedyOptions
+from layoutexplore.frontiers.decision import Decision
 from layoutexplore.options import option
 
 
 @dataclass(frozen=True, kw_only=True)
 class WaitingOptions(GreedyOptions):
-    """Parameters of `Waiting`. 8 m2 is best at 90-95 % coverage and a loss at 99 %; 3 m2 is in between."""
+    """Parameters of `Waiting`."""
 
     area: float = option(3.0, "square metres; frontiers with a smaller visible unknown area wait", low=0.0)
 
 
-class Waiting(Heuristic[WaitingOptions]):
-    """The nearest frontier with at least `area` square metres of visible unknown; the nearest of all when there is none."""
+class Waiting(Greedy[WaitingOptions]):
+    """The nearest frontier with at least `area` square metres in sight; of all when there is none."""
 
-    def choose(self, decision: Decision) -> Choice:
-        """The index of the nearest frontier that does not wait."""
-        chosen = sizeable_frontiers(decision, self.options.min_size)
-        ready = chosen[visible_areas(decision, chosen) >= self.options.area]
-        chosen = ready if len(ready) else chosen
-        lengths = np.array([decision.frontiers[i].path_length for i in chosen], np.float64)
-        return int(chosen[best_index(-lengths, lengths)])
+    def candidates(self, decision: Decision) -> NDArray[np.int64]:
+        """Numbers int64 (k,) of the sizeable frontiers that do not wait."""
+        sizeable = super().candidates(decision)
+        ready = sizeable[decision.table.visible_area[sizeable] >= self.options.area]
+        return ready if len(ready) else sizeable
 
 
 register(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -51,26 +52,24 @@ class Sight:
         self.count = int(np.count_nonzero(sampled))
         self.words = (self.count + 63) // 64
         # A border of wall around the plan ends every ray.
-        self._labels = np.full((occupied.shape[0] + 2, occupied.shape[1] + 2), _WALL, np.int32)
-        inner = self._labels[1:-1, 1:-1]
+        labels = np.full((occupied.shape[0] + 2, occupied.shape[1] + 2), _WALL, np.int32)
+        inner = labels[1:-1, 1:-1]
         inner[~occupied] = _FLOOR
         inner[sampled] = np.arange(self.count)
-        self._range = truth.sensor.range_max / self.resolution
-        self._around = beam_table(_thinned(around(truth.sensor), _BEAMS_TURNING))
-        self._ahead = beam_table(_thinned(truth.sensor, _BEAMS_WALKING))
+        reach = truth.sensor.range_max / self.resolution
+        self._around = _Eyes(labels, *beam_table(_thinned(around(truth.sensor), _BEAMS_TURNING)), reach)
+        self._ahead = _Eyes(labels, *beam_table(_thinned(truth.sensor, _BEAMS_WALKING)), reach)
 
     def turning(self, cells: NDArray[np.int32]) -> NDArray[np.uint64]:
         """What a full turn in each of the cells int32 (n, 2) shows: uint64 (n, words)."""
         seen = np.zeros((len(cells), self.words), np.uint64)
-        _look_around(self._labels, np.asarray(cells, np.int64), *self._around, self._range, seen)
+        _look_around(self._around, np.asarray(cells, np.int64), seen)
         return seen
 
     def walking(self, path: CellPath) -> Bits:
         """What the scans on the way along a path show (not those at its ends): uint64 (words,)."""
         seen = np.zeros(self.words, np.uint64)
-        _look_ahead(
-            self._labels, np.asarray(path, np.int64), self.spacing - 1e-6, *self._ahead, self._range, seen
-        )
+        _look_ahead(self._ahead, np.asarray(path, np.int64), self.spacing - 1e-6, seen)
         return seen
 
 
@@ -103,30 +102,35 @@ def _added(
     return counts
 
 
+class _Eyes(NamedTuple):
+    """What is looked at and how far.
+
+    Attributes:
+        labels: int32 (rows, cols), the number of a sampled target cell, -1 for other floor, -2 for walls.
+        unit_x: float64 (beams,), of each beam's direction in the robot's frame.
+        unit_y: The same.
+        reach: Range in cells.
+    """
+
+    labels: NDArray[np.int32]
+    unit_x: NDArray[np.float64]
+    unit_y: NDArray[np.float64]
+    reach: float
+
+
 @njit(cache=True, nogil=True)
-def _look_around(
-    labels: NDArray[np.int32],
-    cells: NDArray[np.int64],
-    unit_x: NDArray[np.float64],
-    unit_y: NDArray[np.float64],
-    reach: float,
-    seen: NDArray[np.uint64],
-) -> None:
+def _look_around(eyes: _Eyes, cells: NDArray[np.int64], seen: NDArray[np.uint64]) -> None:
+    """Add to each row of `seen` what a full turn in a cell shows."""
     for k in range(len(cells)):
-        _look(labels, cells[k, 0] + 1, cells[k, 1] + 1, 1.0, 0.0, unit_x, unit_y, reach, seen[k])
+        _look(eyes, cells[k], 1.0, 0.0, seen[k])
 
 
 @njit(cache=True, nogil=True)
-def _look_ahead(
-    labels: NDArray[np.int32],
-    path: NDArray[np.int64],
-    spacing: float,
-    unit_x: NDArray[np.float64],
-    unit_y: NDArray[np.float64],
-    reach: float,
-    seen: NDArray[np.uint64],
-) -> None:
-    """Scan whenever `spacing` cells have been walked since the last scan, looking the way that was walked since."""
+def _look_ahead(eyes: _Eyes, path: NDArray[np.int64], spacing: float, seen: NDArray[np.uint64]) -> None:
+    """Scan whenever `spacing` cells have been walked since the last scan, looking the way walked since.
+
+    The ends of the path are left out: whoever stops there turns fully.
+    """
     walked = 0.0
     last = 0
     for k in range(1, len(path) - 1):
@@ -135,51 +139,34 @@ def _look_ahead(
             continue
         d_row, d_col = path[k, 0] - path[last, 0], path[k, 1] - path[last, 1]
         length = np.hypot(d_row, d_col)
-        _look(
-            labels,
-            path[k, 0] + 1,
-            path[k, 1] + 1,
-            d_col / length,
-            d_row / length,
-            unit_x,
-            unit_y,
-            reach,
-            seen,
-        )
+        _look(eyes, path[k], d_col / length, d_row / length, seen)
         walked = 0.0
         last = k
 
 
 @njit(cache=True, nogil=True)
-def _look(
-    labels: NDArray[np.int32],
-    row: int,
-    col: int,
-    cos: float,
-    sin: float,
-    unit_x: NDArray[np.float64],
-    unit_y: NDArray[np.float64],
-    reach: float,
-    seen: NDArray[np.uint64],
-) -> None:
+def _look(eyes: _Eyes, cell: NDArray[np.int64], cos: float, sin: float, seen: NDArray[np.uint64]) -> None:
     """Add what the beams of one scan cross, from the middle of a cell, to a set."""
     # Not `grids.rays.trace`: distances are added up here, and how that rounds decides what is seen at corners.
-    field = labels.ravel()
-    cols = labels.shape[1]
-    start = row * cols + col
+    field = eyes.labels.ravel()
+    cols = eyes.labels.shape[1]
+    # The labels have a border of one cell of wall, so that no ray needs to ask whether it has left the plan.
+    start = (cell[0] + 1) * cols + cell[1] + 1
     one = np.uint64(1)
-    for i in range(unit_x.size):
-        dx = unit_x[i] * cos - unit_y[i] * sin
-        dy = unit_x[i] * sin + unit_y[i] * cos
+    for i in range(eyes.unit_x.size):
+        dx = eyes.unit_x[i] * cos - eyes.unit_y[i] * sin
+        dy = eyes.unit_x[i] * sin + eyes.unit_y[i] * cos
         inverse_x = abs(1.0 / dx) if dx != 0.0 else np.inf
         inverse_y = abs(1.0 / dy) if dy != 0.0 else np.inf
         step_x = 1 if dx > 0.0 else -1
         step_y = cols if dy > 0.0 else -cols
+        # Distances along the ray to its next crossings of a column's and of a row's edge.
         next_x, next_y = 0.5 * inverse_x, 0.5 * inverse_y
         index = start
         label = field[index]
         here = 0.0
-        while label != -2 and here <= reach:
+        # A cell counts when the ray enters it within the range, however little of it lies there.
+        while label != _WALL and here <= eyes.reach:
             if label >= 0:
                 seen[label >> 6] |= one << np.uint64(label & 63)
             if next_x <= next_y:

@@ -27,7 +27,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from layoutexplore.agents.base import Heuristic, Options
+from layoutexplore.agents.base import Heuristic
 from layoutexplore.agents.rl.card import PolicySpec, spec_of
 from layoutexplore.agents.rl.environments import plan_source
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
@@ -41,6 +41,7 @@ from layoutexplore.files import atomic
 from layoutexplore.frontiers.decision import Decision, Predictor
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
 from layoutexplore.metrics.exploration import score_curve
+from layoutexplore.options import Options
 from layoutexplore.predictors import make_predictor
 from layoutexplore.processes import end_with_parent, single_threaded, usable_cores
 from layoutexplore.simulation.config import SimulationConfig
