@@ -1,4 +1,4 @@
-"""Learned policies: network, imitation, reinforcement learning, shipped weights (needs `pip install 'layoutexplore[rl]'`).
+"""Learned policies: networks, imitation, search, reinforcement learning, shipped weights.
 
-`hyperparameters` and `card` are plain Python; everything else imports torch.
+`hyperparameters`, `card` and `linear` need no torch; all else needs `pip install 'layoutexplore[rl]'`.
 """

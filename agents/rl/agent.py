@@ -1,4 +1,4 @@
-"""A trained network as an agent: it reads the same `Decision` as the heuristics, through the encoder of the environment."""
+"""A trained network as an agent: it reads the same `Decision` as a heuristic, as the environment encodes it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from layoutexplore.agents.policy import PolicyAgent
 from layoutexplore.agents.rl.card import PolicySpec
+from layoutexplore.agents.rl.linear import PolicyAgent
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.envs.observation import Observer
 from layoutexplore.frontiers.decision import Decision

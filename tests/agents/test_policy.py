@@ -11,8 +11,9 @@ import pytest
 import safetensors.numpy
 
 from layoutexplore.agents import make_agent
-from layoutexplore.agents.policy import LinearPolicy, load_policy
+from layoutexplore.agents.policy import load_policy
 from layoutexplore.agents.rl.card import WEIGHTS, find_policy, read_card
+from layoutexplore.agents.rl.linear import LinearPolicy
 from layoutexplore.benchmark.episode import prepare
 from layoutexplore.errors import ResultsError
 from layoutexplore.files import to_toml
