@@ -18,14 +18,6 @@ from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.plans import CORNER
 
-RADIUS = 0.2
-
-
-def share_reached(plan: FloorPlan) -> float:
-    """The largest component's share of the cells that a robot of 0.2 m can be in, at 0.1 m a cell."""
-    raster = plan.rasterize(0.1)
-    return float(raster.reachable(RADIUS).sum() / (~raster.blocked(RADIUS)).sum())
-
 
 def hexagon() -> FloorPlan:
     """A plan with numbers that have no short decimal form."""

@@ -1,4 +1,4 @@
-"""Distances and paths against a heap-based Dijkstra, inflation against all pairs of cells."""
+"""Distances and paths against a heap-based Dijkstra."""
 
 from __future__ import annotations
 
@@ -196,29 +196,6 @@ def test_a_path_too_long_to_count_is_none() -> None:
         np.diff(distances[600][finite[600]]) == 1
     ).all()
     assert 300_000 < distances[finite].max() < 375_000
-
-
-@settings(max_examples=100, deadline=None)
-@given(
-    st.integers(0, 2**32),
-    st.sampled_from([0.0, 0.1, 0.15, 0.2, 0.3, 0.35, 1.3]),
-    st.sampled_from([0.05, 0.1]),
-)
-def test_inflation_is_by_centre_distance(seed: int, radius: float, resolution: float) -> None:
-    occupied = np.random.default_rng(seed).random((15, 19)) < 0.04
-    cells = np.argwhere(occupied)
-    expected = occupied.copy()
-    # In tenths of millimetres and squared, so that "exactly the radius" is exact.
-    reach, side = round(radius * 10_000), round(resolution * 10_000)
-    for cell in np.ndindex(occupied.shape):
-        squared = ((cells - cell) ** 2).sum(axis=1) * side**2
-        expected[cell] |= bool((squared < reach**2).any())
-    assert np.array_equal(inflate(occupied, radius, resolution), expected)
-
-
-def test_inflation_of_nothing() -> None:
-    for radius in (0.0, 0.3, 5.0):
-        assert not inflate(np.zeros((5, 5), bool), radius, 0.1).any()
 
 
 def test_bad_input_is_refused() -> None:

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from layoutexplore.errors import ConfigError, MapError, StartError
 from layoutexplore.frontiers.decision import STOP, CellPath
 from layoutexplore.grids.grid import Pose
-from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.sensing.lidar import LidarConfig
@@ -220,10 +219,6 @@ def test_plan_without_room_for_the_robot() -> None:
     narrow = floorplan_from_ascii("#####\n#...#\n#####", resolution=0.1)
     with pytest.raises((MapError, StartError)):
         Simulation(narrow).reset()
-
-
-def test_disc_offsets() -> None:
-    assert len(disc_offsets(1.0)) == 1 and len(disc_offsets(1.5)) == 9 and len(disc_offsets(2.0)) == 9
 
 
 def test_the_robot_gets_no_further_than_the_lidar_sees() -> None:

@@ -1,0 +1,58 @@
+"""Floor plans from occupancy maps and images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from layoutexplore.errors import MapError
+from layoutexplore.grids.ros_map import save_grid
+from layoutexplore.maps import load_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
+
+
+def test_a_ros_map_is_a_floor_plan(tmp_path: Path) -> None:
+    grid = floorplan_from_ascii("#######\n#aaaaa#\n#aaaaa#\n#######", 0.5).rasterize(0.5, margin=0.0).grid
+    save_grid(grid, tmp_path / "hall.yaml")
+    plan = load_plan(tmp_path / "hall.yaml")
+    assert plan.metadata["format"] == "ROS map"
+    assert [room.polygon.area for room in plan.rooms] == [2.5]
+    assert plan.bounds[:2] == (grid.origin.x, grid.origin.y)
+
+
+def test_plain_images_and_their_scale(tmp_path: Path) -> None:
+    image = np.full((100, 100), 127, np.uint8)
+    image[20:80, 20:80] = 195
+    image[30:34, 30:34] = 208  # a start patch
+    cv2.imwrite(str(tmp_path / "cave.png"), image)
+    plan = load_plan(tmp_path / "cave.png")
+    assert "assumed" in plan.metadata["scale"]
+    assert plan.area == pytest.approx(9.0)
+    assert load_plan(tmp_path / "cave.png", resolution=0.1).area == pytest.approx(36.0)
+    with pytest.raises(MapError, match="resolution"):
+        load_plan(tmp_path / "cave.png", resolution=0.0)
+
+
+def test_an_image_with_an_image_of_its_rooms(tmp_path: Path) -> None:
+    image, colours = np.full((80, 80), 205, np.uint8), np.zeros((80, 80, 3), np.uint8)
+    image[10:70, 10:70] = 254
+    image[10:70, 39:41] = 0
+    image[30:50, 39:41] = 254
+    colours[10:70, 10:39], colours[10:70, 41:70] = (255, 0, 0), (0, 9, 200)
+    cv2.imwrite(str(tmp_path / "map.png"), image)
+    cv2.imwrite(str(tmp_path / "map_gt.png"), colours)
+    plan = load_plan(tmp_path / "map.png")
+    assert len(plan.rooms) == 2
+    assert [door.rooms for door in plan.doors] == [(1, 2)]
+    cv2.imwrite(str(tmp_path / "map_gt.png"), colours[:20])
+    with pytest.raises(MapError, match="do not fit"):
+        load_plan(tmp_path / "map.png")
+
+
+def test_images_without_free_space(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "black.png"), np.zeros((30, 30), np.uint8))
+    with pytest.raises(MapError, match="no free space"):
+        load_plan(tmp_path / "black.png")

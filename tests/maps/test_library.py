@@ -1,0 +1,84 @@
+"""Plans by name, split, seed, file and folder."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from layoutexplore.errors import MapError, UnknownNameError
+from layoutexplore.grids.ros_map import save_grid
+from layoutexplore.maps import expand_plans, load_plan, plan_names, splits
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.library import cached_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from tests.maps.cases import share_reached, write_houseexpo, write_kth
+from tests.plans import FLAT, TWO_ROOMS
+
+
+@pytest.mark.parametrize("folder", ["houseexpo", "dungeons"])
+def test_other_real_plans_can_be_walked(data_dir: Path, folder: str) -> None:
+    sources = expand_plans(data_dir / "floorplans" / folder)
+    assert len(sources) == 5
+    for source in sources:
+        assert share_reached(load_plan(source)) >= 0.99, source
+
+
+def test_a_folder_gives_each_plan_once(tmp_path: Path, data_dir: Path) -> None:
+    assert len(expand_plans(data_dir / "floorplans")) == 28 + 7 + 5 + 5
+    write_kth(tmp_path)
+    write_houseexpo(tmp_path)
+    save_plan(load_plan("apartment-03"), tmp_path / "own.geojson")
+    save_grid(floorplan_from_ascii("###\n#a#\n###").rasterize(1.0).grid, tmp_path / "ros.yaml")
+    (tmp_path / "notes.txt").write_text("not a plan")
+    (tmp_path / "meta.json").write_text("{}")
+    names = [Path(source).name for source in expand_plans(tmp_path)]
+    assert names == ["50_PLAN1_occ.png", "house.json", "own.geojson", "ros.yaml"]
+    for source in expand_plans(tmp_path):
+        assert load_plan(source).rooms
+
+
+def test_names_splits_and_seeds() -> None:
+    for split, names in splits().items():
+        assert expand_plans(split) == list(names)
+        assert set(names) <= set(plan_names())
+    assert expand_plans("office:3") == ["office:3"]
+    assert expand_plans("office:3-5") == ["office:3", "office:4", "office:5"]
+    with pytest.raises(UnknownNameError, match="did you mean 'office'"):
+        expand_plans("ofice:1-2")
+    with pytest.raises(MapError, match="last seed"):
+        expand_plans("office:3-1")
+    with pytest.raises(UnknownNameError, match="split"):
+        plan_names("trian")
+
+
+@pytest.mark.parametrize("load", [load_plan, expand_plans])
+def test_unknown_names_and_files(tmp_path: Path, load: Callable[[Any], object]) -> None:
+    with pytest.raises(UnknownNameError, match="office:SEED"):
+        load("ofice:SED")
+    with pytest.raises(MapError, match="no such file"):
+        load(tmp_path / "absent.geojson")
+    with pytest.raises(MapError, match="no such file"):
+        load("absent.xml")
+    with pytest.raises(MapError, match="folder"):
+        load(tmp_path)
+
+
+def test_a_text_file_is_no_plan(tmp_path: Path) -> None:
+    (tmp_path / "plan.txt").write_text("four walls")
+    with pytest.raises(MapError, match="known endings"):
+        load_plan(tmp_path / "plan.txt")
+
+
+def test_plans_are_kept_until_their_file_changes(tmp_path: Path) -> None:
+    path = tmp_path / "plan.geojson"
+    save_plan(floorplan_from_ascii(TWO_ROOMS, name="plan"), path)
+    first = cached_plan(path)
+    assert cached_plan(str(path)) is first and cached_plan("office-01") is cached_plan("office-01")
+    changed = path.stat().st_mtime_ns + 10**9
+    save_plan(floorplan_from_ascii(FLAT, name="plan"), path)
+    os.utime(path, ns=(changed, changed))
+    assert len(cached_plan(path).rooms) == 5 and cached_plan(path) is not first

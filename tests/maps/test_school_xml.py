@@ -1,0 +1,96 @@
+"""School buildings as XML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from shapely import LineString
+
+from layoutexplore.errors import MapError
+from layoutexplore.maps import load_plan
+from tests.maps.cases import RADIUS, SCHOOL, share_reached
+
+
+def test_a_school_in_metres_with_y_up(tmp_path: Path) -> None:
+    (tmp_path / "Some_school_2.xml").write_text(SCHOOL)
+    plan = load_plan(tmp_path / "Some_school_2.xml")
+    assert plan.building == "Some_school"
+    assert [(room.label, room.polygon.bounds) for room in plan.rooms] == [
+        ("classroom", pytest.approx((0.1, -2.9, 5.9, -0.1))),
+        ("corridor", pytest.approx((0.1, -5.9, 5.9, -3.28))),
+    ]
+    (door,) = plan.doors
+    assert door.width == pytest.approx(0.9)
+    assert door.start[1] == pytest.approx(-3.09)  # in the middle of the gap of 6 pixels
+    assert share_reached(plan) == 1.0
+    assert share_reached(plan.with_doors_closed([0])) < 0.6
+
+
+def test_a_portal_without_its_segment_opens_where_the_rooms_are_nearest(tmp_path: Path) -> None:
+    (tmp_path / "lost.xml").write_text(SCHOOL.replace('linesegment id="s"', 'linesegment id="other"'))
+    plan = load_plan(tmp_path / "lost.xml")
+    assert len(plan.doors) == 1
+    assert share_reached(plan) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text[:300], "not readable as XML"),
+        (lambda text: "<building/>", "scale"),
+        (lambda text: text.replace("<value>30</value>", ""), "scale"),
+        (lambda text: text.replace("<value>30</value>", "<value>0</value>"), "makes no sense"),
+        (lambda text: text.replace("<um>cm</um>", "<um>parsec</um>"), "makes no sense"),
+        (
+            lambda text: text.replace('<point x="200" y="0"/>', '<point x="wide" y="0"/>'),
+            "unusable coordinates",
+        ),
+        (lambda text: text.replace("bounding_polygon", "outline"), "needs 3 points"),
+        (lambda text: text.replace("space", "place"), "no <space>"),
+    ],
+)
+def test_bad_school_xml(tmp_path: Path, change: Callable[[str], str], message: str) -> None:
+    path = tmp_path / "bad.xml"
+    path.write_text(change(SCHOOL))
+    with pytest.raises(MapError, match=message) as caught:
+        load_plan(path)
+    assert str(path) in str(caught.value)
+
+
+def test_all_schools_load_and_can_be_walked(data_dir: Path) -> None:
+    """At 0.1 m and a robot of 0.2 m, at least 98 % hang together, and doors pierce no third room."""
+    paths = sorted((data_dir / "floorplans" / "schools").glob("*.xml"))
+    assert len(paths) == 28
+    for path in paths:
+        plan = load_plan(path)
+        assert share_reached(plan) >= 0.98, path.name
+        raster = plan.rasterize(0.1)
+        target = raster.coverage_target(RADIUS)
+        assert target.sum() >= 0.98 * raster.free.sum(), path.name
+        connected = {room for door in plan.doors for room in door.rooms}
+        seen = set(np.unique(raster.room_ids[target]))
+        assert {room.id for room in plan.rooms} - seen <= {room.id for room in plan.rooms} - connected, (
+            path.name
+        )
+
+
+def test_closed_school_doors_separate_the_rooms(data_dir: Path) -> None:
+    plan = load_plan(data_dir / "floorplans" / "schools" / "Ursy1.xml")
+    raster = plan.with_doors_closed(range(len(plan.doors))).rasterize(0.1)
+    _, parts = cv2.connectedComponents(raster.free.astype(np.uint8), connectivity=8)
+    for part in range(1, parts.max() + 1):
+        assert len(set(np.unique(raster.room_ids[parts == part])) - {0}) <= 1
+
+
+def test_door_lines_lie_on_their_walls(data_dir: Path) -> None:
+    """A door's opening leads from one of its rooms into the other."""
+    plan = load_plan(data_dir / "floorplans" / "schools" / "Borchen4.xml")
+    polygons = {room.id: room.polygon for room in plan.rooms}
+    for door in plan.doors:
+        opening = plan.opening(door)
+        assert all(opening.intersects(polygons[room]) for room in door.rooms)
+        assert plan.walls.intersection(LineString([door.start, door.end])).length < 0.01
