@@ -1,4 +1,4 @@
-"""Files: written whole or not at all, read with errors that say what is wrong with them; nothing is unpickled."""
+"""Files: written whole or not at all, read with errors that say what is wrong; nothing is unpickled."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ HALF = ".part"
 
 @contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that replaces it when the block ends well, and vanishes when it does not.
+    """A temporary path beside `path` that replaces it when the block ends well, and vanishes otherwise.
 
     Raises:
         WriteError: The file cannot be written.

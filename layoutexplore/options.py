@@ -1,7 +1,8 @@
-"""Options: which values a configuration takes, and how they are read from tables and from `NAME:key=value,...`.
+"""Options: which values a configuration takes; reading them from tables and from `NAME:key=value,...`.
 
-A configuration is a frozen dataclass that calls `check` in its `__post_init__`. What is chosen by a text on the
-command line, an agent or a predictor, has its parameters in a child of `Options` and is read by `parse_spec`.
+A configuration is a frozen dataclass that calls `check` in its `__post_init__`. What is chosen by a text on
+the command line, an agent or a predictor, has its parameters in a child of `Options` and is read by
+`parse_spec`.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _MANY = {bool: "flags", int: "whole numbers", float: "numbers", str: "names"}
 
 @dataclass(frozen=True, kw_only=True)
 class Rule:
-    """Which values an option may have. NumPy's numbers are numbers, True and False are not; a number is finite.
+    """Which values an option may have. A number is finite, and may be one of NumPy's; a flag is no number.
 
     Attributes:
         kind: bool, int, float (whole numbers included), str or dict.
@@ -108,7 +109,7 @@ FLAG = Rule(kind=bool)
 
 
 def rule_like(default: Any) -> Rule:
-    """The rule of which a default is an example: numbers as many as its own, any number of names, None or a number."""
+    """The rule of which a default is an example: as many numbers as it has, names, None or a number."""
     if default is None:
         return Rule(optional=True)
     if isinstance(default, (tuple, list)):

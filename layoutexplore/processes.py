@@ -1,4 +1,4 @@
-"""Processes: how this one was started; how many workers the machine has room for, one thread each, and when they end."""
+"""Processes: how this one was started, how many workers the machine has room for, and when they end."""
 
 from __future__ import annotations
 
@@ -33,7 +33,9 @@ def usable_cores() -> int:
 
 
 def end_with_parent() -> None:
-    """End this worker as soon as the process that started it has ended, even when that was killed; for `initializer=`.
+    """End this worker as soon as the process that started it has ended, even when that was killed.
+
+    For `initializer=`.
 
     A worker of a pool waits for its next task, and nothing tells it that there is nobody any more.
     """

@@ -112,7 +112,7 @@ class PooledCurve:
 
 
 def groups(rows: Iterable[Row]) -> dict[str, list[Row]]:
-    """The runs that ended well by sensor, and, where there are several sensors, all of them under `POOLED` first."""
+    """The runs that ended well by sensor; where there are several, all of them under `POOLED` first."""
     good = [row for row in rows if not row.error]
     sensors = sorted({row.sensor for row in good})
     parts = {sensor: [row for row in good if row.sensor == sensor] for sensor in sensors}

@@ -1,4 +1,4 @@
-"""What a benchmark runs: plans, starts, sensors, agents, and how they are simulated; read from TOML or the command line."""
+"""What a benchmark runs: plans, starts, sensors, agents, and how they are simulated."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class BenchmarkConfig:
 
 
 def settings(config: BenchmarkConfig) -> dict[str, Any]:
-    """What decides the outcome of every single run, as plain nested values: version, seed, simulation, sensors."""
+    """What decides the outcome of every single run, as plain nested values."""
     simulation = dataclasses.asdict(config.simulation)
     del simulation["sensor"]
     lidars = {name: dataclasses.asdict(config.simulation_with(name).lidar) for name in sorted(config.sensors)}

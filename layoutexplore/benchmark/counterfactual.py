@@ -31,13 +31,14 @@ from layoutexplore.predictors import OraclePredictor
 from layoutexplore.simulation.simulation import Simulation
 
 LOG = (
-    "distance", "coverage", "prediction_ms", "frontiers", "changed", "misled", "class_alone", "area_alone", "both",
+    "distance", "coverage", "prediction_ms", "frontiers",
+    "changed", "misled", "class_alone", "area_alone", "both",
     "closed", "closed_as_open", "open", "open_as_closed", "leftover", "leftover_missed", "leftover_wrong",
     "largest_left", "total_left", "least_sure", "open_judged", "open_left", "true_left", "known",
 )  # fmt: skip
-"""Columns of the log, a row a decision. Counts of frontiers: truly `closed` and `closed_as_open` judged open; truly `open` and
-`open_as_closed`; truly `leftover` (closed, less than 1 m2 left), `leftover_missed`, and `leftover_wrong`
-(judged so and not). `largest_left` and `total_left` are the predicted square metres behind frontiers judged
+"""Columns of the log, a row a decision. Counts of frontiers: truly `closed` and `closed_as_open` judged open;
+truly `open` and `open_as_closed`; truly `leftover` (closed, less than 1 m2 left), `leftover_missed`, and
+`leftover_wrong` (judged so and not). `largest_left` and `total_left` are the predicted square metres behind frontiers judged
 closed, `least_sure` the least confidence among them, 1 without any; `open_judged` counts frontiers judged
 open, `open_left` are the predicted square metres behind them; `true_left` is the unseen target area, `known`
 that of the known floor."""
@@ -237,7 +238,7 @@ class CounterfactualRollouts:
         return copy.deepcopy(self._agent).act(decision)
 
     def _reasons(self, decision: Decision, truth: Decision, with_truth: Choice) -> tuple[bool, bool, bool]:
-        """Whether true classes alone, true areas alone, or only both together lead to the choice that the truth leads to."""
+        """Whether true classes alone, true areas alone, or only both lead to the choice of the truth."""
 
         def mended(*, classes: bool, areas: bool) -> bool:
             return same_choice(self._ask(_mixed(decision, truth, classes=classes, areas=areas)), with_truth)

@@ -1,4 +1,4 @@
-"""What stopping early saves and loses: pairs of distance saved and coverage lost, against the baseline run to 99 %.
+"""What stopping early saves and loses: distance saved and coverage lost, against the baseline run to 99 %.
 
 A strategy is measured where its run ended, in the same cells as the baseline: distance saved is 1 - its
 metres / the baseline's metres to 99 %, coverage lost is 99 % less what it had seen, at least 0. Part of what
@@ -117,7 +117,7 @@ def tried_stops(
     notes: Callable[[Row], Counterfactual | None],
     thresholds: Sequence[float] = THRESHOLDS,
 ) -> list[EarlyStop]:
-    """What an agent without a rule would have saved and lost had it stopped where little was left, in every group.
+    """What an agent without a rule would have saved and lost by stopping where little was left, by group.
 
     Args:
         rows: The runs.
@@ -145,7 +145,9 @@ def tried_stops(
 
 
 def stops_below(area: float) -> Rule:
-    """The rule of the option `stop_area`: every frontier is surely closed and has less than `area` square metres left.
+    """The rule of the option `stop_area`: stop when little is left.
+
+    Every frontier is surely closed and has less than `area` square metres left.
 
     And the robot has more than begun.
     """
@@ -163,8 +165,10 @@ def has_stop_rule(agent: str) -> bool:
     """Whether an agent is told to stop when little is left.
 
     Example:
-        >>> has_stop_rule("layout-tour:stop_area=1"), has_stop_rule("layout-tour"), has_stop_rule("one of another version")
-        (True, False, False)
+        >>> has_stop_rule("layout-tour:stop_area=1"), has_stop_rule("layout-tour")
+        (True, False)
+        >>> has_stop_rule("one of another version")
+        False
     """
     try:
         options = getattr(make_agent(agent), "options", None)

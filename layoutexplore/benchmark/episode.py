@@ -133,7 +133,9 @@ def prepare(plan: FloorPlan | str, config: SimulationConfig, agent: str) -> tupl
 
 
 def fingerprints(agents: Iterable[str]) -> dict[str, str]:
-    """What tells apart the weights that agents and their predictors have learnt, by agent; agents without weights are left out.
+    """What tells apart the weights that agents and their predictors have learnt, by agent.
+
+    Agents without weights are left out.
 
     Raises:
         UnknownNameError: No agent of that name, or no predictor of the one that it asks for.

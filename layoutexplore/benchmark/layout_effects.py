@@ -1,4 +1,4 @@
-"""What layouts did in the runs of a benchmark: how often they changed a choice, how right they were, what they cost.
+"""What layouts did in the runs of a benchmark: what they changed, how right they were, what they cost.
 
 Where the difference to perfect rooms comes from is read off two ways: predictions are compared with the truth
 at every decision, and the agent is asked what it would have chosen with true classes, true areas or the true
@@ -25,7 +25,9 @@ NotesOf = Callable[[Row], Counterfactual | None]
 
 @dataclass(frozen=True, kw_only=True)
 class LayoutEffect:
-    """What the layout did in the runs of one agent in one group. Shares are of all decisions or frontiers of its runs.
+    """What the layout did in the runs of one agent in one group.
+
+    Shares are of all decisions or frontiers of its runs.
 
     Attributes:
         sensor: The sensor, or all of them.
@@ -68,7 +70,10 @@ class LayoutEffect:
 
 
 def layout_effects(rows: Iterable[Row], notes_of: NotesOf) -> list[LayoutEffect]:
-    """The effects of the layout for every agent with a predictor, in every group; runs in which nobody asked do not count."""
+    """The effects of the layout for every agent with a predictor, in every group.
+
+    Runs in which nobody asked do not count.
+    """
     found = []
     noted: dict[tuple[str, int, str, str], Counterfactual | None] = {}
     for sensor, part in groups(rows).items():

@@ -1,4 +1,4 @@
-"""The floor plans of a benchmark: found, loaded once to know that they can be explored, and told apart by content."""
+"""The floor plans of a benchmark: found, loaded once to see whether they can be explored, known by content."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs a benchmark: every agent on every (floor plan, start, sensor), on worker processes, into a results folder."""
+"""Runs a benchmark: every agent on every (floor plan, start, sensor), on workers, into a results folder."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 
@@ -73,6 +74,21 @@ class BenchmarkProgress:
     work_done: float
 
 
+class Watcher(NamedTuple):
+    """What is told how far a benchmark is.
+
+    Attributes:
+        say: Told what happens before the first run.
+        advance: Told when a run has ended.
+    """
+
+    say: Callable[[str], None] = lambda text: None
+    advance: Callable[[BenchmarkProgress], None] = lambda progress: None
+
+
+WATCHED_BY_NOBODY = Watcher()
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What a benchmark leaves.
@@ -102,8 +118,7 @@ def run_benchmark(
     force: bool = False,
     extend: bool = False,
     command: str = "",
-    report: Callable[[str], None] = lambda text: None,
-    on_progress: Callable[[BenchmarkProgress], None] = lambda progress: None,
+    watcher: Watcher = WATCHED_BY_NOBODY,
 ) -> Outcome:
     """Run what is missing of a benchmark, and write results.csv and the curves.
 
@@ -115,8 +130,7 @@ def run_benchmark(
         force: Delete another benchmark's results in `out` first.
         extend: Add to a benchmark with the same settings.
         command: Noted in the folder.
-        report: Told what happens before the first run.
-        on_progress: Told when a run has ended.
+        watcher: Told how far it is.
 
     Raises:
         LayoutExploreError: A plan cannot be read, a name is unknown, the folder holds another configuration.
@@ -128,12 +142,12 @@ def run_benchmark(
         check_cluster(cluster)
     make_agent(config.baseline)
     models = fingerprints(config.agents)  # An unknown name or parameter is better told now than in every run.
-    plans = _loaded(config, report)
+    plans = _loaded(config, watcher.say)
     with locked(out):
         folder = open_results(out, config, plans, models, force=force, extend=extend, command=command)
         for plan in plans:
             folder.save_raster(plan.name, cached_plan(plan.source).rasterize(config.simulation.resolution))
-        return _fill(folder, config, plans, jobs, cluster, report, on_progress)
+        return _fill(folder, config, plans, jobs, cluster, watcher)
 
 
 def _fill(
@@ -142,23 +156,19 @@ def _fill(
     plans: list[PlanEntry],
     jobs: int,
     cluster: str,
-    report: Callable[[str], None],
-    on_progress: Callable[[BenchmarkProgress], None],
+    watcher: Watcher,
 ) -> Outcome:
     """Make the runs that are missing in the folder."""
     rows = {row.key: row for row in folder.finished()}
     tasks = all_tasks(config, plans)
     missing = [task for task in tasks if task.key not in rows]
     if len(missing) < len(tasks):
-        report(f"{len(tasks) - len(missing)} of {len(tasks)} runs are already in {folder.path}")
+        watcher.say(f"{len(tasks) - len(missing)} of {len(tasks)} runs are already in {folder.path}")
     if missing:
-        report("compiling and loading the kernels (slow only the first time)")
+        watcher.say("compiling and loading the kernels (slow only the first time)")
         warm_up(config)
-        report(
-            f"exploring: {len(missing)} runs, {jobs} at a time"
-            if jobs > 1
-            else f"exploring: {len(missing)} runs"
-        )
+        at_a_time = f", {jobs} at a time" if jobs > 1 else ""
+        watcher.say(f"exploring: {len(missing)} runs{at_a_time}")
     work = sum(task.plan.reachable_area for task in missing)
     areas, done = {plan.name: plan.reachable_area for plan in plans}, 0.0
     try:
@@ -168,7 +178,7 @@ def _fill(
             folder.append(row)
             rows[row.key] = row
             done += areas[row.plan]
-            on_progress(BenchmarkProgress(row, count, len(tasks), done / work))
+            watcher.advance(BenchmarkProgress(row, count, len(tasks), done / work))
     finally:
         folder.rewrite(rows.values())
     return Outcome(folder, sorted(rows.values(), key=lambda row: row.key), len(missing))
@@ -191,7 +201,10 @@ def all_tasks(config: BenchmarkConfig, plans: list[PlanEntry]) -> list[Task]:
 
 
 def warm_up(config: BenchmarkConfig) -> None:
-    """A few decisions of every agent and sensor on a tiny plan: every kernel is compiled, or read from numba's cache."""
+    """A few decisions of every agent and sensor on a tiny plan.
+
+    Every kernel is compiled, or read from numba's cache.
+    """
     cv2.setNumThreads(1)
     plan = floorplan_from_ascii(_WARM_UP_PLAN, resolution=0.5, name="warm-up")
     for sensor in config.sensors:

@@ -119,7 +119,10 @@ class ResultsFolder:
         write_atomically(self.table, _header() + "".join(map(_line, ordered)))
 
     def finished(self) -> list[Row]:
-        """Rows of earlier runs that ended well and whose curve is there, whole; the file is cut back to these."""
+        """Rows of earlier runs that ended well and whose curve is there, whole.
+
+        The file is cut back to these.
+        """
         if self.table.exists():
             written = self.table.read_bytes()
             if not written.endswith(b"\n"):
@@ -202,7 +205,8 @@ class ResultsFolder:
             ]
         if lacking:
             raise ResultsError(
-                f"{self.path}/run.toml is damaged or of another version (no {lacking[0]}): start again with --force"
+                f"{self.path}/run.toml is damaged or of another version (no {lacking[0]}): start again "
+                "with --force"
             )
         return manifest
 
@@ -330,7 +334,8 @@ def _merged(old: dict[str, Any], new: dict[str, Any], path: Path, *, extend: boo
         advice = "--extend to add to it, " if all(map(grows, fatal)) else ""
         raise ResultsError(
             "\n".join([f"{path} holds the results of another configuration:", *lines, *more])
-            + f"\nChoose another folder with --out, {advice}or --force to delete what is there and start again."
+            + f"\nChoose another folder with --out, {advice}or --force to delete what is there and start "
+            "again."
         )
     merged = {**old, **new}
     for name in ("agents", "sensors"):

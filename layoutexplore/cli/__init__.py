@@ -1,4 +1,6 @@
-"""The command line: `layoutexplore COMMAND`. Each group of commands lives in its own file and registers itself here.
+"""The command line: `layoutexplore COMMAND`.
+
+Each group of commands lives in its own file and registers itself here.
 
 Nothing heavy is imported before a command runs, so that `--help` answers at once.
 """
@@ -21,7 +23,8 @@ GROUPS = ("benchmark", "explore", "train", "maps", "layout", "evaluate", "speed"
 app = typer.Typer(
     name="layoutexplore",
     help="Explore unknown buildings with a simulated lidar and a predicted layout.",
-    epilog="Start with: [bold]layoutexplore benchmark[/bold]  or  [bold]layoutexplore explore office-01 --agent tour[/bold]",
+    epilog="Start with: [bold]layoutexplore benchmark[/bold]  or  [bold]layoutexplore explore office-01 "
+    "--agent tour[/bold]",
     rich_markup_mode="rich",
     no_args_is_help=True,
     pretty_exceptions_enable=False,

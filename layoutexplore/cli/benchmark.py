@@ -50,7 +50,8 @@ def benchmark(
     plans: Annotated[
         list[str] | None,
         typer.Option(
-            help="Floor plan: name, FAMILY:SEED, file, folder of plans, or quick, train, validation, test. Repeatable."
+            help="Floor plan: name, FAMILY:SEED, file, folder of plans, or quick, train, validation, test. "
+            "Repeatable."
         ),
     ] = None,
     starts: Annotated[int | None, typer.Option(help="Starts on each plan. Default: 2.")] = None,
@@ -76,7 +77,8 @@ def benchmark(
     explain: Annotated[
         bool | None,
         typer.Option(
-            help="Also note what a layout changed and how right it was: layout agents take twice as long. Default: yes."
+            help="Also note what a layout changed and how right it was: layout agents take twice as long. "
+            "Default: yes."
         ),
     ] = None,
     force: Annotated[
@@ -150,7 +152,7 @@ def _run(
 ) -> Outcome:
     """Run what is missing, with a line that says how far it is."""
     from layoutexplore.benchmark.pool import usable_cores
-    from layoutexplore.benchmark.runner import BenchmarkProgress, run_benchmark
+    from layoutexplore.benchmark.runner import BenchmarkProgress, Watcher, run_benchmark
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.processes import command_line
 
@@ -171,8 +173,7 @@ def _run(
                 force=force,
                 extend=extend,
                 command=command_line(),
-                report=line.say,
-                on_progress=advance,
+                watcher=Watcher(line.say, advance),
             )
     except KeyboardInterrupt:
         console.print(f"\nStopped. What is finished is in {out}: the same command continues.", soft_wrap=True)
@@ -189,7 +190,8 @@ def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig)
     console.print(_table(headline(outcome.rows, config.baseline, comparisons)))
     if not any(row.agent == config.baseline for row in outcome.rows):
         console.print(
-            f"{config.baseline} did not run, so nothing is compared: --baseline names another, --extend adds agents",
+            f"{config.baseline} did not run, so nothing is compared: --baseline names another, --extend "
+            "adds agents",
             soft_wrap=True,
         )
     for row in outcome.failed[:5]:

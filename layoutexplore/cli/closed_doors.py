@@ -22,6 +22,12 @@ NOTE = (
 )
 
 
+HELP = (
+    "Rooms behind closed doors: free-space IoU; IoU, precision and recall on what was never seen; "
+    "beside a reference."
+)
+
+
 def closed_doors(
     folder: Annotated[
         Path, typer.Argument(help="Folder with NAME_k_doors_IN.png, NAME_k_doors_OUT.png and NAME_GT.png.")
@@ -46,7 +52,7 @@ def closed_doors(
         Path | None, typer.Option("--json", help="Write every number into this file.")
     ] = None,
 ) -> None:
-    """Rooms behind closed doors: free-space IoU; IoU, precision and recall on what was never seen; beside a reference."""
+    """Score rooms behind closed doors; `HELP` is what the command line says."""
     from layoutexplore.errors import require
     from layoutexplore.evaluation.closed_doors import (
         cross_validate_closed_doors,

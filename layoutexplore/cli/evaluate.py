@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from layoutexplore.cli.closed_doors import HELP as CLOSED_DOORS_HELP
 from layoutexplore.cli.closed_doors import closed_doors
+from layoutexplore.cli.partial_rooms import HELP as PARTIAL_ROOMS_HELP
 from layoutexplore.cli.partial_rooms import partial_rooms
+from layoutexplore.cli.train_predictor import HELP as TRAIN_PREDICTOR_HELP
 from layoutexplore.cli.train_predictor import train_predictor
 from layoutexplore.files import check_places, write_json
 
@@ -46,12 +49,14 @@ def register(app: typer.Typer) -> None:
 EXAMPLE = (
     "Example: layoutexplore evaluate partial-rooms office-01 school-01 -p layout -p hull --snapshots kept/"
 )
-group.command("partial-rooms", epilog=EXAMPLE)(partial_rooms)
-EXAMPLE = "Example: layoutexplore evaluate train-predictor schools/ office:0-99 --folds 4 --store kept/ --out models/"
-group.command("train-predictor", epilog=EXAMPLE)(train_predictor)
-group.command("closed-doors", epilog="Example: layoutexplore evaluate closed-doors maps/ --out predicted")(
-    closed_doors
+group.command("partial-rooms", help=PARTIAL_ROOMS_HELP, epilog=EXAMPLE)(partial_rooms)
+EXAMPLE = (
+    "Example: layoutexplore evaluate train-predictor schools/ office:0-99 --folds 4 --store kept/ "
+    "--out models/"
 )
+group.command("train-predictor", help=TRAIN_PREDICTOR_HELP, epilog=EXAMPLE)(train_predictor)
+EXAMPLE = "Example: layoutexplore evaluate closed-doors maps/ --out predicted"
+group.command("closed-doors", help=CLOSED_DOORS_HELP, epilog=EXAMPLE)(closed_doors)
 
 
 @group.command(
@@ -105,19 +110,18 @@ def segmentation(
     if out is not None:
         require("jinja2", "bench")
     if folds:
-        from layoutexplore.evaluation.cross_validation import cross_validate_merging
+        from layoutexplore.evaluation.cross_validation import CrossValidationConfig, cross_validate_merging
 
-        results = cross_validate_merging(
-            cases,
-            folds,
+        config = CrossValidationConfig(
+            folds=folds,
             protocol=protocol,
             resolution=resolution,
             simulated=simulated,
-            plans=_plans(plans),
+            plans=tuple(_plans(plans)),
             seeds=seeds,
             weights=_weights(weight, cases),
-            progress=_progress(),
         )
+        results = cross_validate_merging(cases, config, progress=_progress())
     else:
         results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
     collected = []
@@ -181,7 +185,10 @@ def _line(row: MapScore) -> str:
 
     values = " ".join(f"{100 * getattr(row, m):5.1f}" for m in MEASURES)
     note = f"  ({row.warnings})" if row.warnings else ""
-    return f"{row.folder}/{row.map} {row.method}: {values}  {row.segments}/{row.rooms} rooms  {row.ms:.0f} ms{note}"
+    return (
+        f"{row.folder}/{row.map} {row.method}: {values}  {row.segments}/{row.rooms} rooms  {row.ms:.0f} "
+        f"ms{note}"
+    )
 
 
 def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
@@ -305,7 +312,10 @@ def train_merging(
         weights=weights,
         progress=_progress(),
     )
-    note = f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} simulated ones"
+    note = (
+        f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} "
+        "simulated ones"
+    )
     note += f", seed {seed}" + "".join(
         f", weight {value:g} for {folder}" for folder, value in weights.items()
     )
@@ -345,11 +355,14 @@ def evaluate_layout(
             rows.append(row | {"ms": 1000 * found.seconds})
             typer.echo(
                 f"{image.stem} {name}: A_FC {100 * row['a_fc']:.1f} A_BC {100 * row['a_bc']:.1f} "
-                f"P {100 * row['precision']:.1f} R {100 * row['recall']:.1f}  {row['rooms']}/{row['true_rooms']} rooms"
+                f"P {100 * row['precision']:.1f} R {100 * row['recall']:.1f}  "
+                f"{row['rooms']}/{row['true_rooms']} rooms"
             )
         part = [r for r in rows if r["method"] == name]
-        means = [f"{key} {np.mean([100 * r[key] for r in part]):.1f}±{np.std([100 * r[key] for r in part]):.1f}"
-                 for key in ("a_fc", "a_bc", "precision", "recall")]  # fmt: skip
+        means = []
+        for key in ("a_fc", "a_bc", "precision", "recall"):
+            values = [100 * r[key] for r in part]
+            means.append(f"{key} {np.mean(values):.1f}±{np.std(values):.1f}")
         typer.echo(f"{name}, {len(part)} maps: {', '.join(means)}")
     if json_file is not None:
         write_json(json_file, {"resolution": resolution, "maps": rows})
@@ -365,7 +378,13 @@ _CLUTTER_FIGURES = {
 }
 
 
-@group.command("clutter", epilog="Example: layoutexplore evaluate clutter maps/*.png")
+CLUTTER_HELP = (
+    "ROSE on clean maps with clutter added: precision, recall, W against precision, wall-line error with and "
+    "without it."
+)
+
+
+@group.command("clutter", help=CLUTTER_HELP, epilog="Example: layoutexplore evaluate clutter maps/*.png")
 def clutter(
     maps: Annotated[
         list[Path], typer.Argument(help="Clean grid maps, images or ROS YAML; or folders of images.")
@@ -373,7 +392,7 @@ def clutter(
     resolution: Resolution = 0.05,
     json_file: JsonFile = None,
 ) -> None:
-    """ROSE on clean maps with clutter added: precision, recall, W against precision, wall-line error with and without it."""
+    """Run ROSE on clean maps with clutter added."""
     from layoutexplore.evaluation.clutter import run_study
     from layoutexplore.grids.ros_map import load_grid
 

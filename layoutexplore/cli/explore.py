@@ -49,7 +49,8 @@ def explore(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder for pictures, the final map (ROS YAML and PGM), the way walked and the coverage curve."
+            help="Folder for pictures, the final map (ROS YAML and PGM), the way walked and the coverage "
+            "curve."
         ),
     ] = None,
 ) -> None:
@@ -118,7 +119,7 @@ def parse_start(text: str | None) -> Pose | None:
 
 
 def save_run(folder: Path, simulation: Simulation, pictures: dict[int, bytes]) -> list[Path]:
-    """Write the final map, the way walked, the coverage curve and pictures (by percent seen) of a run; the files written."""
+    """Write final map, track, coverage curve and pictures (by percent seen) of a run; the files written."""
     import io
 
     import numpy as np

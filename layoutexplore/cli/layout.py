@@ -87,7 +87,8 @@ def _say(summary: dict[str, Any] | str, as_json: bool) -> bool:
     note = f"  warning: {'; '.join(summary['warnings'])}" if summary["warnings"] else ""
     score = "" if summary["structure_score"] is None else f", W {summary['structure_score']:.2f}"
     typer.echo(
-        f"{summary['map']}: {summary['rooms']} rooms, {summary['room_area']:.0f} m2{score}, {summary['ms']:.0f} ms"
+        f"{summary['map']}: {summary['rooms']} rooms, {summary['room_area']:.0f} m2{score}, "
+        f"{summary['ms']:.0f} ms"
         f" -> {summary['labels']}{note}"
     )
     return False

@@ -123,7 +123,8 @@ def _describe(plan: FloorPlan, resolution: float, radius: float) -> list[str]:
         f"labels      {', '.join(labels) or 'none'}",
         f"doors       {open_doors} open, {len(plan.doors) - open_doors} closed",
         f"free        {np.count_nonzero(raster.free) * cell:.0f} m2 at {resolution:g} m a cell",
-        f"to explore  {np.count_nonzero(raster.coverage_target(radius)) * cell:.0f} m2 for a robot of radius {radius:g} m",
+        f"to explore  {np.count_nonzero(raster.coverage_target(radius)) * cell:.0f} m2 for a robot of "
+        f"radius {radius:g} m",
         *(f"{key:11s} {value}" for key, value in plan.metadata.items()),
     ]
 

@@ -34,8 +34,15 @@ FRONTIER_COLUMNS = (
 
 
 NOTE = (
-    "the predictor layout that ships has learnt from the KTH and school floors and from the plans of the split train; "
+    "the predictor layout that ships has learnt from the KTH and school floors and from the plans of the "
+    "split train; "
     "scores on these are not held out: evaluate train-predictor --folds"
+)
+
+
+HELP = (
+    "Half-seen rooms: hidden IoU, room IoU, areas; closed or open frontiers; every predictor on the same "
+    "snapshots."
 )
 
 
@@ -58,7 +65,7 @@ def partial_rooms(
         Path | None, typer.Option("--json", help="Write every number into this file.")
     ] = None,
 ) -> None:
-    """Half-seen rooms: hidden IoU, room IoU, areas; closed or open frontiers; every predictor on the same snapshots."""
+    """Score half-seen rooms; `HELP` is what the command line says."""
     from layoutexplore.agents import make_agent
     from layoutexplore.errors import require
     from layoutexplore.evaluation.partial_rooms import score_predictors

@@ -1,4 +1,4 @@
-"""`layoutexplore speed`: how fast the hot paths are, beside a reference timed in the same run and the goal."""
+"""`layoutexplore speed`: how fast the hot paths are, beside a reference timed in the same run and a goal."""
 
 from __future__ import annotations
 

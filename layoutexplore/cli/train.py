@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 
 HELP = """Train an exploration policy (needs pip install 'layoutexplore\\[rl]').
 
-By default it learns the numbers of a tour over frontiers, from whole explorations: what the policy that ships comes from. The
-folder gets the configuration, a checkpoint, the last and the best policy (best.safetensors), the evaluations on held-out plans
+By default it learns the numbers of a tour over frontiers, from whole explorations: what the policy that \
+ships comes from. The
+folder gets the configuration, a checkpoint, the last and the best policy (best.safetensors), the \
+evaluations on held-out plans
 (evaluations.csv) and TensorBoard curves. Ctrl-C leaves a checkpoint; [bold]--resume[/bold] goes on from it.
 
 [bold]Examples[/bold]
@@ -46,7 +48,8 @@ def train(
     algorithm: Annotated[
         str | None,
         typer.Option(
-            help="tour-search (the parameters of a tour over frontiers, by whole explorations: the default), maskable-ppo (a "
+            help="tour-search (the parameters of a tour over frontiers, by whole explorations: the "
+            "default), maskable-ppo (a "
             "network that scores frontiers), or ppo or dqn (drive by small motions)."
         ),
     ] = None,
@@ -136,7 +139,8 @@ def _run(settings: TrainingConfig, out: Path, device: str, resume: bool, line: P
         line.say_plain(f"stopped after {run.steps} steps; to go on: layoutexplore train --out {out} --resume")
     elif settings.chooses_frontiers:
         line.say_plain(
-            f"the best policy: {out / 'best.safetensors'}; layoutexplore benchmark --agents tour --agents policy:{out}"
+            f"the best policy: {out / 'best.safetensors'}; layoutexplore benchmark --agents tour --agents "
+            f"policy:{out}"
         )
     else:
         line.say_plain(f"the best policy: {out / 'best.safetensors'}; TensorBoard: {out / 'tensorboard'}")

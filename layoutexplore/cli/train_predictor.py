@@ -1,4 +1,4 @@
-"""`layoutexplore evaluate train-predictor`: the predictor `layout`, trained on some buildings and tested on others."""
+"""`layoutexplore evaluate train-predictor`: trains the predictor `layout`, tests it on other buildings."""
 
 from __future__ import annotations
 
@@ -11,6 +11,14 @@ import typer
 
 if TYPE_CHECKING:
     from layoutexplore.predictors.snapshot import Snapshot
+
+
+HELP = """
+Explore floor plans, train the predictor `layout` on what is seen, and say how it does on buildings it never
+saw.
+
+Plans that do not come from files are trained on in every fold and tested in none.
+"""
 
 
 def train_predictor(
@@ -53,10 +61,7 @@ def train_predictor(
         Path | None, typer.Option(help="Folder that keeps the explorations, to go on or train again later.")
     ] = None,
 ) -> None:
-    """Explore floor plans, train the predictor `layout` on what is seen, and say how it does on buildings it never saw.
-
-    Plans that do not come from files are trained on in every fold and tested in none.
-    """
+    """Explore, train and test; `HELP` is what the command line says."""
     from rich.console import Console
 
     from layoutexplore.cli.progress import ProgressLine
@@ -73,16 +78,12 @@ def train_predictor(
         require("torch", "rl")
     sources = find_plans(plans)
     with ProgressLine(Console(), "plans") as line:
-        seen = explore_plans(
-            sources,
-            starts,
-            stretched,
-            stops,
-            store,
-            forests=forests,
-            network=network,
-            progress=lambda done, total, name: line.advance(done, total, done / total, name),
-        )
+
+        def advance(done: int, total: int, name: str) -> None:
+            line.advance(done, total, done / total, name)
+
+        counts = starts, stretched, stops, store
+        seen = explore_plans(sources, *counts, forests=forests, network=network, progress=advance)
     groups = buildings_of(seen, folds)
     config = PredictorForestConfig(trees=trees, cell_trees=trees // 2)
     samples = join_samples(seen.samples, groups) if forests else None

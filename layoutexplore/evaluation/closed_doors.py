@@ -1,4 +1,6 @@
-"""Rooms behind closed doors against the truth: NAME_k_doors_IN.png, NAME_k_doors_OUT.png (a reference's answer), NAME_GT.png.
+"""Rooms behind closed doors against the truth.
+
+The maps are NAME_k_doors_IN.png, NAME_k_doors_OUT.png (a reference's answer), NAME_GT.png.
 
 All three lie in one frame: 0 occupied, 205 unknown, 254 free. *Never seen* is what is free in the truth and
 not in IN; a prediction is what it makes free beyond IN.
@@ -91,7 +93,10 @@ def _share(part: int, whole: int, *, empty: float = 1.0) -> float:
 def evaluate_triple(
     triple: Triple, resolution: float, out: Path | None = None, models: Models | None = None
 ) -> PairScore:
-    """Predict one map, score it, and write NAME_k_doors_pred.png into a folder; by the shipped models when None are given."""
+    """Predict one map, score it, and write NAME_k_doors_pred.png into a folder.
+
+    By the shipped models when None are given.
+    """
     import time
 
     cells = read_cells(triple.seen)
@@ -134,7 +139,7 @@ def cross_validate_closed_doors(
     resolution: float,
     out: Path | None = None,
 ) -> Iterator[PairScore]:
-    """Evaluate maps in order, each by models that were trained without its building (all floors of it, and all plans).
+    """Evaluate maps in order, each by models trained without its building (all floors of it, and all plans).
 
     Args:
         triples: The maps, as from `find_triples`.
@@ -198,7 +203,10 @@ def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[
 
 
 def picture(triple: Triple, folder: Path) -> NDArray[np.uint8]:
-    """What was seen, the reference's answer and ours, uint8 RGB: right in green, wrong in red, missed in blue."""
+    """What was seen, the reference's answer and ours, uint8 RGB.
+
+    Right in green, wrong in red, missed in blue.
+    """
     cells = read_cells(triple.seen)
     truth = read_cells(triple.truth) == FREE
     seen = cells == FREE

@@ -241,7 +241,9 @@ def _corners(shape: str, size: int, rng: np.random.Generator) -> NDArray[np.floa
 
 
 def wall_lines(grid: OccupancyGrid, directions: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-    """Wall lines float64 (n, 4) of a grid in metres of its own frame: collinear Hough segments joined (IAS-15, section III).
+    """Wall lines float64 (n, 4) of a grid in metres of its own frame.
+
+    Collinear Hough segments joined (IAS-15, section III).
 
     Args:
         grid: The grid.

@@ -9,7 +9,7 @@ two trainings has to exceed.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,22 +25,11 @@ from layoutexplore.training.room_merging import MergingTrainingConfig, train_for
 from layoutexplore.training.simulated_maps import simulated_examples
 
 
-def cross_validate_merging(
-    cases: Sequence[Case],
-    folds: int,
-    *,
-    protocol: str,
-    resolution: float,
-    simulated: int,
-    plans: Sequence[str] = (),
-    seeds: int = 1,
-    weights: Mapping[str, float] | None = None,
-    progress: Progress = silent,
-) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
-    """Score the default method on every map with a judge that has not seen its building, once for each seed.
+@dataclass(frozen=True, kw_only=True)
+class CrossValidationConfig:
+    """How the default method is cross-validated.
 
-    Args:
-        cases: The maps.
+    Attributes:
         folds: Number of folds.
         protocol: Of `layoutexplore.metrics.segmentation.PROTOCOLS`.
         resolution: Metres a pixel.
@@ -48,17 +37,38 @@ def cross_validate_merging(
         plans: Floor plans to simulate maps of, besides generated ones.
         seeds: The judges are trained so many times, with seeds 0, 1, ...
         weights: Weight in training of a folder's maps where it is not 1.
+    """
+
+    folds: int
+    protocol: str
+    resolution: float
+    simulated: int
+    plans: tuple[str, ...] = ()
+    seeds: int = 1
+    weights: Mapping[str, float] = field(default_factory=dict)
+
+
+def cross_validate_merging(
+    cases: Sequence[Case],
+    config: CrossValidationConfig,
+    progress: Progress = silent,
+) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
+    """Score the default method on every map with a judge that has not seen its building, once for each seed.
+
+    Args:
+        cases: The maps.
+        config: How.
         progress: Told of what takes long.
     """
-    check_folds(folds, [case.building for case in cases])
-    dealt = deal_folds([case.building for case in cases], folds)
-    examples = training_examples(cases, resolution, progress)
-    extra = simulated_examples(simulated, tuple(plans), progress=progress)
-    for seed in range(seeds):
-        for fold in range(folds):
-            config = MergingTrainingConfig(seed=seed, kind_weights=weights or {})
-            forest = train_forest([*(e for e in examples if dealt[e.building] != fold), *extra], config)
-            progress("judges trained", seed * folds + fold + 1, seeds * folds)
+    check_folds(config.folds, [case.building for case in cases])
+    dealt = deal_folds([case.building for case in cases], config.folds)
+    examples = training_examples(cases, config.resolution, progress)
+    extra = simulated_examples(config.simulated, config.plans, progress=progress)
+    for seed in range(config.seeds):
+        for fold in range(config.folds):
+            training = MergingTrainingConfig(seed=seed, kind_weights=config.weights)
+            forest = train_forest([*(e for e in examples if dealt[e.building] != fold), *extra], training)
+            progress("judges trained", seed * config.folds + fold + 1, config.seeds * config.folds)
 
             def run(grid: OccupancyGrid, forest: Forest = forest) -> Layout:
                 return reconstruct_with(grid, MergingConfig(), forest)
@@ -66,6 +76,6 @@ def cross_validate_merging(
             for case in cases:
                 if dealt[case.building] == fold:
                     row, layout = score_case(
-                        case, "default", protocol=protocol, resolution=resolution, run=run
+                        case, "default", protocol=config.protocol, resolution=config.resolution, run=run
                     )
                     yield case, replace(row, fold=fold, seed=seed), layout.labels

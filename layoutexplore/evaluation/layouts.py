@@ -45,7 +45,9 @@ class LayoutScores:
 
 
 def read_outlines(path: str | Path) -> list[shapely.Polygon]:
-    """The true rooms of a school's XML file, in its pixels; y points up in the grid maps that were made from these plans.
+    """The true rooms of a school's XML file, in its pixels.
+
+    `y` points up in the grid maps that were made from these plans.
 
     Raises:
         MapError: The file cannot be read or holds no room.
@@ -77,7 +79,7 @@ def _point(attributes: Mapping[str, str]) -> tuple[float, float]:
 def stretch(
     rooms: Sequence[shapely.Polygon], box: tuple[float, float, float, float]
 ) -> list[shapely.Polygon]:
-    """The rooms moved and scaled along x and y so that their common bounding box becomes `box` (x0, y0, x1, y1).
+    """The rooms moved and scaled along x and y so that their bounding box becomes `box` (x0, y0, x1, y1).
 
     Example:
         >>> stretch([shapely.box(0, 0, 1, 2)], (3, 0, 5, 1))[0].bounds
@@ -94,7 +96,7 @@ def stretch(
 
 
 def wall_bounds(layout: Layout) -> tuple[float, float, float, float]:
-    """Bounding box (x0, y0, x1, y1) of the layout's wall segments, or of its rooms where the method has no segments."""
+    """Bounding box (x0, y0, x1, y1) of the layout's wall segments; of its rooms where there are none."""
     if len(layout.segments):
         x, y = layout.segments[:, ::2], layout.segments[:, 1::2]
         return float(x.min()), float(y.min()), float(x.max()), float(y.max())

@@ -103,7 +103,10 @@ def f1(found: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
 
 
 def calibration_error(confidence: NDArray[np.float64], right: NDArray[np.bool_]) -> float:
-    """Expected calibration error: mean distance of stated and observed probability over bins of equal width."""
+    """Expected calibration error.
+
+    Mean distance of stated and observed probability over bins of equal width.
+    """
     which = np.minimum((confidence * BINS).astype(int), BINS - 1)
     gaps = np.bincount(which, weights=confidence - right, minlength=BINS)
     return float(np.abs(gaps).sum() / len(right))

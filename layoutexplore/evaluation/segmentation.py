@@ -137,7 +137,7 @@ def _warm_up(methods: Sequence[str]) -> None:
 
 
 def summarise_segmentation(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
-    """Mean and standard deviation (ddof 0) over the maps of each folder and method, in the order of appearance."""
+    """Mean and standard deviation (ddof 0) over the maps of each folder and method, as they appear."""
     groups: dict[tuple[str, str], list[MapScore]] = {}
     for row in rows:
         groups.setdefault((row.folder, row.method), []).append(row)
@@ -152,7 +152,7 @@ def summarise_segmentation(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
 
 
 def seed_spread(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
-    """Standard deviation (ddof 1) over the seeds of the means over the maps of each folder, in the order of appearance."""
+    """Standard deviation (ddof 1) over the seeds of the means over each folder's maps, as they appear."""
     groups: dict[str, dict[int, list[MapScore]]] = {}
     for row in rows:
         groups.setdefault(row.folder, {}).setdefault(row.seed, []).append(row)

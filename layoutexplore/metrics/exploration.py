@@ -31,7 +31,7 @@ REVISIT_SQUARE = 0.5
 """Side in metres of the squares by which places are told apart when revisits are counted."""
 
 REVISIT_DELAY = 2.0
-"""Metres that must have been walked since a square was first entered before walking in it counts as a revisit."""
+"""Metres walked since a square was first entered from which on walking in it counts as a revisit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ class CurveScores:
 
 
 def auc_horizon(target_area: float) -> float:
-    """Metres over which the column `auc` averages the coverage: 20 m and 0.2 m more for each square metre of target.
+    """Metres over which the column `auc` averages the coverage: 20 m + 0.2 m for each square metre.
 
     A fixed rule, a fifth of the default budget, so that the score of a run does not depend on what else was
     run.
@@ -150,7 +150,10 @@ def mean_coverage(distance: ArrayLike, coverage: ArrayLike, horizon: float) -> f
 
 
 def coverage_at(distance: ArrayLike, coverage: ArrayLike, at: ArrayLike) -> NDArray[np.float64]:
-    """Coverage at given distances, float64 like `at`: linear between scans, the last value after the run's end."""
+    """Coverage at given distances, float64 like `at`.
+
+    Linear between scans, the last value after the run's end.
+    """
     metres, share = _checked(distance, coverage)
     return np.interp(np.asarray(at, np.float64), metres, share)
 

@@ -1,4 +1,4 @@
-"""Statistics for paired comparisons over floor plans: interquartile mean, cluster bootstrap, probability of improvement.
+"""Paired comparisons over floor plans: interquartile mean, cluster bootstrap, probability of improvement.
 
 Runs on one floor plan resemble each other, so the floor plan, not the run, is what is resampled: every draw
 takes as many plans as there are, with replacement, and all runs of each plan drawn. A draw is then nothing

@@ -1,4 +1,4 @@
-"""Small charts as plain shapes in percent of their frame: lines over strata, calibration, scatter on a root scale."""
+"""Small charts as plain shapes in percent of their frame: lines, calibration, scatter on a root scale."""
 
 from __future__ import annotations
 
@@ -139,7 +139,9 @@ def predictor_looks(names: Sequence[str], main: str = "") -> dict[str, tuple[str
 def calibration_chart(
     confidence: NDArray[np.float64], right: NDArray[np.bool_], *, bins: int = 10
 ) -> Scatter:
-    """Stated against observed probability of being right, a dot a bin from one half to 1; its area is its share of all.
+    """Stated against observed probability of being right, a dot a bin from one half to 1.
+
+    Its area is its share of all.
 
     Args:
         confidence: float64 (n,), stated, 0..1.

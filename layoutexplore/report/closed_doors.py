@@ -1,4 +1,4 @@
-"""The page of an evaluation of rooms behind closed doors: by building, and map by map beside the reference and the truth."""
+"""The page of an evaluation of rooms behind closed doors: by building, and map by map beside the truth."""
 
 from __future__ import annotations
 
@@ -61,7 +61,9 @@ def draw_map(cells: NDArray[np.int8], new: NDArray[np.bool_], truth: NDArray[np.
 
 
 def draw_panels(triple: Triple, folder: Path) -> list[tuple[str, NDArray[np.uint8]]]:
-    """What was seen, the reference's answer, ours and the truth, each with its name; cut to what the truth shows.
+    """What was seen, the reference's answer, ours and the truth, each with its name.
+
+    Cut to what the truth shows.
 
     Args:
         triple: The map.
@@ -94,7 +96,7 @@ def write_closed_doors_report(
     command: str,
     note: str = "",
 ) -> list[Path]:
-    """Write report.html, maps.csv, summary.csv and pictures/NAME_k_doors.png into the folder of the predictions.
+    """Write report.html, maps.csv, summary.csv and pictures/NAME_k_doors.png into the predictions' folder.
 
     Args:
         out: The folder that holds NAME_k_doors_pred.png.

@@ -1,4 +1,4 @@
-"""Pictures of decisive decisions: where the robot would have gone without the layout, where it went, and what came of it."""
+"""Pictures of decisive decisions: where the robot went, and where it would have gone without the layout."""
 
 from __future__ import annotations
 
@@ -41,7 +41,10 @@ _NBSP = "\N{NO-BREAK SPACE}"
 
 @dataclass(frozen=True)
 class Label:
-    """A frontier with what was said of it, in cells from the top left of the picture; the text stands `before` it or behind."""
+    """A frontier with what was said of it, in cells from the top left of the picture.
+
+    The text stands `before` it or behind.
+    """
 
     x: float
     y: float
@@ -126,7 +129,9 @@ def _window(
 
 
 def _area(area: float) -> str:
-    """Square metres to a decimal; just under a whole number is not rounded up to it: that is where the threshold lies.
+    """Square metres to a decimal.
+
+    What is just under a whole number is not rounded up to it: that is where the threshold lies.
 
     Example:
         >>> _area(0.9999), _area(3.14)
@@ -136,7 +141,10 @@ def _area(area: float) -> str:
 
 
 def _map(decision: DecisiveDecision, occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """The floor plan with what is known of it and the frontiers by class, uint8 (rows, cols, 3); row 0 has the lowest y."""
+    """The floor plan with what is known of it and the frontiers by class, uint8 (rows, cols, 3).
+
+    Row 0 has the lowest y.
+    """
     image = np.empty((*occupied.shape, 3), np.uint8)
     image[:] = palette.CANVAS
     image[~occupied] = palette.UNSEEN
@@ -207,7 +215,8 @@ def _said(decision: DecisiveDecision) -> str:
     closed, area, true_closed, true_area = decision.judged[decision.without].tolist()
     predicted = f"{_area(area)}{_NBSP}m² left in its room" if closed else "it leads on"
     true = f"{_area(true_area)}{_NBSP}m² left" if true_closed else "it leads on"
-    return f"The frontier passed over: predicted {predicted}, in truth {true}. {number(decision.stake, 0)}{_NBSP}m of detour at stake."
+    stake = f"{number(decision.stake, 0)}{_NBSP}m of detour at stake."
+    return f"The frontier passed over: predicted {predicted}, in truth {true}. {stake}"
 
 
 def _outcome(decision: DecisiveDecision) -> str:

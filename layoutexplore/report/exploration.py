@@ -1,4 +1,4 @@
-"""The report of an exploration benchmark: report.html, report.md and summary.csv from a results folder alone."""
+"""The report of a benchmark: report.html, report.md and summary.csv from a results folder alone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import layoutexplore
-from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import (
     METRICS,
     POOLED,
@@ -29,9 +28,8 @@ from layoutexplore.benchmark.analysis import (
 )
 from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder
-from layoutexplore.errors import LayoutExploreError
 from layoutexplore.files import atomic, write_atomically
-from layoutexplore.maps import splits
+from layoutexplore.report.caveats import caveats
 from layoutexplore.report.layout_section import layout_section
 from layoutexplore.report.page import interval, number, percent, render
 from layoutexplore.report.plots import (
@@ -65,7 +63,7 @@ class Group:
 
 @dataclass(frozen=True)
 class AgentLine:
-    """One row of the tables: an agent's comparisons by level, its figures, and how often it reached each level."""
+    """One row of the tables: an agent's comparisons by level, figures, how often it reached each level."""
 
     agent: str
     privileged: bool
@@ -213,70 +211,6 @@ def _short(c: Comparison | None, *, full: bool) -> str:
     return "–" if c is None else interval(c.ratio) if full else number(c.ratio.estimate)
 
 
-def caveats(rows: Sequence[Row], settings: dict[str, Any], *, candidates: int = 1) -> list[str]:
-    """What these results do not say, as far as it follows from how they were made.
-
-    Args:
-        rows: All runs.
-        settings: Of the benchmark.
-        candidates: Number of agents of which the best one is named at the top.
-    """
-    simulation = settings["simulation"]
-    noise = simulation.get("odometry_noise", {})
-    plans = len({row.plan for row in rows})
-    clean = not any(lidar["range_noise_std"] or lidar["dropout"] for lidar in settings["lidars"].values())
-    said = []
-    if plans < 10:
-        said.append(
-            f"Intervals resample floor plans, and there {'is only one' if plans == 1 else f'are only {plans}'}: "
-            + (
-                "there are no intervals at all."
-                if plans == 1
-                else "they are rough. Twenty plans tell 5 % apart."
-            )
-        )
-    if candidates > 1:
-        said.append(
-            f"The agent at the top is the best of {candidates} on these very runs: expect a little less on other floors."
-        )
-    if any(map(_has_learnt, agents_of(rows))):
-        known = sorted({row.plan for row in rows} & set(splits().get("train", ())))
-        said.append(
-            "The room predictor that ships has learnt from the KTH and school floors and from the plans of the split train"
-            + (f" ({', '.join(known)} here)" if known else "")
-            + ": there, agents that use it look better than in a new building."
-        )
-    if not any(noise.values()):
-        said.append("Odometry is perfect: the robot always knows where it is, and the map never bends.")
-    if clean:
-        said.append("The lidar measures without noise and sees every surface, glass included.")
-    if not simulation["turn_cost"]:
-        said.append("Turning on the spot is free; time is not measured, only metres.")
-    if "max_distance" not in simulation:
-        said.append(
-            "A run is ended after 100 m + 1 m per m² of target area; a level not reached is charged that many metres."
-        )
-    goal = percent(simulation["coverage_goal"])
-    said.append(
-        f"Runs end at {goal} of the target area: what it would cost to see the rest was not measured."
-    )
-    said.append(
-        "ms per decision is the agent's choice and its layout prediction, without mapping and frontiers; it varies by machine."
-    )
-    said.append(
-        "Nothing moves in these buildings, doors stay as they are, and there is one robot on one floor."
-    )
-    return said
-
-
-def _has_learnt(agent: str) -> bool:
-    """Whether an agent asks the room predictor that ships; not one that this version cannot make."""
-    try:
-        return getattr(make_agent(agent), "predictor", "none") == "layout"
-    except LayoutExploreError:
-        return False
-
-
 def _table(
     part: Sequence[Row], comparisons: Sequence[Comparison], summaries: Sequence[AgentSummary]
 ) -> list[AgentLine]:
@@ -344,7 +278,7 @@ def _plan_lines(rows: Sequence[Row], baseline: str) -> list[PlanLine]:
 def _pictures(
     folder: ResultsFolder, rows: Sequence[Row], shown: Sequence[Group], baseline: str
 ) -> list[tuple[str, list[Picture]]]:
-    """The tracks of the best agent, the baseline, the worst and the one that knows the plan, on a few plans."""
+    """The tracks of the best agent, the baseline, the worst and one that knows the plan, on a few plans."""
     good = [row for row in rows if not row.error]
     if not good:
         return []

@@ -1,4 +1,7 @@
-"""The parts of the exploration report that are about layouts: what they changed, how right they were, stopping early."""
+"""The parts of the exploration report that are about layouts.
+
+What they changed, how right they were, stopping early.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +63,10 @@ def layout_section(
     baseline: str,
     curves: Curves,
 ) -> dict[str, Any]:
-    """What the templates show about layouts: `effects` by group, `decisive` and `stops`; each empty where there is nothing."""
+    """What the templates show about layouts: `effects` by group, `decisive` and `stops`.
+
+    Each empty where there is nothing.
+    """
     effects = layout_effects(rows, folder.counterfactual)
     by_group: dict[str, list[EffectLine]] = {}
     for effect in effects:
@@ -82,7 +88,10 @@ def layout_section(
 
 
 def _best(lines: Sequence[EffectLine]) -> str:
-    """The agent that predicts, does not stop by itself and needs the fewest metres to 95 %; empty where there is none."""
+    """The agent that predicts, does not stop by itself and needs the fewest metres to 95 %.
+
+    Empty where there is none.
+    """
     honest = [line for line in lines if not line.privileged and not has_stop_rule(line.effect.agent)]
     best = min(honest, key=lambda line: line.d95.ratio.estimate if line.d95 else math.inf, default=None)
     return best.effect.agent if best else ""
@@ -109,7 +118,7 @@ def _decisive(folder: ResultsFolder, rows: Sequence[Row], agent: str) -> list[De
 def _distinct(
     pairs: Sequence[tuple[Row, DecisiveDecision]], resolutions: Mapping[str, float]
 ) -> list[tuple[Row, DecisiveDecision]]:
-    """Without those that are about the same two places as an earlier one, in another run on the same floor plan."""
+    """Without those about the same two places as an earlier one, in another run on the same floor plan."""
     kept: list[tuple[Row, DecisiveDecision]] = []
     for row, decision in pairs:
         if not any(

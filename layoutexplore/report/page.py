@@ -1,4 +1,4 @@
-"""Pages from templates: one file each, nothing fetched from anywhere, readable on a telephone and on paper."""
+"""Pages from templates: one file each, nothing fetched, readable on a telephone and on paper."""
 
 from __future__ import annotations
 

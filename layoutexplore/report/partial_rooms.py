@@ -1,4 +1,7 @@
-"""The page of an evaluation of half-seen rooms: every predictor by stratum, calibration, areas, the best and the worst rooms."""
+"""The page of an evaluation of half-seen rooms.
+
+It shows every predictor by stratum, calibration, areas, the best and the worst rooms.
+"""
 
 from __future__ import annotations
 

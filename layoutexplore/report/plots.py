@@ -156,7 +156,10 @@ class TrackPicture:
 
 
 def floor_picture(occupied: NDArray[np.bool_]) -> str:
-    """The floor as a data URI: white where free, dark where a wall bounds it, pale elsewhere; the top row has the highest y."""
+    """The floor as a data URI: white where free, dark where a wall bounds it, pale elsewhere.
+
+    The top row has the highest y.
+    """
     free = ~occupied
     near = cv2.dilate(free.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     grey = np.full(occupied.shape, 236, np.uint8)

@@ -24,7 +24,9 @@ UNCLAIMED, WALL, UNSEEN = (255, 255, 255), (30, 30, 36), (205, 208, 212)
 
 
 def comparison_picture(case: Case, labels: NDArray[np.int32], resolution: float) -> NDArray[np.uint8]:
-    """Segments (left) and true rooms (right) of a map, uint8 RGB, y up; matched segments wear their room's colour.
+    """Segments (left) and true rooms (right) of a map, uint8 RGB, y up.
+
+    Matched segments wear their room's colour.
 
     Args:
         case: The map.

@@ -1,8 +1,8 @@
 """How fast the hot paths are, as ratios to a reference that is timed in the same run.
 
 `measure` runs named measurements (`layoutexplore.speed.kernels`, `layoutexplore.speed.environment`) and gives
-one `SpeedRow` per figure, with its goal. Times are CPU time of one thread, so that a busy machine disturbs them
-little; what is compared takes turns.
+one `SpeedRow` per figure, with its goal. Times are CPU time of one thread, so that a busy machine disturbs
+them little; what is compared takes turns.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Speed of the simulation and the environments, on an office of about 2600 square metres at 0.1 m; memory and import time."""
+"""Speed of the simulation and the environments in an office of 2600 m2 at 0.1 m; memory and import time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ _BASE = "import time; s = time.process_time(); {}; print(time.process_time() - s
 
 
 def frontier_steps() -> Iterator[SpeedRow]:
-    """Decisions of the strategy "nearest" without layout: walk, scans, map, frontiers, distances and gains."""
+    """Decisions of the strategy "nearest" without layout.
+
+    Walk, scans, map, frontiers, distances and gains.
+    """
     for sensor in ("stage", "indoor"):
         simulation = Simulation(plan(), SimulationConfig(sensor=sensor))
         rates = []

@@ -36,7 +36,10 @@ def plan_of(area: float) -> FloorPlan:
 
 @lru_cache(maxsize=4)
 def floor(rows: int, cols: int) -> NDArray[np.bool_]:
-    """Occupied cells bool (rows, cols) of the plan, drawn as large as it fits, in one corner; the rest is solid."""
+    """Occupied cells bool (rows, cols) of the plan, drawn as large as it fits, in one corner.
+
+    The rest is solid.
+    """
     x0, y0, x1, y1 = plan().bounds
     margin = 1.0
     resolution = max((x1 - x0 + 2 * margin) / cols, (y1 - y0 + 2 * margin) / rows)
@@ -47,7 +50,10 @@ def floor(rows: int, cols: int) -> NDArray[np.bool_]:
 
 
 def poses(occupied: NDArray[np.bool_], count: int) -> list[Pose]:
-    """Poses scattered over the largest area that a robot of 0.2 m can reach, off the cells' centres; always the same."""
+    """Poses scattered over the largest area that a robot of 0.2 m can reach, off the cells' centres.
+
+    Always the same.
+    """
     rng = np.random.default_rng(0)
     open_cells = ~inflate(occupied, 0.2, RESOLUTION)
     for row, col in rng.permutation(np.argwhere(open_cells)):

@@ -26,7 +26,7 @@ _RAYS_RATIO = 5.0
 
 
 def ray_casting() -> Iterator[SpeedRow]:
-    """Exact ranges against a polar image of the map made by cv2.remap, sampled at half cells (which is not exact)."""
+    """Exact ranges against a polar image of the map by cv2.remap, sampled at half cells (not exact)."""
     yield _ray_casting(360, 100)
     yield _ray_casting(720, 200)
 
@@ -64,7 +64,7 @@ def _ray_casting(beams: int, reach: int) -> SpeedRow:
 
 
 def mapping() -> Iterator[SpeedRow]:
-    """Scan and map update (720 beams, 80 cells) from an unknown map on, and the same scene in a map ten times as large."""
+    """Scan and map update (720 beams, 80 cells) from an unknown map on; then in a map ten times as large."""
     small = floor(480, 640)
     large = np.ones((1500, 2000), np.bool_)
     large[: small.shape[0], : small.shape[1]] = small
@@ -107,7 +107,7 @@ def mapping() -> Iterator[SpeedRow]:
 def _beside(
     name: str, ours: float, reference: float, reference_name: str, times: float, same: bool | None = None
 ) -> SpeedRow:
-    """Milliseconds beside a reference's, which is to take so many times as long and to find the same, if that is compared."""
+    """Milliseconds beside a reference's: it is to take so many times as long, and find the same if compared."""
     return SpeedRow(
         name=name,
         ours=ours,
@@ -121,7 +121,7 @@ def _beside(
 
 
 def frontiers() -> Iterator[SpeedRow]:
-    """All frontiers of a half explored map beside cv2.connectedComponentsWithStats, and after changes in a box."""
+    """All frontiers of a half explored map, and after changes in a box; beside cv2's connected components."""
     cells = half_explored(700, 700)
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     detector = FrontierDetector(cells.shape)
@@ -143,7 +143,7 @@ def frontiers() -> Iterator[SpeedRow]:
 
 
 def parts() -> Iterator[SpeedRow]:
-    """The connected parts of what is half a metre from walls, as rooms begin with, beside cv2.connectedComponents."""
+    """The connected parts of what is half a metre from walls, beside cv2.connectedComponents."""
     mask = ~inflate(floor(700, 700), 0.5, RESOLUTION)
 
     def reference() -> NDArray[np.int32]:
@@ -157,7 +157,7 @@ def parts() -> Iterator[SpeedRow]:
 
 
 def geodesics() -> Iterator[SpeedRow]:
-    """Distances to all cells and between 40 places, beside scipy's search on a graph that is built beforehand."""
+    """Distances to all cells and between 40 places, beside scipy's search on a graph built beforehand."""
     traversable = ~inflate(floor(700, 700), 0.2, RESOLUTION)
     start = poses(floor(700, 700), 1)[0]
     source = Cell(int(start.y / RESOLUTION), int(start.x / RESOLUTION))

@@ -1,4 +1,4 @@
-"""Speed of the layout pipeline on half-explored maps, beside the two library calls that it cannot do without."""
+"""Speed of the layout pipeline on half-explored maps, beside two library calls that it cannot do without."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ _RATIO = 6.0
 
 
 def layouts() -> Iterator[SpeedRow]:
-    """The default method and rose2 (without its split) on partial maps; then the same again with nothing changed."""
+    """The default method and rose2 (without its split) on partial maps.
+
+    Then the same again with nothing changed.
+    """
     methods: tuple[tuple[str, Any], ...] = (("default", None), ("rose2", Rose2Config(split=False)))
     for side, limit in _LIMITS.items():
         grid = _partial(side)

@@ -57,7 +57,9 @@ class Measurement:
 
 
 def milliseconds(*functions: Callable[[], object], repeats: int = 7, inner: int = 1) -> list[float]:
-    """Median CPU time of each function in milliseconds; the functions take turns, after one call each to warm up.
+    """Median CPU time of each function in milliseconds.
+
+    The functions take turns, after one call each to warm up.
 
     Args:
         functions: What to time.

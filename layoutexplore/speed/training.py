@@ -29,7 +29,7 @@ _SETTINGS: tuple[tuple[str, str, bool, float], ...] = (
     ("no tour, no prediction", "none", False, 1000.0),
     ("tour, prediction", "layout", True, 150.0),
 )
-"""What to call it, predictor, whether the tour's features are computed, and the goal in decisions a second."""
+"""Name, predictor, whether the tour's features are computed, and the goal in decisions a second."""
 
 
 class Spent(NamedTuple):

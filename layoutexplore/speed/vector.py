@@ -1,4 +1,4 @@
-"""Throughput of vector environments: by who steps them, on plans of three sizes, without and with tour features and a predictor.
+"""Throughput of vector environments by backend, on plans of three sizes, with and without a predictor.
 
 Wall time, since worker processes are part of it. All vectors of a row group play the same stretch of the same
 episodes again and again, taking turns; the fastest turn of each counts, so that a busy machine disturbs the
@@ -23,7 +23,10 @@ from layoutexplore.speed.floors import plan_of
 from layoutexplore.speed.measurement import SpeedRow
 
 AREAS = (1000.0, 1750.0, 2350.0)
-"""Floor areas in square metres that plans are asked for; the one in the middle is the one that all backends run on."""
+"""Floor areas in square metres that plans are asked for.
+
+The one in the middle is the one that all backends run on.
+"""
 
 _ID = "LayoutExplore/Frontier-v0"
 _ENVIRONMENTS, _TURNS = 8, 2
@@ -32,7 +35,7 @@ _MAPLESS: dict[str, Any] = {"local_map": False, "global_map": False}
 
 @dataclass(frozen=True)
 class _Setting:
-    """Options of an environment, the steps of a turn, and the goal in decisions a second with all cores (0: none)."""
+    """Options of an environment, steps of a turn, the goal in decisions a second on all cores (0: none)."""
 
     name: str
     options: dict[str, Any]
@@ -60,7 +63,10 @@ class _Racer:
         self._env, self._steps, self.best = env, steps, np.inf
 
     def turn(self) -> None:
-        """The first steps of the same episodes: mostly to the nearest frontier, now and then to one behind it."""
+        """The first steps of the same episodes.
+
+        Mostly to the nearest frontier, now and then to one behind it.
+        """
         rng = np.random.default_rng(0)
         _, infos = self._env.reset(seed=0)
         start = time.perf_counter()
@@ -76,7 +82,7 @@ class _Racer:
 
 
 def vector_steps() -> Iterator[SpeedRow]:
-    """Decisions a second: of every backend beside Gymnasium's vectors on one plan, of worker processes on all plans."""
+    """Decisions a second: every backend beside Gymnasium's vectors on one plan, processes on all plans."""
     for setting in _SETTINGS:
         for area in AREAS:
             if area == AREAS[1]:

@@ -1,4 +1,7 @@
-"""The wall lines that ROSE's sensitivity study compares: found the same way with and without ROSE, the truth without."""
+"""The wall lines that ROSE's sensitivity study compares.
+
+Found the same way with and without ROSE, the truth without.
+"""
 
 from __future__ import annotations
 

@@ -17,7 +17,9 @@ XML = """<building><floor><spaces>
 <space><bounding_polygon>
 <point x="0" y="0"/><point x="10" y="0"/><point x="10" y="5"/><point x="0" y="5"/>
 </bounding_polygon></space>
-<space><bounding_polygon><point x="10" y="0"/><point x="20" y="0"/><point x="20" y="5"/></bounding_polygon></space>
+<space><bounding_polygon>
+<point x="10" y="0"/><point x="20" y="0"/><point x="20" y="5"/>
+</bounding_polygon></space>
 </spaces></floor></building>"""
 
 

@@ -1,4 +1,7 @@
-"""The evaluation of half-seen rooms: the oracle is perfect, seeing alone is nothing, stored snapshots are the same."""
+"""The evaluation of half-seen rooms.
+
+The oracle is perfect, seeing alone is nothing, stored snapshots are the same.
+"""
 
 from __future__ import annotations
 

@@ -26,7 +26,8 @@ from layoutexplore.errors import ConfigError, ResultsError
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
-from layoutexplore.report.exploration import caveats, headline, report_view, write_benchmark_report
+from layoutexplore.report.caveats import caveats
+from layoutexplore.report.exploration import headline, report_view, write_benchmark_report
 from layoutexplore.report.page import interval, png_uri, render
 from layoutexplore.report.plots import floor_picture, forest, heat, track_picture
 from tests.plans import HOUSE
@@ -190,7 +191,7 @@ def test_what_flatters_is_said(folder: ResultsFolder) -> None:
     assert "the best of 3 on these very runs" in " ".join(caveats(rows, made, candidates=3))
 
 
-# --- pieces ---------------------------------------------------------------------------------------------------------
+# --- pieces -----
 
 
 def comparison(agent: str, ratio: float, width: float = 0.1, metric: str = "d95") -> Comparison:

@@ -1,4 +1,4 @@
-"""The speed table: its rows, its verdicts and its command. Nothing here depends on how fast this machine is."""
+"""The speed table: its rows, its verdicts and its command; nothing depends on the machine's speed."""
 
 from __future__ import annotations
 

@@ -1,0 +1,82 @@
+"""What the results of a benchmark do not say, as far as it follows from how they were made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from layoutexplore.agents import make_agent
+from layoutexplore.benchmark.analysis import agents_of
+from layoutexplore.benchmark.episode import Row
+from layoutexplore.errors import LayoutExploreError
+from layoutexplore.maps import splits
+from layoutexplore.report.page import percent
+
+
+def caveats(rows: Sequence[Row], settings: dict[str, Any], *, candidates: int = 1) -> list[str]:
+    """What these results do not say, as far as it follows from how they were made.
+
+    Args:
+        rows: All runs.
+        settings: Of the benchmark.
+        candidates: Number of agents of which the best one is named at the top.
+    """
+    simulation = settings["simulation"]
+    noise = simulation.get("odometry_noise", {})
+    plans = len({row.plan for row in rows})
+    clean = not any(lidar["range_noise_std"] or lidar["dropout"] for lidar in settings["lidars"].values())
+    said = []
+    if plans < 10:
+        said.append(
+            "Intervals resample floor plans, and there "
+            f"{'is only one' if plans == 1 else f'are only {plans}'}: "
+            + (
+                "there are no intervals at all."
+                if plans == 1
+                else "they are rough. Twenty plans tell 5 % apart."
+            )
+        )
+    if candidates > 1:
+        said.append(
+            f"The agent at the top is the best of {candidates} on these very runs: expect a little less on "
+            "other floors."
+        )
+    if any(map(_has_learnt, agents_of(rows))):
+        known = sorted({row.plan for row in rows} & set(splits().get("train", ())))
+        said.append(
+            "The room predictor that ships has learnt from the KTH and school floors and from the plans of "
+            "the split train"
+            + (f" ({', '.join(known)} here)" if known else "")
+            + ": there, agents that use it look better than in a new building."
+        )
+    if not any(noise.values()):
+        said.append("Odometry is perfect: the robot always knows where it is, and the map never bends.")
+    if clean:
+        said.append("The lidar measures without noise and sees every surface, glass included.")
+    if not simulation["turn_cost"]:
+        said.append("Turning on the spot is free; time is not measured, only metres.")
+    if "max_distance" not in simulation:
+        said.append(
+            "A run is ended after 100 m + 1 m per m² of target area; a level not reached is charged that "
+            "many metres."
+        )
+    goal = percent(simulation["coverage_goal"])
+    said.append(
+        f"Runs end at {goal} of the target area: what it would cost to see the rest was not measured."
+    )
+    said.append(
+        "ms per decision is the agent's choice and its layout prediction, without mapping and frontiers; "
+        "it varies by machine."
+    )
+    said.append(
+        "Nothing moves in these buildings, doors stay as they are, and there is one robot on one floor."
+    )
+    return said
+
+
+def _has_learnt(agent: str) -> bool:
+    """Whether an agent asks the room predictor that ships; not one that this version cannot make."""
+    try:
+        return getattr(make_agent(agent), "predictor", "none") == "layout"
+    except LayoutExploreError:
+        return False
