@@ -108,7 +108,9 @@ def benchmark(
         **options | {name: value for name, value in given.items() if value is not None}
     )
     console = Console(highlight=False)
-    outcome = _run(console, settings, out, jobs=jobs, cluster=cluster, force=force, extend=extend)
+    outcome = run_with_progress(
+        console, settings, out, jobs=jobs, cluster=cluster, force=force, extend=extend
+    )
     _write_and_show(console, outcome, settings)
     if outcome.failed:
         raise typer.Exit(1)
@@ -140,15 +142,15 @@ def report(
         console.print(f"wrote {path}", soft_wrap=True)
 
 
-def _run(
+def run_with_progress(
     console: Console,
     settings: BenchmarkConfig,
     out: Path,
     *,
     jobs: int | None,
-    cluster: str,
-    force: bool,
-    extend: bool,
+    cluster: str = "",
+    force: bool = False,
+    extend: bool = False,
 ) -> Outcome:
     """Run what is missing, with a line that says how far it is."""
     from layoutexplore.benchmark.pool import usable_cores

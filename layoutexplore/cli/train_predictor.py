@@ -142,10 +142,7 @@ def _test(asked: Mapping[str, Sequence[Snapshot]], models: Mapping[str, Path]) -
             layout = LearnedPredictor(models[name])
             layout.name = "layout"
             part = score_predictors(snapshots, [layout, make_room_predictor("none")])
-            merged.rooms.extend(part.rooms)
-            merged.frontiers.extend(part.frontiers)
-            for predictor, times in part.milliseconds.items():
-                merged.milliseconds.setdefault(predictor, []).extend(times)
+            merged.extend(part)
             progress.advance(k + 1, len(asked), (k + 1) / len(asked), name)
     typer.echo("held out:")
     print_summary(summarise_partial_rooms(merged))

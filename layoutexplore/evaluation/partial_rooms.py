@@ -98,6 +98,13 @@ class Scores:
     frontiers: list[FrontierScore]
     milliseconds: dict[str, list[float]]
 
+    def extend(self, other: Scores) -> None:
+        """Add the scores of other snapshots."""
+        self.rooms.extend(other.rooms)
+        self.frontiers.extend(other.frontiers)
+        for predictor, times in other.milliseconds.items():
+            self.milliseconds.setdefault(predictor, []).extend(times)
+
 
 def score_predictors(
     snapshots: Iterable[Snapshot], predictors: Sequence[RoomPredictor], watch: Watch | None = None

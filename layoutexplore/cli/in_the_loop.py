@@ -1,0 +1,152 @@
+"""`layoutexplore evaluate in-the-loop`: what predictors of rooms are worth to a robot that explores with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from layoutexplore.files import check_places
+
+if TYPE_CHECKING:
+    from layoutexplore.evaluation.in_the_loop import LoopScore
+    from layoutexplore.evaluation.partial_rooms import Scores
+    from layoutexplore.predictors.protocol import RoomPredictor
+    from layoutexplore.predictors.snapshot import Snapshot
+    from layoutexplore.report.in_the_loop import BelievedRooms
+
+PREDICTORS = (
+    "none",
+    "reconstruct:rose2",
+    "reconstruct:ias15",
+    "reconstruct:default",
+    "reconstruct:morphological",
+    "layout",
+    "oracle",
+)
+"""Who is asked when no predictor is named."""
+
+SHOWN = (0.25, 0.5, 0.75)
+"""Coverages at which one exploration is drawn."""
+
+
+def in_the_loop(
+    plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
+    out: Annotated[
+        Path, typer.Option(help="Folder for the page and the runs; the same command goes on in it.")
+    ],
+    predictor: Annotated[
+        list[str] | None,
+        typer.Option("--predictor", "-p", help="Predictor; a choice of all kinds when none is named."),
+    ] = None,
+    sensor: Annotated[
+        list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
+    ] = None,
+    starts: Annotated[int, typer.Option(min=1, help="Starts on each floor plan.")] = 2,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
+) -> None:
+    """Predictors on snapshots, and the metres of layout-tour with each; a table, and pictures of what they believed."""
+    from rich.console import Console
+
+    from layoutexplore.benchmark.config import BenchmarkConfig
+    from layoutexplore.cli.benchmark import run_with_progress
+    from layoutexplore.errors import require
+    from layoutexplore.evaluation.in_the_loop import BASELINE, driver_of, score_in_the_loop
+    from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
+    from layoutexplore.maps.library import find_plans
+    from layoutexplore.predictors import make_room_predictor
+    from layoutexplore.processes import command_line
+    from layoutexplore.report.in_the_loop import write_in_the_loop_report
+    from layoutexplore.sensing.lidar import sensor as find_sensor
+    from layoutexplore.training.explorations import SENSORS
+
+    require("jinja2", "bench")
+    check_places(out)
+    sensors = [find_sensor(name).name for name in sensor or SENSORS]
+    predictors = [make_room_predictor(name) for name in dict.fromkeys(predictor or PREDICTORS)]
+    names = [p.name for p in predictors]
+    sources = find_plans(plans)
+    config = BenchmarkConfig(
+        plans=tuple(sources),
+        starts=starts,
+        sensors=tuple(sensors),
+        agents=(BASELINE, *map(driver_of, names)),
+        explain=False,
+    )
+    outcome = run_with_progress(Console(highlight=False), config, out / "runs", jobs=jobs)
+    for row in outcome.failed:
+        typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
+    scores, buildings, pictures = _ask(sources, predictors, sensors, starts, out / "snapshots")
+    found = score_in_the_loop(summarise_partial_rooms(scores), outcome.rows)
+    facts = {
+        "command": command_line(),
+        "plans": len(sources),
+        "buildings": len(buildings),
+        "starts": starts,
+        "sensors": sensors,
+        "plan": next(iter(buildings)),
+    }
+    written = write_in_the_loop_report(out, found, pictures, facts=facts)
+    _print(found)
+    typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
+
+
+def _ask(
+    sources: Sequence[str],
+    predictors: Sequence[RoomPredictor],
+    sensors: Sequence[str],
+    starts: int,
+    store: Path,
+) -> tuple[Scores, dict[str, str], list[BelievedRooms]]:
+    """Scores on snapshots, the building of each plan by name, and pictures of one exploration of the first plan."""
+    from rich.console import Console
+
+    from layoutexplore.agents import make_agent
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
+    from layoutexplore.maps.library import load_plan
+    from layoutexplore.training.explorations import PROTOCOL_AGENT
+    from layoutexplore.training.snapshots import explore_plan
+
+    scores = Scores([], [], {p.name: [] for p in predictors})
+    buildings: dict[str, str] = {}
+    pictures: list[BelievedRooms] = []
+    cells = [(source, sensor, seed) for source in sources for sensor in sensors for seed in range(starts)]
+    with ProgressLine(Console(highlight=False), "explorations judged") as line:
+        for k, (source, sensor, seed) in enumerate(cells, 1):
+            plan = load_plan(source)
+            buildings[plan.name] = plan.building
+            agent = make_agent(PROTOCOL_AGENT)
+            scores.extend(
+                score_predictors(explore_plan(plan, agent, sensor=sensor, seed=seed, store=store), predictors)
+            )
+            if k == 1:
+                shown = explore_plan(plan, agent, sensor=sensor, seed=seed, coverages=SHOWN, store=store)
+                pictures = _believed(shown, predictors)
+            line.advance(k, len(cells), k / len(cells), plan.name)
+    return scores, buildings, pictures
+
+
+def _believed(snapshots: Sequence[Snapshot], predictors: Sequence[RoomPredictor]) -> list[BelievedRooms]:
+    from layoutexplore.frontiers.decision import Privileged
+    from layoutexplore.report.in_the_loop import BelievedRooms, draw_believed_rooms
+
+    found = []
+    for snapshot in snapshots:
+        for predictor in predictors:
+            if isinstance(predictor, Privileged):
+                predictor.reveal(snapshot.truth)
+            image = draw_believed_rooms(snapshot, predictor.rooms(snapshot.decision))
+            found.append(BelievedRooms(predictor.name, snapshot.coverage, image))
+    return found
+
+
+def _print(scores: Sequence[LoopScore]) -> None:
+    heads = ("MCC", "hidden IoU", "leftover", "ms", "d95", "d99")
+    typer.echo(f"{'predictor':<28}" + "".join(f"{head:>18}" for head in heads))
+    for s in scores:
+        ways = [f"{w.estimate:.2f} ({w.low:.2f}-{w.high:.2f})" if w else "-" for w in (s.d95, s.d99)]
+        values = [f"{s.mcc:.2f}", f"{s.hidden_iou.estimate:.2f}", f"{s.leftover:.1%}", f"{s.ms:.1f}", *ways]
+        typer.echo(f"{s.predictor:<28}" + "".join(f"{value:>18}" for value in values))

@@ -1,0 +1,84 @@
+"""What layout methods are worth to a robot: how right they are about frontiers, and the metres they save in the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from layoutexplore.agents import make_agent
+from layoutexplore.benchmark.analysis import POOLED, Comparison, compare
+from layoutexplore.benchmark.episode import Row
+from layoutexplore.metrics.statistics import Interval
+
+BASELINE = "nearest"
+"""What every strategy is compared with."""
+
+DRIVER = "layout-tour"
+"""The strategy that every predictor drives."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopScore:
+    """One predictor, judged on snapshots and in the loop.
+
+    Attributes:
+        predictor: Its name.
+        mcc: Matthews' correlation of closed and open frontiers.
+        hidden_iou: IoU of what is predicted and what is true of the hidden parts of rooms, interval over buildings.
+        leftover: Share of frontiers of which "closed, with less than 1 m2 left" is told rightly, 0..1.
+        ms: Milliseconds of a prediction, median.
+        d95: Metres to 95 % over those of the baseline, interval over floor plans; None where nothing ran.
+        d99: The same to 99 %.
+        reached: Share of the runs that reached 99 %, 0..1; None where nothing ran.
+    """
+
+    predictor: str
+    mcc: float
+    hidden_iou: Interval
+    leftover: float
+    ms: float
+    d95: Interval | None = None
+    d99: Interval | None = None
+    reached: float | None = None
+
+
+def driver_of(predictor: str) -> str:
+    """The agent that explores with a predictor, by the name that it has in results.
+
+    Example:
+        >>> driver_of("reconstruct:rose2"), driver_of("layout")
+        ('layout-tour:predictor=reconstruct:rose2', 'layout-tour')
+    """
+    return make_agent(f"{DRIVER}:predictor={predictor}").name
+
+
+def score_in_the_loop(summary: Mapping[str, Any], rows: Sequence[Row]) -> list[LoopScore]:
+    """One line a predictor, the shortest way to 95 % first.
+
+    Args:
+        summary: What `layoutexplore.evaluation.partial_rooms_summary.summarise_partial_rooms` made.
+        rows: Runs of the baseline and of the driver with each predictor.
+    """
+    found = compare(rows, BASELINE)
+    sensors = {c.sensor for c in found}
+    pooled = {(c.agent, c.metric): c for c in found if c.sensor == POOLED or len(sensors) == 1}
+    lines = [_line(name, part, pooled) for name, part in summary.items()]
+    return sorted(lines, key=lambda line: (line.d95 is None, line.d95.estimate if line.d95 else 0.0))
+
+
+def _line(name: str, part: Mapping[str, Any], pooled: Mapping[tuple[str, str], Comparison]) -> LoopScore:
+    rooms, frontiers = part["rooms"], part["frontiers"]
+    nothing = {"hidden_iou": 0.0, "hidden_low": float("nan"), "hidden_high": float("nan")}
+    hidden = rooms[0] if rooms else nothing
+    d95, d99 = (pooled.get((driver_of(name), metric)) for metric in ("d95", "d99"))
+    return LoopScore(
+        predictor=name,
+        mcc=frontiers[0]["mcc"] if frontiers else float("nan"),
+        hidden_iou=Interval(hidden["hidden_iou"], hidden["hidden_low"], hidden["hidden_high"]),
+        leftover=frontiers[0]["leftover_accuracy"] if frontiers else float("nan"),
+        ms=part["ms"],
+        d95=d95.ratio if d95 else None,
+        d99=d99.ratio if d99 else None,
+        reached=d99.reached if d99 else None,
+    )

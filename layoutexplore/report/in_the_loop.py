@@ -1,0 +1,127 @@
+"""The page of an evaluation of layout methods in the loop: one table, and the rooms that each method believed in."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.drawing import palette
+from layoutexplore.evaluation.in_the_loop import BASELINE, DRIVER, LoopScore
+from layoutexplore.files import write_atomically, write_csv
+from layoutexplore.grids.boxes import known_box
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.ros_map import encode_png
+from layoutexplore.metrics.statistics import Interval
+from layoutexplore.predictors.protocol import RoomLabels
+from layoutexplore.predictors.snapshot import Snapshot
+from layoutexplore.report.page import png_uri, render
+
+WIDTH = 420
+"""Pixels: pictures are about so wide."""
+
+HIDDEN = 0.45
+"""Share of a room's colour where the room has not been seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class BelievedRooms:
+    """What a predictor believed at a snapshot.
+
+    Attributes:
+        predictor: Who believed it.
+        coverage: Share of the floor that was known, 0..1.
+        image: uint8 (h, w, 3) RGB, y up.
+    """
+
+    predictor: str
+    coverage: float
+    image: NDArray[np.uint8]
+
+    @property
+    def uri(self) -> str:
+        """The picture as a data URI."""
+        return png_uri(self.image)
+
+
+def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> NDArray[np.uint8]:
+    """The known map with the predicted rooms, seen parts strong and hidden ones pale; frontiers by their true class.
+
+    Returns:
+        uint8 (h, w, 3) RGB, y up.
+    """
+    cells = snapshot.decision.grid.cells
+    rest = int(rooms.room_ids.max(initial=0))  # the unseen rest of the building is the highest id
+    image = np.empty((*cells.shape, 3), np.uint8)
+    image[:] = palette.CANVAS
+    image[cells == FREE] = palette.FREE
+    ids = np.where(rooms.passable, rooms.room_ids, 0)
+    for room in np.unique(ids[(ids > 0) & (cells == FREE)]).tolist():
+        colour = palette.room_colour(room)
+        image[(ids == room) & (cells == FREE)] = colour
+        if room < rest:
+            image[(ids == room) & (cells == UNKNOWN)] = palette.mix(palette.CANVAS, colour, HIDDEN)
+    image[cells == OCCUPIED] = palette.WALL
+    for frontier in snapshot.decision.frontiers:
+        image[frontier.cells[:, 0], frontier.cells[:, 1]] = palette.PURPLE
+    row0, row1, col0, col1 = known_box(cells, round(1.0 / snapshot.decision.grid.resolution))
+    part = image[row0:row1, col0:col1]
+    scale = max(1, round(WIDTH / max(part.shape[:2])))
+    large = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
+    return np.ascontiguousarray(large[::-1], np.uint8)
+
+
+def write_in_the_loop_report(
+    out: Path, scores: Sequence[LoopScore], pictures: Sequence[BelievedRooms], *, facts: dict[str, Any]
+) -> list[Path]:
+    """Write in-the-loop.html, in-the-loop.csv and pictures/*.png into a folder.
+
+    Args:
+        out: The folder; made when missing.
+        scores: One a predictor.
+        pictures: What predictors believed, by coverage and predictor.
+        facts: "command", "plans", "buildings", "sensors", "starts", "plan" (the one in the pictures).
+
+    Returns:
+        The files written, the page first.
+    """
+    written = [out / "in-the-loop.html", out / "in-the-loop.csv"]
+    write_csv(written[1], [_row(score) for score in scores])
+    for shown in pictures:
+        path = out / "pictures" / f"{_slug(shown.predictor)}_{shown.coverage:.0%}.png".replace("%", "")
+        write_atomically(path, encode_png(shown.image))
+        written.append(path)
+    coverages = sorted({shown.coverage for shown in pictures})
+    by_place = {(shown.predictor, shown.coverage): shown for shown in pictures}
+    view = {
+        "scores": scores,
+        "coverages": coverages,
+        "pictures": by_place,
+        "baseline": BASELINE,
+        "driver": DRIVER,
+    }
+    write_atomically(written[0], render("in_the_loop.html", **view, **facts))
+    return written
+
+
+def _slug(name: str) -> str:
+    return "".join(c if c.isalnum() else "-" for c in name)
+
+
+def _row(score: LoopScore) -> dict[str, Any]:
+    row: dict[str, Any] = {}
+    for key, value in dataclasses.asdict(score).items():
+        if isinstance(getattr(score, key), Interval):
+            estimate, low, high = value if isinstance(value, tuple) else value.values()
+            row |= {key: estimate, f"{key}_low": low, f"{key}_high": high}
+        elif key in ("d95", "d99"):
+            row |= {key: None, f"{key}_low": None, f"{key}_high": None}
+        else:
+            row[key] = value
+    return row

@@ -1,0 +1,67 @@
+"""Predictors in the loop: scores and metres meet in one line, and the command writes a page from a folder that goes on."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from layoutexplore import cli
+from layoutexplore.benchmark.episode import Row
+from layoutexplore.evaluation.in_the_loop import BASELINE, driver_of, score_in_the_loop
+from layoutexplore.maps.geojson import save_plan
+from tests.plans import offices
+
+PREDICTORS = ("none", "reconstruct:rose2")
+
+
+def part(mcc: float) -> dict[str, object]:
+    rooms = {"hidden_iou": 0.5, "hidden_low": 0.4, "hidden_high": 0.6}
+    return {"rooms": [rooms], "frontiers": [{"mcc": mcc, "leftover_accuracy": 0.9}], "ms": 3.0}
+
+
+def row(plan: str, agent: str, d95: float) -> Row:
+    return Row(
+        plan=plan, start=0, sensor="stage", agent=agent, seed=0, d90=d95, d95=d95, d99=2 * d95, reached99=True
+    )
+
+
+def test_every_predictor_has_the_metres_of_its_own_driver() -> None:
+    rows = []
+    for plan in ("a", "b"):
+        rows.append(row(plan, BASELINE, 100.0))
+        rows.append(row(plan, driver_of("none"), 120.0))
+        rows.append(row(plan, driver_of("layout"), 80.0))
+    found = score_in_the_loop({"none": part(0.0), "oracle": part(1.0), "layout": part(0.8)}, rows)
+    assert [line.predictor for line in found] == ["layout", "none", "oracle"]  # what did not run comes last
+    layout, none, oracle = found
+    assert layout.d95 and layout.d95.estimate == pytest.approx(0.8) and layout.mcc == 0.8
+    assert none.d99 and none.d99.estimate == pytest.approx(1.2) and none.hidden_iou.low == 0.4
+    assert oracle.d95 is None and oracle.reached is None
+
+
+def test_a_predictor_without_rooms_to_judge_has_no_scores() -> None:
+    (line,) = score_in_the_loop({"none": {"rooms": [], "frontiers": [], "ms": 1.0}}, [])
+    assert math.isnan(line.mcc) and line.d95 is None
+
+
+def test_the_command_writes_a_page_and_goes_on(tmp_path: Path) -> None:
+    plan, out = tmp_path / "offices.geojson", tmp_path / "out"
+    save_plan(offices(), plan)
+    arguments = ["evaluate", "in-the-loop", str(plan), "--out", str(out), "--starts", "1", "-s", "indoor"]
+    arguments += ["--jobs", "1", *(part for name in PREDICTORS for part in ("-p", name))]
+    result = CliRunner().invoke(cli.app, arguments)
+    assert result.exit_code == 0, result.output
+    page = (out / "in-the-loop.html").read_text(encoding="utf-8")
+    lines = list(csv.DictReader((out / "in-the-loop.csv").open(encoding="utf-8")))
+    assert {line["predictor"] for line in lines} == set(PREDICTORS)
+    assert all(0.3 < float(line["d95"]) < 3.0 and 0.0 <= float(line["leftover"]) <= 1.0 for line in lines)
+    assert all(name in page for name in PREDICTORS) and page.count("<img") == 3 * len(PREDICTORS)
+    assert len(list((out / "pictures").glob("*.png"))) == 3 * len(PREDICTORS)
+    again = CliRunner().invoke(cli.app, arguments)
+    assert again.exit_code == 0 and (out / "in-the-loop.html").read_text(encoding="utf-8") is not None
+    results = (out / "runs" / "results.csv").read_text(encoding="utf-8")
+    assert results.count("\n") == 1 + 1 + len(PREDICTORS)
