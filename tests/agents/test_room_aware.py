@@ -41,7 +41,6 @@ def test_an_early_stop_saves_metres() -> None:
             decision = simulation.step(agent.act(decision))
         runs.append((simulation.distance, simulation.coverage, simulation.stop_reason))
     assert runs[1][0] < runs[0][0] and runs[1][1] > 0.8 and runs[1][2] == "agent"
-    assert make_agent("layout-tour").act(decision) == STOP or decision.frontiers
 
 
 @pytest.mark.parametrize(

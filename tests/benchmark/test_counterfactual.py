@@ -161,6 +161,7 @@ def test_every_layout_agent_can_do_without(plan: FloorPlan, name: str) -> None:
 
 
 def test_moments_say_what_came_of_them(plan: FloorPlan) -> None:
+    count = 0
     for seed in range(3):
         told = run(plan, AGENT, explain=True, seed=seed).notes
         assert told is not None and len(told.decisive) <= MOST_DECISIVE
@@ -170,6 +171,8 @@ def test_moments_say_what_came_of_them(plan: FloorPlan) -> None:
             assert math.isnan(moment.seen_after) or moment.seen_after >= 0
             rows, cols = (moment.members - moment.corner).T
             assert (moment.cells[rows, cols] == 0).all()  # frontiers are free cells of the part that is kept
+        count += len(told.decisive)
+    assert count
 
 
 def test_what_is_kept_survives_the_file(plan: FloorPlan, tmp_path: Path) -> None:

@@ -64,8 +64,10 @@ def test_oracle_and_none(snapshots: list[Snapshot]) -> None:
 
 
 def test_items_are_rooms_in_part_with_a_frontier(snapshots: list[Snapshot]) -> None:
-    for snapshot in snapshots:
-        for item in find_items(snapshot):
+    items = [find_items(snapshot) for snapshot in snapshots]
+    assert sum(map(len, items)) >= 2
+    for snapshot, found in zip(snapshots, items, strict=True):
+        for item in found:
             share = item.seen.sum() / item.mask.sum()
             assert 0.05 <= share <= 0.95 and len(item.frontier) * 0.1 >= 0.5 - 1e-9
             assert (snapshot.truth.raster.room_ids[item.mask] == item.room).all()

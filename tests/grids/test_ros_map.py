@@ -275,9 +275,10 @@ def test_every_real_map_is_trinary(data_dir: Path, folder: str) -> None:
 
 def test_furniture_of_the_survey_maps_is_occupied(data_dir: Path) -> None:
     """Where a furnished map differs from the same map without furniture, it is occupied, not unknown."""
-    for path in sorted((data_dir / "gridmaps" / "bormann_furnished").glob("*.png")):
-        if path.stem.endswith("_gt"):
-            continue
+    paths = sorted((data_dir / "gridmaps" / "bormann_furnished").glob("*.png"))
+    maps = [path for path in paths if not path.stem.endswith("_gt")]
+    assert maps
+    for path in maps:
         furnished, empty = load_grid(path), load_grid(data_dir / "gridmaps" / "bormann" / path.name)
         furniture = empty.free & ~furnished.free
         assert furnished.occupied[furniture].mean() > 0.8, path

@@ -104,5 +104,7 @@ def test_every_kind_of_picture_is_read_alike_and_errors_name_it(tmp_path):
 
 
 def test_evacuation_plans_have_rooms(data_dir):
-    for path in sorted((data_dir / "blueprints").glob("*.png")):
+    paths = sorted((data_dir / "blueprints").glob("*.png"))
+    assert paths
+    for path in paths:
         assert len(reconstruct(load_blueprint(path, config=SILENT), "rose2").rooms) >= 8

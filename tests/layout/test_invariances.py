@@ -105,6 +105,7 @@ def test_scanned_maps_give_the_same_rooms_however_they_lie(
 ) -> None:
     grid = load_grid(data_dir / "gridmaps" / f"{map_name}.png", resolution=0.05)
     labels = reconstruct(grid, method).labels
+    assert labels.max() >= 1
     for move in ("quarter", "left-right"):
         assert strays(labels, moved_labels(grid, method, move)) == 0
 

@@ -45,7 +45,9 @@ def test_bad_kth(tmp_path: Path) -> None:
 
 def test_kth_floors(data_dir: Path) -> None:
     meta = json.loads((data_dir / "floorplans" / "kth" / "meta.json").read_text())
-    for path in sorted((data_dir / "floorplans" / "kth").glob("*_occ.png")):
+    paths = sorted((data_dir / "floorplans" / "kth").glob("*_occ.png"))
+    assert len(paths) == 7
+    for path in paths:
         plan = load_plan(path)
         facts = meta[plan.name]
         assert len(plan.rooms) == facts["rooms"]

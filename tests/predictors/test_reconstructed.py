@@ -95,6 +95,7 @@ def test_a_mirrored_map_has_the_same_classes(name: str) -> None:
     plain = make_room_predictor(name).predict(decide(drawn(HALF_SEEN)))
     mirrored = make_room_predictor(name).predict(decide(drawn(HALF_SEEN, mirror=True)))
     width = plain.grid.shape[1]
+    assert plain.frontiers
     for frontier in plain.frontiers:
         row, col = frontier.cells[0].tolist()
         twin = next(f for f in mirrored.frontiers if (f.cells == (row, width - 1 - col)).all(axis=1).any())
