@@ -34,7 +34,7 @@ from layoutexplore.grids.rays import steps, trace
 
 _MAX_CLEARANCE = 255
 _SKIP_FROM = 3
-"""Clearance in cells from which a jump is cheaper than walking."""
+"""A jump is cheaper than walking from this clearance on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,21 +230,11 @@ class Lidar:
     def _ranges(
         self, config: LidarConfig, pose: Pose, rng: np.random.Generator | None
     ) -> NDArray[np.float32]:
-        col, row = position_in_cells(pose, self.resolution, self.origin)
-        unit_x, unit_y = beam_table(config)
-        ranges = np.empty(config.beams, np.float32)
-        _cast(
-            self.padded_clearance,
-            col + 1.0,
-            row + 1.0,
-            math.cos(pose.theta),
-            math.sin(pose.theta),
-            unit_x,
-            unit_y,
-            config.range_max / self.resolution,
-            self.resolution,
-            ranges,
-        )
+        x, y = position_in_cells(pose, self.resolution, self.origin)
+        reach = config.range_max / self.resolution
+        # The clearance has a border of a cell.
+        place = x + 1.0, y + 1.0, pose.theta
+        ranges = _cast(self.padded_clearance, *place, *beam_table(config), reach, self.resolution)
         return _disturb(ranges, config, rng) if config.noisy else ranges
 
 
@@ -332,19 +322,19 @@ def _cast(
     clearance: NDArray[np.uint8],
     x: float,
     y: float,
-    cos: float,
-    sin: float,
+    heading: float,
     unit_x: NDArray[np.float64],
     unit_y: NDArray[np.float64],
     range_max: float,
     scale: float,
-    ranges: NDArray[np.float32],
-) -> None:
-    """Write `scale` times the distance in cells to the first zero of `clearance` (its border is zero) into `ranges`."""
+) -> NDArray[np.float32]:
+    """`scale` times the cells to the first zero of `clearance`, whose border is zero, along each beam."""
     rows, cols = clearance.shape
+    ranges = np.empty(unit_x.size, np.float32)
     if not (0.0 <= x < cols and 0.0 <= y < rows) or clearance[int(y), int(x)] == 0:
         ranges[:] = 0.0
-        return
+        return ranges
+    cos, sin = math.cos(heading), math.sin(heading)
     field = clearance.ravel()
     start = np.uint64(int(y) * cols + int(x))
     for i in range(unit_x.size):
@@ -353,6 +343,8 @@ def _cast(
         along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
         step_along, step_across = steps(dx, dy, x_leads, cols)
         last = int(range_max / per_along + along)
+        # k borders are met along and j across. The border of zeros ends every ray inside the array, so no
+        # index is checked.
         index, k, j = start, 0, 0
         here = np.inf
         while k <= last:
@@ -368,6 +360,7 @@ def _cast(
                 index += np.uint64(d - 1) * step_along + np.uint64(n - j) * step_across
                 j = n
                 continue
+            # Up to the next border along lies at most one across; it is crossed first.
             k += 1
             n = int(across + slope * (k - along))
             if n != j:
@@ -378,3 +371,4 @@ def _cast(
                     break
             index += step_along
         ranges[i] = here * scale if here <= range_max else np.inf
+    return ranges

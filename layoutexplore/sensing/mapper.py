@@ -1,7 +1,7 @@
 """From scans to an occupancy grid.
 
-Two ways: `Mapper.observe` casts exact rays in the true world and marks the robot's grid in the same pass;
-`Mapper.integrate` takes ranges, noisy ones too, and weighs evidence in log odds (Hornung et al., "OctoMap",
+Two ways: `Mapper.observe` casts exact rays in the true world and updates the robot's grid in the same pass;
+`Mapper.integrate` takes ranges, noisy ones too, and updates log odds (Hornung et al., "OctoMap",
 2013, equations 2-4). Both follow the traversal rules of `layoutexplore.sensing.lidar` and keep one trinary
 grid up to date in place.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,8 @@ from layoutexplore.sensing.lidar import (
     check_upright,
     position_in_cells,
 )
-from layoutexplore.sensing.scan_kernels import Changes, cast_and_mark, weigh
+from layoutexplore.sensing.log_odds import EvidenceGrid, LogOddsRule, update_log_odds
+from layoutexplore.sensing.scan_kernels import Changes, FieldOfView, update_occupancy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,8 +122,19 @@ class Mapper:
         self.grid = OccupancyGrid(np.full((rows, cols), UNKNOWN, np.int8), float(resolution), Pose(*origin))
         self.known_free = 0
         self.occupied_count = 0
-        self._evidence: NDArray[np.int16] | None = None
-        self._touched: NDArray[np.uint8] | None = None
+        least, most = self.config.clamp
+        odds = (
+            self.config.hit,
+            self.config.miss,
+            least,
+            most,
+            self.config.free_below,
+            self.config.occupied_above,
+        )
+        # Fixed-point numbers, as the evidence is kept.
+        self._rule = LogOddsRule(*(round(100 * value) for value in odds))
+        self._evidence: EvidenceGrid | None = None
+        self._last_view: tuple[LidarConfig, FieldOfView] | None = None
         self._stamp = 0
 
     def observe(self, lidar: Lidar, pose: Pose, *, full_turn: bool = False) -> ScanUpdate:
@@ -151,22 +164,8 @@ class Mapper:
             )
         config = around(lidar.config) if full_turn else lidar.config
         col, row = position_in_cells(pose, grid.resolution, grid.origin)
-        unit_x, unit_y = beam_table(config)
-        changes = cast_and_mark(
-            lidar.padded_clearance,
-            grid.cells,
-            col,
-            row,
-            math.cos(pose.theta),
-            math.sin(pose.theta),
-            unit_x,
-            unit_y,
-            config.range_max / grid.resolution,
-            dense_reach(config),
-            not config.full_turn,
-            math.cos(pose.theta + config.angle_offset),
-            math.sin(pose.theta + config.angle_offset),
-        )
+        view = self._view(config)
+        changes = update_occupancy(lidar.padded_clearance, grid.cells, col, row, pose.theta, view)
         return self.count(changes)
 
     def integrate(
@@ -195,25 +194,16 @@ class Mapper:
         if measured.shape != (lidar.beams,):
             raise ConfigError(f"the lidar has {lidar.beams} beams, got ranges of shape {measured.shape}")
         col, row = position_in_cells(pose, grid.resolution, grid.origin)
-        unit_x, unit_y = beam_table(lidar)
-        evidence, touched = self._evidence_arrays()
-        weights = self.config
-        changes = weigh(
-            grid.cells,
+        evidence = self._evidence_grid()
+        changes = update_log_odds(
             evidence,
-            touched,
-            np.uint8(self._next_stamp(touched)),
+            np.uint8(self._next_stamp(evidence.touched)),
             col,
             row,
-            math.cos(pose.theta),
-            math.sin(pose.theta),
-            unit_x,
-            unit_y,
+            pose.theta,
+            self._view(lidar),
             measured / grid.resolution,
-            lidar.range_max / grid.resolution,
-            _fixed(weights.hit),
-            _fixed(weights.miss),
-            np.array([_fixed(v) for v in (*weights.clamp, weights.free_below, weights.occupied_above)]),
+            self._rule,
         )
         return self.count(changes)
 
@@ -229,7 +219,7 @@ class Mapper:
         flat = np.unique(rc[:, 0] * cols + rc[:, 1])
         row, col = np.divmod(flat, cols)
         if self._evidence is not None:
-            self._evidence[row, col] = _fixed(self.config.clamp[1])
+            self._evidence.log_odds[row, col] = self._rule.most
         before = self.grid.cells[row, col]
         row, col, before = row[before != OCCUPIED], col[before != OCCUPIED], before[before != OCCUPIED]
         if row.size == 0:
@@ -237,24 +227,30 @@ class Mapper:
         self.grid.cells[row, col] = OCCUPIED
         box = (int(row.min()), int(row.max()) + 1, int(col.min()), int(col.max()) + 1)
         new = int(np.count_nonzero(before == UNKNOWN))
-        return self.count((new, row.size, -int(np.count_nonzero(before == FREE)), row.size, *box))
+        was_free = int(np.count_nonzero(before == FREE))
+        return self.count(Changes(new, row.size, -was_free, row.size, *box))
 
     def count(self, changes: Changes) -> ScanUpdate:
-        """Add (new cells, new occupied, change of free, change of occupied, box) to the running counts."""
-        new_cells, new_occupied, free_change, occupied_change, row0, row1, col0, col1 = changes
-        self.known_free += free_change
-        self.occupied_count += occupied_change
-        return ScanUpdate(new_cells, new_occupied, (row0, row1, col0, col1))
+        """Add changes of the cells to the running counts."""
+        self.known_free += changes.free_change
+        self.occupied_count += changes.occupied_change
+        return ScanUpdate(changes.new, changes.new_occupied, changes[4:])
 
-    def _evidence_arrays(self) -> tuple[NDArray[np.int16], NDArray[np.uint8]]:
-        """The evidence and the marks of the cells weighed in a scan, made on first use from what the grid holds."""
-        if self._evidence is None or self._touched is None:
+    def _view(self, config: LidarConfig) -> FieldOfView:
+        """What a lidar sees; mostly it is the one of the scan before, which is told without comparing its fields."""
+        if self._last_view is None or self._last_view[0] is not config:
+            self._last_view = config, field_of_view(config, self.grid.resolution)
+        return self._last_view[1]
+
+    def _evidence_grid(self) -> EvidenceGrid:
+        """The evidence and the marks of the cells updated in a scan, made on first use from what the grid holds."""
+        if self._evidence is None:
             cells = self.grid.cells
-            self._evidence = np.zeros(cells.shape, np.int16)
-            self._evidence[cells == FREE] = _fixed(self.config.free_below)
-            self._evidence[cells == OCCUPIED] = _fixed(self.config.clamp[1])
-            self._touched = np.zeros(cells.shape, np.uint8)
-        return self._evidence, self._touched
+            log_odds = np.zeros(cells.shape, np.int16)
+            log_odds[cells == FREE] = self._rule.free_below
+            log_odds[cells == OCCUPIED] = self._rule.most
+            self._evidence = EvidenceGrid(cells, log_odds, np.zeros(cells.shape, np.uint8))
+        return self._evidence
 
     def _next_stamp(self, touched: NDArray[np.uint8]) -> int:
         self._stamp += 1
@@ -264,8 +260,16 @@ class Mapper:
         return self._stamp
 
 
-def dense_reach(config: LidarConfig) -> int:
-    """How far, in cells along either axis, no cell in sight lies between two beams; -1 for fields of view of other shapes.
+@lru_cache(maxsize=32)
+def field_of_view(config: LidarConfig, resolution: float) -> FieldOfView:
+    """What a lidar sees on a grid of that resolution, kept between calls."""
+    dense = _dense_reach(config)
+    reach = config.range_max / resolution
+    return FieldOfView(*beam_table(config), float(config.angle_offset), reach, dense, not config.full_turn)
+
+
+def _dense_reach(config: LidarConfig) -> int:
+    """How far, in cells along either axis, no cell in sight lies between two beams; -1 for other fields of view.
 
     A cell whose centre is r away is seen under an angle above 1 / (r + 1/2), so a beam meets it while beams
     are closer.
@@ -274,8 +278,3 @@ def dense_reach(config: LidarConfig) -> int:
         return -1
     r = 1.0 / (1.05 * config.angle_increment) - 0.5
     return math.floor(r / math.sqrt(2.0) - 0.5)
-
-
-def _fixed(log_odds: float) -> int:
-    """Log odds as the fixed-point number that the evidence array holds."""
-    return round(log_odds * 100)

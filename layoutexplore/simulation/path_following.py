@@ -16,9 +16,21 @@ from numpy.typing import NDArray
 from layoutexplore.frontiers.decision import CellPath
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import Pose
-from layoutexplore.sensing.lidar import Lidar, beam_table
-from layoutexplore.sensing.mapper import Mapper, dense_reach
-from layoutexplore.sensing.scan_kernels import cast_and_mark
+from layoutexplore.sensing.lidar import Lidar
+from layoutexplore.sensing.mapper import Mapper, field_of_view
+from layoutexplore.sensing.scan_kernels import (
+    COL0,
+    COL1,
+    FREE_CHANGE,
+    NEW,
+    NEW_OCCUPIED,
+    OCCUPIED_CHANGE,
+    ROW0,
+    ROW1,
+    Changes,
+    FieldOfView,
+    update_occupancy,
+)
 from layoutexplore.simulation.coverage import Coverage, strike_seen
 from layoutexplore.simulation.path_rules import (
     PathEvent,
@@ -36,20 +48,15 @@ NO_FRONTIER = np.empty((0, 2), np.int32)
 _X, _Y, _HEADING, _WALKED, _TURNED, _SCANNED_AT, _FROM_X, _FROM_Y = range(8)
 """Places in a kernel's float64 state: pose, metres and radians in all, metres and place of the last scan."""
 
-_NEW, _NEW_OCCUPIED, _FREE_CHANGE, _OCCUPIED_CHANGE, _ROW0, _ROW1, _COL0, _COL1, _UNSEEN = range(9)
-"""Places in a kernel's int64 totals: what the mapper counts, the changed box (half open), unseen cells."""
+_UNSEEN = 8
+"""Place in a kernel's int64 totals of the cells left to see, behind those of the mapper's `Changes`."""
 
 
 class _Sensor(NamedTuple):
-    """What scans need: the arguments of `cast_and_mark`, and the angle of the middle of the field of view."""
+    """What scans need: the world, and what is seen of it."""
 
     clearance: NDArray[np.uint8]
-    unit_x: NDArray[np.float64]
-    unit_y: NDArray[np.float64]
-    range_max: float
-    dense: int
-    half: bool
-    offset: float
+    view: FieldOfView
 
 
 class _Maps(NamedTuple):
@@ -118,15 +125,7 @@ class PathFollower:
         steps_itself: bool = True,
         scans_itself: bool = True,
     ) -> None:
-        sensor = lidar.config
-        self._sensor = _Sensor(
-            lidar.padded_clearance,
-            *beam_table(sensor),
-            sensor.range_max / lidar.resolution,
-            dense_reach(sensor),
-            not sensor.full_turn,
-            sensor.angle_offset,
-        )
+        self._sensor = _Sensor(lidar.padded_clearance, field_of_view(lidar.config, lidar.resolution))
         self.rules, self._coverage = rules, coverage
         self.steps_itself, self.scans_itself = steps_itself, scans_itself
         self._since = (0.0, 0.0, 0.0)
@@ -178,7 +177,7 @@ class PathFollower:
         self._since = (since[0], since[1], since[2])
         robot.arrive(log.track[:steps], Pose(x, y, heading), walked, turned)
         totals = log.totals.tolist()
-        update = mapper.count(tuple(totals[:_UNSEEN]))
+        update = mapper.count(Changes(*totals[:_UNSEEN]))
         coverage.unseen_count = totals[_UNSEEN]
         return PathSegment(event, reached, log.curve[:made], update.box)
 
@@ -259,33 +258,20 @@ def _scan(
 ) -> int:
     """Scan from where the robot is: the grid and what is unseen follow. How many cells became occupied."""
     heading = state[_HEADING]
-    update = cast_and_mark(
-        sensor.clearance,
-        maps.cells,
-        (state[_X] - floor.x) / floor.resolution,
-        (state[_Y] - floor.y) / floor.resolution,
-        math.cos(heading),
-        math.sin(heading),
-        sensor.unit_x,
-        sensor.unit_y,
-        sensor.range_max,
-        sensor.dense,
-        sensor.half,
-        math.cos(heading + sensor.offset),
-        math.sin(heading + sensor.offset),
-    )
-    new, new_occupied, free_change, occupied_change, row0, row1, col0, col1 = update
-    totals[_NEW] += new
-    totals[_NEW_OCCUPIED] += new_occupied
-    totals[_FREE_CHANGE] += free_change
-    totals[_OCCUPIED_CHANGE] += occupied_change
+    x, y = (state[_X] - floor.x) / floor.resolution, (state[_Y] - floor.y) / floor.resolution
+    update = update_occupancy(sensor.clearance, maps.cells, x, y, heading, sensor.view)
+    totals[NEW] += update.new
+    totals[NEW_OCCUPIED] += update.new_occupied
+    totals[FREE_CHANGE] += update.free_change
+    totals[OCCUPIED_CHANGE] += update.occupied_change
+    row0, row1, col0, col1 = update.row0, update.row1, update.col0, update.col1
     # Boxes are half open; an empty one (row0 == row1) says nothing of where it lies and must not be joined.
     if row0 < row1:
         totals[_UNSEEN] -= strike_seen(
             maps.cells, maps.unseen, maps.rooms, maps.unseen_in, row0, row1, col0, col1
         )
-        if totals[_ROW0] < totals[_ROW1]:
-            row0, row1 = min(row0, totals[_ROW0]), max(row1, totals[_ROW1])
-            col0, col1 = min(col0, totals[_COL0]), max(col1, totals[_COL1])
-        totals[_ROW0], totals[_ROW1], totals[_COL0], totals[_COL1] = row0, row1, col0, col1
-    return new_occupied
+        if totals[ROW0] < totals[ROW1]:
+            row0, row1 = min(row0, totals[ROW0]), max(row1, totals[ROW1])
+            col0, col1 = min(col0, totals[COL0]), max(col1, totals[COL1])
+        totals[ROW0], totals[ROW1], totals[COL0], totals[COL1] = row0, row1, col0, col1
+    return update.new_occupied

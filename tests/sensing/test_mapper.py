@@ -14,7 +14,7 @@ from layoutexplore.errors import ConfigError, MapError, StartError
 from layoutexplore.grids.grid import Pose
 from layoutexplore.sensing.lidar import SENSORS, Lidar, LidarConfig, beam_table
 from layoutexplore.sensing.mapper import Mapper, MapperConfig, ScanUpdate
-from layoutexplore.sensing.scan_kernels import cast_and_mark
+from layoutexplore.sensing.scan_kernels import FieldOfView, update_occupancy
 
 ORIGIN = Pose(0.0, 0.0)
 NOTHING = (0, 0, 0, 0)
@@ -95,7 +95,7 @@ def assert_update(update: ScanUpdate, before: NDArray[np.int8], mapper: Mapper) 
     st.sampled_from([0.0, math.pi / 4, math.pi / 2, math.pi, -1.0, 0.3]),
     st.sampled_from([0.0, 0.5, None]),
 )
-def test_marking_the_open_square_at_once_changes_nothing(
+def test_updating_the_open_square_at_once_changes_nothing(
     seed: int, density: float, name: str, heading: float, part: float | None
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -109,21 +109,9 @@ def test_marking_the_open_square_at_once_changes_nothing(
     pose = Pose(x * 0.1, y * 0.1, heading)
     mapper.observe(lidar, pose)
     plain = np.full(world.shape, -1, np.int8)
-    cos, sin = math.cos(heading), math.sin(heading)
     position = pose.x / 0.1, pose.y / 0.1
-    cast_and_mark(
-        lidar.padded_clearance,
-        plain,
-        *position,
-        cos,
-        sin,
-        *beam_table(config),
-        config.range_max / 0.1,
-        -1,
-        False,
-        cos,
-        sin,
-    )
+    view = FieldOfView(*beam_table(config), 0.0, config.range_max / 0.1, -1, False)
+    update_occupancy(lidar.padded_clearance, plain, *position, heading, view)
     assert np.array_equal(mapper.grid.cells, plain)
 
 
