@@ -228,13 +228,14 @@ class Mapper:
         box = (int(row.min()), int(row.max()) + 1, int(col.min()), int(col.max()) + 1)
         new = int(np.count_nonzero(before == UNKNOWN))
         was_free = int(np.count_nonzero(before == FREE))
-        return self.count(Changes(new, row.size, -was_free, row.size, *box))
+        return self.count((new, row.size, -was_free, row.size, *box))
 
     def count(self, changes: Changes) -> ScanUpdate:
         """Add changes of the cells to the running counts."""
-        self.known_free += changes.free_change
-        self.occupied_count += changes.occupied_change
-        return ScanUpdate(changes.new, changes.new_occupied, changes[4:])
+        new, new_occupied, free_change, occupied_change, row0, row1, col0, col1 = changes
+        self.known_free += free_change
+        self.occupied_count += occupied_change
+        return ScanUpdate(new, new_occupied, (row0, row1, col0, col1))
 
     def _view(self, config: LidarConfig) -> FieldOfView:
         """What a lidar sees; mostly it is the one of the scan before, which is told without comparing its fields."""

@@ -27,7 +27,6 @@ from layoutexplore.sensing.scan_kernels import (
     OCCUPIED_CHANGE,
     ROW0,
     ROW1,
-    Changes,
     FieldOfView,
     update_occupancy,
 )
@@ -177,7 +176,7 @@ class PathFollower:
         self._since = (since[0], since[1], since[2])
         robot.arrive(log.track[:steps], Pose(x, y, heading), walked, turned)
         totals = log.totals.tolist()
-        update = mapper.count(Changes(*totals[:_UNSEEN]))
+        update = mapper.count(tuple(totals[:_UNSEEN]))
         coverage.unseen_count = totals[_UNSEEN]
         return PathSegment(event, reached, log.curve[:made], update.box)
 
@@ -260,11 +259,11 @@ def _scan(
     heading = state[_HEADING]
     x, y = (state[_X] - floor.x) / floor.resolution, (state[_Y] - floor.y) / floor.resolution
     update = update_occupancy(sensor.clearance, maps.cells, x, y, heading, sensor.view)
-    totals[NEW] += update.new
-    totals[NEW_OCCUPIED] += update.new_occupied
-    totals[FREE_CHANGE] += update.free_change
-    totals[OCCUPIED_CHANGE] += update.occupied_change
-    row0, row1, col0, col1 = update.row0, update.row1, update.col0, update.col1
+    totals[NEW] += update[NEW]
+    totals[NEW_OCCUPIED] += update[NEW_OCCUPIED]
+    totals[FREE_CHANGE] += update[FREE_CHANGE]
+    totals[OCCUPIED_CHANGE] += update[OCCUPIED_CHANGE]
+    row0, row1, col0, col1 = update[ROW0], update[ROW1], update[COL0], update[COL1]
     # Boxes are half open; an empty one (row0 == row1) says nothing of where it lies and must not be joined.
     if row0 < row1:
         totals[_UNSEEN] -= strike_seen(
@@ -274,4 +273,4 @@ def _scan(
             row0, row1 = min(row0, totals[ROW0]), max(row1, totals[ROW1])
             col0, col1 = min(col0, totals[COL0]), max(col1, totals[COL1])
         totals[ROW0], totals[ROW1], totals[COL0], totals[COL1] = row0, row1, col0, col1
-    return update.new_occupied
+    return update[NEW_OCCUPIED]
