@@ -55,7 +55,7 @@ class _Sensor(NamedTuple):
     """What scans need: the world, and what is seen of it."""
 
     clearance: NDArray[np.uint8]
-    view: FieldOfView
+    field_of_view: FieldOfView
 
 
 class _Maps(NamedTuple):
@@ -258,7 +258,7 @@ def _scan(
     """Scan from where the robot is: the grid and what is unseen follow. How many cells became occupied."""
     heading = state[_HEADING]
     x, y = (state[_X] - floor.x) / floor.resolution, (state[_Y] - floor.y) / floor.resolution
-    update = update_occupancy(sensor.clearance, maps.cells, x, y, heading, sensor.view)
+    update = update_occupancy(sensor.clearance, maps.cells, x, y, heading, sensor.field_of_view)
     totals[NEW] += update[NEW]
     totals[NEW_OCCUPIED] += update[NEW_OCCUPIED]
     totals[FREE_CHANGE] += update[FREE_CHANGE]
