@@ -36,12 +36,12 @@ LOG = (
     "closed", "closed_as_open", "open", "open_as_closed", "leftover", "leftover_missed", "leftover_wrong",
     "largest_left", "total_left", "least_sure", "open_judged", "open_left", "true_left", "known",
 )  # fmt: skip
-"""Columns of the log, a row a decision. Counts of frontiers: truly `closed` and `closed_as_open` judged open;
-truly `open` and `open_as_closed`; truly `leftover` (closed, less than 1 m2 left), `leftover_missed`, and
-`leftover_wrong` (judged so and not). `largest_left` and `total_left` are the predicted square metres behind frontiers judged
-closed, `least_sure` the least confidence among them, 1 without any; `open_judged` counts frontiers judged
-open, `open_left` are the predicted square metres behind them; `true_left` is the unseen target area, `known`
-that of the known floor."""
+"""Columns of the log, a row a decision. Counts of frontiers: truly `closed` and `closed_as_open` judged
+open; truly `open` and `open_as_closed`; truly `leftover` (closed, less than 1 m2 left), `leftover_missed`,
+and `leftover_wrong` (judged so and not). `largest_left` and `total_left` are the predicted square metres
+behind frontiers judged closed, `least_sure` the least confidence among them, 1 without any; `open_judged`
+counts frontiers judged open, `open_left` are the predicted square metres behind them; `true_left` is the
+unseen target area, `known` that of the known floor."""
 
 MOST_DECISIVE = 4
 """Decisive decisions that are kept of a run: those in which most metres were at stake."""

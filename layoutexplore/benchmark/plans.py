@@ -1,4 +1,4 @@
-"""The floor plans of a benchmark: found, loaded once to see whether they can be explored, known by content."""
+"""The floor plans of a benchmark: found, loaded once to see if they can be explored, known by content."""
 
 from __future__ import annotations
 

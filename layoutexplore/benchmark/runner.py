@@ -74,7 +74,7 @@ class BenchmarkProgress:
     work_done: float
 
 
-class Watcher(NamedTuple):
+class BenchmarkWatcher(NamedTuple):
     """What is told how far a benchmark is.
 
     Attributes:
@@ -86,7 +86,7 @@ class Watcher(NamedTuple):
     advance: Callable[[BenchmarkProgress], None] = lambda progress: None
 
 
-WATCHED_BY_NOBODY = Watcher()
+WATCHED_BY_NOBODY = BenchmarkWatcher()
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def run_benchmark(
     force: bool = False,
     extend: bool = False,
     command: str = "",
-    watcher: Watcher = WATCHED_BY_NOBODY,
+    watcher: BenchmarkWatcher = WATCHED_BY_NOBODY,
 ) -> Outcome:
     """Run what is missing of a benchmark, and write results.csv and the curves.
 
@@ -156,7 +156,7 @@ def _fill(
     plans: list[PlanEntry],
     jobs: int,
     cluster: str,
-    watcher: Watcher,
+    watcher: BenchmarkWatcher,
 ) -> Outcome:
     """Make the runs that are missing in the folder."""
     rows = {row.key: row for row in folder.finished()}

@@ -99,7 +99,7 @@ class ResultsFolder:
                 f"{self.table} does not have the columns of this version: choose another --out, or --force"
             )
         try:
-            return [_parse(line, lines[0]) for line in lines[1:]]
+            return [parse_row(line, lines[0]) for line in lines[1:]]
         except (ValueError, KeyError) as error:
             raise ResultsError(
                 f"{self.table} is damaged: {error}; remove the line, or start again with --force"
@@ -109,14 +109,14 @@ class ResultsFolder:
         """Add a row in a single write; `ResultsError` where that fails."""
         try:
             with self.table.open("ab", buffering=0) as file:
-                file.write(_line(row).encode())
+                file.write(format_row(row).encode())
         except OSError as error:
             raise ResultsError(f"cannot write {self.table}: {error.strerror}") from error
 
     def rewrite(self, rows: Iterable[Row]) -> None:
         """Replace all rows, sorted, at once."""
         ordered = sorted(rows, key=lambda row: row.key)
-        write_atomically(self.table, _header() + "".join(map(_line, ordered)))
+        write_atomically(self.table, _header() + "".join(map(format_row, ordered)))
 
     def finished(self) -> list[Row]:
         """Rows of earlier runs that ended well and whose curve is there, whole.
@@ -383,14 +383,20 @@ def _header() -> str:
     return ",".join(COLUMNS) + "\n"
 
 
-def _line(row: Row) -> str:
+def format_row(row: Row) -> str:
+    """A line of results.csv; NaN is an empty field."""
     out = io.StringIO()
     values = (getattr(row, name) for name in COLUMNS)
     csv.writer(out, lineterminator="\n").writerow(["" if value != value else value for value in values])
     return out.getvalue()
 
 
-def _parse(line: list[str], header: Sequence[str] = COLUMNS) -> Row:
+def parse_row(line: list[str], header: Sequence[str] = COLUMNS) -> Row:
+    """The inverse of `format_row`; columns that the header does not name are empty.
+
+    Raises:
+        ValueError: A value is missing, or is none of its column.
+    """
     if len(line) != len(header):
         raise ValueError(f"a row has {len(line)} values, not {len(header)}")
     values: dict[str, Any] = {}

@@ -154,7 +154,7 @@ def run_with_progress(
 ) -> Outcome:
     """Run what is missing, with a line that says how far it is."""
     from layoutexplore.benchmark.pool import usable_cores
-    from layoutexplore.benchmark.runner import BenchmarkProgress, Watcher, run_benchmark
+    from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.processes import command_line
 
@@ -175,7 +175,7 @@ def run_with_progress(
                 force=force,
                 extend=extend,
                 command=command_line(),
-                watcher=Watcher(line.say, advance),
+                watcher=BenchmarkWatcher(line.say, advance),
             )
     except KeyboardInterrupt:
         console.print(f"\nStopped. What is finished is in {out}: the same command continues.", soft_wrap=True)

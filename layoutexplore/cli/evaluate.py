@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +12,8 @@ import typer
 
 from layoutexplore.cli.closed_doors import HELP as CLOSED_DOORS_HELP
 from layoutexplore.cli.closed_doors import closed_doors
+from layoutexplore.cli.clutter import HELP as CLUTTER_HELP
+from layoutexplore.cli.clutter import clutter
 from layoutexplore.cli.in_the_loop import in_the_loop
 from layoutexplore.cli.partial_rooms import HELP as PARTIAL_ROOMS_HELP
 from layoutexplore.cli.partial_rooms import partial_rooms
@@ -113,6 +115,7 @@ def segmentation(
     if out is not None:
         require("jinja2", "bench")
     if folds:
+        from layoutexplore.cli.progress import progress_lines
         from layoutexplore.evaluation.cross_validation import CrossValidationConfig, cross_validate_merging
 
         config = CrossValidationConfig(
@@ -124,7 +127,7 @@ def segmentation(
             seeds=seeds,
             weights=_weights(weight, cases),
         )
-        results = cross_validate_merging(cases, config, progress=_progress())
+        results = cross_validate_merging(cases, config, progress=progress_lines())
     else:
         results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
     collected = []
@@ -224,24 +227,6 @@ def _print_spread(lines: Sequence[dict[str, Any]]) -> None:
         typer.echo(f"{line['folder']}, standard deviation of the mean over {line['seeds']} seeds: {values}")
 
 
-def _progress() -> Callable[[str, int, int], None]:
-    """Shows on the error stream what takes long before and between the scores."""
-    from rich.console import Console
-
-    from layoutexplore.cli.progress import ProgressLine
-
-    console = Console(stderr=True)
-    lines: dict[str, ProgressLine] = {}  # one for each thing that is done
-
-    def show(what: str, done: int, total: int) -> None:
-        line = lines.setdefault(what, ProgressLine(console, what))
-        line.advance(done, total, done / total)
-        if done == total:
-            line.__exit__(None, None, None)
-
-    return show
-
-
 def _read_buildings(path: Path) -> dict[str, str]:
     from layoutexplore.errors import ConfigError
 
@@ -299,6 +284,7 @@ def train_merging(
     resolution: Resolution = 0.05,
 ) -> None:
     """Train the judge of the default method, which decides what pieces of a map are one room."""
+    from layoutexplore.cli.progress import progress_lines
     from layoutexplore.layout.merging.merge_forest import save_forest
     from layoutexplore.maps.painted_rooms import find_cases
     from layoutexplore.training.room_merging import train_classifier
@@ -313,7 +299,7 @@ def train_merging(
         plans=_plans(plans),
         seed=seed,
         weights=weights,
-        progress=_progress(),
+        progress=progress_lines(),
     )
     note = (
         f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} "
@@ -372,42 +358,5 @@ def evaluate_layout(
         typer.echo(f"written: {json_file}")
 
 
-_CLUTTER_FIGURES = {
-    "correlation": "correlation of W and precision",
-    "correlation_by_count": "the same by number of objects",
-    "clean_scores": "W of the clean map",
-    "error": "wall-line error with ROSE [rad m]",
-    "raw_error": "wall-line error without [rad m]",
-}
-
-
-CLUTTER_HELP = (
-    "ROSE on clean maps with clutter added: precision, recall, W against precision, wall-line error with and "
-    "without it."
-)
-
-
-@group.command("clutter", help=CLUTTER_HELP, epilog="Example: layoutexplore evaluate clutter maps/*.png")
-def clutter(
-    maps: Annotated[
-        list[Path], typer.Argument(help="Clean grid maps, images or ROS YAML; or folders of images.")
-    ],
-    resolution: Resolution = 0.05,
-    json_file: JsonFile = None,
-) -> None:
-    """Run ROSE on clean maps with clutter added."""
-    from layoutexplore.evaluation.clutter import run_study
-    from layoutexplore.grids.ros_map import load_grid
-
-    check_places(None, json_file)
-    files = [f for path in maps for f in (sorted(path.glob("*.png")) if path.is_dir() else [path])]
-    grids = {str(f): load_grid(f, resolution=resolution) for f in files if not f.stem.endswith("_gt")}
-    summary, trials = run_study(grids, progress=_progress())
-    for key, value in asdict(summary).items():
-        values = {"": value} if not isinstance(value, dict) else {f", {k}": v for k, v in value.items()}
-        for which, number in values.items():
-            name = _CLUTTER_FIGURES.get(key, key.replace("_", " "))
-            typer.echo(f"{name}{which}: {number if isinstance(number, int) else format(number, '.3g')}")
-    if json_file is not None:
-        write_json(json_file, {"summary": asdict(summary), "trials": [asdict(t) for t in trials]})
-        typer.echo(f"written: {json_file}")
+EXAMPLE = "Example: layoutexplore evaluate clutter maps/*.png"
+group.command("clutter", help=CLUTTER_HELP, epilog=EXAMPLE)(clutter)

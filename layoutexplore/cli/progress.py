@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from types import TracebackType
 
 from rich.console import Console
@@ -88,3 +89,17 @@ def clock(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+
+
+def progress_lines() -> Callable[[str, int, int], None]:
+    """Shows on the error stream what takes long before and between the scores."""
+    console = Console(stderr=True)
+    lines: dict[str, ProgressLine] = {}  # one for each thing that is done
+
+    def show(what: str, done: int, total: int) -> None:
+        line = lines.setdefault(what, ProgressLine(console, what))
+        line.advance(done, total, done / total)
+        if done == total:
+            line.__exit__(None, None, None)
+
+    return show

@@ -19,7 +19,7 @@ Layers = Mapping[str, tuple[int, int, int, int]]
 """Channels in and out, side of the kernel and stride of each layer."""
 
 Weights = Mapping[str, NDArray[np.floating]]
-"""By name: "LAYER.weight" (side * side * channels in, channels out) and "LAYER.bias" (channels out,) for every layer."""
+"""By name: "LAYER.weight" (side * side * channels in, channels out) and "LAYER.bias" (channels out,)."""
 
 
 def shapes_of(layers: Layers) -> dict[str, tuple[int, ...]]:

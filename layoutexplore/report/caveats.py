@@ -21,19 +21,20 @@ def caveats(rows: Sequence[Row], settings: dict[str, Any], *, candidates: int = 
         settings: Of the benchmark.
         candidates: Number of agents of which the best one is named at the top.
     """
-    simulation = settings["simulation"]
-    noise = simulation.get("odometry_noise", {})
+    return [*_of_sampling(rows, candidates), *_of_simulation(settings)]
+
+
+def _of_sampling(rows: Sequence[Row], candidates: int) -> list[str]:
+    """What follows from the runs that were made."""
     plans = len({row.plan for row in rows})
-    clean = not any(lidar["range_noise_std"] or lidar["dropout"] for lidar in settings["lidars"].values())
     said = []
     if plans < 10:
         said.append(
             "Intervals resample floor plans, and there "
-            f"{'is only one' if plans == 1 else f'are only {plans}'}: "
             + (
-                "there are no intervals at all."
+                "is only one: there are no intervals at all."
                 if plans == 1
-                else "they are rough. Twenty plans tell 5 % apart."
+                else f"are only {plans}: they are rough. Twenty plans tell 5 % apart."
             )
         )
     if candidates > 1:
@@ -49,6 +50,15 @@ def caveats(rows: Sequence[Row], settings: dict[str, Any], *, candidates: int = 
             + (f" ({', '.join(known)} here)" if known else "")
             + ": there, agents that use it look better than in a new building."
         )
+    return said
+
+
+def _of_simulation(settings: dict[str, Any]) -> list[str]:
+    """What follows from how robot, sensor and building are simulated."""
+    simulation = settings["simulation"]
+    noise = simulation.get("odometry_noise", {})
+    clean = not any(lidar["range_noise_std"] or lidar["dropout"] for lidar in settings["lidars"].values())
+    said = []
     if not any(noise.values()):
         said.append("Odometry is perfect: the robot always knows where it is, and the map never bends.")
     if clean:

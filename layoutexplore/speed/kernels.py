@@ -107,7 +107,7 @@ def mapping() -> Iterator[SpeedRow]:
 def _beside(
     name: str, ours: float, reference: float, reference_name: str, times: float, same: bool | None = None
 ) -> SpeedRow:
-    """Milliseconds beside a reference's: it is to take so many times as long, and find the same if compared."""
+    """Milliseconds beside a reference's: it is to take so many times as long, and to find the same."""
     return SpeedRow(
         name=name,
         ours=ours,

@@ -14,7 +14,7 @@ from layoutexplore.benchmark import runner
 from layoutexplore.benchmark.analysis import compare
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.episode import prepare
-from layoutexplore.benchmark.runner import BenchmarkProgress, Watcher, run_benchmark
+from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import ConfigError, MapError, ResultsError, UnknownNameError
 from layoutexplore.maps.geojson import save_plan
@@ -26,7 +26,7 @@ from tests.plans import FLAT, HOUSE
 
 def test_a_run_of_everything(config: BenchmarkConfig, tmp_path: Path) -> None:
     told: list[BenchmarkProgress] = []
-    outcome = run_benchmark(config, tmp_path / "out", watcher=Watcher(advance=told.append))
+    outcome = run_benchmark(config, tmp_path / "out", watcher=BenchmarkWatcher(advance=told.append))
     assert len(outcome.rows) == outcome.ran == 2 * 2 * 2 * 2
     assert not outcome.failed
     assert [p.done for p in told] == list(range(1, 17))
@@ -94,7 +94,7 @@ def test_an_interrupted_run_keeps_what_is_finished(config: BenchmarkConfig, tmp_
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_benchmark(config, tmp_path / "out", watcher=Watcher(advance=interrupt))
+        run_benchmark(config, tmp_path / "out", watcher=BenchmarkWatcher(advance=interrupt))
     assert len(ResultsFolder(tmp_path / "out").rows()) == 3
     assert run_benchmark(config, tmp_path / "out").ran == 13
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.episode import Row
 from layoutexplore.benchmark.runner import run_benchmark
-from layoutexplore.benchmark.store import COLUMNS, _line, _parse, locked, slug
+from layoutexplore.benchmark.store import COLUMNS, format_row, locked, parse_row, slug
 from layoutexplore.errors import ResultsError
 
 
@@ -86,8 +86,8 @@ def test_rows_survive_the_file(plan: str, error: str, start: int, d95: float, re
         reached95=reached,
         error=error,
     )
-    (line,) = csv.reader(io.StringIO(_line(row)))
-    assert repr(_parse(line)) == repr(row)
+    (line,) = csv.reader(io.StringIO(format_row(row)))
+    assert repr(parse_row(line)) == repr(row)
 
 
 @given(st.lists(names, min_size=2, max_size=2, unique=True))
