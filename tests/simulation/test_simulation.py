@@ -130,11 +130,11 @@ def test_stops() -> None:
 def test_every_frontier_is_resolved_or_given_up() -> None:
     """A goal that cannot be reached ends with "no_frontier" rather than in a loop."""
     simulation = Simulation(three_rooms(), SimulationConfig(sensor="indoor", coverage_goal=1.0))
-    decision = simulation.reset(seed=0)
+    simulation.reset(seed=0)
     for _ in range(300):
         if simulation.done:
             break
-        decision = simulation.step(0)
+        simulation.step(0)
     assert simulation.stop_reason in ("no_frontier", "coverage") and simulation.coverage > 0.97
     assert simulation.done
 
