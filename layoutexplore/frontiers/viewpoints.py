@@ -86,10 +86,19 @@ class ViewpointSelector:
         kept, lengths = kept[order], lengths[order]
         areas = self._view.areas(grid.cells, view[kept], changed)
         middles = grid.cells_to_world(_middles(clusters.cells, clusters.offsets)[kept])
-        table = FrontierTable.zeros(len(kept))
-        table.x[:], table.y[:] = middles.T
-        table.path_length[:], table.size[:], table.visible_area[:] = lengths, sizes[kept], areas
-        table.straight_distance[:] = np.hypot(table.x - here.x, table.y - here.y)
+        x, y = np.ascontiguousarray(middles.T)
+        away, not_predicted = np.hypot(x - here.x, y - here.y), np.zeros(len(kept))
+        table = FrontierTable(
+            x=x,
+            y=y,
+            path_length=lengths.astype(np.float64),
+            straight_distance=away,
+            size=sizes[kept],
+            visible_area=areas,
+            closed=not_predicted,
+            expected_area=not_predicted,
+            confidence=not_predicted,
+        )
         return FrontierList(clusters, kept, table, view[kept])
 
     def _without_blacklisted(self, clusters: FrontierClusters) -> FrontierClusters:
@@ -250,6 +259,7 @@ def _find_viewpoint(
     Distances have a border of one cell, which is never reachable.
     """
     rows, cols = cells.shape
+    # Nearest offsets first: the first that does is the nearest that does.
     for n in range(len(offsets)):
         r, c = row + offsets[n, 0], col + offsets[n, 1]
         if (

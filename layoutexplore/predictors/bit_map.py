@@ -68,10 +68,10 @@ def draw_bit_map(cells: NDArray[np.int8], regions: Regions, resolution: float, m
     return BitMap(code, border)
 
 
-def extended_walls(chart: BitMap) -> NDArray[np.bool_]:
+def extended_walls(bit_map: BitMap) -> NDArray[np.bool_]:
     """The unknown cells of the grid, without the margin, that continue a wall."""
-    inner = slice(chart.margin, -chart.margin)
-    return np.asarray(chart.code[inner, inner] & (ALONG_ROWS | ALONG_COLS) > 0)
+    inner = slice(bit_map.margin, -bit_map.margin)
+    return np.asarray(bit_map.code[inner, inner] & (ALONG_ROWS | ALONG_COLS) > 0)
 
 
 @njit(cache=True, nogil=True)

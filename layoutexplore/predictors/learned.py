@@ -38,12 +38,8 @@ from layoutexplore.predictors.cell_model.features import Candidates, add_first_e
 from layoutexplore.predictors.cell_model.network import LAYERS, CellNetwork
 from layoutexplore.predictors.cell_model.network_input import make_network_input
 from layoutexplore.predictors.cell_model.room_shapes import room_shapes
-from layoutexplore.predictors.frontier_model.features import (
-    FEATURES,
-    FeatureCache,
-    frontier_features,
-    look_around,
-)
+from layoutexplore.predictors.frontier_model.feature_cache import FeatureCache
+from layoutexplore.predictors.frontier_model.features import FEATURES, frontier_features, look_around
 from layoutexplore.predictors.frontier_model.network import SHAPES, FrontierNetwork
 from layoutexplore.predictors.frontier_model.network_input import draw_crops
 from layoutexplore.predictors.protocol import RoomLabels, with_classes

@@ -111,8 +111,8 @@ class PathFollower:
         lidar: The sensor on the floor plan.
         rules: When to scan and when to stop.
         coverage: What is to be seen.
-        steps_itself: Whether `follow` makes the steps; not where odometry drifts: then each is `STEP_DUE`.
-        scans_itself: Whether it makes the scans; not where readings are noisy: then each is `SCAN_DUE`.
+        steps_itself: Whether `follow` makes the steps; where odometry drifts the caller does, by `next_event`.
+        scans_itself: Whether it makes the scans; where readings are noisy each is `SCAN_DUE`.
     """
 
     def __init__(
@@ -138,6 +138,11 @@ class PathFollower:
         _, x, y = self._since
         return scan_heading(robot.believed.x, robot.believed.y, x, y)
 
+    def next_event(self, robot: Robot) -> PathEvent:
+        """What is due next where each step and scan is the caller's."""
+        due = scan_is_due(self.rules, robot.walked, self._since[0])
+        return PathEvent.SCAN_DUE if due else PathEvent.STEP_DUE
+
     def follow(
         self,
         robot: Robot,
@@ -157,10 +162,6 @@ class PathFollower:
             frontier: int32 (m, 2), the cells of the frontier that the path leads to, or `NO_FRONTIER`.
             scans: How many scans to make at most.
         """
-        if not self.steps_itself:
-            due = scan_is_due(self.rules, robot.walked, self._since[0])
-            missing = PathEvent.SCAN_DUE if due else PathEvent.STEP_DUE
-            return PathSegment(missing, first, np.empty((0, 2)), (0, 0, 0, 0))
         coverage = self._coverage
         state = np.array([*robot.pose, robot.walked, robot.turned, *self._since])
         log = _Log(

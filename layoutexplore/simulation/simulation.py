@@ -37,7 +37,7 @@ from layoutexplore.planning.shortest_paths import check_path
 from layoutexplore.sensing.mapper import Mapper, ScanUpdate
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.path_following import NO_FRONTIER
-from layoutexplore.simulation.path_rules import PathEvent, charged_distance, event_after_scan
+from layoutexplore.simulation.path_rules import PathEvent, event_after_scan
 from layoutexplore.simulation.robot import Motion, Robot
 from layoutexplore.simulation.state import SimulationState, begin_run, drifts, is_noisy, shared_lidar
 
@@ -58,6 +58,7 @@ class Simulation:
         raster: The floor plan's cells at that resolution.
         lidar: The sensor on this floor plan.
         predictor: As given.
+        state: The current run, made by `reset`: to read, not to change.
         on_scan: Called after every scan, to film or log a run; None by default. It may read everything,
             `decision` too.
 
@@ -77,6 +78,8 @@ class Simulation:
         'coverage'
     """
 
+    state: SimulationState
+
     def __init__(
         self,
         plan: FloorPlan | str | Path,
@@ -90,7 +93,6 @@ class Simulation:
         self.predictor = predictor
         self._drifts, self._noisy = drifts(self.config), is_noisy(self.config)
         self.on_scan: Callable[[Simulation], None] | None = None
-        self._state: SimulationState | None = None
 
     def reset(self, seed: int = 0, start: Pose | None = None) -> Decision:
         """Begin a run.
@@ -102,23 +104,12 @@ class Simulation:
         Raises:
             StartError: The start lies outside, in a wall, or closer to an obstacle than the robot's radius.
         """
-        self._state = begin_run(self.plan, self.lidar, self.config, seed, start)
+        self.state = begin_run(self.plan, self.lidar, self.config, seed, start)
         predictor: object = self.predictor
         if isinstance(predictor, Privileged):
             predictor.reveal(self.truth)
         self._scan(full_turn=True)
         return self._next()
-
-    @property
-    def state(self) -> SimulationState:
-        """The current run: to read, not to change.
-
-        Raises:
-            ConfigError: There is none yet.
-        """
-        if self._state is None:
-            raise ConfigError("no run has begun: call reset() first")
-        return self._state
 
     @property
     def decision(self) -> Decision:
@@ -174,10 +165,11 @@ class Simulation:
         self._check_running()
         if not (math.isfinite(forward) and math.isfinite(turn)):
             raise ConfigError(f"drive needs finite numbers, got forward={forward}, turn={turn}")
-        self.state.begin_step(goal=self.state.goal)
+        state, robot = self.state, self.state.robot
+        state.begin_step(goal=state.goal)
         if turn:
-            self.robot.turn_to(self.robot.believed.theta + turn)
-        theta = self.robot.believed.theta
+            robot.turn_to(robot.believed.theta + turn)
+        theta = robot.believed.theta
         moved, collided = self._translate(forward * math.cos(theta), forward * math.sin(theta))
         return Motion(moved, collided, self._scan().new_cells)
 
@@ -244,7 +236,7 @@ class Simulation:
     @property
     def distance(self) -> float:
         """Metres travelled, with what turning costs."""
-        return charged_distance(self.state.follower.rules, self.robot.walked, self.robot.turned)
+        return self.state.distance
 
     @property
     def max_distance(self) -> float:
@@ -323,6 +315,8 @@ class Simulation:
     def _segment(self, path: CellPath, k: int, goal: NDArray[np.int32]) -> tuple[int, int]:
         """Follow a path from its cell k on until something happens: what did, and the next cell's number."""
         state = self.state
+        if not state.follower.steps_itself:
+            return state.follower.next_event(state.robot), k
         state.decision = None
         scans = 1 if self.on_scan else len(path)
         segment = state.follower.follow(state.robot, state.mapper, path, k, goal, scans)
@@ -342,36 +336,38 @@ class Simulation:
         new_occupied = self._scan().new_occupied
         state.follower.note_scan(state.robot)
         cells, rules = state.mapper.grid.cells, state.follower.rules
-        return event_after_scan(rules, self.coverage, cells, new_occupied, goal, ahead)
+        return event_after_scan(rules, state.coverage.share, cells, new_occupied, goal, ahead)
 
     def _look(self, frontier: Frontier) -> None:
         """Face the frontier and scan, all around if it is still there, and blacklist what that leaves."""
-        cells = self.mapper.grid.cells
-        self.robot.turn_to(facing(cells, frontier.cells, frontier.viewpoint))
+        state, cells = self.state, self.state.mapper.grid.cells
+        state.robot.turn_to(facing(cells, frontier.cells, frontier.viewpoint))
         self._scan()
         if not self.done and remaining_share(cells, frontier.cells) >= self.config.gone_share:
             self._scan(full_turn=True)
         rest = cells_in_view(cells, frontier.cells, frontier.viewpoint, self.raster.resolution)
-        self.state.selector.blacklist(rest)
+        state.selector.blacklist(rest)
 
     def _advance(self, cell: Cell) -> bool:
         """One step to the centre of a neighbouring cell; whether the robot can go on."""
-        x, y = self.mapper.grid.cell_to_world(cell.row, cell.col)
-        here = self.robot.believed
+        state = self.state
+        x, y = state.mapper.grid.cell_to_world(cell.row, cell.col)
+        here = state.robot.believed
         _, collided = self._translate(x - here.x, y - here.y)
         if collided:
-            self.state.traversability.shut(cell)
+            state.traversability.shut(cell)
             self._scan()
         return not collided and not self.done
 
     def _translate(self, dx: float, dy: float) -> tuple[float, bool]:
         """Move by (dx, dy) metres; a wall that stops the robot goes onto the map, the budget ends the run."""
-        moved, collided = self.robot.translate(dx, dy)
+        state = self.state
+        moved, collided = state.robot.translate(dx, dy)
         if collided:
-            self.state.note_change(self.mapper.mark_occupied(self.robot.touched(dx, dy)).box)
-        if self.distance >= self.max_distance:
+            state.note_change(state.mapper.mark_occupied(state.robot.touched(dx, dy)).box)
+        if state.distance >= state.max_distance:
             self._scan()
-            self.state.finish("budget")
+            state.finish("budget")
         return moved, collided
 
     def _scan(self, full_turn: bool = False) -> ScanUpdate:
@@ -390,9 +386,10 @@ class Simulation:
                 seen = state.witness.integrate(pose, ranges, config, full_turn=full_turn)
         state.note_change(update.box)
         state.coverage.update(state.witness.grid.cells, seen.box)
-        state.note_scan(self.distance, self.coverage)
-        if self.coverage >= self.config.coverage_goal:
-            self.state.finish("coverage")
+        coverage = state.coverage.share
+        state.note_scan(state.distance, coverage)
+        if coverage >= self.config.coverage_goal:
+            state.finish("coverage")
         if self.on_scan:
             self.on_scan(self)
         return update

@@ -22,7 +22,7 @@ from layoutexplore.sensing.mapper import Mapper
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.coverage import Coverage
 from layoutexplore.simulation.path_following import PathFollower
-from layoutexplore.simulation.path_rules import PathRules
+from layoutexplore.simulation.path_rules import PathRules, charged_distance
 from layoutexplore.simulation.robot import PERFECT_ODOMETRY, Robot, check_start, draw_start
 
 
@@ -71,6 +71,11 @@ class SimulationState:
     stop_reason: str = ""
     goal: tuple[float, float] | None = None
     decision: Decision | None = None
+
+    @property
+    def distance(self) -> float:
+        """Metres travelled, with what turning costs."""
+        return charged_distance(self.follower.rules, self.robot.walked, self.robot.turned)
 
     def begin_step(self, goal: tuple[float, float] | None) -> None:
         """A decision is acted on; the goal is the middle of the frontier that is gone to, if one is."""

@@ -47,6 +47,8 @@ class Doorway:
 
 def find_doorways(cells: NDArray[np.int8], resolution: float) -> list[Doorway]:
     """The narrow passages of the free space along rows and columns."""
+    # Not `list_gaps` of layout.merging.door_gaps: that asks for walls in line with a gap and knows no depth,
+    # here a stack of equal runs is as deep as a wall, and no wall has to go on beside it.
     found = []
     for turns in (0, 1):
         free = np.pad(np.rot90(cells == FREE, turns), 1)
@@ -203,7 +205,10 @@ def add_outer_doors(
     def cells_of(metres: float) -> int:
         return in_cells(metres, resolution)
 
-    width, space, face, wall = (cells_of(metres) for metres in (1.2, 2.5, 1.8, 0.15))
+    width, space, face = (cells_of(metres) for metres in (1.2, 2.5, 1.8))
+    wall = max(
+        cells_of(0.15), 2
+    )  # The rim is a cell thick on every grid, and what lies behind it is another.
     behind = np.ones((space, face), np.uint8), (face // 2, space - 1)
     before = np.ones((cells_of(0.2), face), np.uint8), (face // 2, 0)
     for turns in rng.permutation(4)[:count].tolist():

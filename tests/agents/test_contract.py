@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.agents import agent_names, describe_agents, make_agent
 from layoutexplore.benchmark.episode import prepare
+from layoutexplore.errors import LayoutExploreError
 from layoutexplore.frontiers.decision import STOP, Agent, Privileged
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.simulation.config import SimulationConfig
@@ -72,9 +73,8 @@ def test_time_decides_nothing(agent: str, monkeypatch: pytest.MonkeyPatch) -> No
     expected = explored(agent).track
     ticks = itertools.count()
     for name in ("perf_counter", "monotonic", "time", "process_time"):
-        monkeypatch.setattr(
-            time, name, lambda: 1e6 * next(ticks)
-        )  # every look at the clock is eleven days later
+        # Every look at the clock is eleven days later.
+        monkeypatch.setattr(time, name, lambda: 1e6 * next(ticks))
     simulation, chosen = prepare(offices(), SimulationConfig(sensor="stage"), agent)
     episode = play(simulation, chosen, seed=1)
     assert episode.seconds >= 1e6, "the clock that was looked at is not the one that was changed"
@@ -120,3 +120,25 @@ def test_agents_explore_and_repeat_themselves(name: str) -> None:
     one, same = run(spec), run(spec)
     assert one.stop_reason == "coverage"
     assert np.array_equal(one.track, same.track)
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_agents_choose_the_same_again_and_leave_the_decision_alone(name: str) -> None:
+    choices = []
+    for _ in range(2):
+        simulation, agent = prepare(offices(), SimulationConfig(sensor="stage"), name)
+        decision = simulation.reset(seed=3)
+        agent.reset(3)
+        if isinstance(agent, Privileged):
+            agent.reveal(simulation.truth)
+        cells, table = decision.grid.cells.copy(), np.array(decision.table)
+        choices.append(agent.act(decision))
+        assert np.array_equal(decision.grid.cells, cells)
+        assert np.array_equal(np.array(decision.table), table, equal_nan=True)
+    assert np.array_equal(*choices)
+
+
+@pytest.mark.parametrize("name", agent_names())
+def test_parameters_that_an_agent_does_not_have_are_named(name: str) -> None:
+    with pytest.raises(LayoutExploreError, match="nonsense"):
+        make_agent(f"{name}:nonsense=1")

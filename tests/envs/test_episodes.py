@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,15 @@ import pytest
 from gymnasium.error import ResetNeeded
 
 from layoutexplore import STOP, Pose, Simulation, SimulationConfig
+from layoutexplore.agents import make_agent
 from layoutexplore.envs.base import STOP_REASONS
 from layoutexplore.envs.motion import MotionConfig
-from layoutexplore.envs.observation import ObservationConfig
+from layoutexplore.envs.observation import ObservationConfig, encode_frontiers
 from layoutexplore.envs.plans import PlanSource
 from layoutexplore.errors import ConfigError, LayoutExploreError, StartError, UnknownNameError
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
-from layoutexplore.sensing.lidar import LidarConfig
+from layoutexplore.sensing.lidar import LidarConfig, sensor
 from layoutexplore.simulation.robot import OdometryNoise
 from tests.envs.cases import FRONTIER, IDS, MOTION, cases, choose, make, rollout, rooms
 from tests.plans import SIX_ROOMS
@@ -131,19 +133,36 @@ def test_noise_stays_within_the_spaces(name: str) -> None:
     assert all(env.observation_space.contains(step[0]) for step in rollout(env, seed=1, steps=25))
 
 
-def test_frontier_env_is_the_simulation() -> None:
-    env = make(FRONTIER).unwrapped
+def noisy(std: float = 0.0, drift: float = 0.0) -> SimulationConfig:
+    """A simulation of the indoor sensor with noisy readings or drifting odometry."""
+    return SimulationConfig(
+        sensor=replace(sensor("indoor"), range_noise_std=std),
+        odometry_noise=OdometryNoise(translation=drift, rotation=drift),
+    )
+
+
+@pytest.mark.parametrize(
+    "config", [noisy(), noisy(std=0.02), noisy(drift=0.02)], ids=["exact", "noise", "drift"]
+)
+@pytest.mark.parametrize("agent", ["nearest", "latency-tour", None])
+def test_frontier_env_is_the_simulation(agent: str | None, config: SimulationConfig) -> None:
+    """An agent reads the decisions of a simulation; its choices drive an environment along the same trajectory."""
+    env = make(FRONTIER, sensor=None, simulation=config).unwrapped
     _, info = env.reset(seed=11)
-    simulation = Simulation(env.simulation.plan, SimulationConfig(sensor="indoor"))
-    simulation.reset(seed=info["simulation_seed"])
-    rng = np.random.default_rng(0)
+    simulation = Simulation(env.simulation.plan, config)
+    decision = simulation.reset(seed=info["simulation_seed"])
+    chooser, rng = make_agent(agent) if agent else None, np.random.default_rng(0)
+    if chooser:
+        chooser.reset(0)
     while not simulation.done:
-        choice = int(rng.integers(len(simulation.decision.frontiers)))
-        simulation.step(choice)
-        *_, terminated, _, info = env.step(choice)
-        assert terminated == simulation.done
-    np.testing.assert_array_equal(env.simulation.track, simulation.track)
-    np.testing.assert_array_equal(env.simulation.curve, simulation.curve)
+        choice = chooser.act(decision) if chooser else int(rng.integers(len(decision.frontiers)))
+        decision = simulation.step(choice)
+        observation, _, terminated, _, info = env.step(choice)
+        assert terminated == simulation.done and info["distance"] == simulation.distance
+        expected = encode_frontiers(decision, ObservationConfig())
+        np.testing.assert_array_equal(observation["frontiers"], expected)
+    for name in ("track", "curve", "seen"):
+        np.testing.assert_array_equal(getattr(env.simulation, name), getattr(simulation, name))
     np.testing.assert_array_equal(env.simulation.mapper.grid.cells, simulation.mapper.grid.cells)
     assert STOP_REASONS[info["stop_reason"]] == simulation.stop_reason
 

@@ -17,7 +17,7 @@ SILENT = BlueprintConfig(words=False)
 
 
 def plan():
-    """Two rooms of 10 x 8 m, a door between them and one to the outside, an extinguisher, a swing, an arrow."""
+    """Two rooms of 10 x 8 m, a door between them, one to the outside, an extinguisher, a swing, an arrow."""
     image = np.full((220, 460, 3), 255, np.uint8)
     cv2.rectangle(image, (30, 30), (430, 190), (90, 90, 90), 6)
     cv2.line(image, (230, 30), (230, 190), (90, 90, 90), 6)

@@ -1,4 +1,4 @@
-"""What every layout method has in common: an answer to every grid, twice the same, and errors that name the option."""
+"""What layout methods have in common: an answer to every grid, twice the same; errors name the option."""
 
 from __future__ import annotations
 

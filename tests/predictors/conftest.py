@@ -11,6 +11,10 @@ from tests.plans import THREE_OFFICES
 
 
 @pytest.fixture(scope="module")
-def decision() -> Decision:
-    plan = floorplan_from_ascii(THREE_OFFICES, resolution=0.9)
-    return Simulation(plan, SimulationConfig(sensor="short")).reset(seed=2)
+def simulation() -> Simulation:
+    return Simulation(floorplan_from_ascii(THREE_OFFICES, resolution=0.9), SimulationConfig(sensor="short"))
+
+
+@pytest.fixture(scope="module")
+def decision(simulation: Simulation) -> Decision:
+    return simulation.reset(seed=2)

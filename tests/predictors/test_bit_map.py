@@ -14,8 +14,8 @@ def test_walls_go_on_through_the_unknown() -> None:
     cells = np.full((9, 12), -1, np.int8)
     cells[4, 1:4] = 100
     cells[4, 8] = 0
-    chart = draw_bit_map(cells, nothing_seen(cells.shape), 0.15, 0.3)
-    code = chart.code[chart.margin : -chart.margin, chart.margin : -chart.margin]
+    bit_map = draw_bit_map(cells, nothing_seen(cells.shape), 0.15, 0.3)
+    code = bit_map.code[bit_map.margin : -bit_map.margin, bit_map.margin : -bit_map.margin]
     assert np.argwhere(code & ALONG_ROWS).tolist() == [[4, 0], [4, 4], [4, 5], [4, 6], [4, 7]]
     assert not (code & ALONG_COLS).any()
 
@@ -23,8 +23,8 @@ def test_walls_go_on_through_the_unknown() -> None:
 @settings(max_examples=40, deadline=None)
 @given(cells=grids | wide)
 def test_a_chart_against_a_slow_one(cells: NDArray[np.int8]) -> None:
-    chart = draw_bit_map(cells, nothing_seen(cells.shape), 0.2, 0.4)
-    padded = np.pad(cells, chart.margin, constant_values=-1)
+    bit_map = draw_bit_map(cells, nothing_seen(cells.shape), 0.2, 0.4)
+    padded = np.pad(cells, bit_map.margin, constant_values=-1)
     expected = np.zeros(padded.shape, np.uint8)
     for turned, bit in ((False, ALONG_ROWS), (True, ALONG_COLS)):
         lines, bits = (padded.T, expected.T) if turned else (padded, expected)
@@ -34,5 +34,5 @@ def test_a_chart_against_a_slow_one(cells: NDArray[np.int8]) -> None:
                 left, right = text[:c].rstrip("?"), text[c + 1 :].lstrip("?")
                 if value == "?" and (left.endswith("##") or right.startswith("##")):
                     marked[c] |= bit
-    assert (chart.code & (ALONG_ROWS | ALONG_COLS) == expected).all()
-    assert ((chart.code & UNKNOWN_BIT > 0) == (padded == -1)).all()
+    assert (bit_map.code & (ALONG_ROWS | ALONG_COLS) == expected).all()
+    assert ((bit_map.code & UNKNOWN_BIT > 0) == (padded == -1)).all()

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from layoutexplore.errors import ConfigError, UnknownNameError
-from layoutexplore.frontiers.decision import Decision
+from layoutexplore import predictors
+from layoutexplore.errors import ConfigError, LayoutExploreError, UnknownNameError
+from layoutexplore.frontiers.decision import Decision, Privileged
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
 from layoutexplore.predictors.seen_rooms import seen_regions
+from layoutexplore.simulation.simulation import Simulation
 
 OTHER_ROOMS = {"oracle", "reconstruct"}
 """Predictors whose rooms are not those that are seen; tests of their own hold what they promise."""
@@ -46,3 +48,25 @@ def test_rooms_hold_what_is_seen_and_nothing_in_walls(name: str, decision: Decis
     for frontier in judged.frontiers:
         assert isinstance(frontier.is_closed, bool) and (frontier.expected_area or 0.0) >= 0.0
         assert 0.0 <= (frontier.confidence or 0.0) <= 1.0 and frontier.room is not None
+
+
+@pytest.mark.parametrize("name", [name for name in predictor_names() if name != "none"])
+def test_predictors_say_the_same_again_and_leave_the_decision_alone(
+    name: str, simulation: Simulation, decision: Decision
+) -> None:
+    cells, table, judged = decision.grid.cells.copy(), np.array(decision.table), []
+    for _ in range(2):
+        predictor = make_room_predictor(name)
+        if isinstance(predictor, Privileged):
+            predictor.reveal(simulation.truth)
+        judged.append(np.array(predictor.predict(decision).table))
+    assert np.array_equal(*judged, equal_nan=True)
+    assert np.array_equal(decision.grid.cells, cells)
+    assert np.array_equal(np.array(decision.table), table, equal_nan=True)
+
+
+@pytest.mark.parametrize("name", predictor_names())
+def test_predictors_are_documented_and_refuse_what_they_do_not_have(name: str) -> None:
+    assert f"`{name}`" in (predictors.__doc__ or "") or f"`{name}:" in (predictors.__doc__ or "")
+    with pytest.raises(LayoutExploreError, match="nonsense"):
+        make_room_predictor(f"{name}:nonsense=1")

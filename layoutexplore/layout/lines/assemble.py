@@ -174,6 +174,7 @@ def polygons_to_world(polygons: list[shapely.Polygon], origin: Pose) -> list[sha
 def _label_free(
     painted: NDArray[np.int32], cells: NDArray[np.int8], of_cell: NDArray[np.int32], labels: NDArray[np.int32]
 ) -> None:
+    """Write the room of the face that holds each free cell; other cells keep what they have."""
     for row in range(painted.shape[0]):
         for col in range(painted.shape[1]):
             if painted[row, col] >= 0 and cells[row, col] == FREE:

@@ -104,7 +104,9 @@ def renumber(group: NDArray[Number], first: int = 0) -> NDArray[Number]:
 
 @njit(cache=True, nogil=True)
 def _renumber(group: NDArray[Any], first: int) -> NDArray[Any]:
+    """`renumber` of a flat array."""
     out = np.full_like(group, first - 1)
+    # what is below `first` is no number yet
     number = np.full(group.max() + 1 if len(group) else 0, first - 1, group.dtype)
     fresh = first
     for k in range(len(group)):

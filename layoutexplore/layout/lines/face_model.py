@@ -287,6 +287,7 @@ def _at_border(arrangement: Arrangement, group: NDArray[np.int64], count: int) -
 def _count_cells(
     painted: NDArray[np.int32], region: NDArray[np.uint8], cells: NDArray[np.int8], totals: NDArray[np.int64]
 ) -> None:
+    """Add to `totals` (n, 4): cells of each face, those of the region, known ones and free ones."""
     for row in range(painted.shape[0]):
         for col in range(painted.shape[1]):
             face = painted[row, col]

@@ -220,7 +220,7 @@ def _next_half_edges(origin: NDArray[np.int64], angle: NDArray[np.float64]) -> N
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Coverage:
+class LineCoverage:
     """How much of each line segments cover: a piecewise linear cumulative length for all lines at once.
 
     Attributes:
@@ -245,7 +245,7 @@ class Coverage:
         )
 
 
-def cover_lines(segments: AlignedSegments, line: NDArray[np.int64], stride: float) -> Coverage:
+def cover_lines(segments: AlignedSegments, line: NDArray[np.int64], stride: float) -> LineCoverage:
     """The union of the segments' projections on the lines they were given, int64 (n,)."""
     base = (line + 0.5) * stride
     start, end = base + segments.start, base + segments.end
@@ -260,4 +260,4 @@ def cover_lines(segments: AlignedSegments, line: NDArray[np.int64], stride: floa
     total = np.cumsum(right - left)
     position = np.stack((left, right), axis=1).reshape(-1)
     covered = np.stack((total - (right - left), total), axis=1).reshape(-1)
-    return Coverage(position=position, covered=covered, stride=stride)
+    return LineCoverage(position=position, covered=covered, stride=stride)

@@ -146,7 +146,7 @@ def _best_cut(
     best, most = None, 0.0
     for direction, angle in enumerate(model.aligned.directions):
         offset = points[:, 1] * np.cos(angle) - points[:, 0] * np.sin(angle)
-        low, high = spread(offset, rank, len(parts), 0.05)
+        low, high = quantile_extent(offset, rank, len(parts), 0.05)
         order = np.argsort(low + high, kind="stable")
         reach = np.maximum.accumulate(high[order])[:-1]
         begin = np.minimum.accumulate(low[order][::-1])[::-1][1:]
@@ -166,13 +166,13 @@ def _best_cut(
     return best or fallback
 
 
-def spread(
+def quantile_extent(
     values: NDArray[np.float64], rank: NDArray[np.int64], count: int, share: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The quantiles `share` and 1 - `share`, float64 (count,), of the values of each rank; no rank is empty.
 
     Example:
-        >>> low, high = spread(np.arange(10.0), np.zeros(10, np.int64), 1, 0.2)
+        >>> low, high = quantile_extent(np.arange(10.0), np.zeros(10, np.int64), 1, 0.2)
         >>> low.tolist(), high.tolist()
         ([1.0], [7.0])
     """

@@ -70,6 +70,7 @@ def _chains(
         i = order[n]
         for m in range(n + 1, len(order)):
             j = order[m]
+            # keys rise with the offset, and no segment of another direction is as near: none behind is in reach
             if key[j] > key[i] + gap:
                 break
             apart = max(max(start[i], start[j]) - min(end[i], end[j]), 0.0)
@@ -95,6 +96,7 @@ def _lines_of_walls(
     count = len(heaviest)
     place = np.empty(count, np.int64)
     place[by_key] = np.arange(count)
+    # a wall that leads joins no other one; what a heavier one has taken stays with it
     leader = np.full(count, -1, np.int64)
     for wall in heaviest:
         if leader[wall] < 0:
@@ -102,6 +104,7 @@ def _lines_of_walls(
             for n in range(np.searchsorted(key, at - distance), np.searchsorted(key, at + distance)):
                 if leader[by_key[n]] < 0:
                     leader[by_key[n]] = wall
+            # the range is half open: with a distance of 0 it does not hold the wall itself
             leader[wall] = wall
     rank = np.zeros(count + 1, np.int64)
     for wall in range(count):
@@ -142,12 +145,8 @@ def _extents(
     end: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Direction, start, end and summed length of each group."""
-    directions, starts, ends, lengths = (
-        np.zeros(count, np.int64),
-        np.full(count, np.inf),
-        np.full(count, -np.inf),
-        np.zeros(count),
-    )
+    directions, lengths = np.zeros(count, np.int64), np.zeros(count)
+    starts, ends = np.full(count, np.inf), np.full(count, -np.inf)
     for n in range(len(group)):
         k = group[n]
         directions[k] = direction[n]
@@ -180,7 +179,9 @@ def _medians(
     """The medians; `order` sorts by group first and value then."""
     total = np.zeros(count)
     for n in order:
+        # a group of weights 0 has a median too
         total[group[n]] += max(weights[n], 1e-9)
+    # groups follow each other in `order`: one running sum serves them all
     before = np.zeros(count + 1)
     before[1:] = np.cumsum(total)
     out = np.full(count, np.nan)

@@ -35,6 +35,7 @@ NO_REST = Rest()
 
 @njit(cache=True, nogil=True)
 def _same_room(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    """Whether most of two regions lies in one true room."""
     return int(a.argmax()) == int(b.argmax())
 
 

@@ -32,7 +32,7 @@ from layoutexplore.layout.lines.face_model import (
 )
 from layoutexplore.layout.lines.face_outlines import paint_faces
 from layoutexplore.layout.lines.segments import angle_between
-from layoutexplore.layout.lines.topology import spread
+from layoutexplore.layout.lines.topology import quantile_extent
 from layoutexplore.layout.types import Details, Face, Line
 
 LINE_DISTANCE = 0.4
@@ -107,7 +107,9 @@ def with_room_lines(
     x, y = (cols * step + 0.5) * grid.resolution, (rows * step + 0.5) * grid.resolution
     names, rank = np.unique(labels[::step, ::step][rows, cols], return_inverse=True)
     angles = model.aligned.directions
-    extents = [spread(y * np.cos(a) - x * np.sin(a), rank.reshape(-1), len(names), 0.01) for a in angles]
+    extents = [
+        quantile_extent(y * np.cos(a) - x * np.sin(a), rank.reshape(-1), len(names), 0.01) for a in angles
+    ]
     low, high = (np.stack([extent[i] for extent in extents]) for i in (0, 1))
     across = angle_between(angles[:, None] + np.pi / 2, angles[None, :])
     partner = across.argmin(axis=1)
@@ -162,6 +164,7 @@ def _owners(
     painted: NDArray[np.int32], labels: NDArray[np.int32], count: int, rooms: int, least: float
 ) -> NDArray[np.int64]:
     """The commonest label of each cell of the arrangement; 0 where less than `least` of it is labelled."""
+    # column 0 counts cells without a label: a cell of the arrangement outside of all rooms has no owner
     total = np.zeros(count, np.int64)
     table = np.zeros((count, rooms), np.int32)
     for r in range(painted.shape[0]):

@@ -94,6 +94,7 @@ def _run_length(blocked: NDArray[np.bool_], r: int, c: int, step: int, slack: in
     n = 0
     first, last = max(r - slack, 0), min(r + slack + 1, blocked.shape[0])
     while 0 <= c < blocked.shape[1] and n < longest:
+        # the wall may step aside anywhere within the slack, not only once
         found = False
         for rr in range(first, last):
             found |= blocked[rr, c]

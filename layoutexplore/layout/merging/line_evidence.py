@@ -71,6 +71,7 @@ def _edges(
     lines, strips = len(sums), len(bounds) - 1
     share, opened = np.empty((lines, strips)), np.empty((lines, strips), np.bool_)
     for k in range(lines):
+        # a line that hardly any wall lies on parts faces nowhere but along a wall
         dropped = sums[k, -1] < line_weight * (sums.shape[1] - 1)
         for m in range(strips):
             share[k, m] = (sums[k, bounds[m + 1]] - sums[k, bounds[m]]) / max(bounds[m + 1] - bounds[m], 1)

@@ -86,6 +86,7 @@ class GraphTables(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _aspect(rows: float, cols: float) -> float:
+    """The shorter side of a box over its longer one."""
     return min(rows, cols) / max(max(rows, cols), 1.0)
 
 

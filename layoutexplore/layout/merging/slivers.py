@@ -43,6 +43,7 @@ class HalfEdges(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _half_edges(ends: NDArray[np.int32], edges: NDArray[np.float64], count: int) -> HalfEdges:
+    """The chains of `count` regions."""
     first, last = np.full(count, -1, np.int32), np.full(count, -1, np.int32)
     links = np.full(2 * len(ends), -1, np.int32)
     for h in range(2 * len(ends)):

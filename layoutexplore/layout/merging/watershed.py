@@ -41,6 +41,7 @@ def _only_label(labels: NDArray[np.int32], i: int, cols: int) -> int:
     """The label of a cell's straight neighbours, as nearly everywhere; 0 if any neighbour has another one."""
     below, left, right, above = labels[i - cols], labels[i - 1], labels[i + 1], labels[i + cols]
     a, b, c, d = labels[i - cols - 1], labels[i - cols + 1], labels[i + cols - 1], labels[i + cols + 1]
+    # bitwise, so that it is one expression without branches; labels are of basins that may be one by now
     one = max(max(below, left), max(right, above))
     alien = (below != 0) & (below != one) | (left != 0) & (left != one)
     alien |= (right != 0) & (right != one) | (above != 0) & (above != one)
@@ -145,6 +146,7 @@ def _flood(
     n = _fill(_highest_first(levels, inside), levels, cols, labels, parent, peak, share, wide)
     number = np.zeros(n, np.int32)
     count = 0
+    # basins that others took in are gone: what is left is numbered as it comes
     for i in inside:
         root = root_of(parent, labels[i])
         if number[root] == 0:

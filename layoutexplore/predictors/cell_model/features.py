@@ -97,11 +97,11 @@ def find_candidates(
         reach: Metres of way through the unknown up to which a cell is a candidate.
     """
     stride = max(round(spacing / resolution), 1)
-    chart = draw_bit_map(cells, regions, resolution, SIGHT + resolution)
-    owner, way, crossed = _reach(chart.code, chart.margin, regions.labels, round(reach / resolution))
-    first: NDArray[np.int32] = _one_each(owner[0], chart.margin, cells.shape, stride)
+    bit_map = draw_bit_map(cells, regions, resolution, SIGHT + resolution)
+    owner, way, crossed = _reach(bit_map.code, bit_map.margin, regions.labels, round(reach / resolution))
+    first: NDArray[np.int32] = _one_each(owner[0], bit_map.margin, cells.shape, stride)
     found, rank = np.concatenate([first, first]), np.repeat(np.array([0, 1], np.int32), len(first))
-    at = rank, found[:, 0] + chart.margin, found[:, 1] + chart.margin
+    at = rank, found[:, 0] + bit_map.margin, found[:, 1] + bit_map.margin
     kept = (owner[at] > 0) & ((rank == 0) | (way[at] <= way[0][at[1:]] + round(RIVAL / resolution)))
     if wanted is not None:
         kept &= wanted[owner[at]]
@@ -109,7 +109,7 @@ def find_candidates(
     region = owner[at]
     features = np.zeros((len(found), len(FEATURES)), np.float32)
     sight = round(SIGHT / resolution)
-    _describe(chart.code, chart.margin, regions.labels, regions.boxes, found, region, sight, features)
+    _describe(bit_map.code, bit_map.margin, regions.labels, regions.boxes, found, region, sight, features)
     end = len(_SEEN)
     features[:, 0], features[:, 1], features[:, end - 7] = way[at], crossed[at], rank
     features[:, end - 6] = way[1 - rank, at[1], at[2]]
@@ -117,7 +117,7 @@ def find_candidates(
         if not name.endswith(("crossed", "kind", "fill", "rank")):
             features[:, k] *= resolution**2 if name == "area" else resolution
     features[:, end - 5] = regions.doors[region]
-    features[:, end - 4 : end] = _typical_room(chart, regions, resolution)
+    features[:, end - 4 : end] = _typical_room(bit_map, regions, resolution)
     return Candidates(found, region, rank, features, stride, regions.boxes)
 
 
@@ -230,10 +230,10 @@ def _first_axis(candidates: Candidates) -> NDArray[np.int64]:
     return np.where(rows, 0, 1)
 
 
-def _typical_room(chart: BitMap, regions: Regions, resolution: float) -> tuple[float, float, float, float]:
+def _typical_room(bit_map: BitMap, regions: Regions, resolution: float) -> tuple[float, float, float, float]:
     """Median area, longer and shorter side of the rooms that are seen whole, and how many there are."""
-    inner = slice(chart.margin, -chart.margin)
-    beside = cv2.dilate(chart.code & UNKNOWN_BIT, np.ones((3, 3), np.uint8))[inner, inner] > 0
+    inner = slice(bit_map.margin, -bit_map.margin)
+    beside = cv2.dilate(bit_map.code & UNKNOWN_BIT, np.ones((3, 3), np.uint8))[inner, inner] > 0
     boxes = regions.boxes
     edge = np.bincount(regions.labels[beside], minlength=regions.count + 1)
     area = boxes[:, 0] * resolution**2

@@ -64,7 +64,7 @@ class NetworkInput:
     """A decision in squares.
 
     Attributes:
-        bits: float16 (6, rows, cols), share of each square that has a bit of the chart.
+        bits: float16 (6, rows, cols), share of each square that has a bit of the bit_map.
         labels: int16 (rows, cols), the highest region in each square, 0 for none.
         squares: int16 (n, 2), row and column of the squares that are asked for.
         region: int16 (n,), the region that asks.
@@ -91,9 +91,9 @@ def make_network_input(
         candidates: All squares of these regions.
         resolution: Metres per cell.
     """
-    chart, stride = draw_bit_map(cells, regions, resolution, SIGHT + resolution), candidates.stride
-    inner = slice(chart.margin, -chart.margin)
-    code = _in_squares(chart.code[inner, inner], stride)
+    bit_map, stride = draw_bit_map(cells, regions, resolution, SIGHT + resolution), candidates.stride
+    inner = slice(bit_map.margin, -bit_map.margin)
+    code = _in_squares(bit_map.code[inner, inner], stride)
     bits = np.stack([((code & bit) > 0).mean(axis=(1, 3), dtype=np.float32) for bit in _BITS])
     return NetworkInput(
         bits=bits.astype(np.float16),

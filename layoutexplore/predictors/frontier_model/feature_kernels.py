@@ -7,6 +7,8 @@ All kernels read the bits of a `BitMap` whose margin is wider than they look.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -24,6 +26,21 @@ BACK, FORTH = 6, 10
 
 TOUCHED = 24
 """Free cells kept of those that a flood touches."""
+
+FORWARD, SIDEWAYS, SLANT, SIDES = 2, 4, 6, 7
+"""Columns of a frame behind the row and column of its middle: two directions (row, col), slant, number of sides."""
+
+
+class FloodScratch(NamedTuple):
+    """What floods write on, both int32 (cells of the bit map,).
+
+    Attributes:
+        stamp: The mark of the last flood that took a cell.
+        queue: The cells of a flood, in the order in which it takes them.
+    """
+
+    stamp: NDArray[np.int32]
+    queue: NDArray[np.int32]
 
 
 @njit(cache=True, nogil=True)
@@ -55,11 +72,11 @@ def frontier_frame(code: NDArray[np.uint8], members: NDArray[np.int32]) -> NDArr
     frame[0], frame[1] = members[middle, 0], members[middle, 1]
     row_sign, col_sign = (1.0 if normal_row >= 0 else -1.0), (1.0 if normal_col >= 0 else -1.0)
     if abs(normal_row) >= abs(normal_col):
-        frame[2], frame[5] = row_sign, col_sign
+        frame[FORWARD], frame[SIDEWAYS + 1] = row_sign, col_sign
     else:
-        frame[3], frame[4] = col_sign, row_sign
-    frame[6] = min(abs(normal_row), abs(normal_col)) / max(abs(normal_row), abs(normal_col), 1)
-    frame[7] = sides
+        frame[FORWARD + 1], frame[SIDEWAYS] = col_sign, row_sign
+    frame[SLANT] = min(abs(normal_row), abs(normal_col)) / max(abs(normal_row), abs(normal_col), 1)
+    frame[SIDES] = sides
     return frame
 
 
@@ -72,8 +89,11 @@ def cast_rays(
     What ends it: 0 wall, 1 free, 2 nothing within reach, 3 there is no unknown on the ray. Lengths in cells.
     """
     # Not `grids.rays.trace`: the models learnt from one sample a cell's length, not from every cell crossed.
+    forward_row, forward_col, side_row, side_col = frame[FORWARD], frame[3], frame[SIDEWAYS], frame[5]
     for ray in range(RAYS):
-        dr, dc = _COS[ray] * frame[2] + _SIN[ray] * frame[4], _COS[ray] * frame[3] + _SIN[ray] * frame[5]
+        # Ray 0 looks forward; they turn towards the side that the frontier's normal leans to.
+        dr = _COS[ray] * forward_row + _SIN[ray] * side_row
+        dc = _COS[ray] * forward_col + _SIN[ray] * side_col
         first, end, hit, unknown = 0, 3, reach, 0
         for t in range(1, reach):
             bits = code[int(frame[0] + dr * t + 0.5), int(frame[1] + dc * t + 0.5)]
@@ -98,12 +118,11 @@ def _start_flood(
     code: NDArray[np.uint8],
     barrier: int,
     members: NDArray[np.int32],
-    stamp: NDArray[np.int32],
+    scratch: FloodScratch,
     mark: int,
-    queue: NDArray[np.int32],
 ) -> tuple[int, int, int]:
     """How many unknown cells lie beside a frontier, how many of them no barrier takes, and their bits; these are queued."""
-    cols = code.shape[1]
+    cols, (stamp, queue) = code.shape[1], scratch
     flat = code.ravel()
     started = queued = met = 0
     for n in range(len(members)):
@@ -134,9 +153,8 @@ def flood_unknown(
     barrier: int,
     members: NDArray[np.int32],
     depths: NDArray[np.int64],
-    stamp: NDArray[np.int32],
+    scratch: FloodScratch,
     mark: int,
-    queue: NDArray[np.int32],
     out: NDArray[np.float32],
     touched: NDArray[np.int32],
 ) -> int:
@@ -144,17 +162,17 @@ def flood_unknown(
 
     Writes the number of cells within each depth, then the sides at which the flood touches walls, free space
     and the barrier, the share of its starting cells that the barrier takes, and whether it came to an end
-    before the last depth. `stamp` int32 (cells of the chart,) must not hold `mark`. `touched` int32
+    before the last depth. The scratch's stamps must not hold `mark`. `touched` int32
     (TOUCHED,) receives the free cells that the flood touches, evenly thinned out, as indices into the flat
-    chart; -1 for none.
+    bit_map; -1 for none.
 
     Returns:
         All bits of the unknown cells that the flood meets.
     """
     # Not `grids.flood.spread_in_place`: what is counted and sampled hangs on the sides that the flood touches.
-    cols = code.shape[1]
+    cols, (stamp, queue) = code.shape[1], scratch
     flat = code.ravel()
-    started, last, met = _start_flood(code, barrier, members, stamp, mark, queue)
+    started, last, met = _start_flood(code, barrier, members, scratch, mark)
     stopped = started - last
     first = walls = free = barred = 0
     touched[:] = -1
@@ -163,7 +181,7 @@ def flood_unknown(
     for d in range(len(depths)):
         while depth < depths[d] and first < last:
             depth += 1
-            ring = last
+            ring = last  # queue[first:ring] is one ring, all cells as many steps away
             while first < ring:
                 i = queue[first]
                 first += 1
@@ -175,6 +193,7 @@ def flood_unknown(
                             continue
                         met |= bits
                         if bits & barrier:
+                            # Not stamped: every side at which the flood meets the barrier counts.
                             barred += 1
                             continue
                         stamp[k] = mark
@@ -183,6 +202,8 @@ def flood_unknown(
                     elif bits & WALL_BIT:
                         walls += 1
                     else:
+                        # Every so manieth free cell is kept; when the list is full, half of it goes and
+                        # the stride doubles, so that those kept stay evenly spread.
                         if free % stride == 0:
                             if kept == TOUCHED:
                                 _thin_out(touched)
@@ -245,9 +266,10 @@ def walls_in_line(
     either side; the same for extensions of walls; `BESIDE` slices to either side: most wall cells on a line
     along the way.
     """
-    row, col, forward_row, side_row = int(frame[0]), int(frame[1]), int(frame[2]), int(frame[4])
-    upright = forward_row != 0
-    forward, side = (forward_row, int(frame[5])) if upright else (int(frame[3]), side_row)
+    row, col = int(frame[0]), int(frame[1])
+    # The frame's axes are the grid's: of a direction's two numbers one is 1 or -1 and the other 0.
+    forward, side = int(frame[FORWARD] + frame[FORWARD + 1]), int(frame[SIDEWAYS] + frame[SIDEWAYS + 1])
+    upright = frame[FORWARD] != 0
     across = ALONG_ROWS if upright else ALONG_COLS
     aside, length = ASIDE * unit, AHEAD * unit
     walls, extended = _bits_on_lines(
@@ -279,6 +301,7 @@ def doors_near(
     row, col = int(frame[0]), int(frame[1])
     nearest, free, unknown = reach * reach, 0, 0
     for dr in range(-reach, reach + 1):
+        # Few rows hold a door: a row is passed over by all its bits at once.
         line = code[row + dr, col - reach : col + reach + 1]
         some = np.uint8(0)
         for bits in line:

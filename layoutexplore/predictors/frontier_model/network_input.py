@@ -1,6 +1,6 @@
 """What a network is shown of a frontier: the squares around it as planes, laid down so that the unknown is ahead.
 
-A chart's margin is wider than a window reaches, so that nothing tells where the array ends: beyond it all is
+A bit_map's margin is wider than a window reaches, so that nothing tells where the array ends: beyond it all is
 unknown.
 """
 
@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
+from layoutexplore.predictors.frontier_model.feature_cache import Clusters
 from layoutexplore.predictors.frontier_model.features import Surroundings
 
 SQUARE = 0.3
@@ -30,7 +31,7 @@ frontier's region and of other regions; whether it holds cells of the frontier, 
 
 
 _WIDTH = 10
-"""Bits in which cells with a bit of a chart are counted, side by side in one number."""
+"""Bits in which cells with a bit of a bit_map are counted, side by side in one number."""
 
 _COUNTERS = np.zeros(int(_BITS.sum()) + 1, np.int64)
 for _code in range(len(_COUNTERS)):
@@ -50,13 +51,14 @@ def draw_crops(around: Surroundings, wanted: NDArray[np.int64] | None = None) ->
         around: What lies around frontiers.
         wanted: int64 (k,), which of them; all when None.
     """
-    chart, frontiers = around.chart, around.frontiers
+    bit_map, frontiers = around.bit_map, around.frontiers
     which = np.arange(len(frontiers)) if wanted is None else wanted
-    members = frontiers.cells + np.int32(chart.margin)
+    members = frontiers.cells + np.int32(bit_map.margin)
     out = np.zeros((len(which), SIDE, SIDE, PLANES), np.uint8)
-    grids = chart.code, chart.margin, around.regions.labels
+    grids = bit_map.code, bit_map.margin, around.regions.labels
+    clusters = Clusters(members, frontiers.offsets)
     ahead, aside = _bounds(BEHIND, around.resolution), _bounds(SIDE // 2, around.resolution)
-    _draw(grids, members, frontiers.offsets, which, around.frames, around.homes, ahead, aside, out)
+    _draw(grids, clusters, which, around.frames, around.homes, ahead, aside, out)
     return out
 
 
@@ -71,7 +73,7 @@ def draw_truth(
         room_ids: int32 (rows, cols), the true room of each cell, 0 for none.
         free: bool (rows, cols), true floor.
     """
-    margin, code = around.chart.margin, around.chart.code
+    margin, code = around.bit_map.margin, around.bit_map.code
     rooms = np.pad(np.where(free, room_ids, np.int32(-1)), margin, constant_values=-1)
     ahead, aside = _bounds(BEHIND, around.resolution), _bounds(SIDE // 2, around.resolution)
     i, j = (((bounds[:-1] + bounds[1:] - 1) // 2) for bounds in (ahead, aside))
@@ -95,8 +97,7 @@ def _bounds(before: int, resolution: float) -> NDArray[np.int64]:
 @njit(cache=True, nogil=True)
 def _draw(
     grids: tuple[NDArray[np.uint8], int, NDArray[np.int32]],
-    members: NDArray[np.int32],
-    offsets: NDArray[np.int64],
+    clusters: Clusters,
     wanted: NDArray[np.int64],
     frames: NDArray[np.float64],
     homes: NDArray[np.int64],
@@ -106,9 +107,10 @@ def _draw(
 ) -> None:
     """Draw the wanted frontiers' windows; `ahead` and `aside` are the first cells of the squares in its frame.
 
-    `grids` are a chart's code and margin, and the labels of regions.
+    `grids` are a bit_map's code and margin, and the labels of regions.
     """
-    (code, margin, labels), (rows, cols) = grids, (_square_of(ahead), _square_of(aside))
+    (code, margin, labels), (members, offsets) = grids, clusters
+    rows, cols = _square_of(ahead), _square_of(aside)
     flat = code.ravel(), labels.ravel()
     for at in range(len(wanted)):
         k = wanted[at]
@@ -152,17 +154,19 @@ def _draw_squares(
 ) -> None:
     """Count the cells of each square; one that is smaller than a cell has one.
 
-    `flat` are a chart's code and the labels of regions; `first` is where the middle of the frontier lies in
+    `flat` are a bit_map's code and the labels of regions; `first` is where the middle of the frontier lies in
     either, and `forward` and `sideways` are what lies between there and the next cells.
     """
     (code, labels), squares = flat, out.reshape(SIDE * SIDE, PLANES)
     for a in range(SIDE):
+        # Where a square has more cells than a counter holds, every so manieth is counted.
         step_ahead = (ahead[a + 1] - ahead[a]) // (_MOST_CELLS + 1) + 1
         for s in range(SIDE):
             step_aside = (aside[s + 1] - aside[s]) // (_MOST_CELLS + 1) + 1
             counts, total, mine, others = 0, 0, 0, 0
             for i in range(ahead[a], max(ahead[a + 1], ahead[a] + 1), step_ahead):
                 for j in range(aside[s], max(aside[s + 1], aside[s] + 1), step_aside):
+                    # Six counters of `_WIDTH` bits in one number: no carry, for a square has fewer cells.
                     bits = code[np.uint64(first[0] + i * forward[0] + j * sideways[0])]
                     counts += _COUNTERS[bits]
                     total += 1

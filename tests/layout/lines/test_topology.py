@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from layoutexplore.layout.lines.topology import spread
+from layoutexplore.layout.lines.topology import quantile_extent
 
 
 def test_spread_is_the_quantiles_of_each_rank() -> None:
     rng = np.random.default_rng(0)
     values, rank = rng.random(500), rng.integers(0, 7, 500)
-    low, high = spread(values, rank, 7, 0.1)
+    low, high = quantile_extent(values, rank, 7, 0.1)
     for k in range(7):
         assert (low[k], high[k]) == tuple(np.quantile(values[rank == k], (0.1, 0.9), method="lower"))

@@ -10,7 +10,7 @@ from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
 
 
 def office(clutter: bool = False) -> OccupancyGrid:
-    """A corridor of 2 m, three rooms of 4 m x 5 m on either side, doors of 0.9 m, walls of 0.2 m, at 0.05 m."""
+    """A corridor of 2 m, three rooms of 4 x 5 m on either side, doors of 0.9 m, walls of 0.2 m; at 0.05 m."""
     cells = np.full((260, 280), -1, np.int8)
     cells[10:250, 10:270] = 100
     cells[110:150, 14:266] = 0

@@ -18,7 +18,7 @@ from layoutexplore.layout.types import BORDER, FaceKind, Layout
 
 
 def plan(furniture: bool = False) -> OccupancyGrid:
-    """A corridor of 2 m, two rooms of 4 m and 6 m by 5 m beside it, a hall of 10 m by 4 m opposite; 0.05 m."""
+    """A corridor of 2 m, rooms of 4 m and 6 m by 5 m beside it, a hall of 10 m by 4 m opposite; 0.05 m."""
     cells = np.full((254, 232), -1, np.int8)
     cells[10:246, 10:222] = 100
     for rows, cols in (

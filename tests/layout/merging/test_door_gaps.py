@@ -84,7 +84,7 @@ def test_a_door_is_found_with_its_walls() -> None:
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 100_000))
 def test_gaps_in_long_walls_are_listed_in_raster_order(seed: int) -> None:
-    """Lines of wall with holes, longer than what is looked at at once; walls are followed as far as needed."""
+    """Lines of wall with holes, longer than what is looked at at once, followed as far as needed."""
     rng = np.random.default_rng(seed)
     blocked = rng.random((25, 60)) < rng.uniform(0, 0.1)
     for r in rng.integers(0, 25, 3):

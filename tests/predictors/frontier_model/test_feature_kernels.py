@@ -24,6 +24,7 @@ from layoutexplore.predictors.frontier_model.feature_kernels import (
     BESIDE,
     FORTH,
     TOUCHED,
+    FloodScratch,
     doors_near,
     flood_unknown,
     walls_in_line,
@@ -37,14 +38,14 @@ def test_a_flood_against_a_slow_one(cells: NDArray[np.int8]) -> None:
     clusters = find_frontiers(cells)
     if not len(clusters):
         return
-    chart = draw_bit_map(cells, nothing_seen(cells.shape), 0.2, 1.4)
-    members = clusters.cluster(0) + np.int32(chart.margin)
+    bit_map = draw_bit_map(cells, nothing_seen(cells.shape), 0.2, 1.4)
+    members = clusters.cluster(0) + np.int32(bit_map.margin)
     depths = np.array([1, 3, 5], np.int64)
     out, touched = np.zeros(8, np.float32), np.zeros(TOUCHED, np.int32)
-    stamp, queue = np.zeros(chart.code.size, np.int32), np.zeros(chart.code.size, np.int32)
-    flood_unknown(chart.code, ALONG_ROWS, members, depths, stamp, 1, queue, out, touched)
-    open_cells = (chart.code & UNKNOWN_BIT > 0) & (chart.code & ALONG_ROWS == 0)
-    reached = np.zeros(chart.code.shape, np.bool_)
+    scratch = FloodScratch(*(np.zeros(bit_map.code.size, np.int32) for _ in range(2)))
+    flood_unknown(bit_map.code, ALONG_ROWS, members, depths, scratch, 1, out, touched)
+    open_cells = (bit_map.code & UNKNOWN_BIT > 0) & (bit_map.code & ALONG_ROWS == 0)
+    reached = np.zeros(bit_map.code.shape, np.bool_)
     reached[members[:, 0], members[:, 1]] = True
     behind = 0
     for depth in range(1, 6):
@@ -54,7 +55,7 @@ def test_a_flood_against_a_slow_one(cells: NDArray[np.int8]) -> None:
         behind = int((reached & open_cells).sum())
         if depth in depths:
             assert out[depths.tolist().index(depth)] == behind
-    assert (chart.code.ravel()[touched[touched >= 0]] & UNKNOWN_BIT == 0).all()
+    assert (bit_map.code.ravel()[touched[touched >= 0]] & UNKNOWN_BIT == 0).all()
 
 
 @settings(max_examples=60, deadline=None)

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters, find_frontiers
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, UNKNOWN_BIT, draw_bit_map
-from layoutexplore.predictors.frontier_model.feature_kernels import TOUCHED, flood_unknown
-from layoutexplore.predictors.frontier_model.features import (
+from layoutexplore.predictors.frontier_model.feature_cache import (
     BLOCK,
-    FEATURES,
+    Clusters,
     FeatureCache,
-    _changed_blocks,
-    _probe,
-    frontier_features,
-    look_around,
+    Lengths,
+    changed_blocks,
+    probe_frontiers,
 )
+from layoutexplore.predictors.frontier_model.feature_kernels import TOUCHED, FloodScratch, flood_unknown
+from layoutexplore.predictors.frontier_model.features import FEATURES, frontier_features, look_around
 from layoutexplore.predictors.seen_rooms import seen_regions
 from tests.predictors.cases import grids, nothing_seen
 
@@ -103,27 +103,30 @@ def test_floods_that_meet_no_barrier_are_shared(cells: NDArray[np.int8], seed: i
     if not len(clusters):
         return
     rng = np.random.default_rng(seed)
-    chart = draw_bit_map(cells, nothing_seen(cells.shape), 0.2, 3.0)
-    chart.code[rng.random(chart.code.shape) < rng.choice([0.0, 0.01, 0.3])] |= DOOR_BIT
-    members = clusters.cluster(0) + np.int32(chart.margin)
+    bit_map = draw_bit_map(cells, nothing_seen(cells.shape), 0.2, 3.0)
+    bit_map.code[rng.random(bit_map.code.shape) < rng.choice([0.0, 0.01, 0.3])] |= DOOR_BIT
+    members = clusters.cluster(0) + np.int32(bit_map.margin)
     depths, barriers = (
         np.array([1, 2, 4], np.int64),
         np.array([0, ALONG_ROWS | ALONG_COLS, DOOR_BIT], np.int64),
     )
-    stamp, queue = np.zeros(chart.code.size, np.int32), np.zeros(chart.code.size, np.int32)
-    one = (
-        np.array([0, len(members)], np.int64),
-        np.zeros(1, np.int64),
-        depths,
-        np.array([8, 1, 3, 1], np.int64),
-        barriers,
-    )
+    scratch = FloodScratch(*(np.zeros(bit_map.code.size, np.int32) for _ in range(2)))
+    clusters_ = Clusters(members, np.array([0, len(members)], np.int64))
     found = np.zeros((1, len(FEATURES)), np.float32)
-    _, touched = _probe(chart.code, members, *one, stamp, 0, queue, found)
+    _, touched = probe_frontiers(
+        bit_map.code,
+        clusters_,
+        np.zeros(1, np.int64),
+        Lengths(8, 1, 3, 1, depths),
+        barriers,
+        scratch,
+        0,
+        found,
+    )
     first = FEATURES.index("open_area_0.3")
     for b, barrier in enumerate(barriers):
         out, cells_touched = np.zeros(8, np.float32), np.zeros(TOUCHED, np.int32)
-        met = flood_unknown(chart.code, barrier, members, depths, stamp, 10 + b, queue, out, cells_touched)
+        met = flood_unknown(bit_map.code, barrier, members, depths, scratch, 10 + b, out, cells_touched)
         np.testing.assert_array_equal(found[0, first + 8 * b : first + 8 * (b + 1)], out)
         np.testing.assert_array_equal(touched[0, b], cells_touched)
         assert met & UNKNOWN_BIT or not out.any()
@@ -136,7 +139,7 @@ def test_changed_blocks_against_a_slow_version(seed: int) -> None:
     before = rng.integers(0, 64, rng.integers(1, 40, 2), np.uint8)
     after = before.copy()
     after[rng.random(before.shape) < 0.02] ^= 4
-    changed = _changed_blocks(before, after)
+    changed = changed_blocks(before, after)
     expected = np.zeros_like(changed, np.bool_)
     for r, c in np.argwhere(before != after):
         expected[r // BLOCK, c // BLOCK] = True

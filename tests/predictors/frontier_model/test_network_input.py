@@ -39,17 +39,17 @@ def around_of(cells: NDArray[np.int8], clusters: FrontierClusters, resolution: f
 
 def slow_window(around: Surroundings, k: int) -> NDArray[np.float64]:
     """Shares 0..1 of the window of a frontier, cell by cell."""
-    chart, labels, resolution = (
-        around.chart,
-        np.pad(around.regions.labels, around.chart.margin),
+    bit_map, labels, resolution = (
+        around.bit_map,
+        np.pad(around.regions.labels, around.bit_map.margin),
         around.resolution,
     )
     row, col, *axes = around.frames[k, :6].tolist()
     forward, sideways = np.array(axes[:2]), np.array(axes[2:])
     across, along = (ALONG_COLS, ALONG_ROWS) if forward[0] == 0 else (ALONG_ROWS, ALONG_COLS)
     bits = (FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT, across, along)
-    members = {tuple(cell) for cell in (around.frontiers.cells + chart.margin).tolist()}
-    mine = {tuple(cell) for cell in (around.frontiers.cluster(k) + chart.margin).tolist()}
+    members = {tuple(cell) for cell in (around.frontiers.cells + bit_map.margin).tolist()}
+    mine = {tuple(cell) for cell in (around.frontiers.cluster(k) + bit_map.margin).tolist()}
     sums, cells = np.zeros((SIDE, SIDE, PLANES)), np.zeros((SIDE, SIDE, 1))
     reach = int(SIDE * SQUARE / resolution)
     for i in range(-reach, reach):
@@ -59,8 +59,8 @@ def slow_window(around: Surroundings, k: int) -> NDArray[np.float64]:
             if not (0 <= a < SIDE and 0 <= s < SIDE):
                 continue
             r, c = (np.array([row, col]) + i * forward + j * sideways).astype(int).tolist()
-            inside = 0 <= r < chart.code.shape[0] and 0 <= c < chart.code.shape[1]
-            code, label = (int(chart.code[r, c]), int(labels[r, c])) if inside else (UNKNOWN_BIT, 0)
+            inside = 0 <= r < bit_map.code.shape[0] and 0 <= c < bit_map.code.shape[1]
+            code, label = (int(bit_map.code[r, c]), int(labels[r, c])) if inside else (UNKNOWN_BIT, 0)
             regions = [label > 0 and label == around.homes[k], label > 0 and label != around.homes[k]]
             sums[a, s, :8] += [*(code & bit > 0 for bit in bits), *regions]
             sums[a, s, 8] = max(sums[a, s, 8], (r, c) in mine)
@@ -144,7 +144,9 @@ def test_truth_of_squares(cells: NDArray[np.int8], rooms: int, seed: int) -> Non
     behind = rng.integers(0, rooms + 1, len(clusters), np.int32)
     drawn = draw_truth(around, behind, room_ids, free)
     for k in range(len(clusters)):
-        row, col, *axes = (around.frames[k, :6] - ([around.chart.margin] * 2 + [0] * 4)).astype(int).tolist()
+        row, col, *axes = (
+            (around.frames[k, :6] - ([around.bit_map.margin] * 2 + [0] * 4)).astype(int).tolist()
+        )
         for a in range(SIDE):
             for s in range(SIDE):
                 i, j = 3 * (a - BEHIND), 3 * (s - SIDE // 2)

@@ -1,0 +1,289 @@
+"""What is found near a frontier alone, as numbers, and kept from one decision to the next where nothing changed.
+
+The features are the same with and without what is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, WALL_BIT, BitMap
+from layoutexplore.predictors.frontier_model.feature_kernels import (
+    AHEAD,
+    BESIDE,
+    FORWARD,
+    RAYS,
+    SIDES,
+    SIDEWAYS,
+    SLANT,
+    TOUCHED,
+    FloodScratch,
+    cast_rays,
+    doors_near,
+    flood_unknown,
+    frontier_frame,
+    walls_in_line,
+)
+
+SIGHT = 8.0
+"""Metres that rays look; nothing else looks further."""
+
+DEPTHS = (0.3, 0.6, 1.0, 2.0, 3.0, 5.0)
+"""Metres behind the frontier at which floods are measured."""
+
+UNIT = 0.5
+"""Metres: thickness of the slices in which walls are looked for."""
+
+NEAR_END, NEAR_DOOR = 0.5, 4.0
+"""Metres within which a wall at the end of a frontier, and a door, are looked for."""
+
+BLOCK = 8
+"""Side of the squares in which changes are noticed together: eight bytes are compared at once, whatever they measure."""
+
+BARRIERS = {"open": 0, "extended": ALONG_ROWS | ALONG_COLS, "doors": DOOR_BIT}
+_SHAPE = ("size", "depth", "width", "slant", "sides", "end_low", "end_high")
+_DOORS = ("in_door_share", "door_near", "doors_free_cells", "doors_unknown_cells")
+_FLOOD = (*(f"area_{d:g}" for d in DEPTHS), "walls", "free", "barred", "stopped", "ended")
+LOCAL_FEATURES: tuple[str, ...] = (
+    *_SHAPE,
+    *_DOORS,
+    *(f"ray{k}_{what}" for k in range(RAYS) for what in ("first", "end", "wall", "unknown")),
+    *(f"{barrier}_{what}" for barrier in BARRIERS for what in _FLOOD),
+    *(f"ahead{k}_{what}" for what in ("wall", "extended") for k in range(AHEAD)),
+    *(f"beside{k}_wall" for k in range(2 * BESIDE)),
+)
+"""Features that depend on nothing further away than `SIGHT`, by what finds them: shape, doors, rays, floods, walls in line."""
+
+_SHAPE_AT, _DOORS_AT, _RAYS_AT, _FLOODS_AT, _WALLS_AT = (
+    LOCAL_FEATURES.index(name)
+    for name in (_SHAPE[0], _DOORS[0], "ray0_first", f"open_{_FLOOD[0]}", "ahead0_wall")
+)
+"""Where each of them begins to write."""
+
+
+class Lengths(NamedTuple):
+    """How far is looked, in cells.
+
+    Attributes:
+        sight: Along rays.
+        near_end: For walls at the ends of a frontier.
+        near_door: For doors.
+        unit: Thickness of the slices in which walls are looked for.
+        depths: int64 (d,), rising, at which floods are measured.
+    """
+
+    sight: int
+    near_end: int
+    near_door: int
+    unit: int
+    depths: NDArray[np.int64]
+
+
+class Clusters(NamedTuple):
+    """The cells of frontiers int32 (n, 2), and int64 (k + 1,) where in them each frontier begins."""
+
+    members: NDArray[np.int32]
+    offsets: NDArray[np.int64]
+
+
+class FeatureCache:
+    """What was found around the frontiers of the last decision, for a run on one grid after another of the same shape."""
+
+    def __init__(self) -> None:
+        self._chart: BitMap | None = None
+        self._resolution = 0.0
+        self._known: dict[bytes, int] = {}
+        self._probes = np.zeros((0, len(LOCAL_FEATURES)), np.float32)
+        self._frames = np.zeros((0, 8))
+        self._touched = np.zeros((0, len(BARRIERS), TOUCHED), np.int32)
+        self._scratch = FloodScratch(np.zeros(0, np.int32), np.zeros(0, np.int32))
+        self._mark = 0
+
+    def probe(
+        self, bit_map: BitMap, frontiers: FrontierClusters, resolution: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.int32]]:
+        """What is found around each frontier.
+
+        Returns:
+            The probes float32 (k, len(LOCAL_FEATURES)) in metres, the frames float64 (k, 8) and the free cells that
+            floods touch int32 (k, barriers, TOUCHED), in cells of the bit_map.
+        """
+        clusters = Clusters(frontiers.cells + np.int32(bit_map.margin), frontiers.offsets)
+        keys = [frontiers.cluster(k).tobytes() for k in range(len(frontiers))]
+        old = self._still_valid(bit_map, keys, clusters, resolution)
+        fresh = np.flatnonzero(old < 0)
+        probes, frames, touched = self._probes[old], self._frames[old], self._touched[old]
+        if len(fresh):
+            sight, end, door, unit = (round(v / resolution) for v in (SIGHT, NEAR_END, NEAR_DOOR, UNIT))
+            depths = np.array([max(round(d / resolution), 1) for d in DEPTHS], np.int64)
+            lengths = Lengths(sight, end, door, unit, depths)
+            barriers = np.array(list(BARRIERS.values()), np.int64)
+            found = np.zeros((len(fresh), len(LOCAL_FEATURES)), np.float32)
+            # A mark that was used once is never used again, until the numbers run out.
+            if self._mark > 2**31 - 4 * len(fresh) - 4:
+                self._scratch.stamp[:], self._mark = 0, 0
+            frames[fresh], touched[fresh] = probe_frontiers(
+                bit_map.code, clusters, fresh, lengths, barriers, self._scratch, self._mark, found
+            )
+            self._mark += len(barriers) * len(fresh)
+            _scale(found, resolution)
+            probes[fresh] = found
+        self._probes, self._frames, self._touched = probes, frames, touched
+        self._chart, self._resolution, self._known = (
+            bit_map,
+            resolution,
+            {key: k for k, key in enumerate(keys)},
+        )
+        return probes, frames, touched
+
+    def _still_valid(
+        self,
+        bit_map: BitMap,
+        keys: Sequence[bytes],
+        clusters: Clusters,
+        resolution: float,
+    ) -> NDArray[np.int64]:
+        """Per frontier int64 (k,) where it was found the last time with the same surroundings, or -1."""
+        if (
+            self._chart is None
+            or self._chart.code.shape != bit_map.code.shape
+            or self._resolution != resolution
+        ):
+            size = bit_map.code.size
+            self._scratch = FloodScratch(np.zeros(size, np.int32), np.empty(size, np.int32))
+            self._probes, self._frames = np.zeros((1, len(LOCAL_FEATURES)), np.float32), np.zeros((1, 8))
+            self._touched, self._mark = np.zeros((1, len(BARRIERS), TOUCHED), np.int32), 0
+            return np.full(len(keys), -1, np.int64)
+        old = np.array([self._known.get(key, -1) for key in keys], np.int64)
+        changes = np.asarray(cv2.integral(changed_blocks(self._chart.code, bit_map.code)), np.int32)
+        _forget_changed(changes, clusters, bit_map.margin // BLOCK + 1, old)
+        return old
+
+
+@njit(cache=True, nogil=True)
+def changed_blocks(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Not 0 in squares that hold a cell that differs."""
+    changed = np.zeros(((before.shape[0] - 1) // BLOCK + 1, (before.shape[1] - 1) // BLOCK + 1), np.uint8)
+    for r in range(before.shape[0]):
+        old, new, row = before[r], after[r], changed[r // BLOCK]
+        for k in range(old.size // BLOCK):
+            differ = np.uint8(0)
+            for c in range(BLOCK):
+                differ |= old[np.uint64(BLOCK * k + c)] ^ new[np.uint64(BLOCK * k + c)]
+            row[np.uint64(k)] |= differ
+        for c in range(old.size // BLOCK * BLOCK, old.size):
+            row[-1] |= old[c] ^ new[c]
+    return changed
+
+
+@njit(cache=True, nogil=True)
+def _forget_changed(
+    changes: NDArray[np.int32],
+    clusters: Clusters,
+    reach: int,
+    old: NDArray[np.int64],
+) -> None:
+    """Set to -1 what has a changed square within `reach` squares."""
+    for k in range(len(old)):
+        if old[k] < 0:
+            continue
+        cells = clusters.members[clusters.offsets[k] : clusters.offsets[k + 1]]
+        top, bottom = cells[:, 0].min() // BLOCK, cells[:, 0].max() // BLOCK
+        left, right = cells[:, 1].min() // BLOCK, cells[:, 1].max() // BLOCK
+        # A half-open box of blocks; the sums hold one row and column more than there are blocks.
+        r0, r1 = max(top - reach, 0), min(bottom + reach + 1, changes.shape[0] - 1)
+        c0, c1 = max(left - reach, 0), min(right + reach + 1, changes.shape[1] - 1)
+        if changes[r1, c1] - changes[r0, c1] - changes[r1, c0] + changes[r0, c0] > 0:
+            old[k] = -1
+
+
+@njit(cache=True, nogil=True)
+def probe_frontiers(
+    code: NDArray[np.uint8],
+    clusters: Clusters,
+    wanted: NDArray[np.int64],
+    lengths: Lengths,
+    barriers: NDArray[np.int64],
+    scratch: FloodScratch,
+    mark: int,
+    out: NDArray[np.float32],
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Describe the wanted frontiers by `LOCAL_FEATURES`, in cells, written to `out` float32 (wanted, features).
+
+    Marks up to `mark` + wanted * barriers are used. Returns the frames float64 (wanted, 8) and the free cells
+    that floods touch int32 (wanted, barriers, TOUCHED).
+    """
+    frames = np.zeros((len(wanted), 8))
+    touched = np.empty((len(wanted), len(barriers), TOUCHED), np.int32)
+    flood = len(lengths.depths) + 5
+    for n in range(len(wanted)):
+        k = wanted[n]
+        cluster = clusters.members[clusters.offsets[k] : clusters.offsets[k + 1]]
+        frame = frontier_frame(code, cluster)
+        frames[n] = frame
+        _shape(code, cluster, frame, lengths.near_end, out[n, _SHAPE_AT:])
+        doors_near(code, cluster, frame, lengths.near_door, out[n, _DOORS_AT:])
+        cast_rays(code, frame, lengths.sight, out[n, _RAYS_AT:])
+        met = 255
+        for b in range(len(barriers)):
+            at = _FLOODS_AT + b * flood
+            # The first flood, which nothing bars, tells whether a barrier is met at all: where it is not, the
+            # flood with this barrier would find the same.
+            if b > 0 and not met & barriers[b]:
+                out[n, at : at + flood] = out[n, _FLOODS_AT : _FLOODS_AT + flood]
+                touched[n, b] = touched[n, 0]
+                continue
+            mark += 1
+            found = out[n, at:]
+            bits = flood_unknown(
+                code, barriers[b], cluster, lengths.depths, scratch, mark, found, touched[n, b]
+            )
+            met = bits if b == 0 else met
+        walls_in_line(code, frame, lengths.unit, out[n, _WALLS_AT:])
+    return frames, touched
+
+
+@njit(cache=True, nogil=True)
+def _shape(
+    code: NDArray[np.uint8],
+    cluster: NDArray[np.int32],
+    frame: NDArray[np.float64],
+    near: int,
+    out: NDArray[np.float32],
+) -> None:
+    """Size, extents, slant, sides, and the distance to a wall from the ends on either side."""
+    # In the order of `_SHAPE`.
+    ahead = cluster[:, 0] * frame[FORWARD] + cluster[:, 1] * frame[FORWARD + 1]
+    side = cluster[:, 0] * frame[SIDEWAYS] + cluster[:, 1] * frame[SIDEWAYS + 1]
+    out[0], out[1], out[2] = len(cluster), ahead.max() - ahead.min() + 1, side.max() - side.min() + 1
+    out[3], out[4] = frame[SLANT], frame[SIDES]
+    for end in range(2):
+        row, col = cluster[np.argmin(side) if end == 0 else np.argmax(side)]
+        nearest = 2 * near
+        for dr in range(-near, near + 1):
+            for dc in range(-near, near + 1):
+                if code[row + dr, col + dc] & WALL_BIT:
+                    nearest = min(nearest, max(abs(dr), abs(dc)))
+        out[5 + end] = nearest
+
+
+_FACTORS = np.array(
+    [
+        2 if "_area_" in name or name.endswith("_cells")
+        else 0 if name == "slant" or name.endswith(("_end", "_stopped", "_ended", "_share"))
+        else 1
+        for name in LOCAL_FEATURES
+    ]
+)  # fmt: skip
+
+
+def _scale(out: NDArray[np.float32], resolution: float) -> None:
+    """From cells to metres and square metres."""
+    out *= np.float32(resolution) ** _FACTORS.astype(np.float32)
