@@ -82,6 +82,7 @@ def _spread_shapes(
     for r in range(rows):
         for c in range(cols):
             label = labels[r, c]
+            # A region without a shape has a window of no rows. Only cells beside the unknown begin.
             if label and windows[label, 2]:
                 for step in range(4):
                     row, col = r + (step == 0) - (step == 1), c + (step == 2) - (step == 3)
@@ -93,7 +94,7 @@ def _spread_shapes(
     while first < last:
         r, c = queue[first]
         first += 1
-        label = out[r, c]
+        label = out[r, c]  # the first to come has the cell: the queue goes in rings of all regions at once
         for step in range(4):
             row, col = r + (step == 0) - (step == 1), c + (step == 2) - (step == 3)
             if not (0 <= row < rows and 0 <= col < cols) or cells[row, col] != -1 or out[row, col]:

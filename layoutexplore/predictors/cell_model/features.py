@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -35,24 +36,32 @@ _SEEN: tuple[str, ...] = (
     *(f"diagonal{k}_{what}" for k in range(4) for what in ("distance", "kind")),
     "rank", "other_way", "region_doors", "typical_area", "typical_long", "typical_short", "rooms",
 )  # fmt: skip
-_JUDGED = (
-    "self",
-    "near",
-    "wide",
-    "total",
-    "mean",
-    "grown_long",
-    "grown_short",
-    "beyond_long",
-    "beyond_short",
-)
+_JUDGED = ("self", "near", "wide", "total", "mean", "grown_long", "grown_short", "beyond_long", "beyond_short")  # fmt: skip
 
 FEATURES: tuple[str, ...] = (*_SEEN, *(f"judged_{what}" for what in _JUDGED))
 """Names of the features. `long` is the axis along which the cell lies further outside of the region's box. The judged ones
 say what a first judgement, made without them, thinks of the neighbourhood and of the whole room."""
 
+(_WAY, _CROSSED, _OUTSIDE, _BOX, _AREA, _FILL, _STRAIGHT, _DIAGONAL, _RANK, _OTHER_WAY, _REGION_DOORS, _TYPICAL) = (
+    FEATURES.index(name)
+    for name in ("way", "crossed", "outside_long", "box_long", "area", "fill", "inward_distance", "diagonal0_distance",
+                 "rank", "other_way", "region_doors", "typical_area")
+)  # fmt: skip
+_SELF, _NEAR, _TOTAL, _MEAN, _GROWN = (
+    FEATURES.index(f"judged_{name}") for name in ("self", "near", "total", "mean", "grown_long")
+)
+"""Columns of features, and the first ones of those that are written together."""
+
 NEAR, WIDE = 3, 7
 """Lattice cells on a side of the neighbourhoods whose first judgement is averaged."""
+
+
+class _Known(NamedTuple):
+    """What is known: the code and margin of a bit map, and the labels of regions int32 (rows, cols)."""
+
+    code: NDArray[np.uint8]
+    margin: int
+    labels: NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,15 +118,15 @@ def find_candidates(
     region = owner[at]
     features = np.zeros((len(found), len(FEATURES)), np.float32)
     sight = round(SIGHT / resolution)
-    _describe(bit_map.code, bit_map.margin, regions.labels, regions.boxes, found, region, sight, features)
-    end = len(_SEEN)
-    features[:, 0], features[:, 1], features[:, end - 7] = way[at], crossed[at], rank
-    features[:, end - 6] = way[1 - rank, at[1], at[2]]
+    known = _Known(bit_map.code, bit_map.margin, regions.labels)
+    _describe(known, regions.boxes, found, region, sight, features)
+    features[:, _WAY], features[:, _CROSSED], features[:, _RANK] = way[at], crossed[at], rank
+    features[:, _OTHER_WAY] = way[1 - rank, at[1], at[2]]
     for k, name in enumerate(_SEEN):
         if not name.endswith(("crossed", "kind", "fill", "rank")):
             features[:, k] *= resolution**2 if name == "area" else resolution
-    features[:, end - 5] = regions.doors[region]
-    features[:, end - 4 : end] = _typical_room(bit_map, regions, resolution)
+    features[:, _REGION_DOORS] = regions.doors[region]
+    features[:, _TYPICAL : _TYPICAL + 4] = _typical_room(bit_map, regions, resolution)
     return Candidates(found, region, rank, features, stride, regions.boxes)
 
 
@@ -134,20 +143,20 @@ def add_first_estimate(
     features, region, stride = candidates.features.copy(), candidates.region, candidates.stride
     if not len(features):
         return features
-    end, square = len(_SEEN), (stride * resolution) ** 2
+    square = (stride * resolution) ** 2
     at = candidates.cells // stride
     shape = (2, *(at.max(0) + 1).tolist())
     owner, judged = np.zeros(shape, np.int32), np.zeros(shape, np.float32)
     owner[candidates.rank, at[:, 0], at[:, 1]] = region
     judged[candidates.rank, at[:, 0], at[:, 1]] = inside
-    features[:, end] = inside
+    features[:, _SELF] = inside
     for k, size in enumerate((NEAR, WIDE)):
-        features[:, end + 1 + k] = _own_mean(owner, judged, region, at, size // 2)
+        features[:, _NEAR + k] = _own_mean(owner, judged, region, at, size // 2)
     total = np.bincount(region, weights=inside, minlength=len(candidates.boxes))
     count = np.bincount(region, minlength=len(candidates.boxes))
-    features[:, end + 3] = total[region] * square
-    features[:, end + 4] = (total / np.maximum(count, 1))[region]
-    features[:, end + 5 :] = _grown_boxes(candidates, inside > 0.5) * resolution
+    features[:, _TOTAL] = total[region] * square
+    features[:, _MEAN] = (total / np.maximum(count, 1))[region]
+    features[:, _GROWN:] = _grown_boxes(candidates, inside > 0.5) * resolution
     return features
 
 
@@ -278,6 +287,7 @@ def _reach(
                     last += 1
     first = 0
     while first < last:
+        # Ring by ring: an entry is a cell and which of its two owners goes on from it.
         i, own = queue[first] // 2, queue[first] % 2
         first += 1
         if (
@@ -315,69 +325,70 @@ def _place(flat: NDArray[np.uint8], owner: NDArray[np.int32], k: int, region: in
 
 @njit(cache=True, nogil=True)
 def _describe(
-    code: NDArray[np.uint8],
-    margin: int,
-    labels: NDArray[np.int32],
+    known: _Known,
     boxes: NDArray[np.int64],
     found: NDArray[np.int32],
     region: NDArray[np.int32],
     reach: int,
     out: NDArray[np.float32],
 ) -> None:
-    """Where each cell lies to the box of its region, and what is first known in the four directions."""
+    """Where each cell lies to the box of its region, and what is first known in the eight directions."""
     seen = np.zeros(4, np.float32)
     for k in range(len(found)):
         r, c = found[k]
         box = boxes[region[k]]
         over_row, over_col = max(box[1] - r, r - box[3] + 1, 0), max(box[2] - c, c - box[4] + 1, 0)
         height, width = box[3] - box[1], box[4] - box[2]
+        # The frame of a cell: u runs along the axis on which it lies further outside of the box (of two equal
+        # ones the longer side's), v across, both towards the box's middle. Mirrored situations look the same.
         row_first = over_row > over_col or (over_row == over_col and height >= width)
         sign_row, sign_col = (1 if 2 * r < box[1] + box[3] else -1), (1 if 2 * c < box[2] + box[4] else -1)
         ur, uc, vr, vc = (sign_row, 0, 0, sign_col) if row_first else (0, sign_col, sign_row, 0)
-        out[k, 2], out[k, 3] = (over_row, over_col) if row_first else (over_col, over_row)
-        out[k, 4], out[k, 5] = (height, width) if row_first else (width, height)
-        out[k, 6], out[k, 7] = box[0], box[0] / max(height * width, 1)
+        row = out[k]
+        row[_OUTSIDE], row[_OUTSIDE + 1] = (over_row, over_col) if row_first else (over_col, over_row)
+        row[_BOX], row[_BOX + 1] = (height, width) if row_first else (width, height)
+        row[_AREA], row[_FILL] = box[0], box[0] / max(height * width, 1)
         for side in range(4):
             dr, dc = (ur, uc) if side < 2 else (vr, vc)
             if side % 2:
                 dr, dc = -dr, -dc
-            _look(code, margin, labels, r, c, dr, dc, region[k], reach, out[k, 8 + 4 * side : 12 + 4 * side])
+            at = _STRAIGHT + 4 * side
+            _look(known, (r, c), (dr, dc), region[k], reach, row[at : at + 4])
         for turn in range(4):
             dr, dc = ur + vr * (1 - 2 * (turn % 2)), uc + vc * (1 - 2 * (turn % 2))
             if turn >= 2:
                 dr, dc = -dr, -dc
-            _look(code, margin, labels, r, c, dr, dc, region[k], reach, seen)
-            out[k, 24 + 2 * turn], out[k, 25 + 2 * turn] = seen[0], seen[1]
+            _look(known, (r, c), (dr, dc), region[k], reach, seen)
+            row[_DIAGONAL + 2 * turn], row[_DIAGONAL + 2 * turn + 1] = seen[0], seen[1]
 
 
 @njit(cache=True, nogil=True)
 def _look(
-    code: NDArray[np.uint8],
-    margin: int,
-    labels: NDArray[np.int32],
-    row: int,
-    col: int,
-    dr: int,
-    dc: int,
+    known: _Known,
+    cell: tuple[int, int],
+    step: tuple[int, int],
     region: int,
     reach: int,
     out: NDArray[np.float32],
 ) -> None:
     """Steps to the first known cell, its kind (0 none, 1 own room, 2 other room, 3 wall), lines crossed, steps to the first."""
     # Not `grids.rays.trace`: a diagonal goes from corner to corner here, past the two cells beside.
+    (row, col), (dr, dc) = cell, step
     across = ALONG_ROWS | ALONG_COLS if dr != 0 and dc != 0 else (ALONG_COLS if dc != 0 else ALONG_ROWS)
     kind, crossings, inside, distance, line = 0, 0, False, 0, reach
+    # The bit map's margin is wider than `reach`: no border is looked for. Free cells lie in the grid.
     while distance < reach:
         distance += 1
         row, col = row + dr, col + dc
-        bits = code[row + margin, col + margin]
+        bits = known.code[row + known.margin, col + known.margin]
         if bits & WALL_BIT:
             kind = 3
             break
         if bits & FREE_BIT:
-            kind = 1 if labels[row, col] == region else 2
+            kind = 1 if known.labels[row, col] == region else 2
             break
         extended = bits & across != 0
+        # A continued wall several cells thick is one line.
         if extended and not inside:
             crossings += 1
             line = min(line, distance)

@@ -145,16 +145,18 @@ def _climb(
     best, better = -1.0, True
     while better:
         better = False
+        # One side after the other, each to its best place: the overlap only rises, so that this ends.
         for side in range(4):
             limit = chances.shape[side // 2] - 1
             first, last = (0, sides[side + 1] - 1) if side % 2 == 0 else (sides[side - 1] + 1, limit)
             place = sides[side]
             for k in range(first, last + 1):
                 sides[side] = k
-                a, b, c, d = sides
+                a, b, c, d = sides  # half-open: rows a..b, columns c..d
                 inside = chances[b, d] - chances[a, d] - chances[b, c] + chances[a, c]
                 count = counts[b, d] - counts[a, d] - counts[b, c] + counts[a, c]
                 value = inside / max(count + total - inside, 1e-9)
+                # By more than rounding, lest two equal places take turns for ever.
                 if value > best + 1e-9:
                     best, place, better = value, k, True
             sides[side] = place
