@@ -18,7 +18,6 @@ import fcntl
 import io
 import re
 import shutil
-import tomllib
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -28,16 +27,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.benchmark.config import BenchmarkConfig, settings
+from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual, from_arrays, to_arrays
 from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.manifest import manifest_of, merge_manifests, read_manifest
 from layoutexplore.benchmark.plans import PlanEntry
-from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.errors import ResultsError
 from layoutexplore.files import (
     HALF,
     is_whole,
     read_arrays,
-    read_toml,
     to_toml,
     write_arrays,
     write_atomically,
@@ -52,15 +51,6 @@ _REQUIRED = {f.name for f in dataclasses.fields(Row) if f.default is dataclasses
 LOCK = ".lock"
 """File that is held while a benchmark writes."""
 
-
-_MANIFEST: dict[type | tuple[type, ...], tuple[str, ...]] = {
-    str: ("config_hash", "command", "baseline", "settings.version"),
-    int: ("starts", "settings.seed"),
-    list: ("agents", "sensors"),
-    dict: ("plans", "settings.lidars"),
-    (int, float): ("settings.simulation.turn_cost", "settings.simulation.coverage_goal"),
-}
-"""What run.toml must hold, by type."""
 
 _CONVERTERS: dict[str, Callable[[str], Any]] = {
     "int": int,
@@ -184,31 +174,7 @@ class ResultsFolder:
         Raises:
             ResultsError: It is missing, cannot be read, or lacks what this version needs.
         """
-        path = self.path / "run.toml"
-        if not path.is_file():
-            raise ResultsError(f"{self.path} holds no benchmark: there is no run.toml in it")
-        try:
-            manifest = read_toml(path)
-        except ConfigError as error:
-            raise ResultsError(f"{path} is damaged ({error}): start again with --force") from error
-        lacking = [
-            name
-            for kind, names in _MANIFEST.items()
-            for name in names
-            if not isinstance(_at(manifest, name), kind)
-        ]
-        if not lacking:
-            lacking = [
-                f"plans.{name}"
-                for name, plan in manifest["plans"].items()
-                if _at(plan, "content_hash") is None
-            ]
-        if lacking:
-            raise ResultsError(
-                f"{self.path}/run.toml is damaged or of another version (no {lacking[0]}): start again "
-                "with --force"
-            )
-        return manifest
+        return read_manifest(self.path)
 
 
 @contextmanager
@@ -272,7 +238,7 @@ def open_results(
         ResultsError: The folder holds another configuration, or is damaged.
     """
     folder = ResultsFolder(path)
-    wanted = _manifest(config, plans, models, command)
+    wanted = manifest_of(config, plans, models, command)
     if force and (path / "run.toml").exists():
         for name in ("runs", "plans"):
             shutil.rmtree(path / name, ignore_errors=True)
@@ -281,91 +247,9 @@ def open_results(
     for half_written in path.rglob(f".*{HALF}"):
         half_written.unlink(missing_ok=True)
     if (path / "run.toml").exists():
-        wanted = _merged(folder.manifest(), wanted, path, extend=extend)
+        wanted = merge_manifests(folder.manifest(), wanted, path, extend=extend)
     write_atomically(path / "run.toml", to_toml(wanted))
     return folder
-
-
-def _at(table: Any, path: str) -> Any:
-    """The value at a path like "settings.seed" of nested tables; None where there is none."""
-    for key in path.split("."):
-        table = table.get(key) if isinstance(table, dict) else None
-    return table
-
-
-def _manifest(
-    config: BenchmarkConfig, plans: list[PlanEntry], models: dict[str, str], command: str
-) -> dict[str, Any]:
-    return {
-        "command": command,
-        "config_hash": config.config_hash,
-        "starts": config.starts,
-        "baseline": config.baseline,
-        "agents": sorted(config.agents),
-        "sensors": sorted(config.sensors),
-        "settings": settings(config) | {"models": models},
-        "plans": {plan.name: dataclasses.asdict(plan) for plan in plans},
-    }
-
-
-def _merged(old: dict[str, Any], new: dict[str, Any], path: Path, *, extend: bool) -> dict[str, Any]:
-    """What run.toml is to say now, or why it cannot be."""
-    models, noted = (
-        new["settings"]["models"],
-        old["settings"].get("models", {}),
-    )  # Earlier versions did not note models.
-    old["settings"]["models"] = {name: "not noted" for name in models if name in old["agents"]} | noted
-    was, now = (
-        dict(_flat(tomllib.loads(to_toml(_comparable(old))))),
-        dict(_flat(tomllib.loads(to_toml(_comparable(new))))),
-    )
-
-    def grows(key: str) -> bool:
-        added = key.startswith(("settings.lidars.", "settings.models.", "plans.")) and (
-            key not in was or key not in now
-        )
-        return added or key in ("agents", "sensors", "starts")
-
-    changed = [k for k in sorted(was.keys() | now.keys()) if was.get(k) != now.get(k)]
-    fatal = [k for k in changed if not (extend and grows(k))]
-    if fatal:
-        lines = [f"  {k}: {_shown(was.get(k))} there, {_shown(now.get(k))} now" for k in fatal[:8]]
-        more = [f"  and {len(fatal) - 8} more"] if len(fatal) > 8 else []
-        advice = "--extend to add to it, " if all(map(grows, fatal)) else ""
-        raise ResultsError(
-            "\n".join([f"{path} holds the results of another configuration:", *lines, *more])
-            + f"\nChoose another folder with --out, {advice}or --force to delete what is there and start "
-            "again."
-        )
-    merged = {**old, **new}
-    for name in ("agents", "sensors"):
-        merged[name] = sorted({*old[name], *new[name]})
-    merged["starts"] = max(old["starts"], new["starts"])
-    merged["plans"] = {**old["plans"], **new["plans"]}
-    for name in ("lidars", "models"):
-        merged["settings"][name] = {**old["settings"][name], **new["settings"][name]}
-    return merged
-
-
-def _comparable(manifest: dict[str, Any]) -> dict[str, Any]:
-    kept = {k: v for k, v in manifest.items() if k not in ("command", "config_hash", "baseline")}
-    kept["plans"] = {name: plan["content_hash"] for name, plan in manifest["plans"].items()}
-    return kept
-
-
-def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield from _flat(inner, f"{prefix}.{key}" if prefix else key)
-    else:
-        yield prefix, value
-
-
-def _shown(value: Any) -> str:
-    text = (
-        "nothing" if value is None else ", ".join(map(str, value)) if isinstance(value, list) else str(value)
-    )
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def slug(name: str) -> str:

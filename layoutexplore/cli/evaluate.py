@@ -14,6 +14,7 @@ from layoutexplore.cli.closed_doors import HELP as CLOSED_DOORS_HELP
 from layoutexplore.cli.closed_doors import closed_doors
 from layoutexplore.cli.clutter import HELP as CLUTTER_HELP
 from layoutexplore.cli.clutter import clutter
+from layoutexplore.cli.in_the_loop import HELP as IN_THE_LOOP_HELP
 from layoutexplore.cli.in_the_loop import in_the_loop
 from layoutexplore.cli.partial_rooms import HELP as PARTIAL_ROOMS_HELP
 from layoutexplore.cli.partial_rooms import partial_rooms
@@ -58,8 +59,11 @@ EXAMPLE = (
     "--out models/"
 )
 group.command("train-predictor", help=TRAIN_PREDICTOR_HELP, epilog=EXAMPLE)(train_predictor)
-EXAMPLE = "Example: layoutexplore evaluate in-the-loop test -p reconstruct:rose2 -p layout -p oracle --out in-the-loop"
-group.command("in-the-loop", epilog=EXAMPLE)(in_the_loop)
+EXAMPLE = (
+    "Example: layoutexplore evaluate in-the-loop test -p reconstruct:rose2 -p layout -p oracle "
+    "--out in-the-loop"
+)
+group.command("in-the-loop", help=IN_THE_LOOP_HELP, epilog=EXAMPLE)(in_the_loop)
 EXAMPLE = "Example: layoutexplore evaluate closed-doors maps/ --out predicted"
 group.command("closed-doors", help=CLOSED_DOORS_HELP, epilog=EXAMPLE)(closed_doors)
 

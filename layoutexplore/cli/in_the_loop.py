@@ -1,4 +1,4 @@
-"""`layoutexplore evaluate in-the-loop`: what predictors of rooms are worth to a robot that explores with them."""
+"""`layoutexplore evaluate in-the-loop`: what predictors of rooms are worth to a robot that explores."""
 
 from __future__ import annotations
 
@@ -32,6 +32,12 @@ SHOWN = (0.25, 0.5, 0.75)
 """Coverages at which one exploration is drawn."""
 
 
+HELP = (
+    "Predictors on snapshots, and the metres of layout-tour with each; a table, and pictures of what they "
+    "believed."
+)
+
+
 def in_the_loop(
     plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
     out: Annotated[
@@ -47,7 +53,7 @@ def in_the_loop(
     starts: Annotated[int, typer.Option(min=1, help="Starts on each floor plan.")] = 2,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
 ) -> None:
-    """Predictors on snapshots, and the metres of layout-tour with each; a table, and pictures of what they believed."""
+    """Compare predictors in the loop; `HELP` is what the command line says."""
     from rich.console import Console
 
     from layoutexplore.benchmark.config import BenchmarkConfig
@@ -100,7 +106,7 @@ def _ask(
     starts: int,
     store: Path,
 ) -> tuple[Scores, dict[str, str], list[BelievedRooms]]:
-    """Scores on snapshots, the building of each plan by name, and pictures of one exploration of the first plan."""
+    """Scores on snapshots, the building of each plan by name, pictures of an exploration of the first plan."""
     from rich.console import Console
 
     from layoutexplore.agents import make_agent

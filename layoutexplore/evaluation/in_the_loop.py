@@ -1,4 +1,4 @@
-"""What layout methods are worth to a robot: how right they are about frontiers, and the metres they save in the loop."""
+"""What layout methods are worth to a robot: how right they are about frontiers, and the metres they save."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class LoopScore:
     Attributes:
         predictor: Its name.
         mcc: Matthews' correlation of closed and open frontiers.
-        hidden_iou: IoU of what is predicted and what is true of the hidden parts of rooms, interval over buildings.
+        hidden_iou: IoU of the predicted and the true hidden parts of rooms, interval over buildings.
         leftover: Share of frontiers of which "closed, with less than 1 m2 left" is told rightly, 0..1.
         ms: Milliseconds of a prediction, median.
         d95: Metres to 95 % over those of the baseline, interval over floor plans; None where nothing ran.

@@ -1,4 +1,4 @@
-"""The page of an evaluation of layout methods in the loop: one table, and the rooms that each method believed in."""
+"""The page of an evaluation of layout methods in the loop: one table, and the rooms each believed in."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class BelievedRooms:
 
 
 def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> NDArray[np.uint8]:
-    """The known map with the predicted rooms, seen parts strong and hidden ones pale; frontiers by their true class.
+    """The known map with the predicted rooms, seen parts strong, hidden ones pale; frontiers by true class.
 
     Returns:
         uint8 (h, w, 3) RGB, y up.

@@ -1,4 +1,4 @@
-"""Predictors in the loop: scores and metres meet in one line, and the command writes a page from a folder that goes on."""
+"""Predictors in the loop: scores and metres meet in one line; the command writes a page from its folder."""
 
 from __future__ import annotations
 

@@ -1,0 +1,125 @@
+"""The manifest of a results folder, run.toml: configuration, floor plans, models; what may be added to it."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from layoutexplore.benchmark.config import BenchmarkConfig, settings
+from layoutexplore.benchmark.plans import PlanEntry
+from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.files import read_toml, to_toml
+
+_MANIFEST: dict[type | tuple[type, ...], tuple[str, ...]] = {
+    str: ("config_hash", "command", "baseline", "settings.version"),
+    int: ("starts", "settings.seed"),
+    list: ("agents", "sensors"),
+    dict: ("plans", "settings.lidars"),
+    (int, float): ("settings.simulation.turn_cost", "settings.simulation.coverage_goal"),
+}
+"""What run.toml must hold, by type."""
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """What the run.toml of a folder says.
+
+    Raises:
+        ResultsError: It is missing, cannot be read, or lacks what this version needs.
+    """
+    path = folder / "run.toml"
+    if not path.is_file():
+        raise ResultsError(f"{folder} holds no benchmark: there is no run.toml in it")
+    try:
+        manifest = read_toml(path)
+    except ConfigError as error:
+        raise ResultsError(f"{path} is damaged ({error}): start again with --force") from error
+    kinds = [(name, kind) for kind, names in _MANIFEST.items() for name in names]
+    lacking = [name for name, kind in kinds if not isinstance(_at(manifest, name), kind)]
+    if not lacking:
+        plans = manifest["plans"].items()
+        lacking = [f"plans.{name}" for name, plan in plans if _at(plan, "content_hash") is None]
+    if lacking:
+        wrong = f"is damaged or of another version (no {lacking[0]})"
+        raise ResultsError(f"{path} {wrong}: start again with --force")
+    return manifest
+
+
+def _at(table: Any, path: str) -> Any:
+    """The value at a path like "settings.seed" of nested tables; None where there is none."""
+    for key in path.split("."):
+        table = table.get(key) if isinstance(table, dict) else None
+    return table
+
+
+def manifest_of(
+    config: BenchmarkConfig, plans: list[PlanEntry], models: dict[str, str], command: str
+) -> dict[str, Any]:
+    """What run.toml says of a benchmark with floor plans and fingerprints of models."""
+    return {
+        "command": command,
+        "config_hash": config.config_hash,
+        "starts": config.starts,
+        "baseline": config.baseline,
+        "agents": sorted(config.agents),
+        "sensors": sorted(config.sensors),
+        "settings": settings(config) | {"models": models},
+        "plans": {plan.name: dataclasses.asdict(plan) for plan in plans},
+    }
+
+
+def merge_manifests(old: dict[str, Any], new: dict[str, Any], path: Path, *, extend: bool) -> dict[str, Any]:
+    """What run.toml is to say now, or why it cannot be."""
+    models = new["settings"]["models"]
+    noted = old["settings"].get("models", {})  # Earlier versions did not note models.
+    old["settings"]["models"] = {name: "not noted" for name in models if name in old["agents"]} | noted
+    was, now = (dict(_flat(tomllib.loads(to_toml(_comparable(table))))) for table in (old, new))
+
+    def grows(key: str) -> bool:
+        added = key.startswith(("settings.lidars.", "settings.models.", "plans.")) and (
+            key not in was or key not in now
+        )
+        return added or key in ("agents", "sensors", "starts")
+
+    changed = [k for k in sorted(was.keys() | now.keys()) if was.get(k) != now.get(k)]
+    fatal = [k for k in changed if not (extend and grows(k))]
+    if fatal:
+        lines = [f"  {k}: {_shown(was.get(k))} there, {_shown(now.get(k))} now" for k in fatal[:8]]
+        more = [f"  and {len(fatal) - 8} more"] if len(fatal) > 8 else []
+        advice = "--extend to add to it, " if all(map(grows, fatal)) else ""
+        raise ResultsError(
+            "\n".join([f"{path} holds the results of another configuration:", *lines, *more])
+            + f"\nChoose another folder with --out, {advice}or --force to delete what is there and start "
+            "again."
+        )
+    merged = {**old, **new}
+    for name in ("agents", "sensors"):
+        merged[name] = sorted({*old[name], *new[name]})
+    merged["starts"] = max(old["starts"], new["starts"])
+    merged["plans"] = {**old["plans"], **new["plans"]}
+    for name in ("lidars", "models"):
+        merged["settings"][name] = {**old["settings"][name], **new["settings"][name]}
+    return merged
+
+
+def _comparable(manifest: dict[str, Any]) -> dict[str, Any]:
+    kept = {k: v for k, v in manifest.items() if k not in ("command", "config_hash", "baseline")}
+    kept["plans"] = {name: plan["content_hash"] for name, plan in manifest["plans"].items()}
+    return kept
+
+
+def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _flat(inner, f"{prefix}.{key}" if prefix else key)
+    else:
+        yield prefix, value
+
+
+def _shown(value: Any) -> str:
+    text = (
+        "nothing" if value is None else ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+    )
+    return text if len(text) <= 60 else text[:57] + "..."
