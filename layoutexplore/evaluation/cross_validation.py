@@ -1,7 +1,7 @@
-"""The default method judged on buildings that its judge of merges has never seen.
+"""The method `default` scored on buildings that its classifier has never seen.
 
-The buildings are dealt into folds; for each fold the judge is trained on the maps of all the others, on these
-maps while being explored, and on maps simulated from floor plans, and the method is scored on the fold.
+The buildings are dealt into folds; for each fold the classifier is trained on the maps of all the others, on
+these maps while being explored, and on maps simulated from floor plans, and the method is scored on the fold.
 Training takes chance: with several seeds, the spread of the means over the seeds is what a difference between
 two trainings has to exceed.
 """
@@ -35,7 +35,7 @@ class CrossValidationConfig:
         resolution: Metres a pixel.
         simulated: Number of simulated maps to train on besides.
         plans: Floor plans to simulate maps of, besides generated ones.
-        seeds: The judges are trained so many times, with seeds 0, 1, ...
+        seeds: The classifiers are trained so many times, with seeds 0, 1, ...
         weights: Weight in training of a folder's maps where it is not 1.
     """
 
@@ -53,7 +53,7 @@ def cross_validate_merging(
     config: CrossValidationConfig,
     progress: Progress = silent,
 ) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
-    """Score the default method on every map with a judge that has not seen its building, once for each seed.
+    """Score the method on every map with a classifier that has not seen its building, once for each seed.
 
     Args:
         cases: The maps.

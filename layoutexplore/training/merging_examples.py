@@ -22,9 +22,9 @@ class Example:
     """A map to learn from.
 
     Attributes:
-        graph: Its pieces.
-        rooms: float64 (pieces + 1, rooms + 1), known free cells of each piece in each true room, column 0 in
-            none.
+        graph: Its regions.
+        rooms: float64 (regions + 1, rooms + 1), known free cells of each region in each true room, column 0
+            in none.
         building: Maps of one building are trained on together or not at all.
         kind: Maps of one kind and building share one weight.
     """
@@ -44,7 +44,7 @@ def make_example(
     kind: str,
     config: MergingConfig | None = None,
 ) -> Example:
-    """Cut a map into pieces and count whose they are.
+    """Cut a map into regions and count whose they are.
 
     Args:
         cells: int8 (rows, cols), the map.
@@ -52,14 +52,14 @@ def make_example(
         resolution: Metres a cell.
         building: Name of the building.
         kind: Kind of map, such as "empty".
-        config: Options of the default method.
+        config: Options of the merging.
     """
-    pieces = find_regions(cells, resolution, config or MergingConfig(), StageTimer())
-    labels = turn_back(pieces.labels, pieces.turned, (cells.shape[0], cells.shape[1]))
+    regions = find_regions(cells, resolution, config or MergingConfig(), StageTimer())
+    labels = turn_back(regions.labels, regions.turned, (cells.shape[0], cells.shape[1]))
     free = cells == FREE
     columns = int(truth.max(initial=0)) + 1
     keys = labels[free].astype(np.int64) * columns + truth[free]
-    counts = np.bincount(keys, minlength=len(pieces.part) * columns).reshape(-1, columns).astype(np.float64)
-    rooms = np.zeros((len(pieces.graph.nodes), columns))
-    np.add.at(rooms, pieces.part, counts)
-    return Example(pieces.graph, rooms, building, kind)
+    counts = np.bincount(keys, minlength=len(regions.part) * columns).reshape(-1, columns).astype(np.float64)
+    rooms = np.zeros((len(regions.graph.nodes), columns))
+    np.add.at(rooms, regions.part, counts)
+    return Example(regions.graph, rooms, building, kind)

@@ -1,10 +1,10 @@
-"""Training the judge of the default method on maps whose rooms are known.
+"""Training the classifier that merges regions into rooms, on maps whose rooms are known.
 
-A map's pieces are labelled by the room most of their cells lie in. The pieces are merged in the order in
-which the judge trained so far would merge them, but only where that is right, and every pair looked at on the
-way is a sample: so the judge learns from the very unions it meets. Every building weighs the same for each
-kind of map of it, unless a kind is given another weight, and the simulated maps together weigh a quarter of
-what all real ones would without such weights.
+A map's regions are labelled by the room most of their cells lie in. The regions are merged in the order in
+which the classifier trained so far would merge them, but only where that is right, and every pair looked at
+on the way is a sample: so the classifier learns from the very unions it meets. Every building weighs the same
+for each kind of map of it, unless a kind is given another weight, and the simulated maps together weigh a
+quarter of what all real ones would without such weights.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ RISING = ("openness", "contact_share_small", "contact_share_large", "pass", "pas
           "facing_small", "facing_large", "same_room", "room_overlap", "room_fit")  # fmt: skip
 FALLING = ("line_near", "line_near_min", "line_far", "through", "door_share", "misalignment", "parted", "covered",
            "apart")  # fmt: skip
-"""Features of which more can only speak for one room, or only against it: what keeps the judge sane on unseen buildings."""
+"""Features of which more can only speak for one room, or only against it: sane on unseen buildings too."""
 
 LABEL, WEIGHT = -2, -1
 """Columns of a sample behind its features: 1 where the pair is one room, and the sample's weight."""
@@ -40,12 +40,12 @@ LEVELS = 200
 
 @dataclass(frozen=True, kw_only=True)
 class MergingTrainingConfig:
-    """How the judge is trained.
+    """How the classifier is trained.
 
     Attributes:
-        rounds: Times the samples are collected, each with the judge of the round before.
-        forests: Forests of the last round; the judge is their mean, which depends less on the seed than each
-            of them.
+        rounds: Times the samples are collected, each with the classifier of the round before.
+        forests: Forests of the last round; the classifier is their mean, which depends less on the seed
+            than each of them.
         trees: Trees of a forest.
         leaves: Leaves of a tree.
         rate: Learning rate.
@@ -67,7 +67,7 @@ class MergingTrainingConfig:
 
 
 def first_forest() -> Forest:
-    """The judge of the first round: merge wide passes between pieces that are open to each other."""
+    """The classifier of the first round: merge wide passes between regions that are open to each other."""
     return Forest(
         feature=np.array(
             [FEATURES.index("pass_ratio_small"), -1, -1, FEATURES.index("openness"), -1, -1], np.int32
@@ -81,7 +81,7 @@ def first_forest() -> Forest:
 
 
 def train_forest(examples: Sequence[Example], config: MergingTrainingConfig | None = None) -> Forest:
-    """Train a judge.
+    """Train a classifier.
 
     Args:
         examples: Maps of at least one building.
@@ -100,7 +100,7 @@ def train_forest(examples: Sequence[Example], config: MergingTrainingConfig | No
 
 
 def mean_forest(forests: Sequence[Forest]) -> Forest:
-    """The judge whose log-odds are the mean of those of others."""
+    """The classifier whose log-odds are the mean of those of others."""
     begin = np.cumsum([0, *(len(f.feature) for f in forests)])
     parts = list(zip(forests, begin.tolist(), strict=False))
     return Forest(
@@ -177,7 +177,7 @@ EXPLORED = 2
 
 
 def training_examples(cases: Sequence[Case], resolution: float, progress: Progress = silent) -> list[Example]:
-    """What the judge learns from the maps, and from some of them while being explored.
+    """What the classifier learns from the maps, and from some of them while being explored.
 
     Of each building and folder, the largest `EXPLORED` maps are explored.
     """
@@ -212,7 +212,7 @@ def train_classifier(
     weights: Mapping[str, float] | None = None,
     progress: Progress = silent,
 ) -> Forest:
-    """The judge that ships: trained on all given maps and on simulated ones; `weights` as in `cross_validate`."""
+    """The classifier that ships, of all given maps and simulated ones; `weights` as in `cross_validate`."""
     examples = training_examples(cases, resolution, progress)
     examples += simulated_examples(simulated, tuple(plans), progress=progress)
     return train_forest(examples, MergingTrainingConfig(seed=seed, kind_weights=weights or {}))

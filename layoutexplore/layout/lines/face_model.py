@@ -25,7 +25,7 @@ from layoutexplore.layout.lines.face_clusters import (
 from layoutexplore.layout.lines.face_outlines import paint_faces
 from layoutexplore.layout.lines.faces import Arrangement, Bounds, LineSet, arrange, clip_lines, cover_lines
 from layoutexplore.layout.lines.segments import AlignedSegments
-from layoutexplore.layout.lines.walls import WallGroups
+from layoutexplore.layout.lines.walls import WallGroups, sums
 from layoutexplore.layout.timing import StageTimer
 
 
@@ -187,12 +187,10 @@ def face_model(
     count = int(group.max()) + 1
     graph = face_graph(arrangement, covered, group, count)
     painted = paint_faces(arrangement, grid.shape, grid.resolution)
-    totals = np.zeros((len(arrangement), 4), np.int64)
-    _count_cells(painted, region, grid.cells, totals)
-    sums = np.zeros((count, 4))
-    np.add.at(sums, group, totals)
-    cells = np.maximum(sums[:, 0], 1)
-    external = sums[:, 1] / cells < config.inside_share
+    found = _count_cells(painted, region, grid.cells, len(arrangement))
+    cells, inside, known, free = (sums(group, number.astype(np.float64), count) for number in found)
+    cells = np.maximum(cells, 1)
+    external = inside / cells < config.inside_share
     at_border = _at_border(arrangement, group, count)
     return FaceModel(
         arrangement=arrangement,
@@ -201,9 +199,9 @@ def face_model(
         dropped=weight < config.line_weight,
         group=group,
         graph=graph,
-        inside_share=sums[:, 1] / cells,
-        known_share=sums[:, 2] / cells,
-        free_area=sums[:, 3] * grid.resolution**2,
+        inside_share=inside / cells,
+        known_share=known / cells,
+        free_area=free * grid.resolution**2,
         painted=painted,
         region=region,
         kind=_kinds(graph, external, at_border, config.partial_weight),
@@ -285,14 +283,17 @@ def _at_border(arrangement: Arrangement, group: NDArray[np.int64], count: int) -
 
 @njit(cache=True, nogil=True)
 def _count_cells(
-    painted: NDArray[np.int32], region: NDArray[np.uint8], cells: NDArray[np.int8], totals: NDArray[np.int64]
-) -> None:
-    """Add to `totals` (n, 4): cells of each face, those of the region, known ones and free ones."""
+    painted: NDArray[np.int32], region: NDArray[np.uint8], cells: NDArray[np.int8], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Of each cell of the arrangement int64 (count,): grid cells, those of the region, known and free ones."""
+    total, inside = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    known, free = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for row in range(painted.shape[0]):
         for col in range(painted.shape[1]):
             face = painted[row, col]
             if face >= 0:
-                totals[face, 0] += 1
-                totals[face, 1] += region[row, col]
-                totals[face, 2] += cells[row, col] != UNKNOWN
-                totals[face, 3] += cells[row, col] == FREE
+                total[face] += 1
+                inside[face] += region[row, col]
+                known[face] += cells[row, col] != UNKNOWN
+                free[face] += cells[row, col] == FREE
+    return total, inside, known, free

@@ -69,7 +69,7 @@ def _widest_neighbour(
 ) -> int:
     """The region that one opens to most widely, of equal ones over most sides, then the first met; 0 if none.
 
-    `contact` (k + 1, 3: sides, sides in door gaps, clearance) is zero between calls; `near` takes neighbours.
+    `contact` (k + 1, columns of `EDGE`) is zero between calls; `near` takes the neighbours.
     """
     n = 0
     h = halves.first[k]
@@ -77,18 +77,16 @@ def _widest_neighbour(
         other = root_of(parent, ends[h // 2, 1 - h % 2])
         edge = edges[h // 2]
         if other != k:
-            if contact[other, 0] == 0:
+            if contact[other, EDGE.open] == 0:
                 near[n] = other
                 n += 1
-            contact[other, 0] += edge[EDGE.open]
-            contact[other, 1] += edge[EDGE.door]
-            contact[other, 2] = max(contact[other, 2], edge[EDGE.clearance])
+            add_edge(contact[other], edge)
         h = halves.links[h]
     best, best_pass, best_sides = 0, -1.0, -1.0
     for other in near[:n]:
-        sides, doors, through = contact[other]
+        sides, through = contact[other, EDGE.open], contact[other, EDGE.clearance]
         # what lies behind a door gap is rather another room
-        if doors > 0.5 * sides:
+        if contact[other, EDGE.door] > 0.5 * sides:
             through *= 0.5
         if through > best_pass or (through == best_pass and sides > best_sides):
             best, best_pass, best_sides = other, through, sides
@@ -105,7 +103,7 @@ def _unite(
     parent = np.arange(count).astype(np.int32)
     halves = _half_edges(ends, edges, count)
     space = nodes[:, NODE.space].copy()
-    contact, near = np.zeros((count, 3)), np.empty(count, np.int32)
+    contact, near = np.zeros((count, len(EDGE))), np.empty(count, np.int32)
     # the smallest first, of equal ones the first; one that has grown to the limit stays
     for k in np.argsort(nodes[:, NODE.space], kind="mergesort"):
         if k == 0 or space[k] >= limit:
