@@ -1,4 +1,4 @@
-"""Rooms that may lie behind a closed door: rectangles bounded by seen walls and by the lines of the other walls.
+"""Candidates for the room behind a closed door: rectangles bounded by seen walls and the lines of other walls.
 
 Everything happens in a grid turned so that the room lies towards lower rows of its door. A side may end a
 wall's thickness short of what is known, lie in line with a wall seen elsewhere or in the mirrored plan, at a

@@ -1,4 +1,4 @@
-"""What is known of a rectangle behind a closed door: how well each side is supported, what it touches, how usual it is."""
+"""Features of a rectangle behind a closed door: support of each side, what it touches, how usual it is."""
 
 from __future__ import annotations
 

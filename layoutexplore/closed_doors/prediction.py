@@ -1,16 +1,10 @@
-"""Rooms behind closed doors: doors are found, rectangles behind each are judged by trees, and the best are drawn.
+"""Rooms behind closed doors: finds the doors, scores rectangles behind each by trees, and draws the best.
 
 One forest tells closed doors from walls, the other estimates how well a rectangle agrees with the room behind
 a door; `layoutexplore.training.closed_doors` makes both. The task is that of the ECMR 2021 paper on rooms
 behind closed doors; the way is another.
 
-The shipped trees were trained on the 8 buildings with a published answer, on the same with other doors shut,
-and on floor plans: scores on these are not scores on new buildings. With each building withheld
-(`evaluate closed-doors FOLDER --folds 8 --plans schools --plans kth`), the interquartile mean of the
-never-seen IoU over their 74 maps was 0.75 (published answers: 0.64) and the free-space IoU 0.93 (0.92); by
-building it was better than the published ones on four of eight. Without the floor plans it would be 0.68.
-The rule for rectangles outside of all that is known was chosen on these maps, and the least probabilities
-after looking at their held-out scores.
+What the shipped trees learnt from, and how right they are, says MODEL_CARD.md beside them.
 """
 
 from __future__ import annotations
@@ -34,12 +28,11 @@ LEAST_DOOR = 0.25
 """Edges less likely to be doors are walls."""
 
 MARKED = 0.7
-"""Least probability of an edge that looks like a door (`is_marked`), whatever the trees say: 51 of 73 such edges that the trees
-of other buildings doubted were doors."""
+"""Least probability of an edge that looks like a door (`is_marked`), whatever the trees say."""
 
 LEAST = 0.4
-"""Rectangles whose estimated agreement, times the probability of their door, is lower are not drawn: a part raises an
-intersection over union of J when more than J / (1 + J) of it is right, and J is about 0.7."""
+"""Rectangles whose estimated agreement, times the probability of their door, is lower are not drawn: a part raises
+an intersection over union of J when more than J / (1 + J) of it is right, and J is about 0.7."""
 
 _MARK = 0.8
 """Metres by which the line that marks a door may run on into the wall."""

@@ -1,4 +1,4 @@
-"""The mirror image of a plan, laid over it where walls fall on walls best: what may lie in parts never seen."""
+"""The mirror image of a plan, registered to it wall on wall: what may lie in parts never seen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known, drawn for probing: a byte a cell, with the unknown for a margin, so that probes need not mind the border.
+"""What is known as a bit map: a byte a cell, with the unknown for a margin, so that no kernel minds the border.
 
 The margin also keeps predictors from learning anything from where the array ends: it is unknown like all the
 rest.

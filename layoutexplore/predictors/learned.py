@@ -1,19 +1,12 @@
-"""The predictor that ships: seen rooms completed, and frontiers judged, by trees and small networks together.
+"""The predictor that ships: seen rooms completed, and frontiers classified, by trees and small networks together.
 
-Rooms are the seen regions; unknown cells near them belong to their rooms where trees (`cell_features`) and a
-small U-Net (`room_network`) say so together. Whether a frontier is closed and how much is left behind it is
-judged by trees on features of its surroundings (`frontier_features`) and, where these are in doubt, by a
-network that looks at its surroundings itself (`frontier_network`). All learn from simulated explorations of
-floor plans (`layoutexplore evaluate train-predictor`, which also says how they do on buildings that they
-never saw). The trees that ship learnt frontiers of 23 schools and university buildings, three starts each,
-and, at a twentieth of the weight, of the 12 plans of the training split, and cells of 22 of the buildings and
-some 50 generated plans; the network for frontiers learnt from the same plans and 252 generated ones. Held out
-by building (two halves), by the protocol of `layoutexplore evaluate partial-rooms`: hidden IoU 0.575
-(interquartile mean of 1744 rooms), 0.547 by the trees alone; of 11238 frontiers, Matthews' correlation of
-closed and open 0.783 (0.752 at 80 % coverage, where it is worst), by the trees alone 0.770 (0.730), "closed
-with less than 1 m2 left" right for 97 %. What is wrong is mostly a doorway that nobody has seen: the true
-rooms without their unseen doorways would give 0.65. Rooms are completed only when somebody looks at them: a
-strategy that asks for classes does not pay for shapes.
+Rooms are the seen regions; unknown cells near them belong to their rooms where trees (`cell_model.features`)
+and a small U-Net (`cell_model.network`) say so together. Whether a frontier is closed and how much is left
+behind it is estimated by trees on features of its surroundings (`frontier_model.features`) and, where these
+are in doubt, by a network that looks at its surroundings itself (`frontier_model.network`). All learn from
+simulated explorations of floor plans (`layoutexplore evaluate train-predictor`); what the models that ship
+learnt from, and how right they are on buildings that they never saw, says MODEL_CARD.md beside them. Rooms
+are completed only when somebody looks at them: a strategy that asks for classes does not pay for shapes.
 """
 
 from __future__ import annotations
@@ -47,8 +40,7 @@ from layoutexplore.predictors.room_completion import complete_regions
 from layoutexplore.predictors.seen_rooms import Regions, seen_regions
 
 CLOSED = 0.6
-"""Probability from which a frontier is called closed: on either half of the buildings, trained on the other, Matthews'
-correlation was best near this value (most frontiers are closed, so that a doubtful one is rather open)."""
+"""Probability from which a frontier is called closed: most are, so that a doubtful one is rather open (MODEL_CARD.md)."""
 
 _CHANGES = np.array([math.log(CLOSED / (1.0 - CLOSED)), 0.0])
 """Log-odds at which "closed" and "leftover" change."""
@@ -67,8 +59,7 @@ ROOM_SHARE, FRONTIER_SHARE = 0.6, 0.5
 """Weight of the networks' log-odds, of squares and of frontiers, against those of the trees."""
 
 DOUBT = 1.0
-"""The network is asked about frontiers for which the trees' log-odds are as near as this to where a class changes: about one in
-eight, those for which an answer matters most."""
+"""The network is asked where the trees' log-odds are as near as this to where a class changes: there it matters most."""
 
 
 class PredictedLayout:

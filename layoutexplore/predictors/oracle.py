@@ -1,4 +1,4 @@
-"""The true rooms: the ceiling of prediction, and how good a prediction has to be when some are judged wrongly."""
+"""The true rooms: the ceiling of prediction, also with a share of the rooms classified wrongly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a predictor is: a map of rooms over the grid, from which every frontier gets its class and the area behind it."""
+"""Predicts, at a decision, the rooms, and from them each frontier's class and the area behind it."""
 
 from __future__ import annotations
 

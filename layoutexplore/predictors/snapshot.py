@@ -1,4 +1,4 @@
-"""A decision of an exploration, frozen, with the truth beside it: what predictors are asked and learn from."""
+"""A decision of an exploration, frozen, with the truth: what predictors are asked and learn from."""
 
 from __future__ import annotations
 

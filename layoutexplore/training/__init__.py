@@ -1,1 +1,1 @@
-"""Every model that ships, made: samples, folds by building, forests and networks. Policies train in `layoutexplore.agents.rl`."""
+"""Training of every model that ships but policies: samples, folds by building, forests and networks."""

@@ -1,12 +1,7 @@
-"""Training the network that judges squares (`layoutexplore evaluate train-predictor`); needs torch.
+"""Training the network that classifies cells (`layoutexplore evaluate train-predictor`); needs torch.
 
 First it learns from generated plans, of which there are as many as one likes; then from those and from real
-ones. Every scene is seen in all of the eight ways in which it can be laid down. The one that ships learnt
-from three starts on each of the school and KTH floors and from the split `train` and seeds 5000 to 5035 of
-each family:
-
-    layoutexplore evaluate train-predictor schools kth train office:5000-5035 ... --starts 3 --no-forests
-    --out models
+ones. Every decision is shown in all of the eight ways in which a grid can be turned and mirrored.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""More to learn from maps whose rooms are known: the same buildings while being explored, and with more furniture.
+"""Maps whose rooms are known as they were while being explored, and with more furniture.
 
 A lidar that sees through free cells only looks around at places near a start; what it sees is shown as the
 map has it, so that noise, furniture and the mapper's habits stay those of the building.

@@ -1,4 +1,4 @@
-"""What the trees that judge frontiers and cells learn from: stopped explorations of floor plans whose rooms are known.
+"""Samples for the predictor of rooms: stopped explorations of floor plans whose rooms are known.
 
 Every frontier is a sample with its true class and the true area left, and the unknown cells near a seen
 region are samples of whether they are floor of its room.

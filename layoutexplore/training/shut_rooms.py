@@ -1,4 +1,4 @@
-"""Rooms shut at random: maps with closed doors, and their truth, from any map or floor plan with open doorways.
+"""Maps with closed doors and their truth, from any map or floor plan: doorways are shut at random.
 
 A doorway is a short narrow passage of the free space. Some are shut by a straight line across them; what is
 then cut off from the largest part of the free space was never seen, nor were the walls that only it touches.

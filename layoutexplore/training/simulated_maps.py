@@ -1,4 +1,4 @@
-"""Grid maps with known rooms to train on: floor plans, furnished at random, seen whole or while being explored."""
+"""Grid maps with known rooms: floor plans, furnished at random, seen whole or while being explored."""
 
 from __future__ import annotations
 

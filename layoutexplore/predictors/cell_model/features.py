@@ -1,4 +1,4 @@
-"""What is known about unknown cells near a seen region, as numbers for the trees that say whether they belong to its room."""
+"""Features of the unknown cells near a seen region, from which trees say whether they belong to its room."""
 
 from __future__ import annotations
 
@@ -371,7 +371,10 @@ def _look(
     reach: int,
     out: NDArray[np.float32],
 ) -> None:
-    """Steps to the first known cell, its kind (0 none, 1 own room, 2 other room, 3 wall), lines crossed, steps to the first."""
+    """Steps to the first known cell, its kind, lines crossed, steps to the first line.
+
+    Kinds: 0 none, 1 own room, 2 other room, 3 wall.
+    """
     # Not `grids.rays.trace`: a diagonal goes from corner to corner here, past the two cells beside.
     (row, col), (dr, dc) = cell, step
     across = ALONG_ROWS | ALONG_COLS if dr != 0 and dc != 0 else (ALONG_COLS if dc != 0 else ALONG_ROWS)

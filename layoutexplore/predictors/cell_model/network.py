@@ -1,4 +1,4 @@
-"""The convolutional network that judges squares, run with numpy: a small U-Net over the planes of a `NetworkInput`.
+"""The convolutional network that classifies cells, run with numpy: a small U-Net over the planes of its input.
 
 It sees what the trees see of each square, and what they see of all squares around it.
 `layoutexplore.training.cell_network` makes it.

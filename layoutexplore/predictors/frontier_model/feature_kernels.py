@@ -1,4 +1,4 @@
-"""Kernels that probe the surroundings of one frontier: rays, floods through the unknown, walls in line, doors.
+"""Local features of one frontier: rays, floods through the unknown, walls in line, doors.
 
 A frontier has a frame: `forward` is the grid axis that points most into the unknown, `sideways` the other
 axis, turned so that the frontier's normal leans towards it. Mirrored situations look the same in this frame.
@@ -84,7 +84,7 @@ def frontier_frame(code: NDArray[np.uint8], members: NDArray[np.int32]) -> NDArr
 def cast_rays(
     code: NDArray[np.uint8], frame: NDArray[np.float64], reach: int, out: NDArray[np.float32]
 ) -> None:
-    """Per ray: length of the first unknown stretch, what ends it, distance to the first wall, unknown cells before that.
+    """Per ray: length of the first unknown run, what ends it, distance to the first wall, unknown cells before it.
 
     What ends it: 0 wall, 1 free, 2 nothing within reach, 3 there is no unknown on the ray. Lengths in cells.
     """

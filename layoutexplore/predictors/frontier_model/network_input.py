@@ -1,4 +1,4 @@
-"""What a network is shown of a frontier: the squares around it as planes, laid down so that the unknown is ahead.
+"""Egocentric crops: the surroundings of a frontier as planes, turned so that the unknown is ahead.
 
 A bit_map's margin is wider than a window reaches, so that nothing tells where the array ends: beyond it all is
 unknown.
