@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from layoutexplore.grids.boxes import Box
 
 
-class Coverage:
+class TargetCoverage:
     """The share of a target area that is known; it only grows.
 
     Args:
@@ -24,7 +24,7 @@ class Coverage:
         unseen_in: int64 (rooms + 1,), the same by room; entry 0 counts those that lie in no room.
 
     Example:
-        >>> coverage = Coverage(np.array([[True, True], [False, True]]), np.array([[1, 1], [0, 2]]))
+        >>> coverage = TargetCoverage(np.array([[True, True], [False, True]]), np.array([[1, 1], [0, 2]]))
         >>> coverage.update(np.array([[0, -1], [0, -1]], np.int8), (0, 2, 0, 1))
         >>> round(coverage.share, 3), coverage.unseen_in.tolist()
         (0.333, [0, 1, 1])

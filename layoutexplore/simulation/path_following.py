@@ -30,7 +30,7 @@ from layoutexplore.sensing.scan_kernels import (
     FieldOfView,
     update_occupancy,
 )
-from layoutexplore.simulation.coverage import Coverage, strike_seen
+from layoutexplore.simulation.coverage import TargetCoverage, strike_seen
 from layoutexplore.simulation.path_rules import (
     PathEvent,
     PathRules,
@@ -59,7 +59,7 @@ class _Sensor(NamedTuple):
 
 
 class _Maps(NamedTuple):
-    """What scans change: the robot's grid, and what a `Coverage` counts in it."""
+    """What scans change: the robot's grid, and what a `TargetCoverage` counts in it."""
 
     cells: NDArray[np.int8]
     unseen: NDArray[np.bool_]
@@ -119,7 +119,7 @@ class PathFollower:
         self,
         lidar: Lidar,
         rules: PathRules,
-        coverage: Coverage,
+        coverage: TargetCoverage,
         *,
         steps_itself: bool = True,
         scans_itself: bool = True,

@@ -140,7 +140,7 @@ class Simulation:
             if self._follow(path, None):
                 self._scan(full_turn=True)
         elif choice == STOP:
-            self.state.finish("agent")
+            state.finish("agent")
             return decision
         elif not 0 <= choice < len(decision.frontiers):
             count = len(decision.frontiers)
@@ -324,7 +324,7 @@ class Simulation:
         for distance, coverage in segment.curve.tolist():
             state.note_scan(distance, coverage)
         if segment.event == PathEvent.COVERED:
-            self.state.finish("coverage")
+            state.finish("coverage")
         if self.on_scan and len(segment.curve):
             self.on_scan(self)
         return segment.event, segment.reached

@@ -20,7 +20,7 @@ from layoutexplore.planning.traversability import Ground
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper
 from layoutexplore.simulation.config import SimulationConfig
-from layoutexplore.simulation.coverage import Coverage
+from layoutexplore.simulation.coverage import TargetCoverage
 from layoutexplore.simulation.path_following import PathFollower
 from layoutexplore.simulation.path_rules import PathRules, charged_distance
 from layoutexplore.simulation.robot import PERFECT_ODOMETRY, Robot, check_start, draw_start
@@ -56,7 +56,7 @@ class SimulationState:
     robot: Robot
     mapper: Mapper
     witness: Mapper
-    coverage: Coverage
+    coverage: TargetCoverage
     detector: FrontierDetector
     selector: ViewpointSelector
     traversability: Ground
@@ -137,7 +137,7 @@ def begin_run(
         robot_radius=radius,
     )
     shape, resolution, origin = raster.shape, raster.resolution, raster.origin
-    coverage = Coverage(truth.target, raster.room_ids)
+    coverage = TargetCoverage(truth.target, raster.room_ids)
     mapper = Mapper(shape, resolution, origin)
     max_distance = config.max_distance or 100.0 + coverage.target_count * resolution**2
     return SimulationState(

@@ -25,7 +25,7 @@ from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.exploration import distance_to_coverage
-from layoutexplore.simulation.coverage import Coverage
+from layoutexplore.simulation.coverage import TargetCoverage
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 from tests.envs.cases import rooms
 from tests.plans import ROW_OF_ROOMS, TWO_ROOMS
@@ -162,7 +162,7 @@ def test_rooms_are_counted_when_they_are_finished_on_the_first_visit() -> None:
 def test_cells_that_are_seen_leave_their_rooms(seed: int, rows: int, cols: int) -> None:
     rng = np.random.default_rng(seed)
     target, rooms = rng.random((rows, cols)) < rng.random(), rng.integers(0, 5, (rows, cols)).astype(np.int32)
-    coverage, cells = Coverage(target, rooms), np.full((rows, cols), -1, np.int8)
+    coverage, cells = TargetCoverage(target, rooms), np.full((rows, cols), -1, np.int8)
     for _ in range(3):
         row, col = int(rng.integers(rows)), int(rng.integers(cols))
         box = (row, int(rng.integers(row, rows)) + 1, col, int(rng.integers(col, cols)) + 1)

@@ -147,7 +147,7 @@ def test_a_first_leg_that_counts_more_keeps_the_robot_near() -> None:
     assert tour_features(on_a_line(much, little)).rank.tolist() == [1.0, 0.5]
     features = tour_features(on_a_line(much, little), TourConfig(first_leg=3.0))
     assert features.rank.tolist() == [0.5, 1.0]
-    assert features.detour.tolist() == [2.0, 0.0], "metres are metres, however ways are weighed"
+    assert features.detour.tolist() == [2.0, 0.0], "metres are metres, whatever the weights"
 
 
 def test_what_is_left_of_the_last_goal_is_held_on_to() -> None:

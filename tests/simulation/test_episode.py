@@ -39,11 +39,11 @@ def test_a_stuck_agent_fails(monkeypatch: pytest.MonkeyPatch) -> None:
         play(simulation, Dawdler())
 
 
-walks = st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), min_size=1, max_size=40)
+STEPS = st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), min_size=1, max_size=40)
 
 
-@given(walks)
-def test_corners_are_the_same_way(steps: list[tuple[int, int]]) -> None:
+@given(STEPS)
+def test_corners_are_the_same_track(steps: list[tuple[int, int]]) -> None:
     track = np.column_stack([np.cumsum(np.array(steps, float), axis=0), np.zeros(len(steps))])
     short = corners(track)
 

@@ -196,7 +196,7 @@ def test_bad_options(options: dict[str, object]) -> None:
 @given(st.integers(0, 10_000), st.floats(0.05, 2.0), st.floats(0.2, 3.0))
 @settings(max_examples=40, deadline=None)
 def test_following_a_path_is_a_row_of_moves(seed: int, pause: float, end: float) -> None:
-    """Until the pause, and up to the move that a wall stops or that walks too far."""
+    """Until the pause, and up to the move that a wall stops or that leads too far."""
     rng = np.random.default_rng(seed)
     raster = three_rooms().rasterize(0.1)
     start = draw_start(raster, 0.2, rng)
