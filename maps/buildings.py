@@ -29,8 +29,8 @@ def building_of(name: str, kind: NameKind) -> str:
         kind: Where the name comes from.
 
     Example:
-        >>> building_of("Freiburg79_scan", "painted rooms"), building_of("freiburg_building79", "painted rooms")
-        ('freiburg79', 'freiburg79')
+        >>> [building_of(name, "painted rooms") for name in ("Freiburg79_scan", "freiburg_building79")]
+        ['freiburg79', 'freiburg79']
         >>> building_of("map12", "painted rooms"), building_of("battle_2", "closed doors")
         ('', 'battle')
         >>> building_of("rock_island_ground_floor", "school"), building_of("50010535_PLAN2", "kth")

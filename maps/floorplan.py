@@ -175,7 +175,7 @@ class FloorPlan:
         """A copy stretched along x and y: another building of the same kind.
 
         Args:
-            x: Factor on all lengths along x, those of walls and doors as well; a `source` keeps its resolution.
+            x: Factor on all lengths along x, also of walls and doors; a `source` keeps its resolution.
             y: Factor along y.
 
         Raises:
@@ -243,7 +243,7 @@ class FloorPlan:
     def _rasterize(self, resolution: float, margin: float) -> PlanRaster:
         x0, y0, x1, y1 = self.bounds
         border = max(margin, resolution)
-        # The origin lies on a whole number of cells, so that walls drawn on such numbers end at borders of cells.
+        # The origin lies on a whole number of cells: walls drawn on such numbers end at borders of cells.
         col0 = math.floor((x0 - border) / resolution + 1e-6)
         row0 = math.floor((y0 - border) / resolution + 1e-6)
         cols = math.ceil((x1 + border) / resolution - 1e-6) - col0

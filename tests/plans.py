@@ -1,4 +1,4 @@
-"""Floor plans in ASCII that the tests share: `#` a wall, a letter a room, `.` a door; each says what it is for."""
+"""ASCII floor plans of the tests: `#` a wall, a letter a room, `.` a door; each says what it is for."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ THREE_OFFICES = """
 #ddddddddddddddddddddddd#
 #########################
 """
-"""Three rooms on one side of a corridor: what predictors expect behind a frontier, and agents that read it."""
+"""Three rooms on one side of a corridor: what is predicted behind a frontier, and agents that read it."""
 
 WIDE_DOORS = """
 ##############################
@@ -142,7 +142,7 @@ OFFICES = """
 #fffffff#ggggggggg#hhhhhhhhhhhh#
 ################################
 """
-"""Seven rooms of many sizes on both sides of a corridor: whole runs of agents, and choices worth comparing."""
+"""Seven rooms of many sizes on both sides of a corridor: whole runs, and choices worth comparing."""
 
 
 @functools.cache

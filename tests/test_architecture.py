@@ -1,4 +1,4 @@
-"""The house: rooms on floors, no circle, small parts, each name once; read from the syntax trees, lazy imports included."""
+"""The house: rooms on floors, no circle, small parts, each name once; read from the syntax trees."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ EXCEPTIONS: dict[str, list[str]] = tomllib.loads((ROOT / "tests" / "architecture
 
 @cache
 def modules() -> dict[str, Path]:
-    """Every module of the package by its dotted name without `layoutexplore.`; `__init__` of a folder has the folder's."""
+    """Every module by its dotted name without `layoutexplore.`; an `__init__` has its folder's."""
     found = {}
     for folder in ("layoutexplore", *MAPPED):
         for path in (ROOT / folder).rglob("*.py"):
@@ -362,7 +362,7 @@ def test_no_test_imports_a_private_name(path: Path) -> None:
 
 
 def test_lengths_are_in_metres() -> None:
-    """No constant outside of `grids/` counts cells or pixels: it would mean another length on another grid."""
+    """No constant outside of `grids/` counts cells: it would mean another length on another grid."""
     guilty = set()
     for module in modules():
         if room(module) == "grids":

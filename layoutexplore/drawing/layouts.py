@@ -29,7 +29,7 @@ WIDE = 1.6
 
 
 def draw_layout(layout: Layout, grid: OccupancyGrid | None = None, *, panel: int = 600) -> Image:
-    """Overview uint8 RGB (h, w, 3), y up: map, clean map, lines, faces and rooms in a row, or a column if wide.
+    """Overview uint8 RGB (h, w, 3), y up: map, clean map, lines, faces, rooms; in a row, or a column if wide.
 
     Args:
         layout: The layout.

@@ -87,8 +87,9 @@ def draw_state(
     """A frame that shows where a run stands.
 
     The grid, what a predictor takes for the rest of rooms (strong where it is right), the frontiers with
-    their viewpoints (in the colours of their classes), the path travelled (the older the paler), the robot with
-    what it sees, and below them a bar with the plan, the agent, the coverage and its curve over the distance.
+    their viewpoints (in the colours of their classes), the path travelled (the older the paler), the robot
+    with what it sees, and below them a bar with the plan, the agent, the coverage and its curve over the
+    distance.
 
     Args:
         simulation: A simulation that has been reset.

@@ -33,7 +33,7 @@ def apartment(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Sp
 
 
 def flat(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
-    """A flat with one facade: entrance and small rooms on the corridor, a hall, living rooms on the facade."""
+    """A flat with one facade: entrance and small rooms on the corridor, a hall, living rooms before it."""
     w, d = bay.width, bay.depth
     dark, strip = float(rng.uniform(1.9, 2.5)), float(rng.uniform(1.3, 1.6))
     if w < 5.0 or d - dark - strip < 2.9:

@@ -2,8 +2,8 @@
 
 A `Bay` is a rectangle of a wing with the corridor on one side: `u` runs along the corridor, `v` from the
 corridor wall to the facade. Every function here takes a bay and puts its room, or its little group of rooms,
-in the space graph: a plain room, a room behind an alcove, a hotel room with its bathroom, toilets with cabins, a
-stair, a pair of rooms one behind the other.
+in the space graph: a plain room, a room behind an alcove, a hotel room with its bathroom, toilets with
+cabins, a stair, a pair of rooms one behind the other.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ def net_polygons(graph: SpaceGraph, outline: Polygon, config: DrawnConfig) -> di
     return net
 
 
-def construct(
+def build_rooms(
     graph: SpaceGraph, outline: Polygon, config: DrawnConfig, closed_doors: float, rng: np.random.Generator
 ) -> Built:
     """Walls, rooms and doors of a space graph, of which the share `closed_doors` is shut.

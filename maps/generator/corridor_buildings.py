@@ -41,7 +41,7 @@ LONGEST_RACETRACK = 85.0
 
 
 def draw_section(programme: Programme, gross: float, single: float, rng: np.random.Generator) -> Section:
-    """A wing's cross-section; shallower in small buildings, with rooms on one side with probability `single`."""
+    """A wing's cross-section; shallower in small buildings, one-sided with probability `single`."""
     shrink = min(1.0, max(0.72, (gross / 420.0) ** 0.5))
     south, north = (float(rng.uniform(*programme.depth)) * shrink for _ in range(2))
     if rng.random() < 0.5:

@@ -81,7 +81,7 @@ CATALOGUE: Mapping[str, Sequence[Piece]] = {
 
 
 def place_furniture(built: Built, clutter: float, rng: np.random.Generator) -> BaseGeometry:
-    """The solid furniture of a plan: fixtures, and pieces on up to a share `clutter` of every room's floor."""
+    """The solid furniture of a plan: fixtures, and pieces on a share `clutter` of every room's floor."""
     pieces: list[BaseGeometry] = [built.fixtures] if not built.fixtures.is_empty else []
     if clutter > 0:
         solid = shapely.union(built.walls, built.fixtures)

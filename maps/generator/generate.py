@@ -20,7 +20,7 @@ from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator import corridor_buildings
 from layoutexplore.maps.generator.apartment import apartment
 from layoutexplore.maps.generator.config import DrawnConfig, PlanConfig
-from layoutexplore.maps.generator.construction import construct, net_polygons
+from layoutexplore.maps.generator.construction import build_rooms, net_polygons
 from layoutexplore.maps.generator.furniture import place_furniture
 from layoutexplore.maps.generator.hall import hall
 from layoutexplore.maps.generator.non_orthogonal import angled, curved
@@ -81,8 +81,8 @@ def generate(family: str, seed: int, config: PlanConfig | None = None, **paramet
         0.2 m at a resolution of 0.1 m when its doors are open. Doors to the outside are closed.
 
     Raises:
-        ConfigError: Unknown family or parameter, a nonsensical value, or a building that cannot be drawn at that
-            size.
+        ConfigError: Unknown family or parameter, a nonsensical value, or a building that cannot be drawn at
+            that size.
     """
     if family not in _DRAW:
         raise unknown_name("family", str(family), FAMILIES)
@@ -94,7 +94,7 @@ def generate(family: str, seed: int, config: PlanConfig | None = None, **paramet
     drawn = wanted.drawn(family, _stream(family, seed, 0))
     for attempt in _attempts(family, int(seed), drawn):
         try:
-            built = construct(
+            built = build_rooms(
                 attempt.graph,
                 attempt.outline,
                 drawn,

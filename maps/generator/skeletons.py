@@ -43,7 +43,7 @@ class Skeleton:
 
 
 def teeth_of(topology: str, comb: int) -> tuple[tuple[float, ...], tuple[int, ...], bool]:
-    """Where a topology's teeth stand (0 = left end, 1 = right), on which side, and whether a bar closes them."""
+    """Where teeth stand (0 = left end, 1 = right), on which side, and whether a bar closes them."""
     table: dict[str, tuple[tuple[float, ...], tuple[int, ...], bool]] = {
         "I": ((), (), False),
         "L": ((0.0,), (1,), False),
@@ -104,7 +104,7 @@ def plan_skeleton(
 def draw_skeleton(
     graph: SpaceGraph, skeleton: Skeleton, section: Section, programme: Programme, rng: np.random.Generator
 ) -> list[Wing]:
-    """Put all wings of a skeleton into the space graph, corridors joined, and return them with their plots."""
+    """Put all wings of a skeleton into the space graph, corridors joined; returns them."""
     places = _places(skeleton, section)
     sections = [section if skeleton.bar else vary(section, rng) for _ in places]
     ports = [
@@ -143,7 +143,7 @@ def _draw_tooth(
     programme: Programme,
     rng: np.random.Generator,
 ) -> Wing:
-    """The wing of tooth `k` with a section of its `own`, its corridor on the spine's at local `x` of the spine."""
+    """The wing of tooth `k`, with a section of its `own`, that meets the spine's corridor at local `x`."""
     _, side, length = skeleton.teeth[k]
     lone = sum(other == side for _, other, _ in skeleton.teeth) == 1
     options = WingOptions(
@@ -186,7 +186,7 @@ def vary(section: Section, rng: np.random.Generator) -> Section:
 
 
 def _port(side: int, x: float, section: Section) -> Port:
-    """The passage for a tooth of the same section; its left points to -x on the north side, to +x on the south."""
+    """The passage for a tooth of the same section; its left points to -x on the north, +x on the south."""
     low, high = (section.left, -section.right) if side > 0 else (-section.right, section.left)
     return Port(side=side, x=x, corridor=section.corridor, low=x - low, high=x + high)
 

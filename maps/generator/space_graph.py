@@ -1,8 +1,8 @@
 """The space graph of a plan: spaces between wall centre lines, and which of them are to be connected.
 
 Families put spaces (gross polygons that share their edges), solid blocks (shafts, lifts) and wishes for doors
-into the graph; `layoutexplore.maps.generator.construction` turns it into walls with thickness, net room polygons
-and doors. Nothing here knows about a family.
+into the graph; `layoutexplore.maps.generator.construction` turns it into walls with thickness, net room
+polygons and doors. Nothing here knows about a family.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class SpaceGraph:
         return [k for k in found if k.a != k.b]
 
     def check_disjoint(self) -> BaseGeometry:
-        """The outline (union of everything), or `AttemptError` where spaces overlap or a polygon is broken."""
+        """The outline (union of all); `AttemptError` where spaces overlap or a polygon is broken."""
         parts = [*self.polygons.values(), *self.solids]
         if not all(p.is_valid and p.geom_type == "Polygon" for p in parts):
             raise AttemptError("a space is not a simple polygon")

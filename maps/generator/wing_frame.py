@@ -97,7 +97,7 @@ class Arc:
 
 
 def _densify(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The closed ring with vertices added where it crosses multiples of `ARC_STEP` in x, as its neighbours have."""
+    """The closed ring with a vertex at every multiple of `ARC_STEP` in x, shared with its neighbours."""
     parts: list[NDArray[np.float64]] = []
     for a, b in pairwise(ring):
         low, high = sorted((a[0], b[0]))

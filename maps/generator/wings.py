@@ -45,7 +45,7 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Port:
-    """A passage through a wing's band: side (+1 left, -1 right), and local x of its middle and dark zone, m."""
+    """A passage through a wing's band: side (+1 left, -1 right), its middle and dark zone (local x, m)."""
 
     side: int
     x: float

@@ -27,7 +27,7 @@ def run(spec: str, sensor: str = "indoor", seed: int = 0) -> Simulation:
 
 
 def decide(drawing: str, *frontiers: tuple[int, int, float, float]) -> Decision:
-    """A decision on an ASCII grid (# wall, . free, R robot; 1 m cells) with frontiers (row, col, size, visible area)."""
+    """A decision on an ASCII grid (# wall, . free, R robot; 1 m) and frontiers (row, col, size, area)."""
     lines = drawing.split()[::-1]
     cells = np.array([[100 if c == "#" else 0 for c in line] for line in lines], np.int8)
     robot = next(Cell(r, line.index("R")) for r, line in enumerate(lines) if "R" in line)

@@ -16,7 +16,7 @@ WALL, WIDTH, DEPTH = 6, 80, 90  # cells
 def office(
     shut: tuple[int, ...], rooms: int = 6, resolution: float = 0.05
 ) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
-    """What is seen and the truth, int8 (rows, cols) from the top: a corridor with a row of rooms above it, some of them shut."""
+    """What is seen and the truth, int8 (rows, cols) from the top: rooms above a corridor, some shut."""
 
     def n(cells: int) -> int:
         """Cells of 0.05 m in cells of the grid."""

@@ -12,7 +12,7 @@ import pytest
 from layoutexplore.envs.curriculum import FIRST_SEED, PlanSampler, Randomisation
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.errors import ConfigError, UnknownNameError
-from layoutexplore.maps.generator.shipped import SHIPPED
+from layoutexplore.maps.shipped import SHIPPED
 from layoutexplore.options import from_table
 from layoutexplore.simulation.config import SimulationConfig
 from tests.envs.cases import FRONTIER, rooms

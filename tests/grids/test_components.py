@@ -31,7 +31,7 @@ def test_random_masks(rows: int, cols: int, density: float, seed: int) -> None:
 @settings(deadline=None)
 @given(st.integers(1, 12), st.integers(1, 12), st.integers(1, 20), st.integers(0, 2**32 - 1))
 def test_masks_of_long_runs(rows: int, cols: int, size: int, seed: int) -> None:
-    """Whole words of set and bare cells, at any place in a row, also of an array that is turned or cut out."""
+    """Whole words of set and bare cells, at any place in a row, also of a turned or cut array."""
     coarse = np.random.default_rng(seed).random((rows, cols)) < 0.6
     mask = np.kron(coarse, np.ones((2, size), np.bool_))
     for shown in (mask, mask.T, mask[::-1], mask[:, 1:-1] if cols * size > 2 else mask):

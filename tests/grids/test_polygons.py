@@ -83,7 +83,7 @@ def test_fill_knows_its_origin() -> None:
 def test_no_step_crosses_a_sealed_wall(
     ends: tuple[float, float, float, float], thickness: float, resolution: float
 ) -> None:
-    """Neither between neighbouring centres, nor through 8-connected free cells after sealing the diagonals."""
+    """Neither between neighbouring centres, nor through 8-connected free cells with sealed diagonals."""
     x0, y0, x1, y1 = ends
     assume(math.hypot(x1 - x0, y1 - y0) > 0.5)
     wall = LineString([(x0, y0), (x1, y1)]).buffer(thickness / 2, cap_style="flat")

@@ -27,12 +27,15 @@ SCHOOL = """<building id="b"><scale>
 <building_type><main_type>SCHOOL</main_type></building_type>
 <floor><spaces>
 <space id="a"><labels><type>R</type><label>CLASSROOM</label></labels>
-<bounding_polygon><point x="0" y="0"/><point x="200" y="0"/><point x="200" y="100"/><point x="0" y="100"/></bounding_polygon>
-<space_representation><linesegment id="s"><point x="30" y="100"/><point x="30" y="100"/><class>PORTAL</class></linesegment>
+<bounding_polygon><point x="0" y="0"/><point x="200" y="0"/><point x="200" y="100"/><point x="0" y="100"/>
+</bounding_polygon>
+<space_representation><linesegment id="s"><point x="30" y="100"/><point x="30" y="100"/>
+<class>PORTAL</class></linesegment>
 </space_representation>
 <portals><portal><linesegment>s</linesegment><target><id>a</id><id>b</id></target></portal></portals></space>
 <space id="b"><labels><type>C</type><label>CORRIDOR</label></labels>
-<bounding_polygon><point x="0" y="106"/><point x="200" y="106"/><point x="200" y="200"/><point x="0" y="200"/></bounding_polygon>
+<bounding_polygon><point x="0" y="106"/><point x="200" y="106"/><point x="200" y="200"/><point x="0" y="200"/>
+</bounding_polygon>
 <portals><portal><linesegment>s</linesegment><target><id>a</id><id>b</id></target></portal></portals></space>
 </spaces></floor></building>"""
 

@@ -1,4 +1,4 @@
-"""The generator keeps its promises for any seed and family: reachable, disjoint, of the asked size, deterministic."""
+"""The generator's promises for any seed and family: reachable, disjoint, of the asked size, deterministic."""
 
 from __future__ import annotations
 

@@ -16,9 +16,9 @@ from layoutexplore.envs.curriculum import FIRST_SEED
 from layoutexplore.maps import load_plan, plan_names, splits
 from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.generator import FAMILIES, generate
-from layoutexplore.maps.generator.shipped import SPLITS, write_shipped
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.library import PLAN_FOLDER
+from layoutexplore.maps.shipped import SPLITS, write_shipped
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def test_files_are_as_generated(written: list[Path]) -> None:
     assert {file.name for file in written} == {file.name for file in PLAN_FOLDER.iterdir()}
     differing = [file.name for file in written if file.read_bytes() != (PLAN_FOLDER / file.name).read_bytes()]
-    assert differing == [], "run: python -m layoutexplore.maps.generator.shipped"
+    assert differing == [], "run: python -m layoutexplore.maps.shipped"
 
 
 def test_no_building_and_no_geometry_ships_twice(plans: dict[str, FloorPlan]) -> None:
@@ -93,12 +93,12 @@ def test_a_plan_survives_a_round_trip(plans: dict[str, FloorPlan], tmp_path: Pat
 
 
 def shape_table(plan: FloorPlan) -> NDArray[np.float64]:
-    """float64 (rooms, 2): area and squared outline of each room; turning, mirroring and moving a plan changes nothing."""
+    """float64 (rooms, 2): area and squared outline of each room, however the plan is turned or mirrored."""
     return np.array([(room.polygon.area, room.polygon.length**2) for room in plan.rooms])
 
 
 def is_copy(a: FloorPlan, b: FloorPlan) -> bool:
-    """Whether four fifths of the rooms of the larger plan have a partner of the same size and outline in the other."""
+    """Whether four fifths of the larger plan's rooms have a partner of the same size and outline."""
     first, second = np.log(shape_table(a)), np.log(shape_table(b))
     apart = np.abs(first[:, None] - second[None]).max(axis=2)
     same = (apart < 0.03).astype(float)

@@ -15,7 +15,7 @@ FEATURES = 5
 
 
 def random_forest(rng: np.random.Generator, leaves: int, trees: int) -> Forest:
-    """Trees of up to so many leaves, grown by splitting a random leaf again and again; thresholds are small whole numbers."""
+    """Trees of up to so many leaves, grown by splitting random leaves; thresholds are small whole numbers."""
     feature, threshold, left, right, roots = [], [], [], [], []
     for _ in range(trees):
         begin = len(feature)
@@ -63,7 +63,7 @@ def test_masks_give_the_sums_of_the_walks(seed: int, leaves: int, count: int) ->
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([20, 60, 120]), st.sampled_from([np.float32, np.float64]))
 def test_a_forest_scores_samples_of_either_type(seed: int, leaves: int, dtype: type[np.floating]) -> None:
-    """Trees of more than 64 leaves are walked; thresholds that float32 does not hold still divide float32 samples alike."""
+    """Trees of more than 64 leaves are walked; thresholds finer than float32 divide float32 samples alike."""
     rng = np.random.default_rng(seed)
     forest = random_forest(rng, leaves, trees=2)
     forest.threshold[forest.feature >= 0] += rng.normal(0, 1e-9, np.count_nonzero(forest.feature >= 0))

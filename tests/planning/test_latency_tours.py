@@ -1,4 +1,4 @@
-"""Latency tours: valid, cheaper than what they start from, close to the best, and between a short tour and a greedy one."""
+"""Latency tours: valid, cheaper than their start, close to the best, between a short and a greedy tour."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ patiences = st.sampled_from([0.0, 0.3, 1.0, 5.0])
 
 
 def case(seed: int, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Distances on a plane between a start and `count` places, coarse so that there are ties, and weights with zeros."""
+    """Distances on a plane between a start and `count` places, coarse for ties, and weights with zeros."""
     rng = np.random.default_rng(seed)
     points = np.round(rng.uniform(0, 10, (count + 1, 2)), int(rng.integers(0, 3)))
     weights = np.maximum(rng.uniform(-1, 4, count), 0.0)

@@ -24,7 +24,7 @@ from layoutexplore.planning.shortest_paths import (
 
 
 def heap_distances(traversable: NDArray[np.bool_], source: tuple[int, int]) -> NDArray[np.float64]:
-    """Octile distances in cells by Dijkstra's algorithm with a heap; moves only into traversable cells, no corner cutting."""
+    """Octile distances in cells by Dijkstra's algorithm with a heap; no corner is cut."""
     rows, cols = traversable.shape
     best = np.full(traversable.shape, np.inf)
     best[source] = 0.0

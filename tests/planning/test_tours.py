@@ -17,7 +17,7 @@ seeds = st.integers(0, 100_000)
 
 
 def plane(seed: int, count: int) -> NDArray[np.float64]:
-    """Distances between a start and `count` places on a plane; places on a coarse grid, so that there are ties."""
+    """Distances between a start and `count` places on a coarse grid, so that there are ties."""
     rng = np.random.default_rng(seed)
     points = np.round(rng.uniform(0, 10, (count + 1, 2)), int(rng.integers(0, 3)))
     distances: NDArray[np.float64] = np.linalg.norm(points[:, None] - points[None], axis=2)

@@ -1,4 +1,4 @@
-"""Layout methods that judge frontiers: on a drawing whose lines say what the answers are, and where they find nothing."""
+"""Layout methods that judge frontiers: on a drawing with known answers, and where they find nothing."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ HALF_SEEN = """
 ?##########################?
 ????????????????????????????
 """
-"""Half metres. The middle room lacks 3 m by 0.5 m below its upper wall; the room on the right lacks its right wall."""
+"""Half metres. The middle room lacks 3 m by 0.5 m below its upper wall; the right one its right wall."""
 
 SCALE = 5
 METHODS = [f"reconstruct:{name}" for name in method_names()]

@@ -1,4 +1,4 @@
-"""Ray casting against a slow traversal in exact arithmetic, and the rules that everything with walls shares."""
+"""Ray casting against a slow traversal in exact arithmetic, and the rules that all walls share."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ORIGIN = Pose(0.0, 0.0)
 def slow_ray(
     occupied: NDArray[np.bool_], x: float, y: float, angle: float, range_max: float
 ) -> tuple[float, list[tuple[int, int]]]:
-    """Range and cells of a ray, border by border in rational numbers; at a corner the axis it moves less along goes first."""
+    """Range and cells of a ray in rational numbers; at a corner the axis it moves less along goes first."""
     dx, dy = Fraction(math.cos(angle)), Fraction(math.sin(angle))
     fx, fy = Fraction(x), Fraction(y)
     rows, cols = occupied.shape

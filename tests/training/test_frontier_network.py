@@ -76,7 +76,7 @@ def test_training_tells_wide_from_narrow() -> None:
 
 
 def test_squares_are_drawn_the_way_their_windows_lie() -> None:
-    """What is ahead to the left is the room behind, to the right another: only a window that lies as its truth does tells."""
+    """Ahead to the left is the room behind, to the right another: only windows that lie as their truth tell."""
     torch = pytest.importorskip("torch")
     from layoutexplore.training.frontier_network import (
         CropBatches,

@@ -1,4 +1,4 @@
-"""The search for a tour's parameters: what it draws, what it learns from, and that a resumed one is the same."""
+"""The search for a tour's parameters: what it draws, what it learns from, and that resuming changes nothing."""
 
 from __future__ import annotations
 

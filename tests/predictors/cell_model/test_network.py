@@ -1,4 +1,4 @@
-"""The network that completes rooms: its planes, its numpy form against torch, its files, and that training changes it."""
+"""The network that completes rooms: its numpy form against torch, and its files."""
 
 from __future__ import annotations
 

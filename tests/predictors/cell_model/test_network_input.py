@@ -34,7 +34,7 @@ def test_planes_show_what_is_asked(cells: NDArray[np.int8]) -> None:
 @settings(max_examples=20, deadline=None)
 @given(cells=GRIDS, way=st.integers(0, 7))
 def test_a_turned_scene_is_that_of_the_turned_map(cells: NDArray[np.int8], way: int) -> None:
-    """But for what breaks ties by where the map lies: the shares of the squares and who asks where, on whole squares."""
+    """But for ties: the shares of the squares, and who asks where, on whole squares."""
     cells = np.kron(cells, np.ones((3, 3), np.int8))
     other = cells[::-1] if way & 1 else cells
     other = other[:, ::-1] if way & 2 else other

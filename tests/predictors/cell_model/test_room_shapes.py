@@ -1,4 +1,4 @@
-"""From judged cells to shapes of rooms: the best threshold, the best rectangle, and nothing but unknown cells."""
+"""From judged cells to shapes of rooms: the best threshold and rectangle, nothing but unknown cells."""
 
 from __future__ import annotations
 

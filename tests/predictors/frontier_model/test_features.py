@@ -98,7 +98,7 @@ def test_a_memory_changes_nothing(data: st.DataObject) -> None:
 @settings(max_examples=60, deadline=None)
 @given(cells=grids, seed=st.integers(0, 1000))
 def test_floods_that_meet_no_barrier_are_shared(cells: NDArray[np.int8], seed: int) -> None:
-    """Probing all barriers at once writes what floods with each of them write; doors are scattered thinly, or not at all."""
+    """Probing all barriers at once writes what floods with each of them write, with few doors or none."""
     clusters = find_frontiers(cells)
     if not len(clusters):
         return

@@ -1,4 +1,4 @@
-"""The network that judges frontiers: its windows against slow ones, its whole numbers against torch, its memory, its training."""
+"""The network that classifies frontiers: its whole numbers against a slow version, its memory, its file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.predictors.frontier_model.cases import network_of, random_weights, ra
 
 
 def test_sums_are_exact() -> None:
-    """Largest inputs times largest weights stay below 2^24 in every layer, so that no order of summing matters."""
+    """Largest inputs times largest weights stay below 2^24 in every layer: no order of summing matters."""
     for name, (inputs, _, side, _) in LAYERS.items():
         largest = 255 if name == next(iter(LAYERS)) else MOST
         assert side * side * inputs * largest * MOST < 2**24, name

@@ -1,8 +1,8 @@
 """The floor plans that ship: which seeds, which parameters, which split; and the command that writes them.
 
-`python -m layoutexplore.maps.generator.shipped` writes the files of `maps/plans` anew: one GeoJSON a plan, and
-`splits.json`. Every plan is a building of its own, so that no building falls into two splits; `quick` repeats some
-names as a small benchmark suite.
+`python -m layoutexplore.maps.shipped` writes the files of `maps/plans` anew: one GeoJSON a plan, and
+`splits.json`. Every plan is a building of its own, so that no building falls into two splits; `quick`
+repeats some names as a small benchmark suite.
 """
 
 from __future__ import annotations
