@@ -114,7 +114,7 @@ def agent_names() -> list[str]:
 
 
 def describe_agents() -> list[AgentDescription]:
-    """All agents in the order of their registration, with their parameters and defaults, for help pages and tables."""
+    """All agents in the order of their registration, with their parameters, for help pages and tables."""
     return [
         AgentDescription(name, entry.summary, _parameters(entry.defaults)) for name, entry in _entries.items()
     ]

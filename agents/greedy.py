@@ -143,7 +143,7 @@ class Nearest(Greedy[NearestOptions]):
 
 
 class CostUtility(Greedy[CostUtilityOptions]):
-    """alpha (dmax - d)/dmax + (1 - alpha) A/Amax, with the maxima over the candidates (Luperto et al. 2021)."""
+    """alpha (dmax - d)/dmax + (1 - alpha) A/Amax, maxima over the candidates (Luperto et al. 2021)."""
 
     def scores(self, among: Candidates) -> Scores:
         """Between 0 and 1."""
@@ -189,7 +189,7 @@ def faded(gains: NDArray[np.float64], lengths: NDArray[np.float64], rate: float)
 
 
 def utilities(lengths: NDArray[np.float64], gains: NDArray[np.float64], alpha: float) -> Scores:
-    """Weighted nearness and gain of k frontiers, float64 (k,) in 0..1, each relative to the greatest among them.
+    """Weighted nearness and gain of k frontiers, float64 (k,) in 0..1, each a share of the greatest.
 
     Args:
         lengths: float64 (k,), path lengths in metres.

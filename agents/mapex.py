@@ -152,7 +152,7 @@ def expected_new_area(
 
 
 class _View(NamedTuple):
-    """The grid, the probabilities inside, the viewpoints, and the probability that what lies behind each is open."""
+    """The grid, the probabilities inside, the viewpoints, and how likely what lies behind each is open."""
 
     cells: NDArray[np.int8]
     inside: NDArray[np.float32]
@@ -176,7 +176,7 @@ def _expect(view: _View, rays: _Rays, reach: float, fade: float, area: NDArray[n
     for k in range(len(view.points)):
         row, col = view.points[k]
         for ray in range(len(rays.starts) - 1):
-            # `chance` only falls along a ray: the least probability so far; `through` counts unknown cells alone.
+            # `chance` is the least probability so far on the ray; `through` counts unknown cells alone.
             chance, through = 1.0, 0.0
             for n in range(rays.starts[ray], rays.starts[ray + 1]):
                 r, c = row + rays.rows[n], col + rays.cols[n]
@@ -184,8 +184,7 @@ def _expect(view: _View, rays: _Rays, reach: float, fade: float, area: NDArray[n
                     break
                 if view.cells[r, c] == FREE:
                     continue
-                # `entered` holds squared distances: a cell ends where the next one of its ray begins, the last at
-                # the reach.
+                # A cell ends where the next one of its ray begins, the last at the reach; squared distances.
                 end = rays.entered[n + 1] if n + 1 < rays.starts[ray + 1] else reach * reach
                 hope = view.leads_on[k] * math.exp(-through / fade)
                 chance = min(chance, max(view.inside[r, c], hope))

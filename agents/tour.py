@@ -70,7 +70,7 @@ def plan_tour(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.int64
 
 
 def plan_latency_tour(decision: Decision, chosen: NDArray[np.int64], patience: float) -> NDArray[np.int64]:
-    """An open tour from the robot over some viewpoints that weighs them by the unknown area in view from there.
+    """An open tour from the robot over some viewpoints, weighed by the unknown area in view from there.
 
     Args:
         decision: The decision.

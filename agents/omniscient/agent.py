@@ -35,7 +35,7 @@ class ClairvoyantOptions(Options):
 
 
 class Clairvoyant:
-    """Follows a short route on the true floor plan from which the wanted share of it is seen, then goes to the nearest.
+    """Follows a short route from which the wanted share of the true plan is seen, then goes to the nearest.
 
     Args:
         name: What it is called in results.

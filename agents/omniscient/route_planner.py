@@ -120,7 +120,7 @@ class WatchmanPlanner:
         return self._stops[index]
 
     def _field(self, cell: Cell) -> NDArray[np.float32]:
-        """Path lengths float32 (rows, cols) from a cell in metres. They are large: only the last few are kept."""
+        """Path lengths float32 (rows, cols) from a cell in metres; large, so only the last few are kept."""
         if cell not in self._fields:
             _keep(
                 self._fields, cell, geodesic_distances(self.traversable, cell, self.resolution), _KEPT_FIELDS
@@ -166,13 +166,13 @@ class WatchmanPlanner:
     # Construction.
 
     def _complete(self, route: Route, factors: NDArray[np.float64] | float = 1.0) -> None:
-        """Insert stops until both quotas are met or nothing adds; the detours to candidates are multiplied by factors."""
+        """Insert stops until both quotas are met or nothing adds; factors multiply the candidates' detours."""
         for early in (True, False):
             while self._complete_part(route, factors, early=early):
                 pass
 
     def _complete_part(self, route: Route, factors: NDArray[np.float64] | float, *, early: bool) -> bool:
-        """Insert stops until one quota is met, as far as one can tell without the legs that were replaced; whether any."""
+        """Insert stops until one quota seems met: what replaced legs showed still counts; whether any was inserted."""
         seen = route.heads()[route.mark if early else -1]
         quota = self._quotas[0 if early else 1]
         if size(seen) >= quota:
@@ -193,7 +193,7 @@ class WatchmanPlanner:
     def _best_candidate(
         self, bounds: NDArray[np.int64], detours: NDArray[np.float64], seen: Bits, needed: int
     ) -> int:
-        """The candidate that adds most cells per metre; what one adds only shrinks, so old counts are upper bounds."""
+        """The candidate that adds most cells per metre; what one adds only shrinks: old counts are bounds."""
         values = np.minimum(bounds, needed) / detours
         fresh = np.zeros(len(values), np.bool_)
         while True:
@@ -207,7 +207,7 @@ class WatchmanPlanner:
             fresh[stale] = True
 
     def _detours(self, route: Route, *, early: bool) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Weighted metres float64 (n,) that a stop in each lattice cell adds, and the gap int64 (n,) where it adds least.
+        """Weighted metres float64 (n,) that a stop in each lattice cell adds, and its best gap int64 (n,).
 
         Gap i lies behind stop i. An early stop comes before the mark or becomes the new mark.
         """
@@ -241,7 +241,7 @@ class WatchmanPlanner:
                 return
 
     def _reorder(self, route: Route) -> None:
-        """Improve the order of the stops on each side of the mark, if that pays with what has to be added for the quotas."""
+        """Improve the order on each side of the mark, if that pays with the stops that the quotas then need."""
         head = self._shortened(route.stops[: route.mark + 1])
         tail = self._shortened([head[-1], *route.stops[route.mark + 1 :]])
         changed = self._linked(head + tail[1:], route.mark)
@@ -265,7 +265,7 @@ class WatchmanPlanner:
             del stops[i]
 
     def _needless(self, route: Route) -> int:
-        """The stop with the most costly detour among those without which the quotas are met; -1 when there is none."""
+        """The stop of the most costly detour without which the quotas are met; -1 when there is none."""
         stops, mark = route.stops, route.mark
         heads, early_tails, tails = route.heads(), route.tails(mark), route.tails()
         savings = np.array([self._saving(route, i) for i in range(1, len(stops))])
@@ -377,7 +377,7 @@ def _keep(store: OrderedDict[Any, Any], key: Any, value: Any, most: int) -> None
 
 
 def _lattice(traversable: NDArray[np.bool_], step: int) -> NDArray[np.int32]:
-    """int32 (n, 2): one traversable cell, the one nearest the middle, of every step x step block that has any."""
+    """int32 (n, 2): of every step x step block with traversable cells, the one nearest the middle."""
     cells = np.argwhere(traversable)
     blocks = cells // step
     off = np.abs(cells - blocks * step - (step - 1) / 2).max(axis=1)

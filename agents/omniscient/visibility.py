@@ -86,7 +86,7 @@ def size(bits: Bits) -> int:
 
 
 def added_sizes(sets: NDArray[np.uint64], rows: NDArray[np.int64], other: Bits) -> NDArray[np.int64]:
-    """Number of cells int64 (k,) that each of some rows int64 (k,) of `sets` uint64 (n, words) adds to `other`."""
+    """How many cells int64 (k,) some rows int64 (k,) of `sets` uint64 (n, words) each add to `other`."""
     return _added(sets, rows, ~other)
 
 
@@ -147,7 +147,7 @@ def _look_ahead(eyes: _Eyes, path: NDArray[np.int64], spacing: float, seen: NDAr
 @njit(cache=True, nogil=True)
 def _look(eyes: _Eyes, cell: NDArray[np.int64], cos: float, sin: float, seen: NDArray[np.uint64]) -> None:
     """Add what the beams of one scan cross, from the middle of a cell, to a set."""
-    # Not `grids.rays.trace`: distances are added up here, and how that rounds decides what is seen at corners.
+    # Not `grids.rays.trace`: distances are added up here; how that rounds decides what is seen at corners.
     field = eyes.labels.ravel()
     cols = eyes.labels.shape[1]
     # The labels have a border of one cell of wall, so that no ray needs to ask whether it has left the plan.

@@ -1,4 +1,4 @@
-"""A trained network as an agent: it reads the same `Decision` as a heuristic, as the environment encodes it."""
+"""A trained network as an agent: it reads the `Decision` of a heuristic, as the environment encodes it."""
 
 from __future__ import annotations
 

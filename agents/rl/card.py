@@ -98,7 +98,7 @@ def spec_of(config: TrainingConfig) -> PolicySpec:
 
 
 def find_policy(name: str) -> Path:
-    """The file of a policy: a file, the folder of a training run (its best policy), or the name of one that ships.
+    """The file of a policy by its path, by the folder of its training run (the best one), or by a shipped name.
 
     Raises:
         ConfigError: There is no such policy.
@@ -119,7 +119,8 @@ def find_policy(name: str) -> Path:
     if len(path.parts) == 1 and not path.suffix:
         raise unknown_name("policy", name, shipped)
     raise ConfigError(
-        f"there is no policy {path}: give a .safetensors file, a folder of `layoutexplore train` or a shipped name"
+        f"there is no policy {path}: give a .safetensors file, a folder of `layoutexplore train` "
+        "or a shipped name"
     )
 
 
@@ -163,7 +164,8 @@ def read_spec(path: Path) -> PolicySpec:
     table = read_card(path).get("policy")
     if not isinstance(table, Mapping):
         raise ResultsError(
-            f"{path}: the card has no table [policy]: it does not choose frontiers, so it cannot be an agent here"
+            f"{path}: the card has no table [policy]: it does not choose frontiers, "
+            "so it cannot be an agent here"
         )
     if table.get("format") != FORMAT:
         raise ResultsError(

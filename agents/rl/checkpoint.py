@@ -1,4 +1,4 @@
-"""Checkpoints of a training run: one safetensors file with weights, optimizer and counters; nothing is pickled.
+"""Checkpoints of training: one safetensors file with weights, optimizer and counters; nothing is pickled.
 
 The file is written beside its place and then renamed, so that a kill at any moment leaves the last whole one.
 Random states need not be kept: what follows a checkpoint is seeded anew, by the run's seed and the steps

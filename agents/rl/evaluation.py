@@ -112,7 +112,7 @@ def score(scores: dict[str, float], references: tuple[str, ...]) -> float:
 
 
 def evaluate_motion(model: BaseAlgorithm, config: TrainingConfig, stop: Stop) -> dict[str, float]:
-    """Mean coverage and metres at the end of episodes of Motion-v0, one a start on every plan; empty when given up."""
+    """Mean coverage and metres of episodes of Motion-v0, one a start on every plan; empty when given up."""
     coverage, distance = [], []
     for plan in find_plans(config.evaluation.plans):
         env = gymnasium.make(config.environment, **{**environment_arguments(config), "plan": plan})

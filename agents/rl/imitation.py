@@ -86,14 +86,13 @@ def imitate(
             if stop():
                 return
         agreement = _learn(actor, demonstrations, plan, optimizer, rng)
-        say(
-            f"imitation, round {number + 1} of {plan.rounds}: {len(demonstrations.choices)} decisions, {agreement:.1%} as the teacher"
-        )
+        found = f"{len(demonstrations.choices)} decisions, {agreement:.1%} as the teacher"
+        say(f"imitation, round {number + 1} of {plan.rounds}: {found}")
     env.close()
 
 
 def teachers_choice(teacher: Agent, decision: Decision) -> int:
-    """The frontier that a teacher goes to; of one that answers with a path, the first frontier that the path comes to."""
+    """The frontier that a teacher goes to; where it answers with a path, the first one on that path."""
     choice = teacher.act(decision)
     if not isinstance(choice, np.ndarray):
         return int(choice)
@@ -140,7 +139,7 @@ def _learn(
     optimizer: torch.optim.Optimizer,
     rng: np.random.Generator,
 ) -> float:
-    """Some passes of cross-entropy over all demonstrations; the share of decisions, in the last pass, that are the teacher's."""
+    """Some passes of cross-entropy over all demonstrations; the share of the last one's choices that agree."""
     agreed = 0
     for _ in range(plan.epochs):
         order, agreed = rng.permutation(len(demonstrations.choices)), 0

@@ -53,7 +53,8 @@ class FrontierPolicy(MaskableActorCriticPolicy):
         self.averaged = Actor(self._spec)
         self.averaged.load_state_dict(self.actor.state_dict())
         self.averaged.requires_grad_(False)
-        self.optimizer = self.optimizer_class(learning, lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
+        make: Any = self.optimizer_class
+        self.optimizer = make(learning, lr=lr_schedule(1), **self.optimizer_kwargs)
 
     def average(self, kept: float) -> None:
         """Move the average towards the actor as it is now; `kept` is the share of the old average."""

@@ -17,7 +17,7 @@ from layoutexplore.files import atomic, to_toml, write_atomically
 
 
 def save_policy(path: Path, state: Mapping[str, torch.Tensor], card: Mapping[str, Any]) -> None:
-    """Write weights and card to PATH, and the card to be read beside it; a kill leaves the old file or the new one."""
+    """Write weights and card to a file, and the card beside it; a kill leaves the old file or the new one."""
     text = to_toml(dict(card))
     save_tensors(path, state, {"card": text})
     write_atomically(path.with_suffix(".toml"), text)

@@ -1,4 +1,4 @@
-"""A response surface (Box and Wilson 1951): how a noisy value depends on a few parameters near where it was measured.
+"""A response surface (Box and Wilson 1951): how a noisy value depends on parameters near where it was measured.
 
 Every value is the sum of an offset that its group shares (a floor plan is long or short whatever the
 parameters are) and of slope z + curvature z^2 per parameter. Offsets are taken out; slopes and curvatures are
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 NOISE = 0.15
-"""Standard deviation of one value around its group's offset: logarithms of metres of explorations of small buildings."""
+"""Standard deviation of one value around its group's offset: of logarithms of metres in small buildings."""
 
 SLOPE = 0.03
 """Standard deviation of the slopes before anything is known, per unit of z."""
@@ -62,7 +62,7 @@ def fit_surface(
 def lowest(
     surface: ResponseSurface, centre: NDArray[np.float64], trust: float, least: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Where to go on from a centre: the lowest place of surface + RELUCTANCE (z - centre)^2 in a box, float64 (p,).
+    """Where to go on, float64 (p,): the lowest place of surface + RELUCTANCE (z - centre)^2 in a box.
 
     Args:
         surface: The surface.

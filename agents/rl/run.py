@@ -1,4 +1,4 @@
-"""What all training runs share: a folder with the configuration, the policies and the evaluations, and stopping when asked."""
+"""What all training runs share: a folder with configuration, policies and evaluations; stopping when asked."""
 
 from __future__ import annotations
 

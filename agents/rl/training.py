@@ -1,6 +1,6 @@
-"""Training runs: one folder each, with the configuration, a checkpoint, the policies, the evaluations and the curves.
+"""Runs of stable-baselines3 in their folders: learning between checkpoints.
 
-A run is cut into stretches that end with a checkpoint. Every stretch begins with new episodes, seeded by the
+A run is cut into stretches that end with a checkpoint. Each begins with new episodes, seeded by the
 run's seed and the steps done, so that a run that is resumed at a checkpoint goes on as the one that was never
 stopped.
 """

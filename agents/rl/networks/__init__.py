@@ -1,1 +1,1 @@
-"""Networks that score frontiers: how they read an observation, how frontiers see each other, actor and critic."""
+"""Networks that score frontiers: reading an observation, encoders of sets of frontiers, actor and critic."""

@@ -149,7 +149,7 @@ class _DeepSet(nn.Module):
 
 
 def make_encoder(spec: PolicySpec, *, scores: bool) -> Encoder:
-    """The encoder of a spec; one that scores frontiers lets them see each other, which a sum of all does not need."""
+    """The encoder of a spec; one that scores frontiers lets them see each other, a sum need not."""
     if spec.network.encoder == "pooled":
         return PooledEncoder(spec, spec.network.layers if scores else spec.network.layers - 1)
     return TokenEncoder(spec)

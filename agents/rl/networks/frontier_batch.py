@@ -1,4 +1,4 @@
-"""Decisions as the networks read them: only the frontiers that exist, one after the other, and whose they are.
+"""Decisions as networks read them: only the frontiers that exist, one after the other, and whose they are.
 
 Slots that hold no frontier cost nothing this way, and a batch can be cut into minibatches without reading it
 again.

@@ -94,7 +94,7 @@ class FrontierPPO(MaskablePPO):
         return True
 
     def _judge(self, ends: Ends) -> None:
-        """Values, returns and advantages of the rollout; where an episode was cut off, what was still to be expected counts."""
+        """Values, returns and advantages of the rollout; where an episode was cut off, what was expected counts."""
         buffer, critic = self.rollout_buffer, self.policy.critic
         with torch.no_grad():
             self._batch = buffer.read(critic.read)
@@ -145,7 +145,7 @@ class FrontierPPO(MaskablePPO):
 
 @contextmanager
 def _threads(count: int) -> Iterator[None]:
-    """The threads of torch, meanwhile: as many as the environments leave cores, since threads that wait cost what these need."""
+    """Torch's threads, meanwhile: as many as the environments leave cores; threads that wait take what these need."""
     before = torch.get_num_threads()
     torch.set_num_threads(max(1, count))
     try:

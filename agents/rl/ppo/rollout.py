@@ -1,4 +1,4 @@
-"""What a rollout has seen and done: filled by groups of environments that do not wait for each other, learnt from as a whole."""
+"""What a rollout has seen and done: groups of environments fill it, each at its pace; all of it is learnt from."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class TrainingBatch(NamedTuple):
 
 
 class Rollout(MaskableDictRolloutBuffer):
-    """The buffer of stable-baselines3 with rows that are written in any order; its arrays are (steps, envs, ...)."""
+    """The buffer of stable-baselines3, whose rows are written in any order; arrays are (steps, envs, ...)."""
 
     def put(
         self,
@@ -83,5 +83,5 @@ def _flat(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def parts_of(order: Tensor, size: int = 512) -> tuple[Tensor, ...]:
-    """An order int64 (n,) cut into parts; by default of a size of which all that is computed stays in the cache."""
+    """An order int64 (n,) cut into parts, by default so small that what is computed stays in the cache."""
     return torch.split(order, size)

@@ -1,4 +1,4 @@
-"""What an actor and a critic learn from a rollout: the losses of masked PPO (Schulman et al. 2017; Huang and Ontañón 2022).
+"""The losses of masked PPO (Schulman et al. 2017; Huang and Ontañón 2022): what actor and critic learn by.
 
 The rollout may come from an older actor than the one that learns. The ratio is then clipped around the actor
 that the update starts from, and each decision is weighed by how much more or less likely that one would have
@@ -111,7 +111,7 @@ class Update:
     def _actor_loss(
         self, policy: FrontierPolicy, part: TrainingBatch, curves: dict[str, list[float]]
     ) -> tuple[Tensor, float]:
-        """The clipped surrogate loss less the entropy's share, and an estimate of how far the policy has moved."""
+        """The clipped surrogate loss less the entropy's share, and about how far the policy has moved."""
         log_probs = policy.actor.log_probs(part.batch, part.masks)
         change = log_probs.gather(1, part.actions[:, None])[:, 0] - part.log_probs
         ratio, advantages = change.exp(), part.advantages

@@ -27,7 +27,8 @@ def test_the_shipped_ones_make_a_configuration_that_survives_a_file(algorithm: s
 def test_a_file_changes_the_shipped_ones_and_flags_win(tmp_path: Path) -> None:
     path = written(
         tmp_path,
-        'algorithm = "maskable-ppo"\nsteps = 7\nseed = 3\n[network]\nencoder = "deep-sets"\n[learning]\nlearning_rate = 1\n',
+        'algorithm = "maskable-ppo"\nsteps = 7\nseed = 3\n'
+        '[network]\nencoder = "deep-sets"\n[learning]\nlearning_rate = 1\n',
     )
     config = read_config(path, {"steps": 9, "envs": None, "plans": ["test"]})
     assert (config.steps, config.seed, config.plans) == (9, 3, ("test",))
