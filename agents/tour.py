@@ -1,7 +1,7 @@
 """A tour over all frontiers, planned anew at every decision; the robot goes to the first one of it.
 
 A short tour finishes well and starts badly. A latency tour also wants to come early to where much is to be
-seen: it is ahead of the short one at 90, 95 and at 99 % of coverage.
+seen.
 """
 
 from __future__ import annotations

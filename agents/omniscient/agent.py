@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Nearest, NearestOptions
-from layoutexplore.agents.omniscient.route_planner import RouteConfig, WatchmanPlanner
+from layoutexplore.agents.omniscient.route_planner import RouteConfig, RoutePlanner
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Choice, Decision, Truth
 from layoutexplore.grids.grid import Cell
@@ -81,7 +81,7 @@ class Clairvoyant:
                 early_weight=self.options.early_weight,
                 rounds=self.options.rounds,
             )
-            self._stops = WatchmanPlanner(self._truth, config).plan(here)
+            self._stops = RoutePlanner(self._truth, config).plan(here)
         while self._next < len(self._stops):
             row, col = self._stops[self._next]
             self._next += 1

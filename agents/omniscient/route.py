@@ -31,7 +31,7 @@ class Stop:
 
 @dataclass(eq=False)
 class Leg:
-    """The way between two stops: metres, and what the scans on it show."""
+    """The path between two stops: its length in metres, and what the scans on it show."""
 
     length: float
     seen: Bits

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.agents.omniscient.route import Leg, Route, Stop, cheapest_gaps
-from layoutexplore.agents.omniscient.visibility import Bits, Sight, added_sizes, size
+from layoutexplore.agents.omniscient.visibility import Bits, Visibility, added_sizes, size
 from layoutexplore.frontiers.decision import Truth
 from layoutexplore.grids.grid import Cell
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
@@ -65,7 +65,7 @@ class RouteConfig:
     noise: float = 0.2
 
 
-class WatchmanPlanner:
+class RoutePlanner:
     """Plans routes on a known floor plan.
 
     Args:
@@ -75,11 +75,11 @@ class WatchmanPlanner:
 
     def __init__(self, truth: Truth, config: RouteConfig | None = None) -> None:
         self.config = config or RouteConfig()
-        self.sight = Sight(truth, self.config.scan_spacing)
+        self.visibility = Visibility(truth, self.config.scan_spacing)
         self.resolution = truth.raster.resolution
         self.traversable = np.ascontiguousarray(truth.reachable)
         self.cells = _lattice(self.traversable, max(1, round(self.config.lattice / self.resolution)))
-        self.views = self.sight.turning(self.cells)
+        self.views = self.visibility.turning(self.cells)
         self._weight = 1.0 + self.config.early_weight
         self._fields: OrderedDict[Cell, NDArray[np.float32]] = OrderedDict()
         self._stops: OrderedDict[int, Stop] = OrderedDict()
@@ -90,9 +90,10 @@ class WatchmanPlanner:
         rng = np.random.default_rng(0)
         shares = (min(self.config.early_coverage, self.config.coverage), self.config.coverage)
         self._quotas = [
-            min(self.sight.count, math.ceil((q + _SAMPLING_MARGIN) * self.sight.count)) for q in shares
+            min(self.visibility.count, math.ceil((q + _SAMPLING_MARGIN) * self.visibility.count))
+            for q in shares
         ]
-        route = Route([self._stop(start, self.sight.turning(np.array([start], np.int32))[0])], [], 0)
+        route = Route([self._stop(start, self.visibility.turning(np.array([start], np.int32))[0])], [], 0)
         self._complete(route)
         # What no stop shows cannot be asked for.
         self._quotas = [min(q, n) for q, n in zip(self._quotas, self._counts(route), strict=True)]
@@ -141,7 +142,7 @@ class WatchmanPlanner:
                 stop_at = np.array([end.cell], np.int32)
                 distances = geodesic_distances(self.traversable, start.cell, self.resolution, stop_at=stop_at)
             path = descend(distances, self.traversable, end.cell)
-            _keep(self._legs, key, Leg(float(distances[end.cell]), self.sight.walking(path)), _KEPT_LEGS)
+            _keep(self._legs, key, Leg(float(distances[end.cell]), self.visibility.walking(path)), _KEPT_LEGS)
         return self._legs[key]
 
     def _linked(self, stops: list[Stop], mark: int) -> Route:
@@ -316,7 +317,7 @@ class WatchmanPlanner:
         cells = (np.argwhere(window) + np.array([row, col])).astype(np.int32)
         near = [self._field(stop.cell)[cells[:, 0], cells[:, 1]] for stop in ends]
         cells = cells[self._cheaper(route, i, near)]
-        views = self.sight.turning(cells)
+        views = self.visibility.turning(cells)
         if len(rows := _enough(views, np.arange(len(cells)), limits)):
             self._replace(route, i, self._stop(Cell(*map(int, cells[rows[0]])), views[rows[0]]))
 

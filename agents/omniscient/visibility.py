@@ -29,8 +29,8 @@ _BEAMS_TURNING, _BEAMS_WALKING = 720, 240
 """Beams in 360 degrees that planning needs: what falls between two of them, the next scan shows."""
 
 
-class Sight:
-    """The sight of a robot on a known floor plan.
+class Visibility:
+    """What a robot sees on a known floor plan.
 
     Args:
         truth: The floor plan, the target and the sensor.
@@ -57,8 +57,8 @@ class Sight:
         inner[~occupied] = _FLOOR
         inner[sampled] = np.arange(self.count)
         reach = truth.sensor.range_max / self.resolution
-        self._around = _Eyes(labels, *beam_table(_thinned(around(truth.sensor), _BEAMS_TURNING)), reach)
-        self._ahead = _Eyes(labels, *beam_table(_thinned(truth.sensor, _BEAMS_WALKING)), reach)
+        self._around = _Scanner(labels, *beam_table(_thinned(around(truth.sensor), _BEAMS_TURNING)), reach)
+        self._ahead = _Scanner(labels, *beam_table(_thinned(truth.sensor, _BEAMS_WALKING)), reach)
 
     def turning(self, cells: NDArray[np.int32]) -> NDArray[np.uint64]:
         """What a full turn in each of the cells int32 (n, 2) shows: uint64 (n, words)."""
@@ -102,13 +102,14 @@ def _added(
     return counts
 
 
-class _Eyes(NamedTuple):
+class _Scanner(NamedTuple):
     """What is looked at and how far.
 
     Attributes:
         labels: int32 (rows, cols), the number of a sampled target cell, -1 for other floor, -2 for walls.
-        unit_x: float64 (beams,), of each beam's direction in the robot's frame.
-        unit_y: The same.
+        unit_x: float64 (beams,), ahead, of each beam's direction in the robot's frame.
+        unit_y: float64 (beams,), to the left: the other part of the direction,
+            so that a beam is turned by multiplication alone.
         reach: Range in cells.
     """
 
@@ -119,14 +120,14 @@ class _Eyes(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _look_around(eyes: _Eyes, cells: NDArray[np.int64], seen: NDArray[np.uint64]) -> None:
+def _look_around(scanner: _Scanner, cells: NDArray[np.int64], seen: NDArray[np.uint64]) -> None:
     """Add to each row of `seen` what a full turn in a cell shows."""
     for k in range(len(cells)):
-        _look(eyes, cells[k], 1.0, 0.0, seen[k])
+        _look(scanner, cells[k], 1.0, 0.0, seen[k])
 
 
 @njit(cache=True, nogil=True)
-def _look_ahead(eyes: _Eyes, path: NDArray[np.int64], spacing: float, seen: NDArray[np.uint64]) -> None:
+def _look_ahead(scanner: _Scanner, path: NDArray[np.int64], spacing: float, seen: NDArray[np.uint64]) -> None:
     """Scan whenever `spacing` cells have been walked since the last scan, looking the way walked since.
 
     The ends of the path are left out: whoever stops there turns fully.
@@ -139,23 +140,25 @@ def _look_ahead(eyes: _Eyes, path: NDArray[np.int64], spacing: float, seen: NDAr
             continue
         d_row, d_col = path[k, 0] - path[last, 0], path[k, 1] - path[last, 1]
         length = np.hypot(d_row, d_col)
-        _look(eyes, path[k], d_col / length, d_row / length, seen)
+        _look(scanner, path[k], d_col / length, d_row / length, seen)
         walked = 0.0
         last = k
 
 
 @njit(cache=True, nogil=True)
-def _look(eyes: _Eyes, cell: NDArray[np.int64], cos: float, sin: float, seen: NDArray[np.uint64]) -> None:
+def _look(
+    scanner: _Scanner, cell: NDArray[np.int64], cos: float, sin: float, seen: NDArray[np.uint64]
+) -> None:
     """Add what the beams of one scan cross, from the middle of a cell, to a set."""
     # Not `grids.rays.trace`: distances are added up here; how that rounds decides what is seen at corners.
-    field = eyes.labels.ravel()
-    cols = eyes.labels.shape[1]
+    field = scanner.labels.ravel()
+    cols = scanner.labels.shape[1]
     # The labels have a border of one cell of wall, so that no ray needs to ask whether it has left the plan.
     start = (cell[0] + 1) * cols + cell[1] + 1
     one = np.uint64(1)
-    for i in range(eyes.unit_x.size):
-        dx = eyes.unit_x[i] * cos - eyes.unit_y[i] * sin
-        dy = eyes.unit_x[i] * sin + eyes.unit_y[i] * cos
+    for i in range(scanner.unit_x.size):
+        dx = scanner.unit_x[i] * cos - scanner.unit_y[i] * sin
+        dy = scanner.unit_x[i] * sin + scanner.unit_y[i] * cos
         inverse_x = abs(1.0 / dx) if dx != 0.0 else np.inf
         inverse_y = abs(1.0 / dy) if dy != 0.0 else np.inf
         step_x = 1 if dx > 0.0 else -1
@@ -166,7 +169,7 @@ def _look(eyes: _Eyes, cell: NDArray[np.int64], cos: float, sin: float, seen: ND
         label = field[index]
         here = 0.0
         # A cell counts when the ray enters it within the range, however little of it lies there.
-        while label != _WALL and here <= eyes.reach:
+        while label != _WALL and here <= scanner.reach:
             if label >= 0:
                 seen[label >> 6] |= one << np.uint64(label & 63)
             if next_x <= next_y:

@@ -18,7 +18,7 @@ from layoutexplore.metrics.exploration import NEARLY_SEEN
 Batch = Any
 """A batched observation: an array, or arrays by name."""
 
-Told = tuple[Batch, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
+StepResult = tuple[Batch, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
 """Observations, rewards, which episodes ended, and infos."""
 
 
@@ -70,9 +70,9 @@ class VectorAdapter(VecEnv):
         """Keep the actions for `step_wait`."""
         self._actions = actions
 
-    def step_wait(self) -> Told:
+    def step_wait(self) -> StepResult:
         """Make the step."""
-        return self._told(slice(None), self.env.step(self._actions))
+        return self._step_result(slice(None), self.env.step(self._actions))
 
     @property
     def groups(self) -> Sequence[tuple[int, int]]:
@@ -83,28 +83,28 @@ class VectorAdapter(VecEnv):
         """Begin a step of the environments of one group."""
         self._native.send(actions, group)
 
-    def receive(self) -> tuple[int, Told]:
+    def receive(self) -> tuple[int, StepResult]:
         """A group that was sent and is done, and what `step` tells, for its environments."""
         start = time.perf_counter()
         group, step = self._native.receive()
         self.waiting_seconds += time.perf_counter() - start
-        return group, self._told(slice(*self.groups[group]), step)
+        return group, self._step_result(slice(*self.groups[group]), step)
 
     @property
     def _native(self) -> ExplorationVectorEnv:
         assert isinstance(self.env, ExplorationVectorEnv)
         return self.env
 
-    def _told(self, rows: slice, step: tuple[Any, ...]) -> Told:
-        """A step of some environments as stable-baselines3 is told it."""
+    def _step_result(self, rows: slice, step: tuple[Any, ...]) -> StepResult:
+        """A step of some environments in the form of stable-baselines3."""
         observations, rewards, terminated, truncated, info = step
         done = terminated | truncated
         self._returns[rows] += rewards
         self._lengths[rows] += 1
         coverage, distance = (_at_the_end(info, name) for name in ("coverage", "distance"))
-        marks = self._d95[rows]
-        reached = np.isnan(marks) & (coverage >= NEARLY_SEEN)
-        marks[reached] = distance[reached]
+        lengths = self._d95[rows]
+        reached = np.isnan(lengths) & (coverage >= NEARLY_SEEN)
+        lengths[reached] = distance[reached]
         infos: list[dict[str, Any]] = [{} for _ in range(len(done))]
         for k in np.flatnonzero(done).tolist():
             infos[k] = {
@@ -155,7 +155,7 @@ class VectorAdapter(VecEnv):
         return observations
 
     def _episode(self, k: int, coverage: float, distance: float) -> dict[str, Any]:
-        """What SB3 and the curves are told of an episode that ended; environment k starts the next one."""
+        """The summary of an episode that ended; environment k starts the next one."""
         episode = {
             "r": float(self._returns[k]),
             "l": int(self._lengths[k]),

@@ -34,7 +34,7 @@ class Encoder(nn.Module):
         raise NotImplementedError
 
     def surroundings(self, batch: FrontierBatch) -> Tensor:
-        """What is not told by a frontier, (batch, width)."""
+        """What no frontier says: robot and map, (batch, width)."""
         context = self.robot(batch.robot)
         if self.map is not None and batch.maps is not None:
             context = context + self.map(batch.maps.float() / 255.0)

@@ -77,14 +77,16 @@ class FrontierPPO(MaskablePPO):
             and self._last_episode_starts is not None
         )
 
-        def told(decisions: int) -> bool:
+        def on_decisions(decisions: int) -> bool:
             self.num_timesteps += decisions
             return callback.on_step()
 
         callback.on_rollout_start()
         buffer = self.rollout_buffer
         buffer.reset()
-        ends = Collector(self._acting, env, buffer, self._last_obs, self._last_episode_starts, told).run()
+        ends = Collector(
+            self._acting, env, buffer, self._last_obs, self._last_episode_starts, on_decisions
+        ).run()
         self._finish_update()
         if ends is None:
             return False

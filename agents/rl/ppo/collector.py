@@ -14,7 +14,7 @@ from layoutexplore.agents.rl.ppo.rollout import Rollout
 from layoutexplore.agents.rl.vector import VectorAdapter
 
 Ends = dict[tuple[int, int], dict[str, Any]]
-"""What is told of the episodes that ended, by step and environment."""
+"""The infos of the episodes that ended, by step and environment."""
 
 
 class Collector:
@@ -29,7 +29,7 @@ class Collector:
         rollout: What is filled.
         seen: The observations of all environments now; they are kept up to date.
         starts: bool (envs,), which of these begin an episode; kept up to date as well.
-        told: Told how many decisions came in; asked whether to go on.
+        on_decisions: Called with how many decisions came in; says whether to go on.
     """
 
     def __init__(
@@ -39,23 +39,23 @@ class Collector:
         rollout: Rollout,
         seen: dict[str, NDArray[Any]],
         starts: NDArray[np.bool_],
-        told: Callable[[int], bool],
+        on_decisions: Callable[[int], bool],
     ) -> None:
-        self._actor, self._env, self._rollout, self._told = actor, env, rollout, told
+        self._actor, self._env, self._rollout, self._on_decisions = actor, env, rollout, on_decisions
         self._seen, self._starts, self._masks = seen, starts, env.action_masks()
         self._steps: int = rollout.buffer_size
         self._gumbel = -torch.empty((self._steps, *self._masks.shape)).exponential_().log_()
         self._ends: Ends = {}
 
     def run(self) -> Ends | None:
-        """Act until the rollout is full; None when told to stop before."""
+        """Act until the rollout is full; None when stopped before."""
         env, going = self._env, True
         taken, busy = [0] * len(env.groups), len(env.groups)
         for group in range(busy):
             self._act(0, group)
         while busy:
             group, outcome = env.receive()
-            going = self._told(self._note(taken[group], group, *outcome)) and going
+            going = self._on_decisions(self._note(taken[group], group, *outcome)) and going
             taken[group] += 1
             if going and taken[group] < self._steps:
                 self._act(taken[group], group)

@@ -26,7 +26,7 @@ _HEAVIEST = 2.0
 
 
 class Learnt(NamedTuple):
-    """What is told of an update.
+    """What came of an update.
 
     Attributes:
         curves: Means over the minibatches, by name.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from layoutexplore.agents.omniscient.visibility import Sight, added_sizes, size
+from layoutexplore.agents.omniscient.visibility import Visibility, added_sizes, size
 from layoutexplore.grids.grid import Pose
 from layoutexplore.sensing.lidar import around
 from layoutexplore.sensing.mapper import Mapper
@@ -16,34 +16,34 @@ from tests.plans import offices
 
 
 @pytest.mark.parametrize("sensor", ["indoor", "stage"])
-def test_sight_agrees_with_the_lidar(sensor: str) -> None:
+def test_visibility_agrees_with_the_lidar(sensor: str) -> None:
     """A full turn shows what a scan marks, up to what falls between its fewer beams."""
     simulation = Simulation(offices(), SimulationConfig(sensor=sensor))
     simulation.reset(seed=0)
     truth, raster = simulation.truth, simulation.raster
-    sight = Sight(truth, 0.5)
+    visibility = Visibility(truth, 0.5)
     cells = np.argwhere(truth.reachable)[:: len(np.argwhere(truth.reachable)) // 12].astype(np.int32)
     everything = np.bitwise_or.reduce(
-        sight.turning(np.argwhere(truth.reachable)[::40].astype(np.int32)), axis=0
+        visibility.turning(np.argwhere(truth.reachable)[::40].astype(np.int32)), axis=0
     )
-    assert size(everything) > 0.98 * sight.count
-    for cell, seen in zip(cells, sight.turning(cells), strict=True):
+    assert size(everything) > 0.98 * visibility.count
+    for cell, seen in zip(cells, visibility.turning(cells), strict=True):
         mapper = Mapper(raster.shape, raster.resolution, raster.origin)
         mapper.observe(simulation.lidar, Pose(*raster.cell_to_world(*cell)), full_turn=True)
         share = np.count_nonzero(truth.target & mapper.grid.free) / np.count_nonzero(truth.target)
-        assert -0.03 < size(seen) / sight.count - share < 0.01
+        assert -0.03 < size(seen) / visibility.count - share < 0.01
 
 
-def test_sight_ahead_and_around() -> None:
+def test_visibility_ahead_and_around() -> None:
     simulation = Simulation(offices(), SimulationConfig(sensor="stage"))
     simulation.reset(seed=0)
-    sight = Sight(simulation.truth, 0.5)
+    visibility = Visibility(simulation.truth, 0.5)
     row, cols = 36, np.arange(30, 60)
     path = np.stack([np.full(len(cols), row), cols], axis=1).astype(np.int32)
-    ahead, back = sight.walking(path), sight.walking(path[::-1])
+    ahead, back = visibility.walking(path), visibility.walking(path[::-1])
     both = ahead | back
     assert 0 < size(ahead) < size(both) and 0 < size(back) < size(both)
-    assert size(sight.walking(path[:4])) == 0, "no scan falls due on a short way"
+    assert size(visibility.walking(path[:4])) == 0, "no scan falls due on a short way"
     assert around(simulation.config.lidar).full_turn
 
 

@@ -9,7 +9,6 @@ import signal
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
@@ -20,11 +19,7 @@ import safetensors.torch  # noqa: E402
 
 from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.checkpoint import FILE  # noqa: E402
-from layoutexplore.agents.rl.environments import environment_arguments, make_envs  # noqa: E402
-from layoutexplore.agents.rl.evaluation import Evaluation  # noqa: E402
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
-from layoutexplore.agents.rl.imitation import imitate  # noqa: E402
-from layoutexplore.agents.rl.networks.actor_critic import Actor  # noqa: E402
 from layoutexplore.agents.rl.training import Run  # noqa: E402
 from layoutexplore.errors import ConfigError, ResultsError  # noqa: E402
 from tests.agents.rl.cases import Silent, small_config, write_config  # noqa: E402
@@ -157,57 +152,6 @@ def test_the_first_actions_are_the_same(tmp_path: Path) -> None:
     assert actions() == actions()
 
 
-def test_episodes_are_told_and_stopping_is_masked(tmp_path: Path) -> None:
-    envs = make_envs(small_config(tmp_path))
-    envs.seed(1)
-    envs.reset()
-    episodes = []
-    for _ in range(60):
-        masks = envs.action_masks()
-        assert not masks[:, -1].any() or not masks[:, :-1][masks[:, -1]].any()
-        _, rewards, dones, infos = envs.step(masks.argmax(axis=1))
-        assert (rewards <= 0).all()
-        episodes += [(infos[k], k) for k in np.flatnonzero(dones)]
-    envs.close()
-    info, _ = episodes[0]
-    assert info["episode"]["coverage"] >= 0.95 and 0 < info["episode"]["d95_share"] <= 1
-    assert info["terminal_observation"].keys() == envs.observation_space.spaces.keys()
-    assert info["episode"]["r"] < 0 and info["episode"]["l"] > 1 and not info["TimeLimit.truncated"]
-
-
-def test_imitation_comes_to_agree(tmp_path: Path) -> None:
-    config = small_config(
-        tmp_path,
-        imitation={"teacher": "nearest-0.4", "episodes": 4, "rounds": 2, "epochs": 30, "batch_size": 32},
-        network={"tour_weight": 0.0, "detour_weight": 0.0},
-    )
-    assert config.network is not None
-    watcher = Silent()
-    torch.manual_seed(0)
-    run = Run(config, tmp_path / "run", device="cpu", resume=False, watcher=watcher)
-    assert run.spec is not None
-    imitate(Actor(run.spec), config, watcher.say)
-    shares = [float(line.split(", ")[-1].split("%")[0]) for line in watcher.lines]
-    assert len(shares) == 2 and shares[-1] > 80
-
-
-def test_a_teacher_that_knows_the_plan(tmp_path: Path) -> None:
-    config = small_config(
-        tmp_path, imitation={"teacher": "clairvoyant", "episodes": 1, "rounds": 1, "epochs": 1}
-    )
-    watcher = Silent()
-    run = Run(config, tmp_path / "run", device="cpu", resume=False, watcher=watcher)
-    assert run.spec is not None
-    imitate(Actor(run.spec), config, watcher.say)
-    assert watcher.lines
-
-
-def test_a_teacher_with_another_predictor(tmp_path: Path) -> None:
-    config = small_config(tmp_path, imitation={"teacher": "layout-tour"})
-    with pytest.raises(ConfigError, match="needs predictor = 'layout'"):
-        train(config, tmp_path / "run")
-
-
 @pytest.mark.parametrize("algorithm", ["ppo", "dqn"])
 def test_motion(algorithm: str, tmp_path: Path) -> None:
     learning = {
@@ -255,18 +199,3 @@ def test_two_minutes_of_training_beat_random(tmp_path: Path) -> None:
     run = train(config, tmp_path / "run")
     first, last = run.progress.evaluations[0], run.progress.evaluations[-1]
     assert last["score"] < 0.9 and last["score"] < first["score"]
-
-
-def test_references_are_explored_once(tmp_path: Path) -> None:
-    evaluation = Evaluation(small_config(tmp_path))
-    first = evaluation.compare(make_agent("nearest"))
-    assert first["d95_ratio.nearest"] == first["d99_ratio.nearest"] == 1.0
-    assert evaluation.compare(make_agent("tour"), lambda: True) == {}
-
-
-def test_arguments_of_the_environments(tmp_path: Path) -> None:
-    arguments = environment_arguments(
-        small_config(tmp_path, plans=["generated"], generator={"area": [150, 250]})
-    )
-    assert arguments["plan"].area == (150, 250) and arguments["randomisation"].sensors == ("indoor",)
-    assert arguments["predictor"] == "none" and arguments["observation"].detour

@@ -1,0 +1,55 @@
+"""Cards: what is read of them, and where policies are looked for."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("safetensors")
+
+from layoutexplore.agents import make_agent  # noqa: E402
+from layoutexplore.agents.rl.card import WEIGHTS, find_policy, read_card, read_spec  # noqa: E402
+from layoutexplore.agents.rl.policy_file import load_actor, save_tensors  # noqa: E402
+from layoutexplore.errors import ConfigError, ResultsError, UnknownNameError  # noqa: E402
+
+
+@pytest.mark.parametrize(
+    "content", [b"\x80\x04pickle", b"PK\x03\x04 zipped torch file", b"{}", (2).to_bytes(8, "little") + b"{}"]
+)
+def test_a_file_of_something_else(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "other.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(ResultsError, match="not a policy"):
+        read_spec(path)
+
+
+def test_safetensors_of_somebody_else(tmp_path: Path) -> None:
+    path = tmp_path / "other.safetensors"
+    save_tensors(path, {"w": torch.zeros(3)}, {"card": "name = 3"})
+    with pytest.raises(ResultsError, match="no table"):
+        read_spec(path)
+
+
+def test_where_policies_are_looked_for(saved: Path, tmp_path: Path) -> None:
+    assert find_policy(str(saved)) == saved
+    with pytest.raises(ConfigError, match="has neither best"):
+        find_policy(str(tmp_path))
+    saved.rename(tmp_path / "best.safetensors")
+    assert find_policy(str(tmp_path)) == tmp_path / "best.safetensors"
+    with pytest.raises(ConfigError, match="there is no policy"):
+        make_agent(f"policy:{tmp_path / 'gone.safetensors'}")
+    with pytest.raises(UnknownNameError, match="unknown policy 'nobody'"):
+        make_agent("policy:nobody")
+
+
+def test_what_ships_can_be_read() -> None:
+    for path in sorted(WEIGHTS.glob("*.safetensors")):
+        _, read = load_actor(path)
+        assert dataclasses.asdict(read)["format"] == 1
+        assert path.stat().st_size < 5_000_000
+        card = read_card(path)
+        assert {"policy", "training", "results", "limits"} <= set(card)
+        assert make_agent(f"policy:{path.stem}").predictor == read.predictor
