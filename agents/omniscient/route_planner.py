@@ -167,13 +167,13 @@ class RoutePlanner:
     # Construction.
 
     def _complete(self, route: Route, factors: NDArray[np.float64] | float = 1.0) -> None:
-        """Insert stops until both quotas are met or nothing adds; factors multiply the candidates' detours."""
+        """Insert stops until both quotas are met or nothing adds; detours count times the factors."""
         for early in (True, False):
             while self._complete_part(route, factors, early=early):
                 pass
 
     def _complete_part(self, route: Route, factors: NDArray[np.float64] | float, *, early: bool) -> bool:
-        """Insert stops until one quota seems met: what replaced legs showed still counts; whether any was inserted."""
+        """Insert stops until one quota seems met (what replaced legs showed counts); whether any was."""
         seen = route.heads()[route.mark if early else -1]
         quota = self._quotas[0 if early else 1]
         if size(seen) >= quota:
@@ -242,7 +242,7 @@ class RoutePlanner:
                 return
 
     def _reorder(self, route: Route) -> None:
-        """Improve the order on each side of the mark, if that pays with the stops that the quotas then need."""
+        """Improve the order on each side of the mark, if that pays with what the quotas then need."""
         head = self._shortened(route.stops[: route.mark + 1])
         tail = self._shortened([head[-1], *route.stops[route.mark + 1 :]])
         changed = self._linked(head + tail[1:], route.mark)

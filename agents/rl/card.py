@@ -98,7 +98,7 @@ def spec_of(config: TrainingConfig) -> PolicySpec:
 
 
 def find_policy(name: str) -> Path:
-    """The file of a policy by its path, by the folder of its training run (the best one), or by a shipped name.
+    """The file of a policy by its path, the folder of its training run (the best one), or a shipped name.
 
     Raises:
         ConfigError: There is no such policy.

@@ -139,7 +139,7 @@ def _learn(
     optimizer: torch.optim.Optimizer,
     rng: np.random.Generator,
 ) -> float:
-    """Some passes of cross-entropy over all demonstrations; the share of the last one's choices that agree."""
+    """Passes of cross-entropy over all demonstrations; the share of the last one's choices that agree."""
     agreed = 0
     for _ in range(plan.epochs):
         order, agreed = rng.permutation(len(demonstrations.choices)), 0

@@ -1,4 +1,4 @@
-"""What agents with a trained policy share, and the policy that is a weighted sum of features, without torch."""
+"""What agents with a trained policy share; the policy that is a weighted sum of features, without torch."""
 
 from __future__ import annotations
 

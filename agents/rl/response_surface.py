@@ -1,4 +1,4 @@
-"""A response surface (Box and Wilson 1951): how a noisy value depends on parameters near where it was measured.
+"""A response surface (Box and Wilson 1951): how a noisy value depends on parameters near the measured ones.
 
 Every value is the sum of an offset that its group shares (a floor plan is long or short whatever the
 parameters are) and of slope z + curvature z^2 per parameter. Offsets are taken out; slopes and curvatures are

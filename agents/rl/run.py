@@ -1,4 +1,4 @@
-"""What all training runs share: a folder with configuration, policies and evaluations; stopping when asked."""
+"""What training runs share: a folder with configuration, policies and evaluations; stopping when asked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Search for a tour's parameters by whole explorations (parameter-exploring policy search, Sehnke et al. 2010).
+"""Search for a tour's parameters by whole explorations (parameter-exploring policy search; Sehnke 2010).
 
 A single decision changes an exploration's length by far less than what happens by chance behind it, so that
 learning from single decisions needs very many. Here a draw of parameters is kept for a whole exploration,

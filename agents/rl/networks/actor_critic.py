@@ -65,13 +65,13 @@ class Actor(nn.Module):
         return torch.cat([batch.in_slots(scores), self.stop(context)], dim=1)
 
     def log_probs(self, batch: FrontierBatch, masks: Tensor) -> Tensor:
-        """float32 (batch, slots + 1): logarithms of probabilities, given what is allowed, bool of that shape."""
+        """float32 (batch, slots + 1): logarithms of probabilities, given what is allowed, bool alike."""
         return functional.log_softmax(self.logits(batch).masked_fill(~masks, _NEVER), dim=1)
 
     def draw(
         self, observation: Mapping[str, NDArray[Any]], masks: NDArray[np.bool_], gumbel: Tensor
     ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        """Actions (batch,) drawn with given random numbers, and the logarithms of their probabilities (batch,).
+        """Actions (batch,) drawn with given random numbers, and the logarithms of their probabilities.
 
         Args:
             observation: By name, (batch, ...).

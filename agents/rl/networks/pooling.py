@@ -88,7 +88,7 @@ def _pool(
     pooled: NDArray[np.float32],
     best: NDArray[np.int32],
 ) -> None:
-    """Means and greatest values (batch, 2 * width) of tokens (n, width), and whose the greatest are; -1: nobody's."""
+    """Means and greatest values (batch, 2 * width) of tokens (n, width), and whose those are (-1: none)."""
     width, k = tokens.shape[1], 0
     for b in range(counts.size):
         total, greatest, place = (

@@ -96,7 +96,7 @@ class FrontierPPO(MaskablePPO):
         return True
 
     def _judge(self, ends: Ends) -> None:
-        """Values, returns and advantages of the rollout; where an episode was cut off, what was expected counts."""
+        """Values, returns and advantages of the rollout; where one is cut off, what was expected counts."""
         buffer, critic = self.rollout_buffer, self.policy.critic
         with torch.no_grad():
             self._batch = buffer.read(critic.read)
@@ -147,7 +147,7 @@ class FrontierPPO(MaskablePPO):
 
 @contextmanager
 def _threads(count: int) -> Iterator[None]:
-    """Torch's threads, meanwhile: as many as the environments leave cores; threads that wait take what these need."""
+    """Torch's threads, meanwhile: as many as environments leave cores; waiting ones take what these need."""
     before = torch.get_num_threads()
     torch.set_num_threads(max(1, count))
     try:

@@ -1,4 +1,4 @@
-"""What a rollout has seen and done: groups of environments fill it, each at its pace; all of it is learnt from."""
+"""What a rollout has seen and done: groups of environments fill it, each at its own pace."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def test_an_update_ends_where_the_policy_has_moved_far() -> None:
 
 
 def test_what_an_older_actor_did_is_weighed() -> None:
-    """With the ratio at 1, the gradient is that of advantages weighed by how much likelier actions are now."""
+    """With the ratio at 1, the gradient is that of advantages weighed by how much likelier actions are."""
     policy = fresh_policy()
     training_batch = batch_of(policy)
     older = training_batch._replace(log_probs=training_batch.log_probs - 0.3)
