@@ -146,7 +146,7 @@ def noisy(std: float = 0.0, drift: float = 0.0) -> SimulationConfig:
 )
 @pytest.mark.parametrize("agent", ["nearest", "latency-tour", None])
 def test_frontier_env_is_the_simulation(agent: str | None, config: SimulationConfig) -> None:
-    """An agent reads the decisions of a simulation; its choices drive an environment along the same trajectory."""
+    """An agent's choices in a simulation drive an environment along the same trajectory."""
     env = make(FRONTIER, sensor=None, simulation=config).unwrapped
     _, info = env.reset(seed=11)
     simulation = Simulation(env.simulation.plan, config)

@@ -76,7 +76,7 @@ def test_training_tells_wide_from_narrow() -> None:
 
 
 def test_squares_are_drawn_the_way_their_windows_lie() -> None:
-    """Ahead to the left is the room behind, to the right another: only windows that lie as their truth tell."""
+    """Ahead to the left is the room behind, to the right another: windows must lie as their truth."""
     torch = pytest.importorskip("torch")
     from layoutexplore.training.frontier_network import (
         CropBatches,
