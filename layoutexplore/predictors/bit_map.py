@@ -25,7 +25,7 @@ WALL_MIN, EXTENSION_REACH = 0.4, 10.0
 """Metres: walls from this length on are thought to go on, and how far."""
 
 _BLOCK = 16
-"""Cells of a row that are passed over at once where no wall is."""
+"""So many bytes of a row are passed over at once where no wall is, whatever a cell measures."""
 
 
 @dataclass(frozen=True, eq=False)

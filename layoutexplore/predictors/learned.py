@@ -27,7 +27,7 @@ from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import load_forests
 from layoutexplore.models.network_files import load_weights, shapes_of
 from layoutexplore.predictors.cell_model import features as cell_features
-from layoutexplore.predictors.cell_model.features import Candidates, add_first_estimate, find_candidates
+from layoutexplore.predictors.cell_model.features import CandidateCells, add_first_estimate, find_candidates
 from layoutexplore.predictors.cell_model.network import LAYERS, CellNetwork
 from layoutexplore.predictors.cell_model.network_input import make_network_input
 from layoutexplore.predictors.cell_model.room_shapes import room_shapes
@@ -211,7 +211,7 @@ def classify(
 
 
 def classify_cells(
-    candidates: Candidates, resolution: float, forests: dict[str, Forest]
+    candidates: CandidateCells, resolution: float, forests: dict[str, Forest]
 ) -> NDArray[np.float64]:
     """Probability float64 (n,) that each cell belongs to the room of its region, judged twice.
 

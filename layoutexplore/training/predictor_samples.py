@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import FrontierClasses, true_classes
 from layoutexplore.maps.floorplan import PlanRaster
-from layoutexplore.predictors.cell_model.features import Candidates, find_candidates
+from layoutexplore.predictors.cell_model.features import CandidateCells, find_candidates
 from layoutexplore.predictors.cell_model.network_input import NetworkInput, make_network_input
 from layoutexplore.predictors.frontier_model.features import (
     FEATURES,
@@ -42,7 +42,7 @@ class CellSamples:
         building: Group of the floor plan.
     """
 
-    candidates: Candidates
+    candidates: CandidateCells
     inside: NDArray[np.bool_]
     resolution: float
     building: str
@@ -210,7 +210,7 @@ def _cell_samples(snapshot: Snapshot, regions: Regions, rng: np.random.Generator
     return CellSamples(kept, _are_inside(kept, regions, truth), grid.resolution, snapshot.plan)
 
 
-def _are_inside(candidates: Candidates, regions: Regions, truth: PlanRaster) -> NDArray[np.bool_]:
+def _are_inside(candidates: CandidateCells, regions: Regions, truth: PlanRaster) -> NDArray[np.bool_]:
     """Whether each candidate is floor of the room that its region is the seen part of."""
     room = seen_rooms(regions, truth)[candidates.region]
     rows, cols = candidates.cells.T

@@ -65,7 +65,7 @@ class _Known(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class CandidateCells:
     """Unknown cells and the rooms that they may belong to.
 
     Attributes:
@@ -94,7 +94,7 @@ def find_candidates(
     wanted: NDArray[np.bool_] | None = None,
     spacing: float = STRIDE,
     reach: float = REACH,
-) -> Candidates:
+) -> CandidateCells:
     """The unknown cells of a lattice that a region reaches through the unknown, with nothing judged yet.
 
     Args:
@@ -127,11 +127,11 @@ def find_candidates(
             features[:, k] *= resolution**2 if name == "area" else resolution
     features[:, _REGION_DOORS] = regions.doors[region]
     features[:, _TYPICAL : _TYPICAL + 4] = _typical_room(bit_map, regions, resolution)
-    return Candidates(found, region, rank, features, stride, regions.boxes)
+    return CandidateCells(found, region, rank, features, stride, regions.boxes)
 
 
 def add_first_estimate(
-    candidates: Candidates, inside: NDArray[np.float64], resolution: float
+    candidates: CandidateCells, inside: NDArray[np.float64], resolution: float
 ) -> NDArray[np.float32]:
     """The features of the candidates with those that tell what a first judgement thinks.
 
@@ -201,7 +201,7 @@ def _own_mean(
     return out
 
 
-def _grown_boxes(candidates: Candidates, inside: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _grown_boxes(candidates: CandidateCells, inside: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Per candidate float64 (n, 4): sides of its region's box with all that is judged inside, and how far it lies outside it.
 
     The first of either pair belongs to the axis along which the cell lies further outside of the box of what
@@ -230,7 +230,7 @@ def _grow_boxes(
     return grown
 
 
-def _first_axis(candidates: Candidates) -> NDArray[np.int64]:
+def _first_axis(candidates: CandidateCells) -> NDArray[np.int64]:
     """0 where a candidate lies further outside of its region's box along the rows, 1 along the columns."""
     box = candidates.boxes[candidates.region]
     over = np.maximum(np.maximum(box[:, 1:3] - candidates.cells, candidates.cells - box[:, 3:5] + 1), 0)

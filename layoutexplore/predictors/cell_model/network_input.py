@@ -22,7 +22,7 @@ from layoutexplore.predictors.bit_map import (
     WALL_BIT,
     draw_bit_map,
 )
-from layoutexplore.predictors.cell_model.features import FEATURES, SIGHT, Candidates
+from layoutexplore.predictors.cell_model.features import FEATURES, SIGHT, CandidateCells
 from layoutexplore.predictors.seen_rooms import Regions
 
 _BITS = (FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT, ALONG_ROWS, ALONG_COLS)
@@ -69,7 +69,7 @@ class NetworkInput:
         squares: int16 (n, 2), row and column of the squares that are asked for.
         region: int16 (n,), the region that asks.
         rank: int8 (n,), 0 for the first region of a square, 1 for the second.
-        features: float16 (n, features), of `Candidates`.
+        features: float16 (n, features), of `CandidateCells`.
     """
 
     bits: NDArray[np.float16]
@@ -81,7 +81,7 @@ class NetworkInput:
 
 
 def make_network_input(
-    cells: NDArray[np.int8], regions: Regions, candidates: Candidates, resolution: float
+    cells: NDArray[np.int8], regions: Regions, candidates: CandidateCells, resolution: float
 ) -> NetworkInput:
     """A decision in squares.
 

@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grids.grid import UNKNOWN
-from layoutexplore.predictors.cell_model.features import Candidates
+from layoutexplore.predictors.cell_model.features import CandidateCells
 from layoutexplore.predictors.room_completion import Shape
 
 EVIDENCE = 1.0
@@ -49,7 +49,7 @@ class Window(NamedTuple):
 
 
 def room_shapes(
-    cells: NDArray[np.int8], candidates: Candidates, probability: NDArray[np.float64]
+    cells: NDArray[np.int8], candidates: CandidateCells, probability: NDArray[np.float64]
 ) -> dict[int, Shape]:
     """By region the unknown cells that belong to its room; the likelier one of two rooms has a cell.
 
@@ -163,7 +163,7 @@ def _climb(
     return best, sides[0], sides[1], sides[2], sides[3]
 
 
-def _windows(candidates: Candidates, probability: NDArray[np.float64]) -> Iterator[Window]:
+def _windows(candidates: CandidateCells, probability: NDArray[np.float64]) -> Iterator[Window]:
     """The squares near each region, with a rim of one square that is not judged."""
     squares = candidates.cells // candidates.stride
     order = np.argsort(candidates.region, kind="stable")

@@ -38,7 +38,7 @@ for _code in range(len(_COUNTERS)):
     _COUNTERS[_code] = sum(1 << _WIDTH * k for k, bit in enumerate(_BITS.tolist()) if _code & bit)
 
 _MOST_CELLS = 31
-"""Cells of a square that are counted along either of its sides, lest the counters overflow."""
+"""So many are counted along either side of a square, lest the counters overflow."""
 
 ROOM_BEHIND, OTHER_ROOM, DOORWAY, SOLID, KNOWN = range(5)
 """What `draw_truth` says of a square: floor of the room behind the frontier, of another room, of none, no floor, or no riddle."""

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from layoutexplore.predictors.cell_model.features import FEATURES, Candidates
+from layoutexplore.predictors.cell_model.features import FEATURES, CandidateCells
 from layoutexplore.predictors.cell_model.room_shapes import (
     EVIDENCE,
     Window,
@@ -24,11 +24,11 @@ from layoutexplore.predictors.cell_model.room_shapes import (
 STRIDE = 3
 
 
-def judged_squares(squares: NDArray[np.int32], region: NDArray[np.int32]) -> Candidates:
-    """Candidates in the middle of some squares."""
+def judged_squares(squares: NDArray[np.int32], region: NDArray[np.int32]) -> CandidateCells:
+    """CandidateCells in the middle of some squares."""
     boxes = np.zeros((int(region.max(initial=0)) + 1, 5), np.int64)
     features = np.zeros((len(squares), len(FEATURES)), np.float32)
-    return Candidates(
+    return CandidateCells(
         (STRIDE * squares + 1).astype(np.int32),
         region,
         np.zeros(len(region), np.int32),
