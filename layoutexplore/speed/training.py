@@ -1,8 +1,8 @@
 """Throughput of training: environments, policy and learner together, on plans of 1000 to 2500 square metres.
 
-What runs is what `layoutexplore train --algorithm maskable-ppo` runs, with the hyper-parameters that ship,
-from new episodes on, over a few rollouts, each learnt from in full, the last one too; beside it the learner of
-sb3-contrib, with the same networks on the same environments. Wall time, once: it takes long enough.
+What runs is what `layoutexplore train --algorithm maskable-ppo` runs, with hyper-parameters as shipped: from
+new episodes on, over a few rollouts, each learnt from in full, the last one too; beside it sb3-contrib's
+learner, with the same networks on the same environments. Wall time, once: it takes long enough.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from layoutexplore.agents.rl.vector import VectorAdapter
 
 _ROLLOUTS, _STOCK_ROLLOUTS = 8, 2
-"""Ours: so many that every environment comes to the end of an episode; the slower stock learner does fewer."""
+"""Ours: so many that every environment comes to the end of an episode; the slow stock learner does fewer."""
 
 _SETTINGS: tuple[tuple[str, str, bool, float], ...] = (
     ("no tour, no prediction", "none", False, 1000.0),

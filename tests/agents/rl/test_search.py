@@ -1,4 +1,4 @@
-"""The search for a tour's parameters: what it draws, what it learns from, and that resuming changes nothing."""
+"""The search for a tour's parameters: its draws, what it learns from, and that resuming changes nothing."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("sb3_contrib")
@@ -22,7 +20,6 @@ from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.card import read_card  # noqa: E402
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
 from layoutexplore.agents.rl.policy_file import load_actor  # noqa: E402
-from layoutexplore.agents.rl.response_surface import RELUCTANCE, ResponseSurface, fit_surface, lowest  # noqa: E402
 from layoutexplore.agents.rl.run import EVALUATIONS  # noqa: E402
 from layoutexplore.agents.rl.search import (  # noqa: E402
     EXPLORATIONS,
@@ -36,13 +33,11 @@ from layoutexplore.agents.rl.search import (  # noqa: E402
 from layoutexplore.errors import ConfigError, LayoutExploreError, ResultsError  # noqa: E402
 from layoutexplore.files import to_toml  # noqa: E402
 from layoutexplore.frontiers.tour_features import TourConfig  # noqa: E402
-from layoutexplore.maps.tracing import floorplan_from_ascii  # noqa: E402
 from layoutexplore.metrics.exploration import score_curve  # noqa: E402
 from layoutexplore.simulation.config import SimulationConfig  # noqa: E402
 from layoutexplore.simulation.episode import play  # noqa: E402
 from layoutexplore.simulation.simulation import Simulation  # noqa: E402
 from tests.agents.rl.cases import SMALL_SEARCH, Silent  # noqa: E402
-from tests.plans import TWO_ROOMS  # noqa: E402
 
 
 def small_config(tmp_path: Path, **changes: Any) -> TrainingConfig:
@@ -221,58 +216,3 @@ def test_what_cannot_be_explored_is_told_before_anything_is_written(
 def test_searches_that_make_no_sense(tmp_path: Path, table: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         small_config(tmp_path, search={**SMALL_SEARCH["search"], **table})
-
-
-@settings(max_examples=20, deadline=None)
-@given(
-    seed=st.integers(0, 10_000),
-    slope=st.floats(-0.05, 0.05),
-    curvature=st.floats(0.0, 0.03),
-    offset=st.floats(-3, 3),
-)
-def test_a_surface_is_found_whatever_the_groups_have_in_common(
-    seed: int, slope: float, curvature: float, offset: float
-) -> None:
-    rng = np.random.default_rng(seed)
-    z = rng.normal(size=(500, 4, 2))
-    offsets = offset + rng.normal(size=(500, 1))
-    values = offsets + slope * z[..., 0] + curvature * z[..., 0] ** 2 + 0.001 * rng.normal(size=(500, 4))
-    found = fit_surface(z, values, noise=0.001)
-    np.testing.assert_allclose(found.slope, [slope, 0.0], atol=5e-4)
-    np.testing.assert_allclose(found.curvature, [curvature, 0.0], atol=5e-4)
-
-
-def test_noise_alone_says_nothing() -> None:
-    rng = np.random.default_rng(0)
-    found = fit_surface(rng.normal(size=(3, 2, 1)), rng.normal(size=(3, 2)), noise=1.0)
-    assert abs(found.slope[0]) < 0.01 and abs(found.curvature[0]) < 1e-3 and found.deviation[0] < 0.03
-
-
-def height(k: int, z: Any, surface: ResponseSurface, centre: Any) -> Any:
-    return surface.slope[k] * z + surface.curvature[k] * z**2 + RELUCTANCE * (z - centre[k]) ** 2
-
-
-@settings(max_examples=50, deadline=None)
-@given(seed=st.integers(0, 10_000), trust=st.floats(0.1, 2.0))
-def test_the_lowest_place_against_a_fine_raster(seed: int, trust: float) -> None:
-    rng = np.random.default_rng(seed)
-    surface = ResponseSurface(rng.normal(size=3), rng.normal(size=3), np.zeros(3))
-    centre, least = rng.normal(size=3), rng.normal(size=3) - 1.0
-    found = lowest(surface, centre, trust, least)
-    for k in range(3):
-        low, high = max(centre[k] - trust, least[k]), max(centre[k] + trust, least[k])
-        raster = np.linspace(low, high, 501)
-        assert low <= found[k] <= high
-        assert height(k, found[k], surface, centre) <= height(k, raster, surface, centre).min() + 1e-9
-
-
-def test_the_goal_is_what_the_robot_was_last_sent_to() -> None:
-    plan = floorplan_from_ascii(TWO_ROOMS, resolution=1.0)
-    simulation = Simulation(plan, SimulationConfig(sensor="indoor"))
-    decision = simulation.reset(seed=0)
-    assert decision.goal is None
-    while not simulation.done:
-        sent_to = decision.frontiers[0].centroid
-        decision = simulation.step(0)
-        assert decision.goal == sent_to
-    assert simulation.reset(seed=0).goal is None
