@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
-from layoutexplore.planning.distance_cache import PathTable
+from layoutexplore.planning.distance_cache import DistanceCache
 from layoutexplore.planning.shortest_paths import descend, distance_matrix, distances_between
 from layoutexplore.sensing.lidar import LidarConfig
 
@@ -285,7 +285,7 @@ class Decision:
     robot_radius: float
     layout: Any = None
     track: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.empty((0, 3)))
-    paths: PathTable | None = None
+    paths: DistanceCache | None = None
     goal: tuple[float, float] | None = None
 
     @cached_property

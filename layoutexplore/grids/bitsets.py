@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 _ONE, _ALL = np.uint64(1), np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
-_PAIRS, _FOURS, _EIGHTS = (
-    np.uint64(0x5555555555555555),
-    np.uint64(0x3333333333333333),
-    np.uint64(0x0F0F0F0F0F0F0F0F),
-)
+_PAIRS = np.uint64(0x5555555555555555)
+_FOURS = np.uint64(0x3333333333333333)
+_EIGHTS = np.uint64(0x0F0F0F0F0F0F0F0F)
 _BYTES = np.uint64(0x0101010101010101)
 
 
@@ -51,6 +49,8 @@ def set_bits(
     """
     of_rows = np.zeros((rows, cols // 64 + 1), np.uint64)
     of_cols = np.zeros((cols, rows // 64 + 1), np.uint64)
+    # A cell sets one bit in each row near its own: the bits of a row stand for its columns, and the other way
+    # round.
     for i in cells:
         r, c = i // cols, i % cols
         bit = _ONE << np.uint64(c & 63)
@@ -80,7 +80,7 @@ def count_bits(words: NDArray[np.uint64], row: int, length: int, begin: int, end
 
 @njit("int64[::1](uint8[::1], uint64[::1], int64)", cache=True, nogil=True)
 def _true_cells(cells: NDArray[np.uint8], words: NDArray[np.uint64], total: int) -> NDArray[np.int64]:
-    """Indices of the `total` cells that are 1; `words` are the same cells, eight a word, without the last few."""
+    """Indices of the `total` cells that are 1; `words` are the same cells, eight a word, but the last few."""
     out = np.empty(total + 1, np.int64)  # one place more: a cell is written before it is known to be true
     n = 0
     for w in range(len(words)):

@@ -10,7 +10,7 @@ from layoutexplore.grids.grid import UNKNOWN
 
 
 def known_box(cells: NDArray[np.int8], margin: int = 0) -> tuple[int, int, int, int]:
-    """Half-open box (row0, row1, col0, col1) of the known cells with a margin, clipped to the grid; all 0 when none is known.
+    """Half-open box (row0, row1, col0, col1) of the known cells and a margin; all 0 when none is known.
 
     Args:
         cells: int8 (rows, cols), -1 unknown.

@@ -81,7 +81,9 @@ def number_sets(parent: NDArray[np.int32]) -> NDArray[np.int64]:
 
 @njit(cache=True, nogil=True)
 def join_runs(runs: NDArray[np.int32], cells: NDArray[Any], aside: int) -> NDArray[np.int64]:
-    """The connected part int64 (n,) of each run, numbered from 0 by first run: runs join those of equal cells in the row below.
+    """The connected part int64 (n,) of each run, numbered from 0 by first run.
+
+    Runs join those of equal cells in the row before.
 
     Args:
         runs: int32 (n, 3), as `find_runs` finds them.
@@ -97,7 +99,7 @@ def join_runs(runs: NDArray[np.int32], cells: NDArray[Any], aside: int) -> NDArr
         if r != row:
             below, end = (begin if r == row + 1 else k), k
             begin, row = k, r
-        # Runs of a row lie side by side, so what ends before this run touches none of those that follow either.
+        # Runs of a row lie side by side: what ends before this one touches none of those that follow either.
         while below < end and runs[below, 2] + aside <= first:
             below += 1
         j = below

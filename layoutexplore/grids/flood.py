@@ -1,4 +1,4 @@
-"""Labels that spread over a mask, pass by pass over the 8-neighbours or ring by ring over the 4-neighbours."""
+"""Labels that spread over a mask, by passes over the 8-neighbours or by rings over the 4-neighbours."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def _mark_border(labels: NDArray[np.int32], bare: NDArray[np.uint8], r: int, mar
     below, above = bare[max(r - 1, 0)], bare[min(r + 1, labels.shape[0] - 1)]
     for c in range(cols):
         mark[c] = (label[c] != 0) & ((below[c] | above[c]) != 0)
-    # One side after the other: what is written must not be read again in the same loop, or it is not vectorised.
+    # One side after the other: a loop that reads again what it has written is not vectorised.
     for c in range(cols - 1):
         mark[c] |= (label[c] != 0) & (here[c + 1] != 0)
     for c in range(1, cols):

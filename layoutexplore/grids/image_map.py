@@ -36,7 +36,7 @@ DARK_BELOW = 90
 BORDER_SHARE = 0.1
 COURTYARD_AREA, COURTYARD_RADIUS = 25.0, 0.4
 SOLID_RADIUS, SOLID_SKIN = 0.75, 0.15
-"""Square metres and metres: what counts as a courtyard, what as the inside of a solid mass and as its surface."""
+"""Square metres and metres: what counts as a courtyard, as the inside of a solid mass and as its surface."""
 
 WALL_SHARE = 0.02
 """Share of the free space's outline that is occupied at least, in a map that tells walls from the unknown."""
@@ -163,7 +163,7 @@ def _courtyards(grey: NDArray[np.uint8], known: NDArray[np.bool_], resolution: f
 def _inside_of_background(
     grey: NDArray[np.uint8], free: NDArray[np.bool_], resolution: float
 ) -> NDArray[np.bool_]:
-    """The pixels, bool (h, w), inside thick masses of the most common level that is not free, deeper than a wall's skin."""
+    """The pixels, bool (h, w), deeper than a skin in thick masses of the most common level not free."""
     if free.all():
         return np.zeros(free.shape, np.bool_)
     level = int(np.bincount(grey[~free], minlength=256).argmax())

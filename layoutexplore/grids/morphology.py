@@ -53,13 +53,13 @@ def check_mask(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _squared(radius: float) -> float:
-    """The square of a radius in cells, so that cells at exactly the radius lie outside whatever its division has rounded."""
+    """The square of a radius in cells: those at exactly the radius lie outside, however it was rounded."""
     return radius * radius - 1e-9
 
 
 @lru_cache(maxsize=32)
 def disc(radius: float, *, closed: bool = False) -> NDArray[np.uint8]:
-    """The cells around a middle one, uint8 (n, n): 1 where the centre lies within a radius, and always in the middle.
+    """The cells within a radius of a middle one, centre to centre, as uint8 (n, n) of 0 and 1.
 
     Args:
         radius: In cells, 0 or more.
@@ -102,10 +102,11 @@ def grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], steps: float) -> NDA
 
 @njit(cache=True, nogil=True)
 def _grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], limit: float) -> NDArray[np.bool_]:
-    """Label-correcting wave from all border seeds at once."""
+    """Label-correcting wave from all seeds at once: distances sink until no cell improves a neighbour."""
     rows, cols = seeds.shape
     distance = np.full((rows, cols), np.inf, np.float32)
     queued = np.zeros((rows, cols), np.bool_)
+    # A cell is in a front once at most, though it may come again in later ones, when its distance has sunk.
     front = np.empty(rows * cols, np.int32)
     behind = np.empty(rows * cols, np.int32)
     size = 0
@@ -132,6 +133,7 @@ def _grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], limit: float) -> ND
                         or not free[rr, cc]
                     ):
                         continue
+                    # A diagonal step needs both cells that it squeezes past.
                     if dr != 0 and dc != 0 and not (free[r, cc] and free[rr, c]):
                         continue
                     further = distance[r, c] + np.float32(1.4142135 if dr != 0 and dc != 0 else 1.0)

@@ -86,7 +86,7 @@ def trace(mask: NDArray[np.bool_], resolution: float, origin: Point) -> Polygon 
 
 
 def _from_lowest(ring: list[list[int]]) -> list[list[int]]:
-    """A ring without a needless first corner, from the first of its corners in raster order that a side leaves to the right."""
+    """A ring from its first corner, in raster order, that a side leaves to the right."""
     if (ring[-1][0] == ring[0][0]) == (ring[0][0] == ring[1][0]):
         ring = ring[1:]
     following = [*ring[1:], ring[0]]

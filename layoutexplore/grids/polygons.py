@@ -88,6 +88,8 @@ def _fill(
     lines, cells = target.shape
     if transposed:
         cells, lines = lines, cells
+    # First count the crossings of each line, then write them line by line. An edge crosses v0 <= line < v1, half
+    # open, so that a corner on a line counts once and horizontal edges not at all.
     start = np.zeros(lines + 1, np.int64)
     for k in range(edges.shape[0]):
         v0, v1 = min(edges[k, 1], edges[k, 3]), max(edges[k, 1], edges[k, 3])
@@ -106,6 +108,7 @@ def _fill(
             end[line] += 1
     for line in range(lines):
         row = np.sort(crossings[start[line] : start[line + 1]])
+        # Between an even crossing and the next one lies the inside.
         for k in range(0, row.size - 1, 2):
             first, last = int(np.ceil(row[k])), int(np.ceil(row[k + 1])) - 1
             if first > last:
@@ -121,7 +124,7 @@ def _fill(
 
 
 def seal_diagonals(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A copy in which no two solid cells touch at a corner only: one of the two free cells beside it is filled.
+    """A copy in which no two solid cells touch at a corner only: one of the free cells beside it is filled.
 
     Args:
         occupied: bool (rows, cols).
@@ -147,7 +150,7 @@ def _solid_sides(solid: NDArray[np.bool_], r: int, c: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _seal_pass(solid: NDArray[np.bool_]) -> int:
-    """Fill the free cell of each checkerboard that has more solid neighbours; returns how many were filled."""
+    """Fill the free cell of each checkerboard that has more solid neighbours; how many were filled."""
     rows, cols = solid.shape
     filled = 0
     for r in range(rows - 1):
@@ -196,6 +199,7 @@ def _resample_lines(
     if transposed:
         cells, lines = lines, cells
     rows, cols = source.shape
+    # 1e-9: a centre on the border of two source cells belongs to the upper one, however it is rounded.
     for line in range(lines):
         row = int(np.floor(y + (line + 0.5) * line_ratio + 1e-9))
         if row < 0 or row >= rows:

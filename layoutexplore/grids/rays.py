@@ -50,14 +50,14 @@ def trace(x: float, y: float, dx: float, dy: float) -> tuple[float, float, float
 
 @njit(cache=True, nogil=True)
 def steps(dx: float, dy: float, x_leads: bool, cols: int) -> tuple[np.uint64, np.uint64]:
-    """Change of a cell's index in a ravelled grid of `cols` columns where the ray of `trace` moves on along and across."""
+    """Change of a cell's index in a ravelled grid of `cols` columns per move along and across."""
     step_x, step_y = (1 if dx >= 0.0 else -1), (cols if dy >= 0.0 else -cols)
     return np.uint64(step_x if x_leads else step_y), np.uint64(step_y if x_leads else step_x)
 
 
 @njit(cache=True, nogil=True)
 def is_free_line(cells: NDArray[np.int8], row: int, col: int, to_row: int, to_col: int) -> bool:
-    """Whether the line from one cell's centre to another's runs through free cells only; the first cell is not looked at.
+    """Whether the line from one cell's centre to another's runs through free cells only, the first one aside.
 
     At a corner it steps to the next column first, so that the way back may run through other cells.
     """

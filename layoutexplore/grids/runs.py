@@ -1,4 +1,4 @@
-"""Runs of equal cells along the rows of a grid: most primitives on grids touch a run once instead of its every cell."""
+"""Runs of equal cells along the rows of a grid: what is done once a run need not be done once a cell."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def run_end(line: NDArray[Any], c: int, value: Any) -> int:
 
 @njit(cache=True, nogil=True)
 def find_runs(cells: NDArray[Any], background: Any) -> NDArray[np.int32]:
-    """The longest runs of equal cells along the rows: int32 (n, 3) as row, first column and column behind the last.
+    """The runs of equal cells along the rows: int32 (n, 3) as row, first column and column behind the last.
 
     Args:
         cells: Integers (rows, cols).
@@ -63,7 +63,7 @@ def find_runs(cells: NDArray[Any], background: Any) -> NDArray[np.int32]:
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The lengths int64 (n,) in cells of all runs of true cells along the rows of a mask (rows, cols), in raster order.
+    """The lengths int64 (n,) in cells of the runs of true cells along the rows of a mask, in raster order.
 
     Example:
         >>> run_lengths(np.array([[True, True, False, True], [True, False, False, False]])).tolist()

@@ -1,4 +1,4 @@
-"""Exact octile distances on a grid by a wavefront in canonical order: the kernels behind `layoutexplore.planning.shortest_paths`.
+"""Exact octile distances on a grid by a search in canonical order: the kernels behind `shortest_paths`.
 
 Of the many shortest paths to a cell one is followed: diagonal moves first, then straight ones, with another
 diagonal only at a corner that forces it (canonical ordering as in jump point search, Harabor and Grastien
@@ -41,7 +41,7 @@ _FREE_ENTRY, _USED, _WAITING, _OVERFLOW = range(4)  # What the numbers of a queu
 
 
 class _Queue:
-    """What a search needs besides its grid, kept from search to search because fresh memory costs more than the search.
+    """What a search needs besides its grid, kept because fresh memory costs more than the search.
 
     `scheduled` holds the moves that will be, or have been, followed out of a cell at its present distance:
     what arrives at the same distance by another way adds only the moves that are missing, so that ties do not
@@ -107,7 +107,7 @@ class Search:
             return min(self._search(source, stops, True), FAR - 1)
         return min(settled, self.origin + _SPAN - 1)
 
-    def spread_again(self, source: int, stops: NDArray[np.int64]) -> NDArray[np.int64]:
+    def lengths_to(self, source: int, stops: NDArray[np.int64]) -> NDArray[np.int64]:
         """The distances to the stops alone, int64 (n,), `FAR` where there is no way."""
         settled = self.spread(source, stops)
         lengths = self.distance[stops].astype(np.int64)
@@ -224,13 +224,11 @@ def _run(
     links: NDArray[np.int32],
     state: NDArray[np.int64],
 ) -> None:
-    """Go straight until a wall or a cell that is reached as well without; queue the corners that force a turn."""
+    """Go straight until a wall or a cell reached as well without; queue the corners that force a turn."""
     ahead = 1 << move
     sides = 1 << side_a | 1 << side_b
-    at, stride = (
-        np.uint64(cell),
-        np.uint64(step),
-    )  # Unsigned, so that indexing need not look out for negative numbers.
+    # Unsigned, so that indexing need not look out for negative numbers.
+    at, stride = np.uint64(cell), np.uint64(step)
     allowed = moves[at]
     while allowed & ahead:
         at += stride
@@ -294,14 +292,12 @@ def _spread(
     moves = padded_moves.ravel()
     cols = padded_moves.shape[1]
     longest = (FAR if origin == 0 else origin + _SPAN) - STRAIGHT * (max(padded_moves.shape[0], cols) + 2)
-    state, level, settled = (
-        _begin(source, origin, distance, scheduled, heads, items, links),
-        origin // STRAIGHT,
-        0,
-    )
+    state = _begin(source, origin, distance, scheduled, heads, items, links)
+    level, settled = origin // STRAIGHT, 0
     while state[_WAITING] > 0:
         bucket = level & (heads.size - 1)
         base = level * STRAIGHT
+        # All below `base` is settled; cells of this bucket cannot improve each other, so their order is free.
         while settled < stops.size and distance[stops[settled]] <= base:
             settled += 1
         if stops.size > 0 and settled == stops.size:
@@ -309,11 +305,8 @@ def _spread(
         entry, heads[bucket] = heads[bucket], -1
         while entry >= 0:
             cell, move = items[entry] >> 3, items[entry] & 7
-            links[entry], state[_FREE_ENTRY], entry = (
-                state[_FREE_ENTRY],
-                entry,
-                links[entry],
-            )  # Freed; on to the next one.
+            # The entry is freed before its cell is followed, so that what that queues can take its place.
+            links[entry], state[_FREE_ENTRY], entry = state[_FREE_ENTRY], entry, links[entry]
             state[_WAITING] -= 1
             here = distance[cell]
             if here < base:
@@ -325,10 +318,9 @@ def _spread(
             north, east = move < 6, move & 1 == 1
             up, right = (cols if north else -cols), (1 if east else -1)
             vertical, horizontal = (0 if north else 1), (3 if east else 2)
-            (a, b), (c, d) = (
-                ((4, 5) if north else (6, 7)),
-                ((5, 7) if east else (4, 6)),
-            )  # The corners on these sides.
+            # The corners on these sides.
+            a, b = (4, 5) if north else (6, 7)
+            c, d = (5, 7) if east else (4, 6)
             _run(cell, here, up, vertical, 2, 3, a, b, moves, distance, scheduled, heads, items, links, state)
             _run(
                 cell,

@@ -23,13 +23,13 @@ _MOST_PLACES = 256
 """Places that are kept in store; beyond it only those that are asked for are kept."""
 
 
-class PathTable:
+class DistanceCache:
     """Path lengths between the places that are asked for, kept from call to call.
 
     Example:
-        >>> table = PathTable()
+        >>> cache = DistanceCache()
         >>> open_floor = np.ones((3, 9), bool)
-        >>> table.lengths(open_floor, np.array([[0, 0], [0, 8]]), 1.0)[0].tolist()
+        >>> cache.lengths(open_floor, np.array([[0, 0], [0, 8]]), 1.0)[0].tolist()
         [0.0, 8.0]
     """
 
@@ -65,13 +65,13 @@ class PathTable:
         if len(changes) > _MOST_CHANGES:
             self._units[:] = _UNKNOWN
         elif len(self._cells):
-            near = _nearest_change(self._cells, changes, world.shape[1])
+            near = nearest_change(self._cells, changes, world.shape[1])
             touched = near[:, None] + near[None, :] - 2 * STRAIGHT <= self._units
             self._units[touched] = _UNKNOWN
         np.fill_diagonal(self._units, 0)
 
     def _rows(self, wanted: NDArray[np.int64], cols: int) -> NDArray[np.int64]:
-        """The rows int64 (n,) of places in the table, which are added where they are new."""
+        """The rows int64 (n,) of places in the cache, which are added where they are new."""
         keys, asked = self._cells @ np.array([cols, 1]), wanted @ np.array([cols, 1])
         if len(keys) + len(asked) > _MOST_PLACES:
             kept = np.flatnonzero(np.isin(keys, asked))
@@ -96,14 +96,14 @@ class PathTable:
         while True:
             # The outermost place first: what remains lies ever closer together, and searches stop ever
             # sooner.
-            source = int(_next_source(units, first))
+            source = int(next_source(units, first))
             if source < 0:
                 return
             first = source if first < 0 else first
             targets = np.flatnonzero(units[source] == _UNKNOWN)
             ahead = doors[targets]
             reached = (
-                space.spread_again(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + steps[targets]
+                space.lengths_to(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + steps[targets]
             ).min(axis=1)
             units[source, targets] = units[targets, source] = np.minimum(reached, FAR)
             self.searches += 1
@@ -128,8 +128,8 @@ def _take_over(world: NDArray[np.uint8], mask: NDArray[np.uint8]) -> NDArray[np.
 
 
 @njit(cache=True, nogil=True)
-def _nearest_change(places: NDArray[np.int64], changes: NDArray[np.int64], cols: int) -> NDArray[np.int64]:
-    """Length int64 (n,) of the straight way (without walls) from each place (n, 2) to the nearest changed cell, flat (m,)."""
+def nearest_change(places: NDArray[np.int64], changes: NDArray[np.int64], cols: int) -> NDArray[np.int64]:
+    """Length int64 (n,) without walls from each place (n, 2) to the nearest changed cell, flat (m,)."""
     nearest = np.empty(len(places), np.int64)
     # Half words, of which many fit a register; lengths that do not fit come out shorter, and a length too
     # many is forgotten.
@@ -147,8 +147,8 @@ def _nearest_change(places: NDArray[np.int64], changes: NDArray[np.int64], cols:
 
 
 @njit(cache=True, nogil=True)
-def _next_source(units: NDArray[np.int64], first: int) -> int:
-    """The place from which most lengths are unknown, of equals the one farthest from `first` (if that is one); -1 if none is."""
+def next_source(units: NDArray[np.int64], first: int) -> int:
+    """The place with the most unknown lengths, of equals the one farthest from `first`; -1 if none is."""
     source, most = -1, 0
     for k in range(len(units)):
         missing = 0

@@ -79,7 +79,7 @@ def latency_cost(
     order: NDArray[np.integer],
     patience: float = 1.0,
 ) -> float:
-    """The cost of a tour from place 0 over the places int (n,) in this order; arguments as for `latency_tour`."""
+    """The cost of a tour from place 0 over places int (n,) in this order; see `latency_tour`."""
     tour = np.concatenate([[0], order]).astype(np.int64)
     times = np.cumsum(np.asarray(distances, np.float64)[tour[:-1], tour[1:]])
     shares = np.asarray(weights, np.float64)[tour[1:] - 1]
@@ -132,7 +132,7 @@ def _sum_up(
     tour: NDArray[np.int64],
     sums: NDArray[np.float64],
 ) -> float:
-    """Fill the rows of sums with arrival times and, up to and with each place, weights and latencies; the tour's cost."""
+    """Fill the rows of sums: arrival times, and weights and latencies up to each place; the tour's cost."""
     for k in range(1, len(tour)):
         sums[0, k] = sums[0, k - 1] + distances[tour[k - 1], tour[k]]
         sums[1, k] = sums[1, k - 1] + shares[tour[k]]
@@ -151,7 +151,7 @@ def _append(
     last: int,
     backwards: bool,
 ) -> tuple[int, float, float]:
-    """A walk (last place, metres, latency) that goes on over tour[first..last]; an empty stretch changes nothing."""
+    """A path (last place, metres, latency) that goes on over tour[first..last]; that may be empty."""
     if first > last:
         return end
     entry, leave = (tour[last], tour[first]) if backwards else (tour[first], tour[last])
@@ -194,7 +194,7 @@ def _or_opt(
     cost: float,
     buffer: NDArray[np.int64],
 ) -> bool:
-    """Move the first stretch of up to three places whose move makes the tour cheaper; whether there was one."""
+    """Move the first stretch of up to three places that makes the tour cheaper; whether there was one."""
     count = len(tour)
     for size in range(1, _LONGEST_STRETCH + 1):
         for i in range(1, count - size + 1):
@@ -202,6 +202,7 @@ def _or_opt(
             for k in range(count):
                 if i - 1 <= k <= last:
                     continue
+                # The stretch goes between tour[k] and what follows it: what lies between moves up or down.
                 for backwards in (False, True):
                     if k < i:
                         end = _append(

@@ -1,4 +1,4 @@
-"""Shortest ways on a grid: obstacle inflation, exact octile distances, paths, and distances between many places.
+"""Shortest paths on a grid: exact octile distances, paths, and distances between many places.
 
 A robot moves from a cell to one of its eight neighbours; a diagonal move needs both cells that it squeezes
 past to be traversable, so no path cuts a corner. Straight moves cost 1 and diagonal ones the square root of
@@ -123,7 +123,7 @@ def distances_between(
     check_resolution(resolution)
     start, places = check_cells(np.array([source]), world.shape), check_cells(cells, world.shape)
     space = workspace(world)
-    units = space.spread_again(int(flat_indices(start, space)[0]), flat_indices(places, space))
+    units = space.lengths_to(int(flat_indices(start, space)[0]), flat_indices(places, space))
     return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
 
@@ -178,7 +178,7 @@ def distance_matrix(
             waiting = waiting[waiting != source]
             ahead = doors[waiting]
             reached = (
-                space.spread_again(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + lengths[waiting]
+                space.lengths_to(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + lengths[waiting]
             )
             reached = np.where(reached >= FAR, FAR, reached).min(axis=1)
             reached[flat[waiting] == flat[source]] = 0

@@ -80,7 +80,7 @@ def _checked(distances: NDArray[np.floating]) -> NDArray[np.float64]:
 
 @njit(cache=True, nogil=True)
 def construct(distances: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The tour int64 (n + 1,) from place 0 always on to the nearest place that is left, of equally near ones the first.
+    """The tour int64 (n + 1,) from place 0 always on to the nearest place left, of equals the first.
 
     The matrix float64 (n + 1, n + 1) is finite.
     """

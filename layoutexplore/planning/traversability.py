@@ -1,4 +1,4 @@
-"""Where a robot can go on the map that it knows, and how far it is, kept up to date at the cost of what changes.
+"""Where a robot can go on the map that it knows, and how far it is, at the cost of what changes.
 
 A scan changes some hundred cells of half a million. Only around them is the obstacles' inflation done again,
 and a search counts on in the array of the search before. Lengths stay whole numbers until somebody asks for
@@ -24,7 +24,7 @@ _NOWHERE = np.empty(0, np.int64)
 
 
 class DistanceField:
-    """Lengths of the shortest paths from one cell, as a view of the search that found them: the next search takes it away.
+    """Lengths of the shortest paths from one cell: a view of their search, which the next search takes away.
 
     Attributes:
         units: int32 (rows + 2, cols + 2), lengths in units of the search, from an origin on.
@@ -58,7 +58,7 @@ class DistanceField:
         return lengths
 
     def path_to(self, target: Cell) -> NDArray[np.int32]:
-        """The shortest path int32 (k, 2) to a cell, both ends included, as `layoutexplore.planning.shortest_paths.descend` finds it.
+        """The shortest path int32 (k, 2) to a cell, both ends included, as `shortest_paths.descend` finds it.
 
         Raises:
             ConfigError: There is no path.
@@ -79,7 +79,7 @@ class DistanceField:
             )
 
 
-class Ground:
+class Traversability:
     """The cells that a robot can plan through, on a grid that changes.
 
     Args:
@@ -90,9 +90,9 @@ class Ground:
     Example:
         >>> cells = np.full((3, 5), -1, np.int8)
         >>> cells[1] = [0, 0, 0, 0, 100]
-        >>> ground = Ground(cells.shape, 0.15, 0.1)
-        >>> ground.note((1, 2, 0, 5))
-        >>> ground.distances(cells, Cell(1, 0)).metres()[1].round(1).tolist()
+        >>> traversability = Traversability(cells.shape, 0.15, 0.1)
+        >>> traversability.note((1, 2, 0, 5))
+        >>> traversability.distances(cells, Cell(1, 0)).metres()[1].round(1).tolist()
         [0.0, 0.10000000149011612, 0.20000000298023224, inf, inf]
     """
 
@@ -115,7 +115,7 @@ class Ground:
     def distances(
         self, cells: NDArray[np.int8], source: Cell, *, stop_at: NDArray[np.int32] | None = None
     ) -> DistanceField:
-        """Path lengths from a cell, which need not be one that can be planned through, on the grid as it is now.
+        """Path lengths on the grid as it is now from a cell, which need not be traversable.
 
         Args:
             cells: int8 (rows, cols), the grid; what differs from the last call lies in the boxes that were
@@ -135,7 +135,7 @@ class Ground:
         return DistanceField(search, self._resolution, settled)
 
     def path(self, cells: NDArray[np.int8], source: Cell, goal: Cell) -> NDArray[np.int32]:
-        """The shortest path int32 (k, 2) from a cell to another on the grid as it is now; empty when there is none."""
+        """The shortest path int32 (k, 2) from a cell to another on the grid as it is; empty without one."""
         goals = np.array([goal], np.int32)
         distances = self.distances(cells, source, stop_at=goals)
         return distances.path_to(goal) if np.isfinite(distances.to_cells(goals)).all() else goals[:0]

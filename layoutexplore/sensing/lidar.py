@@ -194,7 +194,7 @@ class Lidar:
 
     @property
     def clearance(self) -> NDArray[np.uint8]:
-        """uint8 (rows, cols): Chebyshev distance in cells to the nearest occupied cell or the outside, at most 255."""
+        """uint8 (rows, cols): Chebyshev distance in cells to what is occupied or outside, at most 255."""
         return self.padded_clearance[1:-1, 1:-1]
 
     @property

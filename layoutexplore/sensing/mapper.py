@@ -138,7 +138,7 @@ class Mapper:
         self._stamp = 0
 
     def observe(self, lidar: Lidar, pose: Pose, *, full_turn: bool = False) -> ScanUpdate:
-        """Look around in the true world, exactly: cells that a ray crosses become free, the cell it hits occupied.
+        """Look around in the true world: cells that a ray crosses become free, the one it hits occupied.
 
         A cell that is occupied stays so; walls beyond the lidar's range are not marked, and neither is the
         outside.
@@ -238,13 +238,13 @@ class Mapper:
         return ScanUpdate(new, new_occupied, (row0, row1, col0, col1))
 
     def _view(self, config: LidarConfig) -> FieldOfView:
-        """What a lidar sees; mostly it is the one of the scan before, which is told without comparing its fields."""
+        """What a lidar sees; mostly it is the one of the scan before, known without comparing its fields."""
         if self._last_view is None or self._last_view[0] is not config:
             self._last_view = config, field_of_view(config, self.grid.resolution)
         return self._last_view[1]
 
     def _evidence_grid(self) -> EvidenceGrid:
-        """The evidence and the marks of the cells updated in a scan, made on first use from what the grid holds."""
+        """The evidence and the stamps, made on first use from what the grid holds."""
         if self._evidence is None:
             cells = self.grid.cells
             log_odds = np.zeros(cells.shape, np.int16)
@@ -270,7 +270,7 @@ def field_of_view(config: LidarConfig, resolution: float) -> FieldOfView:
 
 
 def _dense_reach(config: LidarConfig) -> int:
-    """How far, in cells along either axis, no cell in sight lies between two beams; -1 for other fields of view.
+    """How far, in cells along either axis, no cell in sight lies between two beams; -1 when unknown.
 
     A cell whose centre is r away is seen under an angle above 1 / (r + 1/2), so a beam meets it while beams
     are closer.

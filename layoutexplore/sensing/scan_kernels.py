@@ -19,8 +19,8 @@ Changes = tuple[int, int, int, int, int, int, int, int]
 """What a scan changed, in this order (a plain tuple, because a kernel makes it in a third of the time):"""
 
 NEW, NEW_OCCUPIED, FREE_CHANGE, OCCUPIED_CHANGE, ROW0, ROW1, COL0, COL1 = range(8)
-"""Cells that were unknown, cells that became occupied, change of the number of free and of occupied cells, and
-the box around all changed cells, half open; all 0 where nothing changed."""
+"""Cells that were unknown, cells that became occupied, change of the number of free and of occupied cells,
+and the box around all changed cells, half open; all 0 where nothing changed."""
 
 
 class FieldOfView(NamedTuple):
@@ -47,7 +47,7 @@ class FieldOfView(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def new_counters(cells: NDArray[np.int8]) -> NDArray[np.int64]:
-    """Counters int64 (8,) in the order of `Changes`; the box is inside out, so that the first cell becomes it."""
+    """Counters int64 (8,) as `Changes`; the box is inside out, so that the first cell becomes it."""
     return np.array([0, 0, 0, 0, cells.shape[0], 0, cells.shape[1], 0])
 
 
@@ -110,7 +110,7 @@ def _free_square(
     half: bool,
     counters: NDArray[np.int64],
 ) -> None:
-    """Free the cells within `reach` of (x, y); with `half`, those wholly in front of it, `ahead` in radians."""
+    """Free the cells within `reach` of (x, y); with `half`, those wholly in front (`ahead` in radians)."""
     ahead_x, ahead_y = math.cos(ahead), math.sin(ahead)
     row, col = int(y), int(x)
     for r in range(row - reach, row + reach + 1):
@@ -132,7 +132,7 @@ def _free_square(
 
 @njit(cache=True, nogil=True)
 def _hit(cells: NDArray[np.int8], true_index: np.uint64, counters: NDArray[np.int64]) -> None:
-    """Make a cell, given by its index in the padded world, occupied; the border around the world is no cell."""
+    """Make a cell, by its index in the padded world, occupied; the border of the world is no cell."""
     rows, cols = cells.shape
     row, col = np.int64(true_index) // (cols + 2) - 1, np.int64(true_index) % (cols + 2) - 1
     if 0 <= row < rows and 0 <= col < cols and cells[row, col] != 100:
@@ -148,7 +148,7 @@ def update_occupancy(
     heading: float,
     view: FieldOfView,
 ) -> Changes:
-    """Cast rays in the world: cells crossed become free unless they are occupied, the cell that is hit occupied.
+    """Cast rays in the world: cells crossed become free unless they are occupied, the one that is hit occupied.
 
     Args:
         clearance: uint8 (rows + 2, cols + 2), `Lidar.padded_clearance`.

@@ -15,8 +15,8 @@ from layoutexplore.grids.boxes import Box, union
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.raster import PlanRaster
-from layoutexplore.planning.distance_cache import PathTable
-from layoutexplore.planning.traversability import Ground
+from layoutexplore.planning.distance_cache import DistanceCache
+from layoutexplore.planning.traversability import Traversability
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper
 from layoutexplore.simulation.config import SimulationConfig
@@ -59,8 +59,8 @@ class SimulationState:
     coverage: TargetCoverage
     detector: FrontierDetector
     selector: ViewpointSelector
-    traversability: Ground
-    path_lengths: PathTable
+    traversability: Traversability
+    path_lengths: DistanceCache
     follower: PathFollower
     sensor_rng: np.random.Generator
     max_distance: float
@@ -154,8 +154,8 @@ def begin_run(
             gain_range=min(config.gain_range, config.lidar.range_max),
             gain_rays=config.gain_rays,
         ),
-        traversability=Ground(shape, radius, resolution),
-        path_lengths=PathTable(),
+        traversability=Traversability(shape, radius, resolution),
+        path_lengths=DistanceCache(),
         follower=PathFollower(
             lidar,
             PathRules.of(config, max_distance),

@@ -22,7 +22,7 @@ from layoutexplore.frontiers.viewpoints import (
 )
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.planning.shortest_paths import geodesic_distances
-from layoutexplore.planning.traversability import Ground
+from layoutexplore.planning.traversability import Traversability
 from layoutexplore.simulation.config import SimulationConfig
 
 TRINARY = hnp.arrays(
@@ -126,7 +126,7 @@ def test_offered_frontiers_are_listed_as_if_one_by_one(cells: NDArray[np.int8], 
     config = SimulationConfig(robot_radius=0.1, frontier_min_size=data.draw(st.sampled_from([0.0, 0.3])))
     grid, ground, selector = (
         OccupancyGrid(cells, 0.1),
-        Ground(cells.shape, 0.1, 0.1),
+        Traversability(cells.shape, 0.1, 0.1),
         ViewpointSelector(
             cells.shape,
             config.resolution,

@@ -12,7 +12,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
-from layoutexplore.planning.traversability import Ground
+from layoutexplore.planning.traversability import Traversability
 
 
 def anew(cells: NDArray[np.int8], radius: float, shut: list[Cell]) -> NDArray[np.bool_]:
@@ -29,7 +29,11 @@ def test_a_grid_that_changes_in_boxes(data: st.DataObject) -> None:
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
     rows, cols = data.draw(st.tuples(st.integers(1, 40), st.integers(1, 40)))
     radius = data.draw(st.sampled_from([0.0, 0.1, 0.2, 0.31, 0.9]))
-    cells, ground, shut = np.full((rows, cols), -1, np.int8), Ground((rows, cols), radius, 0.1), []
+    cells, traversability, shut = (
+        np.full((rows, cols), -1, np.int8),
+        Traversability((rows, cols), radius, 0.1),
+        [],
+    )
     for _ in range(data.draw(st.integers(1, 20))):
         for _ in range(data.draw(st.integers(0, 2))):
             row, col = int(rng.integers(rows)), int(rng.integers(cols))
@@ -38,14 +42,17 @@ def test_a_grid_that_changes_in_boxes(data: st.DataObject) -> None:
             cells[box[0] : box[1], box[2] : box[3]] = rng.choice(
                 [-1, 0, 100], p=[0.1, 0.85, 0.05], size=shape
             )
-            ground.note(box)
+            traversability.note(box)
         if rng.random() < 0.3:
             shut.append(Cell(int(rng.integers(rows)), int(rng.integers(cols))))
-            ground.shut(shut[-1])
+            traversability.shut(shut[-1])
         source = Cell(int(rng.integers(rows)), int(rng.integers(cols)))
         stops = np.stack([rng.integers(rows, size=2), rng.integers(cols, size=2)], axis=1).astype(np.int32)
         stop_at = stops if rng.random() < 0.3 else None
-        field, traversable = ground.distances(cells, source, stop_at=stop_at), anew(cells, radius, shut)
+        field, traversable = (
+            traversability.distances(cells, source, stop_at=stop_at),
+            anew(cells, radius, shut),
+        )
         expected = geodesic_distances(traversable, source, 0.1, stop_at=stop_at)
         np.testing.assert_array_equal(field.metres(), expected)
         np.testing.assert_array_equal(field.reached, np.isfinite(expected))
@@ -59,12 +66,12 @@ def test_distances_that_are_gone_are_refused() -> None:
     cells = np.zeros((3, 5), np.int8)
     cells[1, 3] = 100
     cells[:, 4] = -1
-    ground = Ground(cells.shape, 0.1, 0.1)
-    ground.note((0, 3, 0, 5))
-    field = ground.distances(cells, Cell(0, 0))
+    traversability = Traversability(cells.shape, 0.1, 0.1)
+    traversability.note((0, 3, 0, 5))
+    field = traversability.distances(cells, Cell(0, 0))
     with pytest.raises(ConfigError, match="cannot be reached"):
         field.path_to(Cell(0, 4))
-    ground.distances(cells, Cell(1, 0))
+    traversability.distances(cells, Cell(1, 0))
     for ask in (
         field.metres,
         lambda: field.reached,
@@ -74,4 +81,4 @@ def test_distances_that_are_gone_are_refused() -> None:
         with pytest.raises(ConfigError, match="a decision that is over"):
             ask()
     with pytest.raises(ConfigError, match="outside"):
-        ground.distances(cells, Cell(0, 5))
+        traversability.distances(cells, Cell(0, 5))

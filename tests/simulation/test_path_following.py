@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.tracing import floorplan_from_ascii
-from layoutexplore.planning.traversability import Ground
+from layoutexplore.planning.traversability import Traversability
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
@@ -92,13 +92,13 @@ def test_a_wall_that_was_not_seen_is_walked_around(monkeypatch: pytest.MonkeyPat
     """Scans put what blocks a path on the map; some paths are planned anew, in one go as scan by scan."""
     config = SimulationConfig(sensor=SENSORS[2], coverage_goal=1.0, robot_radius=0.35)
     fast, slow = Simulation(rooms(1), config), Simulation(rooms(1), config)
-    replanned, search = [], Ground.path
+    replanned, search = [], Traversability.path
 
-    def counted(ground: Ground, *arguments: Any) -> NDArray[np.int32]:
-        replanned.append(ground)
-        return search(ground, *arguments)
+    def counted(where: Traversability, *arguments: Any) -> NDArray[np.int32]:
+        replanned.append(where)
+        return search(where, *arguments)
 
-    monkeypatch.setattr(Ground, "path", counted)
+    monkeypatch.setattr(Traversability, "path", counted)
     for simulation in (fast, slow):
         simulation.reset(seed=1)
         if simulation is slow:
