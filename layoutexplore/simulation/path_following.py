@@ -111,7 +111,7 @@ class PathFollower:
         lidar: The sensor on the floor plan.
         rules: When to scan and when to stop.
         coverage: What is to be seen.
-        steps_itself: Whether `follow` makes the steps; where odometry drifts the caller does, by `next_event`.
+        steps_itself: Whether `follow` makes the steps; the caller, by `next_event`, where odometry drifts.
         scans_itself: Whether it makes the scans; where readings are noisy each is `SCAN_DUE`.
     """
 
