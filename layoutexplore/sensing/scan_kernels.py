@@ -213,12 +213,10 @@ def _cast_rays(
         j = int(across + slope * (k - along)) if k > 0 else 0
         index = start + np.uint64(k) * step_along + np.uint64(j) * step_across
         true_index = true_start + np.uint64(k) * true_along + np.uint64(j) * true_across
-        # Unknown cells that this ray has freed: how many, the first and the last.
-        fresh, first, last, is_hit = 0, size, size, False
+        fresh, first, last, is_hit = 0, size, size, False  # Of the cells that this ray frees.
         columns = int(range_max / per_along + along)
         while k < columns:
-            # On to the next border along: the cell across, which may be the same, and the one behind that
-            # border.
+            # On to the next border along: by the cell across, which may be the same, into the one behind.
             k += 1
             n = int(across + slope * (k - along))
             j, turn = n, np.uint64(n - j)
