@@ -83,7 +83,7 @@ def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
     return max(parts, key=lambda p: float(p.area))
 
 
-def polygons_to_world(polygons: list[shapely.Polygon], grid: OccupancyGrid) -> list[shapely.Polygon]:
+def cell_polygons_to_world(polygons: list[shapely.Polygon], grid: OccupancyGrid) -> list[shapely.Polygon]:
     """Polygons in cells (x = column, y = row) as such in the grid's world frame, in metres."""
 
     def place(xy: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -130,7 +130,7 @@ def rooms_of_labels(
             is_closed=not touching[label],
             details=details,
         )
-        for label, shape in zip(shapes, polygons_to_world(list(shapes.values()), grid), strict=True)
+        for label, shape in zip(shapes, cell_polygons_to_world(list(shapes.values()), grid), strict=True)
     )
 
 

@@ -285,7 +285,7 @@ def _at_border(arrangement: Arrangement, group: NDArray[np.int64], count: int) -
 def _count_cells(
     painted: NDArray[np.int32], region: NDArray[np.uint8], cells: NDArray[np.int8], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Of each cell of the arrangement int64 (count,): grid cells, those of the region, known and free ones."""
+    """By cell of the arrangement, int64 (count,): grid cells, those of the region, known and free ones."""
     total, inside = np.zeros(count, np.int64), np.zeros(count, np.int64)
     known, free = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for row in range(painted.shape[0]):

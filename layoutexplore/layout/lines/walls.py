@@ -70,7 +70,7 @@ def _chains(
         i = order[n]
         for m in range(n + 1, len(order)):
             j = order[m]
-            # keys rise with the offset, and no segment of another direction is as near: none behind is in reach
+            # keys rise with the offset, and far apart between directions: none behind is in reach
             if key[j] > key[i] + gap:
                 break
             apart = max(max(start[i], start[j]) - min(end[i], end[j]), 0.0)

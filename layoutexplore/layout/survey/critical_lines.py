@@ -79,7 +79,7 @@ def _nearest(
 def _basis_points(
     points: NDArray[np.int32], walls: NDArray[np.int32], distance: NDArray[np.uint8]
 ) -> NDArray[np.int64]:
-    """Indices (n, 2) of each point's two basis points, -1 where there is none; the second asks for the first."""
+    """Indices (n, 2) of each point's two basis points, -1 for none; the second depends on the first."""
     size = distance.shape
     first, order = _fill_buckets(walls, size[0], size[1])
     out = np.full((len(points), 2), -1, np.int64)
