@@ -1,8 +1,9 @@
 """The results folder: what is in it, how it survives being killed, and when it belongs to something else.
 
     run.toml          the configuration, the plans with their content hashes, the command
-    results.csv       a row per finished run, appended as it ends, sorted when all are done (and
-    results.parquet) runs/PLAN/*.npz   the coverage curve and the way walked of a run
+    results.csv       a row per finished run, appended as it ends, sorted when all are done
+    results.parquet   the same as a binary table
+    runs/PLAN/*.npz   the coverage curve and the track of a run
     plans/PLAN.npz    the plan's cells, for the pictures of the report
 
 A run's curve is renamed into place before its row is appended in one write, so a killed benchmark loses only

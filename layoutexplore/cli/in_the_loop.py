@@ -106,7 +106,7 @@ def _ask(
     starts: int,
     store: Path,
 ) -> tuple[Scores, dict[str, str], list[BelievedRooms]]:
-    """Scores on snapshots, the building of each plan by name, pictures of an exploration of the first plan."""
+    """Scores on snapshots, the building of each plan by name, pictures of one exploration."""
     from rich.console import Console
 
     from layoutexplore.agents import make_agent

@@ -153,11 +153,8 @@ def calibration_chart(
     for k in range(bins):
         inside = which == k
         if inside.any():
-            stated, observed, count = (
-                float(confidence[inside].mean()),
-                float(right[inside].mean()),
-                int(inside.sum()),
-            )
+            stated, observed = float(confidence[inside].mean()), float(right[inside].mean())
+            count = int(inside.sum())
             title = f"said {stated:.2f}, was {observed:.2f}, {count} times"
             size = 4 + 22 * math.sqrt(count / len(right))
             dots.append(
