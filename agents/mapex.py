@@ -65,12 +65,11 @@ class ProbabilisticGain(Greedy[ProbabilisticOptions]):
     def gains(self, among: Candidates) -> NDArray[np.float64]:
         """Expected new areas float64 (k,), in square metres."""
         decision, numbers, table = among
-        inside = getattr(decision.layout, "inside", None)
-        if inside is None:
+        if decision.rooms is None:
             return table.visible_area
         return expected_new_area(
             decision.grid.cells,
-            inside,
+            decision.rooms.inside,
             decision.viewpoints[numbers],
             np.array([probability_open(decision.frontiers[i]) for i in numbers]),
             resolution=decision.grid.resolution,

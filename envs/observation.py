@@ -236,7 +236,7 @@ class Observer:
     def _marked(self, decision: Decision) -> NDArray[np.uint8]:
         """The trail, the frontiers and what the layout predicts, as bits."""
         self._follow(decision)
-        layout = decision.layout is not None and self.config.layout_channels
+        layout = decision.rooms is not None and self.config.layout_channels
         marks = self._trail.marks | layout_marks(decision) if layout else self._trail.marks.copy()
         if decision.frontiers:
             cells = np.concatenate([frontier.cells for frontier in decision.frontiers])
@@ -246,7 +246,8 @@ class Observer:
 
 def layout_marks(decision: Decision) -> NDArray[np.uint8]:
     """What the layout predicts of the cells that are not known, as bits uint8 (rows, cols)."""
-    labels = decision.layout.labels
+    assert decision.rooms is not None
+    labels = decision.rooms.labels
     closed = {
         frontier.room for frontier in decision.frontiers if frontier.is_closed and frontier.room is not None
     }

@@ -316,7 +316,7 @@ def without_layout(decision: Decision) -> Decision:
         dataclasses.replace(f, is_closed=None, expected_area=None, confidence=None, room=None)
         for f in decision.frontiers
     )
-    return dataclasses.replace(decision, frontiers=plain, layout=None)
+    return dataclasses.replace(decision, frontiers=plain, rooms=None)
 
 
 def same_choice(a: Choice, b: Choice) -> bool:
@@ -329,7 +329,7 @@ def same_choice(a: Choice, b: Choice) -> bool:
 def _same_judgement(a: Decision, b: Decision) -> bool:
     """Whether two predictions say the same, as far as an agent can see."""
     pairs = zip(a.frontiers, b.frontiers, strict=True)
-    return a.layout is b.layout and all(
+    return a.rooms is b.rooms and all(
         (f.is_closed, f.expected_area) == (g.is_closed, g.expected_area) for f, g in pairs
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -49,8 +49,8 @@ def explore(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder for pictures, the final map (ROS YAML and PGM), the way walked and the coverage "
-            "curve."
+            help="Folder for pictures and the rooms believed (a quarter each), the final map (ROS YAML and "
+            "PGM), the path walked and the coverage curve."
         ),
     ] = None,
 ) -> None:
@@ -62,6 +62,7 @@ def explore(
     from layoutexplore.drawing.pictures import draw_state
     from layoutexplore.files import check_places
     from layoutexplore.grids.ros_map import encode_png
+    from layoutexplore.layout.export import layout_to_geojson
     from layoutexplore.simulation.config import SimulationConfig
     from layoutexplore.simulation.episode import play
 
@@ -69,6 +70,7 @@ def explore(
     console = Console(highlight=False)
     simulation, chosen = prepare(plan, SimulationConfig(sensor=sensor), agent)
     pictures: dict[int, bytes] = {}
+    layouts: dict[int, dict[str, Any]] = {}
     with ProgressLine(console, "% seen") as line, _film(video, fps) as film:
 
         def show(state: Simulation) -> None:
@@ -78,7 +80,10 @@ def explore(
             )
             quarter = 25 * int(4 * state.coverage)
             if out and (quarter not in pictures or state.done):
-                pictures[100 if state.done else quarter] = encode_png(draw_state(state, agent=agent))
+                percent = 100 if state.done else quarter
+                pictures[percent] = encode_png(draw_state(state, agent=agent))
+                if state.decision.rooms is not None:
+                    layouts[percent] = layout_to_geojson(state.decision.rooms.layout)
 
         if film:
             simulation.on_scan = lambda state: film.add(draw_state(state, agent=agent))
@@ -90,7 +95,7 @@ def explore(
     if video:
         console.print(f"wrote {video}", soft_wrap=True)
     if out:
-        for path in save_run(out, simulation, pictures):
+        for path in save_run(out, simulation, pictures, layouts):
             console.print(f"wrote {path}", soft_wrap=True)
 
 
@@ -118,9 +123,12 @@ def parse_start(text: str | None) -> Pose | None:
     return Pose(*numbers)
 
 
-def save_run(folder: Path, simulation: Simulation, pictures: dict[int, bytes]) -> list[Path]:
-    """Write final map, track, coverage curve and pictures (by percent seen) of a run; the files written."""
+def save_run(
+    folder: Path, simulation: Simulation, pictures: dict[int, bytes], layouts: dict[int, dict[str, Any]]
+) -> list[Path]:
+    """Write map, track, curve, pictures and layouts (by percent seen) of a run; the files written."""
     import io
+    import json
 
     import numpy as np
 
@@ -138,7 +146,10 @@ def save_run(folder: Path, simulation: Simulation, pictures: dict[int, bytes]) -
         write_atomically(folder / f"{name}.csv", text.getvalue().encode())
     for percent, picture in pictures.items():
         write_atomically(folder / f"seen_{percent:03}.png", picture)
+    for percent, layout in layouts.items():
+        write_atomically(folder / f"rooms_{percent:03}.geojson", json.dumps(layout) + "\n")
     names = ["map.yaml", "track.csv", "curve.csv", *(f"seen_{percent:03}.png" for percent in pictures)]
+    names += [f"rooms_{percent:03}.geojson" for percent in layouts]
     return [folder / name for name in names]
 
 

@@ -122,7 +122,7 @@ def draw_state(
             _draw_path(image, view, decision, target)
         _draw_viewpoints(image, view, decision, target)
     _draw_robot(image, view, simulation.pose, simulation.config.robot_radius)
-    if decision is not None and decision.layout is not None:
+    if decision is not None and decision.rooms is not None:
         _draw_legend(image)
     frame = np.empty((height, width, 3), np.uint8)
     frame[: height - bar] = image
@@ -217,8 +217,8 @@ def _map_codes(
     unknown = codes == 255
     if truth:
         codes[unknown & simulation.truth.target] = _UNSEEN
-    if decision is not None and decision.layout is not None:
-        predicted = unknown & (decision.layout.labels > 0)
+    if decision is not None and decision.rooms is not None:
+        predicted = unknown & (decision.rooms.labels > 0)
         codes[predicted] = np.where(
             simulation.truth.target[predicted] | (not truth), np.uint8(_PREDICTED), np.uint8(_MISTAKEN)
         )

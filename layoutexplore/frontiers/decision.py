@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol, overload, runtime_checkable
+from typing import NamedTuple, Protocol, overload, runtime_checkable
 
 import numpy as np
 from numba import njit
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
+from layoutexplore.layout.types import Layout
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
 from layoutexplore.planning.distance_cache import DistanceCache
 from layoutexplore.planning.shortest_paths import descend, distance_matrix, distances_between
@@ -255,6 +256,22 @@ class KnownDistances:
         return descend(self.array, self.reached, target)
 
 
+class PredictedRooms(Protocol):
+    """What is predicted of the rooms at a decision; what costs time is computed when it is first asked for."""
+
+    @property
+    def labels(self) -> NDArray[np.int32]:
+        """int32 (rows, cols): the predicted room of each cell, seen or not, 0 for none."""
+
+    @property
+    def inside(self) -> NDArray[np.float32]:
+        """float32 (rows, cols): probability that an unknown cell belongs to a seen room; 0 where it is known."""
+
+    @property
+    def layout(self) -> Layout:
+        """The rooms with their polygons; walls, lines and faces, too, where the predictor found some."""
+
+
 @dataclass(frozen=True, eq=False)
 class Decision:
     """One decision of an exploration. Arrays are views that change with the next step: copy what you keep.
@@ -268,7 +285,7 @@ class Decision:
         distance: Metres travelled so far.
         sensor: The lidar's configuration.
         robot_radius: In metres.
-        layout: The predicted layout; None without a predictor.
+        rooms: What is predicted of the rooms; None without a predictor.
         track: float64 (n, 3), the poses so far as (x, y, theta), as the robot believes them.
         paths: Keeps path lengths from decision to decision; None computes them anew.
         goal: World point (x, y) in the middle of the frontier that the robot was last sent to; None before
@@ -283,7 +300,7 @@ class Decision:
     distance: float
     sensor: LidarConfig
     robot_radius: float
-    layout: Any = None
+    rooms: PredictedRooms | None = None
     track: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.empty((0, 3)))
     paths: DistanceCache | None = None
     goal: tuple[float, float] | None = None
@@ -387,9 +404,9 @@ class Privileged(Protocol):
 
 
 class Predictor(Protocol):
-    """Turns the grid of a decision into a layout and writes classes and areas into the frontiers."""
+    """Predicts the rooms of a decision's grid and writes classes and areas into its frontiers."""
 
     name: str
 
     def predict(self, decision: Decision) -> Decision:
-        """The same decision with `layout` and the frontiers' class, area, confidence and room filled in."""
+        """The same decision with `rooms` and the frontiers' class, area, confidence and room filled in."""

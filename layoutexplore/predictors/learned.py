@@ -11,7 +11,6 @@ are completed only when somebody looks at them: a strategy that asks for classes
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 from layoutexplore.files import fingerprint
 from layoutexplore.frontiers.classes import LITTLE_LEFT, FrontierClasses
 from layoutexplore.frontiers.decision import Decision
-from layoutexplore.grids.grid import UNKNOWN
+from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import load_forests
 from layoutexplore.models.network_files import load_weights, shapes_of
@@ -35,7 +34,7 @@ from layoutexplore.predictors.frontier_model.feature_cache import FeatureCache
 from layoutexplore.predictors.frontier_model.features import FEATURES, frontier_features, look_around
 from layoutexplore.predictors.frontier_model.network import SHAPES, FrontierNetwork
 from layoutexplore.predictors.frontier_model.network_input import draw_crops
-from layoutexplore.predictors.protocol import RoomLabels, with_classes
+from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_classes
 from layoutexplore.predictors.room_completion import complete_regions
 from layoutexplore.predictors.seen_rooms import Regions, seen_regions
 
@@ -62,26 +61,27 @@ DOUBT = 1.0
 """The network is asked where the trees' log-odds are as near as this to where a class changes: there it matters most."""
 
 
-class PredictedLayout:
+class LearnedRooms(RoomsOnGrid):
     """The rooms that are predicted at a decision, completed when they are first asked for.
 
     Args:
-        cells: int8 (rows, cols), what is known; not copied.
+        name: Of the predictor.
+        grid: What is known; its cells are not copied.
         regions: The seen rooms.
-        resolution: Metres per cell.
         forests: As for `classify_cells`.
         network: Judges as well, if there is one.
     """
 
     def __init__(
         self,
-        cells: NDArray[np.int8],
+        name: str,
+        grid: OccupancyGrid,
         regions: Regions,
-        resolution: float,
         forests: dict[str, Forest],
         network: CellNetwork | None = None,
     ) -> None:
-        self._cells, self._regions, self._resolution = cells, regions, resolution
+        super().__init__(name, grid)
+        self._cells, self._regions, self._resolution = grid.cells, regions, grid.resolution
         self._forests, self._network = forests, network
 
     @cached_property
@@ -116,12 +116,6 @@ class PredictedLayout:
         ]
         chance[self._cells != UNKNOWN] = 0.0
         return chance
-
-    @property
-    def labels(self) -> NDArray[np.int32]:
-        """int32 (rows, cols): the predicted room of each cell, seen or not, 0 for none."""
-        ids = self.rooms.room_ids
-        return np.where(ids > self._regions.count, np.int32(0), ids)
 
 
 class LearnedPredictor:
@@ -159,13 +153,14 @@ class LearnedPredictor:
 
     def rooms(self, decision: Decision) -> RoomLabels:
         """The seen regions with what is thought to lie behind their frontiers."""
-        cells, resolution = decision.grid.cells, decision.grid.resolution
-        return PredictedLayout(
-            cells, seen_regions(cells, resolution), resolution, self._cells, self._room_network
-        ).rooms
+        regions = seen_regions(decision.grid.cells, decision.grid.resolution)
+        return self._completed(decision.grid, regions).rooms
+
+    def _completed(self, grid: OccupancyGrid, regions: Regions) -> LearnedRooms:
+        return LearnedRooms(self.name, grid, regions, self._cells, self._room_network)
 
     def predict(self, decision: Decision) -> Decision:
-        """The decision with class, area and confidence, and a `PredictedLayout`."""
+        """The decision with class, area and confidence, and a `LearnedRooms`."""
         if not decision.frontiers:
             return decision
         cells, resolution = decision.grid.cells, decision.grid.resolution
@@ -177,8 +172,7 @@ class LearnedPredictor:
             found = self._frontier_network.judge(draw_crops(around, doubtful)).T
             scores[:, doubtful] += FRONTIER_SHARE * (found - scores[:, doubtful])
         classes, confidence = classify(scores, around.homes.astype(np.int32))
-        layout = PredictedLayout(cells, regions, resolution, self._cells, self._room_network)
-        return dataclasses.replace(with_classes(decision, classes, confidence), layout=layout)
+        return with_classes(decision, classes, self._completed(decision.grid, regions), confidence)
 
 
 def score_frontiers(features: NDArray[np.float32], forests: dict[str, Forest]) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.classes import FrontierClasses, true_classes
 from layoutexplore.frontiers.decision import Decision, Truth
-from layoutexplore.predictors.protocol import RoomLabels, with_classes
+from layoutexplore.predictors.protocol import GivenRooms, RoomLabels, with_classes
 
 FALSE_CLOSED_AREA = 0.3
 """Square metres that a frontier wrongly called closed is said to have left: little enough to be put off."""
@@ -45,7 +45,8 @@ class OraclePredictor:
     def predict(self, decision: Decision) -> Decision:
         """The decision with the true class and remaining area of every frontier."""
         assert self._truth is not None, "a simulation reveals the truth before the first decision"
-        return with_classes(decision, self._wrong(true_classes(decision, self._truth)))
+        rooms = GivenRooms(self.name, decision.grid, self.rooms(decision))
+        return with_classes(decision, self._wrong(true_classes(decision, self._truth)), rooms)
 
     def rooms(self, decision: Decision) -> RoomLabels:
         """The true rooms."""

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
-from layoutexplore.frontiers.decision import Decision, FrontierList
+from layoutexplore.frontiers.decision import Decision, FrontierList, PredictedRooms
+from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.layout.outlines import layout_of_labels
+from layoutexplore.layout.timing import StageTimer
+from layoutexplore.layout.types import Layout
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,10 +25,66 @@ class RoomLabels:
     Attributes:
         room_ids: int32 (rows, cols), the room of each cell, 0 for none.
         passable: bool (rows, cols), cells that are free, known or predicted.
+        rest: The id that stands for the unseen rest of the building, 0 where there is none.
     """
 
     room_ids: NDArray[np.int32]
     passable: NDArray[np.bool_]
+    rest: int = 0
+
+
+class RoomsOnGrid:
+    """Predicted rooms of a grid (`layoutexplore.frontiers.decision.PredictedRooms`), completed when they are asked for.
+
+    Args:
+        name: Of the predictor.
+        grid: What the robot knows; its cells are not copied.
+    """
+
+    def __init__(self, name: str, grid: OccupancyGrid) -> None:
+        self._name, self._grid = name, grid
+
+    @property
+    def rooms(self) -> RoomLabels:
+        """The completed rooms, and the unseen rest of the building as one more where there is one."""
+        raise NotImplementedError
+
+    @property
+    def labels(self) -> NDArray[np.int32]:
+        """int32 (rows, cols): the predicted room of each cell, seen or not, 0 for none."""
+        ids, rest = self.rooms.room_ids, self.rooms.rest
+        return np.where(ids == rest, np.int32(0), ids)
+
+    @cached_property
+    def inside(self) -> NDArray[np.float32]:
+        """float32 (rows, cols): 1 where an unknown cell is predicted to belong to a room, 0 elsewhere."""
+        hidden: NDArray[np.bool_] = (self.labels > 0) & (self._grid.cells == UNKNOWN)
+        return hidden.astype(np.float32)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The rooms with their polygons."""
+        labels = np.where(self.rooms.passable, self.labels, np.int32(0))
+        return layout_of_labels(self._name, self._grid, labels, StageTimer())
+
+
+class GivenRooms(RoomsOnGrid):
+    """Rooms that are known at once.
+
+    Args:
+        name: Of the predictor.
+        grid: What the robot knows.
+        rooms: The rooms.
+    """
+
+    def __init__(self, name: str, grid: OccupancyGrid, rooms: RoomLabels) -> None:
+        super().__init__(name, grid)
+        self._rooms = rooms
+
+    @property
+    def rooms(self) -> RoomLabels:
+        """As given."""
+        return self._rooms
 
 
 class RoomPredictor(Protocol):
@@ -45,17 +106,26 @@ def classes_in(rooms: RoomLabels, decision: Decision) -> FrontierClasses:
 
 
 def with_classes(
-    decision: Decision, classes: FrontierClasses, confidence: NDArray[np.float64] | None = None
+    decision: Decision,
+    classes: FrontierClasses,
+    rooms: PredictedRooms,
+    confidence: NDArray[np.float64] | None = None,
 ) -> Decision:
-    """The decision with classes, areas and rooms written into its frontiers.
+    """The decision with predicted rooms, and with classes and areas written into its frontiers.
 
     Args:
         decision: The decision.
         classes: One entry a frontier.
+        rooms: What they come from.
         confidence: float64 (k,), probability that each class is right; 1 when None.
     """
     count = len(decision.frontiers)
     frontiers = FrontierList(decision.clusters, np.arange(count), decision.table, decision.viewpoints)
     sure = np.ones(count) if confidence is None else confidence
     judged = frontiers.judged(classes.is_closed, classes.remaining_area, sure, classes.room)
-    return dataclasses.replace(decision, frontiers=judged)
+    return dataclasses.replace(decision, frontiers=judged, rooms=rooms)
+
+
+def with_rooms(decision: Decision, name: str, rooms: RoomLabels) -> Decision:
+    """The decision with the rooms of the predictor of that name, and the classes that follow from them."""
+    return with_classes(decision, classes_in(rooms, decision), GivenRooms(name, decision.grid, rooms))

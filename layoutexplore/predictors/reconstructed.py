@@ -28,7 +28,7 @@ from layoutexplore.layout.frame import to_world
 from layoutexplore.layout.pipeline import LayoutCache, layout_method
 from layoutexplore.layout.types import OUTSIDE, Layout
 from layoutexplore.options import format_value, read_value
-from layoutexplore.predictors.protocol import RoomLabels, classes_in, with_classes
+from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, classes_in, with_classes
 from layoutexplore.predictors.room_completion import Shape, complete_regions
 from layoutexplore.predictors.seen_rooms import Regions
 
@@ -42,7 +42,7 @@ COMPLETIONS = ("faces", "lines", "none")
 """How half-seen rooms are completed: by the method's own faces, by the rooms of ROSE2's lines, or not at all."""
 
 
-class ReconstructedRooms:
+class ReconstructedRooms(RoomsOnGrid):
     """The rooms of a layout on the grid of a decision, completed when they are first asked for.
 
     Args:
@@ -54,8 +54,6 @@ class ReconstructedRooms:
         follow: Whether seen cells, too, belong to the room whose outline holds them; else to the room that
             the layout gives them, and an outline to the room that has most of its seen cells.
 
-    Attributes:
-        layout: As given.
     """
 
     def __init__(
@@ -67,13 +65,13 @@ class ReconstructedRooms:
         *,
         follow: bool = True,
     ) -> None:
-        self.layout = layout
-        self._grid, self._outlines, self._unbounded, self._follow = grid, outlines, unbounded, follow
+        super().__init__(layout.method, grid)
+        self._layout, self._outlines, self._unbounded, self._follow = layout, outlines, unbounded, follow
 
     @cached_property
     def _count(self) -> int:
         """The highest room id."""
-        return max((room.id for room in self.layout.rooms), default=0)
+        return max((room.id for room in self._layout.rooms), default=0)
 
     @cached_property
     def rooms(self) -> RoomLabels:
@@ -83,7 +81,7 @@ class ReconstructedRooms:
         if self._follow and self._outlines:
             seen = np.where(cells == FREE, reach, np.int32(0))
         else:
-            seen = _on_grid(self.layout, self._grid)
+            seen = _on_grid(self._layout, self._grid)
             owner = _owners(reach, seen)
             reach, unbounded = owner[reach], {int(owner[k]) for k in unbounded}
         regions = Regions(seen, self._count, np.zeros(cells.shape, np.float32))
@@ -98,16 +96,9 @@ class ReconstructedRooms:
         return painted
 
     @property
-    def labels(self) -> NDArray[np.int32]:
-        """int32 (rows, cols): the predicted room of each cell, seen or not, 0 for none."""
-        ids = self.rooms.room_ids
-        return np.where(ids > self._count, np.int32(0), ids)
-
-    @cached_property
-    def inside(self) -> NDArray[np.float32]:
-        """float32 (rows, cols): 1 where an unknown cell is predicted to belong to a room, 0 elsewhere."""
-        hidden: NDArray[np.bool_] = (self.labels > 0) & (self._grid.cells == UNKNOWN)
-        return hidden.astype(np.float32)
+    def layout(self) -> Layout:
+        """As given."""
+        return self._layout
 
 
 class ReconstructedPredictor:
@@ -140,7 +131,7 @@ class ReconstructedPredictor:
             return decision
         found = self._reconstruct(decision.grid)
         classes = classes_in(found.rooms, decision)
-        return dataclasses.replace(with_classes(decision, classes), layout=found)
+        return with_classes(decision, classes, found)
 
     def rooms(self, decision: Decision) -> RoomLabels:
         """The completed rooms."""
@@ -244,7 +235,7 @@ def _opened(rooms: RoomLabels, cells: NDArray[np.int8], unbounded: NDArray[np.in
     """Rooms without the walls that would close those which nothing bounds.
 
     Args:
-        rooms: Completed rooms; the highest id is the unseen rest.
+        rooms: Completed rooms; the unseen rest is one of them.
         cells: int8 (rows, cols), what is known.
         unbounded: Ids of the rooms that reach the border of the lines' box.
     """
@@ -253,12 +244,13 @@ def _opened(rooms: RoomLabels, cells: NDArray[np.int8], unbounded: NDArray[np.in
     wall = (cells == UNKNOWN) & ~rooms.passable
     claimed = (cells == UNKNOWN) & (rooms.room_ids > 0) & rooms.passable
     of_open = claimed & np.isin(rooms.room_ids, unbounded)
-    rest = rooms.room_ids.max()
-    of_closed = claimed & ~of_open & (rooms.room_ids != rest)
+    of_closed = claimed & ~of_open & (rooms.room_ids != rooms.rest)
     kernel = np.ones((3, 3), np.uint8)
     gone = (
         wall
         & (cv2.dilate(of_open.view(np.uint8), kernel) > 0)
         & (cv2.dilate(of_closed.view(np.uint8), kernel) == 0)
     )
-    return RoomLabels(np.where(gone, rest, rooms.room_ids), (rooms.passable | gone) & (cells != OCCUPIED))
+    return RoomLabels(
+        np.where(gone, rooms.rest, rooms.room_ids), (rooms.passable | gone) & (cells != OCCUPIED), rooms.rest
+    )

@@ -62,7 +62,7 @@ def complete_regions(cells: NDArray[np.int8], regions: Regions, shapes: Mapping[
     claimed = (unknown & (rooms > 0)).astype(np.uint8)
     wall = unknown & (claimed == 0) & (cv2.dilate(claimed, np.ones((3, 3), np.uint8)) > 0)
     rooms[unknown & (rooms == 0) & ~wall] = regions.count + 1
-    return RoomLabels(rooms, (cells != OCCUPIED) & ~wall)
+    return RoomLabels(rooms, (cells != OCCUPIED) & ~wall, regions.count + 1)
 
 
 @njit(cache=True, nogil=True)

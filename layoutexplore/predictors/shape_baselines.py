@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.grid import OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
 from layoutexplore.predictors.bit_map import draw_bit_map, extended_walls
-from layoutexplore.predictors.protocol import RoomLabels, classes_in, with_classes
+from layoutexplore.predictors.protocol import RoomLabels, with_rooms
 from layoutexplore.predictors.room_completion import Shape, complete_regions
 from layoutexplore.predictors.seen_rooms import Regions, seen_regions
 
@@ -56,11 +56,7 @@ class ShapePredictor:
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with the classes that follow from the rooms."""
-        return (
-            with_classes(decision, classes_in(self.rooms(decision), decision))
-            if decision.frontiers
-            else decision
-        )
+        return with_rooms(decision, self.name, self.rooms(decision)) if decision.frontiers else decision
 
 
 def main_angle(cells: NDArray[np.int8], resolution: float) -> float:
@@ -137,11 +133,7 @@ class FaceSubsetPredictor:
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with the classes that follow from the rooms."""
-        return (
-            with_classes(decision, classes_in(self.rooms(decision), decision))
-            if decision.frontiers
-            else decision
-        )
+        return with_rooms(decision, self.name, self.rooms(decision)) if decision.frontiers else decision
 
 
 def _neighbouring_faces(

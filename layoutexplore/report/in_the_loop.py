@@ -57,7 +57,6 @@ def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> NDArray[np.uin
         uint8 (h, w, 3) RGB, y up.
     """
     cells = snapshot.decision.grid.cells
-    rest = int(rooms.room_ids.max(initial=0))  # the unseen rest of the building is the highest id
     image = np.empty((*cells.shape, 3), np.uint8)
     image[:] = palette.CANVAS
     image[cells == FREE] = palette.FREE
@@ -65,7 +64,7 @@ def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> NDArray[np.uin
     for room in np.unique(ids[(ids > 0) & (cells == FREE)]).tolist():
         colour = palette.room_colour(room)
         image[(ids == room) & (cells == FREE)] = colour
-        if room < rest:
+        if room != rooms.rest:
             image[(ids == room) & (cells == UNKNOWN)] = palette.mix(palette.CANVAS, colour, HIDDEN)
     image[cells == OCCUPIED] = palette.WALL
     for frontier in snapshot.decision.frontiers:

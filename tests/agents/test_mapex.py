@@ -122,7 +122,7 @@ def test_it_explores_and_does_without_a_layout() -> None:
         assert simulation.stop_reason == "coverage"
     simulation, chosen = prepare(plan, SimulationConfig(sensor="stage"), "mapex-gain")
     decision = simulation.reset(seed=1)
-    inside = decision.layout.inside
+    inside = decision.rooms.inside
     assert inside.shape == decision.grid.shape and inside.min() >= 0 and inside.max() <= 1
     assert (inside[decision.grid.cells >= 0] == 0).all() and inside.max() > 0.3
     assert chosen.act(without_layout(decision)) == make_agent("gain-over-distance").act(decision)

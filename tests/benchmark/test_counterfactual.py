@@ -136,12 +136,12 @@ def test_moments_within_two_metres_are_about_the_same(plan: FloorPlan) -> None:
 def test_a_hidden_layout_leaves_nothing(plan: FloorPlan) -> None:
     simulation, _ = prepare(plan, SimulationConfig(sensor="stage"), "layout-nearest")
     decision = simulation.reset(seed=0)
-    assert decision.layout is not None and decision.frontiers[0].is_closed is not None
+    assert decision.rooms is not None and decision.frontiers[0].is_closed is not None
     bare = simulation.predictor
     simulation.predictor = None
     plain, hidden = simulation.reset(seed=0), without_layout(decision)
     simulation.predictor = bare
-    assert hidden.layout is None
+    assert hidden.rooms is None
     for a, b in zip(plain.frontiers, hidden.frontiers, strict=True):
         ours, theirs = dataclasses.asdict(a), dataclasses.asdict(b)
         assert all(np.array_equal(ours[key], theirs[key]) for key in ours)

@@ -125,7 +125,7 @@ def test_what_is_predicted_is_drawn_where_it_is_and_told_right_from_wrong(plan: 
         name = "guess"
 
         def predict(self, decision: Decision) -> Decision:
-            return replace(decision, layout=SimpleNamespace(labels=np.ones(decision.grid.shape, np.int32)))
+            return replace(decision, rooms=SimpleNamespace(labels=np.ones(decision.grid.shape, np.int32)))
 
     simulation = Simulation(plan, SimulationConfig(sensor="short"), Guess())
     simulation.reset(seed=1)

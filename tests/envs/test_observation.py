@@ -263,7 +263,7 @@ def test_a_layout_fills_its_channels_where_nothing_is_known(decision: Decision) 
         replace(decision.frontiers[0], is_closed=True, room=2),
         replace(decision.frontiers[1], is_closed=False, room=1),
     )
-    predicted = replace(decision, layout=SimpleNamespace(labels=labels), frontiers=closed)
+    predicted = replace(decision, rooms=SimpleNamespace(labels=labels), frontiers=closed)
     marks = layout_marks(predicted)
     unknown = decision.grid.cells == UNKNOWN
     np.testing.assert_array_equal(marks & map_images.ROOM > 0, (labels > 0) & unknown)

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from layoutexplore import predictors
+from layoutexplore.drawing.layouts import draw_layout
 from layoutexplore.errors import ConfigError, LayoutExploreError, UnknownNameError
 from layoutexplore.frontiers.decision import Decision, Privileged
+from layoutexplore.layout.export import layout_to_geojson
+from layoutexplore.layout.types import Layout
 from layoutexplore.predictors import make_predictor, make_room_predictor, predictor_names
 from layoutexplore.predictors.seen_rooms import seen_regions
 from layoutexplore.simulation.simulation import Simulation
@@ -70,3 +73,23 @@ def test_predictors_are_documented_and_refuse_what_they_do_not_have(name: str) -
     assert f"`{name}`" in (predictors.__doc__ or "") or f"`{name}:" in (predictors.__doc__ or "")
     with pytest.raises(LayoutExploreError, match="nonsense"):
         make_room_predictor(f"{name}:nonsense=1")
+
+
+@pytest.mark.parametrize("name", [name for name in predictor_names() if name != "none"])
+def test_predicted_rooms_are_a_layout(name: str, simulation: Simulation, decision: Decision) -> None:
+    predictor = make_room_predictor(name)
+    if isinstance(predictor, Privileged):
+        predictor.reveal(simulation.truth)
+    rooms = predictor.predict(decision).rooms
+    cells = decision.grid.cells
+    assert rooms is not None
+    assert rooms.labels.dtype == np.int32 and rooms.labels.shape == cells.shape
+    assert not rooms.labels[cells == 100].any() and rooms.labels[cells == 0].any()
+    assert rooms.inside.dtype == np.float32 and not rooms.inside[cells != -1].any()
+    assert 0.0 <= rooms.inside.min() <= rooms.inside.max() <= 1.0
+    layout = rooms.layout
+    assert isinstance(layout, Layout) and layout.rooms and all(room.polygon.is_valid for room in layout.rooms)
+    collection = layout_to_geojson(layout)
+    kinds = [feature["properties"]["kind"] for feature in collection["features"]]
+    assert kinds.count("room") == len(layout.rooms)
+    assert draw_layout(layout, panel=80).ndim == 3

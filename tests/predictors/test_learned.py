@@ -19,7 +19,7 @@ def test_the_layout_is_completed_when_somebody_looks(decision: Decision) -> None
     predictor = make_predictor("layout")
     assert predictor is not None
     judged = predictor.predict(decision)
-    labels = judged.layout.labels
+    labels = judged.rooms.labels
     assert labels.shape == decision.grid.shape and labels.dtype == np.int32
     seen = seen_regions(decision.grid.cells, decision.grid.resolution)
     assert labels.max() <= seen.count and (labels > 0).sum() >= (seen.labels > 0).sum()

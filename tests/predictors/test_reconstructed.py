@@ -67,7 +67,7 @@ def test_lines_complete_a_room_and_close_its_frontier(method: str) -> None:
     inside, corridor = at(judged, 9, 13), at(judged, 2, 26)
     assert inside.is_closed and inside.expected_area == pytest.approx(1.5, abs=0.5)  # 3 m by 0.5 m
     assert not corridor.is_closed  # no wall bounds it on the right
-    labels = judged.layout.labels
+    labels = judged.rooms.labels
     hidden = labels[10 * SCALE + 2, 13 * SCALE]
     assert hidden > 0 and hidden == labels[8 * SCALE, 13 * SCALE]  # the room's own, up to the wall's line
 
@@ -81,12 +81,12 @@ def test_every_method_keeps_the_protocol(name: str) -> None:
     assert (decision.grid.cells == before).all()
     for first, second in zip(judged.table, again.table, strict=True):
         assert (first == second).all()
-    assert isinstance(judged.layout, ReconstructedRooms)
+    assert isinstance(judged.rooms, ReconstructedRooms)
     rooms, cells = predictor.rooms(decision), decision.grid.cells
-    assert rooms.room_ids.dtype == judged.layout.labels.dtype == np.int32
+    assert rooms.room_ids.dtype == judged.rooms.labels.dtype == np.int32
     assert not rooms.passable[cells == 100].any() and rooms.passable[cells == 0].all()
-    assert not judged.layout.labels[cells == 100].any()
-    assert set(np.unique(judged.layout.inside)) <= {0.0, 1.0} and not judged.layout.inside[cells != -1].any()
+    assert not judged.rooms.labels[cells == 100].any()
+    assert set(np.unique(judged.rooms.inside)) <= {0.0, 1.0} and not judged.rooms.inside[cells != -1].any()
     assert all(f.is_closed is not None and (f.expected_area or 0.0) >= 0.0 for f in judged.frontiers)
 
 
@@ -109,7 +109,7 @@ def test_where_no_room_is_found_frontiers_are_open(name: str, text: str) -> None
     judged = make_room_predictor(name).predict(decide(drawn(text)))
     for frontier in judged.frontiers:
         assert frontier.is_closed is not None
-        if not judged.layout.labels.any():
+        if not judged.rooms.labels.any():
             assert not frontier.is_closed
 
 
@@ -120,17 +120,17 @@ def test_the_size_of_the_grid_tells_nothing() -> None:
     large = OccupancyGrid(cells, 0.1, Pose(small.origin.x - 12.0, small.origin.y - 3.0, 0.0))
     predictor = make_room_predictor("reconstruct:rose2")
     first, second = predictor.predict(decide(small)), predictor.predict(decide(large))
-    assert (first.layout.labels == second.layout.labels[30:-60, 120:-50]).all()
+    assert (first.rooms.labels == second.rooms.labels[30:-60, 120:-50]).all()
     assert (first.table.closed == second.table.closed).all()
 
 
 def test_walls_that_have_not_changed_are_not_reconstructed_again() -> None:
     predictor, grid = make_room_predictor("reconstruct:rose2"), drawn(HALF_SEEN)
-    first = predictor.predict(decide(grid)).layout
+    first = predictor.predict(decide(grid)).rooms
     seen = grid.cells.copy()
     seen[seen == -1] = np.where(np.arange((seen == -1).sum()) % 97 == 0, 0, -1)
     seen[:SCALE], seen[-SCALE:] = -1, -1
-    second = predictor.predict(decide(OccupancyGrid(seen, 0.1, grid.origin))).layout
+    second = predictor.predict(decide(OccupancyGrid(seen, 0.1, grid.origin))).rooms
     assert second.layout is first.layout
 
 
