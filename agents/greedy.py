@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.agents.base import Heuristic, register
-from layoutexplore.frontiers.decision import Choice, Decision, FrontierTable
+from layoutexplore.frontiers.decision import Choice, Decision
+from layoutexplore.frontiers.table import FrontierTable
 from layoutexplore.frontiers.tour_features import sizeable_frontiers
 from layoutexplore.options import Options, option
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.frontiers.decision import Frontier
+from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.visible_area import ray_table
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.options import option

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
 from layoutexplore.agents.tour import plan_latency_tour
-from layoutexplore.frontiers.decision import STOP, Choice, Decision, Frontier
+from layoutexplore.frontiers.decision import STOP, Choice, Decision
+from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.tour_features import BEGUN, SURE, area_left, ready_frontiers
 from layoutexplore.options import option
 

@@ -26,7 +26,8 @@ from layoutexplore.envs.egocentric_maps import (
     draw_global_map,
     draw_local_map,
 )
-from layoutexplore.frontiers.decision import Decision, FrontierTable
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.frontiers.table import FrontierTable
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.options import COUNT, POSITIVE, Rule, check

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from layoutexplore.errors import LayoutExploreError as LayoutExploreError
     from layoutexplore.frontiers.decision import STOP as STOP
     from layoutexplore.frontiers.decision import Decision as Decision
-    from layoutexplore.frontiers.decision import Frontier as Frontier
+    from layoutexplore.frontiers.table import Frontier as Frontier
     from layoutexplore.grids.grid import OccupancyGrid as OccupancyGrid
     from layoutexplore.grids.grid import Pose as Pose
     from layoutexplore.grids.ros_map import load_grid as load_grid
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "STOP": "frontiers.decision",
     "Decision": "frontiers.decision",
-    "Frontier": "frontiers.decision",
+    "Frontier": "frontiers.table",
     "LayoutExploreError": "errors",
     "FloorPlan": "maps.floorplan",
     "Layout": "layout.types",

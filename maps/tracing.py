@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
-from layoutexplore.grids.outlines import trace
+from layoutexplore.grids.outlines import trace_mask
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.raster import PlanRaster
@@ -57,7 +57,7 @@ def plan_from_raster(
         source.occupied, np.where(known, source.room_ids, 0), source.resolution, source.origin
     )
     corner = (source.origin.x, source.origin.y)
-    loose = trace(source.free & (source.room_ids == 0), source.resolution, corner)
+    loose = trace_mask(source.free & (source.room_ids == 0), source.resolution, corner)
     return FloorPlan(
         name=name,
         building=building,
@@ -86,7 +86,7 @@ def _trace_rooms(source: PlanRaster, labels: Mapping[int, str]) -> tuple[Room, .
     rooms = []
     for number, box in _boxes(source.room_ids):
         mask = (source.room_ids[box] == number) & ~source.occupied[box]
-        parts = polygons_of(trace(mask, source.resolution, _corner(source, box)))
+        parts = polygons_of(trace_mask(mask, source.resolution, _corner(source, box)))
         if parts:
             largest = max(parts, key=lambda polygon: polygon.area)
             rooms.append(Room(id=number, polygon=largest, label=labels.get(number, "")))
@@ -116,7 +116,7 @@ def _trace_walls(source: PlanRaster) -> shapely.Geometry:
     free = np.pad(source.free, border).astype(np.uint8)
     near = cv2.dilate(free, np.ones((2 * border + 1, 2 * border + 1), np.uint8)) > 0
     corner = (source.origin.x - border * source.resolution, source.origin.y - border * source.resolution)
-    return trace(near & (free == 0), source.resolution, corner)
+    return trace_mask(near & (free == 0), source.resolution, corner)
 
 
 def trace_doors(source: PlanRaster) -> tuple[Door, ...]:

@@ -23,7 +23,7 @@ from layoutexplore.simulation.simulation import Simulation
 Stop = Callable[[], bool]
 
 
-class Cell(NamedTuple):
+class EvaluationCell(NamedTuple):
     """One exploration of an evaluation: a floor plan, the number of a start on it, and the sensor."""
 
     plan: str
@@ -51,7 +51,10 @@ class Evaluation:
         plans = find_plans(config.evaluation.plans)
         starts = range(config.evaluation.starts)
         self.cells = [
-            Cell(plan, start, sensor) for plan in plans for start in starts for sensor in config.sensors
+            EvaluationCell(plan, start, sensor)
+            for plan in plans
+            for start in starts
+            for sensor in config.sensors
         ]
         self._references: dict[str, list[Metres]] = {}
 

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import LITTLE_LEFT
-from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision, Frontier
+from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision
+from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import remaining_share
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import OccupancyGrid

@@ -20,7 +20,8 @@ from layoutexplore.drawing import palette
 from layoutexplore.drawing.dashboard import draw_dashboard, put_text
 from layoutexplore.drawing.palette import Image
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontiers.decision import Decision, Frontier
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.planning.shortest_paths import descend

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import LITTLE_LEFT
-from layoutexplore.frontiers.decision import Decision, Frontier
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.frontiers.table import Frontier
 from layoutexplore.options import NON_NEGATIVE, check
 from layoutexplore.planning.latency_tours import latency_tour
 

@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.frontiers.decision import FrontierList, FrontierTable
 from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.frontiers.table import FrontierList, FrontierTable
 from layoutexplore.frontiers.visible_area import VisibleUnknownArea
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import OccupancyGrid, Pose

@@ -14,7 +14,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.detection import check_grid
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import check_resolution
-from layoutexplore.grids.rays import trace
+from layoutexplore.grids.rays import ray_frame
 
 
 def visible_unknown_area(
@@ -120,7 +120,7 @@ def ray_table(rays: int, reach: float) -> RayTable:
         # the turn.
         angle = (ray + 0.5) * (2 * math.pi / rays)
         dx, dy = math.cos(angle), math.sin(angle)
-        along, across, slope, per_along, per_across, x_leads = trace(0.5, 0.5, dx, dy)
+        along, across, slope, per_along, per_across, x_leads = ray_frame(0.5, 0.5, dx, dy)
         crossed, j = [(0, 0, 0.0)], 0
         for k in range(1, math.ceil(reach) + 2):
             n = int(across + slope * (k - along))

@@ -52,7 +52,7 @@ def trace_rings(labels: NDArray[np.int32]) -> Rings:
     return Rings(*_trace(labels, true_cells(_ends(labels))))
 
 
-def trace(mask: NDArray[np.bool_], resolution: float, origin: Point) -> Polygon | MultiPolygon:
+def trace_mask(mask: NDArray[np.bool_], resolution: float, origin: Point) -> Polygon | MultiPolygon:
     """The outline of a mask's cells as polygons in metres (to the micrometre), one a four-connected part.
 
     A ring that comes through a corner twice is cut into two, because a polygon's ring must not touch itself.
@@ -63,7 +63,7 @@ def trace(mask: NDArray[np.bool_], resolution: float, origin: Point) -> Polygon 
         origin: World point of the lower left corner of cell (0, 0).
 
     Example:
-        >>> trace(np.array([[True, True], [True, False]]), 0.5, (0.0, 0.0)).area
+        >>> trace_mask(np.array([[True, True], [True, False]]), 0.5, (0.0, 0.0)).area
         0.75
     """
     parts, count = label_components(mask)

@@ -12,7 +12,7 @@ _STEEPEST = 1.0 - 1e-9
 
 
 @njit(cache=True, nogil=True)
-def trace(x: float, y: float, dx: float, dy: float) -> tuple[float, float, float, float, float, bool]:
+def ray_frame(x: float, y: float, dx: float, dy: float) -> tuple[float, float, float, float, float, bool]:
     """A ray in the frame of the axis that it moves more along, both axes turned so that it moves forward.
 
     With k counting the cell borders met along and n those met across, the ray meets border k at distance
@@ -67,7 +67,7 @@ def is_free_line(cells: NDArray[np.int8], row: int, col: int, to_row: int, to_co
     i, j = 0, 0
     while i < n_row or j < n_col:
         # The next border crossed: compare (i + 1/2) / n_row with (j + 1/2) / n_col without a division. From
-        # centre to centre this is exact, which `trace`, in floating point, would not be at corners.
+        # centre to centre this is exact, which `ray_frame`, in floating point, would not be at corners.
         if j >= n_col or (i < n_row and (1 + 2 * i) * n_col < (1 + 2 * j) * n_row):
             row += step_row
             i += 1

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
-from layoutexplore.frontiers.decision import Decision, FrontierList, PredictedRooms
+from layoutexplore.frontiers.decision import Decision, PredictedRooms
+from layoutexplore.frontiers.table import FrontierList
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.layout.outlines import layout_of_labels
 from layoutexplore.layout.timing import StageTimer

@@ -2,7 +2,7 @@
 
 Rays follow the cells they cross exactly (as Amanatides and Woo, "A fast voxel traversal algorithm for ray
 tracing", 1987), from continuous poses. They are walked in columns: along the axis that a ray moves more along
-it crosses one border after the other, and in between at most one border across (`trace`). Where the Chebyshev
+it crosses one border after the other, and in between at most one border across (`ray_frame`). Where the Chebyshev
 distance to the nearest occupied cell is d, a ray jumps d - 1 columns; the jump lands on the very cell of the
 plain walk.
 
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError, StartError, unknown_name
 from layoutexplore.grids.grid import Pose, check_resolution
-from layoutexplore.grids.rays import steps, trace
+from layoutexplore.grids.rays import ray_frame, steps
 
 _MAX_CLEARANCE = 255
 _SKIP_FROM = 3
@@ -340,7 +340,7 @@ def _cast(
     for i in range(unit_x.size):
         dx = unit_x[i] * cos - unit_y[i] * sin
         dy = unit_x[i] * sin + unit_y[i] * cos
-        along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
+        along, across, slope, per_along, per_across, x_leads = ray_frame(x, y, dx, dy)
         step_along, step_across = steps(dx, dy, x_leads, cols)
         last = int(range_max / per_along + along)
         # k borders are met along and j across. The border of zeros ends every ray inside the array, so no

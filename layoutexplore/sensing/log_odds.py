@@ -1,6 +1,6 @@
 """How measured ranges change the evidence for each cell of a grid, in log odds, and with it the cell itself.
 
-Rays are walked as `layoutexplore.grids.rays.trace` describes.
+Rays are walked as `layoutexplore.grids.rays.ray_frame` describes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.rays import steps, trace
+from layoutexplore.grids.rays import ray_frame, steps
 from layoutexplore.sensing.scan_kernels import Changes, FieldOfView, new_counters, set_cell, to_changes
 
 _END_TOLERANCE = 1e-3
@@ -128,7 +128,7 @@ def _update_crossed(
     """
     (x, y, dx, dy), (cells, weights, mark) = ray, grid
     rows, cols = cells.shape
-    along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
+    along, across, slope, per_along, per_across, x_leads = ray_frame(x, y, dx, dy)
     step_along, step_across = steps(dx, dy, x_leads, cols)
     # The ray stays in the grid as long as it has met fewer borders than there are cells ahead of it.
     ahead_x = cols - int(x) if dx >= 0.0 else int(x) + 1

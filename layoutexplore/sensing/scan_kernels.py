@@ -1,7 +1,7 @@
 """How a scan changes the cells of a grid: the kernels behind `layoutexplore.sensing.mapper`.
 
 `update_occupancy` casts exact rays in the true world and updates the robot's grid in the same pass. Rays are
-walked as `layoutexplore.grids.rays.trace` describes; what changes is counted on the way.
+walked as `layoutexplore.grids.rays.ray_frame` describes; what changes is counted on the way.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.rays import steps, trace
+from layoutexplore.grids.rays import ray_frame, steps
 
 Changes = tuple[int, int, int, int, int, int, int, int]
 """What a scan changed, in this order (a plain tuple, because a kernel makes it in a third of the time):"""
@@ -206,7 +206,7 @@ def _cast_rays(
     start, true_start = np.uint64(int(y) * cols + int(x)), np.uint64((int(y) + 1) * world_cols + int(x) + 1)
     for i in range(unit_x.size):
         dx, dy = unit_x[i] * cos - unit_y[i] * sin, unit_x[i] * sin + unit_y[i] * cos
-        along, across, slope, per_along, per_across, x_leads = trace(x, y, dx, dy)
+        along, across, slope, per_along, per_across, x_leads = ray_frame(x, y, dx, dy)
         step_along, step_across = steps(dx, dy, x_leads, cols)
         true_along, true_across = steps(dx, dy, x_leads, world_cols)
         k = 0 if half and (i == 0 or i == unit_x.size - 1) else reach

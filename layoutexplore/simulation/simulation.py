@@ -19,16 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontiers.decision import (
-    STOP,
-    CellPath,
-    Choice,
-    Decision,
-    Frontier,
-    Predictor,
-    Privileged,
-    Truth,
-)
+from layoutexplore.frontiers.decision import STOP, CellPath, Choice, Decision, Predictor, Privileged, Truth
+from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import cells_in_view, facing, remaining_share
 from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.maps.floorplan import FloorPlan

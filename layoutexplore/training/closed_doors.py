@@ -255,7 +255,7 @@ def save(models: Models, folder: Path, note: str) -> None:
     save_forests(folder / ROOM_MODEL.name, {AGREEMENT: models.rooms}, FEATURES, note)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def train_from_command_line(arguments: Sequence[str] | None = None) -> None:
     """Train from the command line."""
     from layoutexplore.maps import expand_plans
 
@@ -283,4 +283,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    train_from_command_line()

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.files import is_whole, read_arrays, write_arrays
-from layoutexplore.frontiers.decision import Agent, Decision, Frontier, KnownDistances
+from layoutexplore.frontiers.decision import Agent, Decision, KnownDistances
+from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.predictors import make_predictor

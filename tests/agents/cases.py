@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from layoutexplore.agents import make_agent
-from layoutexplore.frontiers.decision import STOP, Decision, Frontier, KnownDistances, Privileged
+from layoutexplore.frontiers.decision import STOP, Decision, KnownDistances, Privileged
+from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.planning.shortest_paths import geodesic_distances
 from layoutexplore.sensing.lidar import LidarConfig

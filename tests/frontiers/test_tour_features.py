@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontiers.decision import Frontier, FrontierTable
+from layoutexplore.frontiers.table import Frontier, FrontierTable
 from layoutexplore.frontiers.tour_features import (
     LAYOUT_TOUR_SIZE,
     TourConfig,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from shapely import LineString, Polygon
 
 from layoutexplore.grids.morphology import inflate
-from layoutexplore.grids.outlines import trace
+from layoutexplore.grids.outlines import trace_mask
 from layoutexplore.grids.polygons import fill, polygons_of, resample_solid, seal_diagonals
 
 settings.register_profile("kernels", deadline=None)
@@ -160,7 +160,7 @@ def test_sealed_masks_have_no_checkerboard(mask: NDArray[np.bool_]) -> None:
 
 @given(MASK, st.sampled_from([0.05, 0.1, 0.7]))
 def test_trace_is_the_outline_of_the_cells(mask: NDArray[np.bool_], resolution: float) -> None:
-    outline = trace(mask, resolution, (-1.0, 2.0))
+    outline = trace_mask(mask, resolution, (-1.0, 2.0))
     assert outline.is_valid
     assert len(polygons_of(outline)) == cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)[0] - 1
     assert outline.area == pytest.approx(mask.sum() * resolution**2, rel=1e-4)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from layoutexplore.errors import ConfigError, UnknownNameError
-from layoutexplore.frontiers.decision import Decision, Frontier, KnownDistances
+from layoutexplore.frontiers.decision import Decision, KnownDistances
 from layoutexplore.frontiers.detection import find_frontiers
+from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.layout.pipeline import method_names
 from layoutexplore.predictors import make_room_predictor

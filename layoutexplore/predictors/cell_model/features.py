@@ -375,7 +375,7 @@ def _look(
 
     Kinds: 0 none, 1 own room, 2 other room, 3 wall.
     """
-    # Not `grids.rays.trace`: a diagonal goes from corner to corner here, past the two cells beside.
+    # Not `grids.rays.ray_frame`: a diagonal goes from corner to corner here, past the two cells beside.
     (row, col), (dr, dc) = cell, step
     across = ALONG_ROWS | ALONG_COLS if dr != 0 and dc != 0 else (ALONG_COLS if dc != 0 else ALONG_ROWS)
     kind, crossings, inside, distance, line = 0, 0, False, 0, reach
