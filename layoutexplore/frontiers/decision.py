@@ -77,7 +77,7 @@ class KnownDistances:
 
 
 class PredictedRooms(Protocol):
-    """What is predicted of the rooms at a decision; what costs time is computed when it is first asked for."""
+    """What is predicted of the rooms at a decision; what costs time is computed when it is asked for."""
 
     @property
     def labels(self) -> NDArray[np.int32]:
@@ -85,7 +85,7 @@ class PredictedRooms(Protocol):
 
     @property
     def inside(self) -> NDArray[np.float32]:
-        """float32 (rows, cols): probability that an unknown cell belongs to a seen room; 0 where it is known."""
+        """float32 (rows, cols): probability that an unknown cell belongs to a seen room; 0 where known."""
 
     @property
     def layout(self) -> Layout:

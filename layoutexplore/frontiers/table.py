@@ -1,4 +1,4 @@
-"""Frontiers and their numbers: a table with named columns, of which each becomes a `Frontier` when it is asked for."""
+"""Frontiers and their numbers: a table with named columns, whose rows become `Frontier`s when asked for."""
 
 from __future__ import annotations
 

@@ -35,7 +35,9 @@ class RoomLabels:
 
 
 class RoomsOnGrid:
-    """Predicted rooms of a grid (`layoutexplore.frontiers.decision.PredictedRooms`), completed when they are asked for.
+    """Predicted rooms of a grid, completed when they are asked for.
+
+    It keeps the protocol `layoutexplore.frontiers.decision.PredictedRooms`.
 
     Args:
         name: Of the predictor.
@@ -101,7 +103,7 @@ class RoomPredictor(Protocol):
 
 
 def classes_in(rooms: RoomLabels, decision: Decision) -> FrontierClasses:
-    """The classes of a decision's frontiers against predicted rooms, by the rule that holds for the true ones."""
+    """The classes of frontiers against predicted rooms, by the rule that holds for the true ones."""
     grid = decision.grid
     return classify_frontiers(grid.cells, decision.clusters, rooms.room_ids, rooms.passable, grid.resolution)
 

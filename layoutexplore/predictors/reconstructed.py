@@ -39,7 +39,7 @@ LINE_METHODS = ("default", "rose2", "ias15")
 """Methods with lines, whose faces complete the rooms."""
 
 COMPLETIONS = ("faces", "lines", "none")
-"""How half-seen rooms are completed: by the method's own faces, by the rooms of ROSE2's lines, or not at all."""
+"""How half-seen rooms are completed: by the method's own faces, by rooms of ROSE2's lines, or not at all."""
 
 
 class ReconstructedRooms(RoomsOnGrid):
@@ -121,7 +121,7 @@ class ReconstructedPredictor:
         self._completion = completion or ("faces" if method in LINE_METHODS else "lines")
         if self._completion not in COMPLETIONS:
             raise unknown_name("completion of rooms", self._completion, COMPLETIONS)
-        # Lines stay as they are until a wall changes; where rooms are labels of free cells, any change counts.
+        # Lines stay as they are until a wall changes; rooms that are labels of free cells change with any.
         self._layouts = LayoutCache(method, options or None, exact=self._completion != "faces")
         self._lines = LayoutCache("rose2")
 
@@ -153,7 +153,9 @@ class ReconstructedPredictor:
 
 
 def predictor_of_method(text: str) -> ReconstructedPredictor:
-    """The predictor of `METHOD` or `METHOD;key=value;...`; commas do as well where no other spec holds the text.
+    """The predictor of `METHOD` or `METHOD;key=value;...`.
+
+    Commas do as well where the text does not stand inside another spec, such as an agent's.
 
     Raises:
         UnknownNameError: No such method, option or completion.
@@ -177,7 +179,7 @@ def predictor_of_method(text: str) -> ReconstructedPredictor:
 
 
 def known_part(grid: OccupancyGrid, *, walls: bool = False) -> OccupancyGrid:
-    """What is known of a grid, in the same world, with a margin of unknown cells (cut off at the grid's own border).
+    """What is known of a grid, in the same world, with a margin around it that is unknown beyond the grid.
 
     Args:
         grid: The grid.
