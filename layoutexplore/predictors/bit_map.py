@@ -1,7 +1,7 @@
-"""What is known as a bit map: a byte a cell, with the unknown for a margin, so that no kernel minds the border.
+"""The known grid as a bit map, a byte a cell, with a margin of unknown cells.
 
-The margin also keeps predictors from learning anything from where the array ends: it is unknown like all the
-rest.
+The margin spares kernels the test for the border. It also keeps predictors from learning anything from where
+the array ends: it is unknown like all the rest.
 """
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
-"""The predictor that ships: seen rooms completed, and frontiers classified, by trees and small networks together.
+"""The shipped predictor: completes seen rooms and classifies frontiers.
 
-Rooms are the seen regions; unknown cells near them belong to their rooms where trees (`cell_model.features`)
-and a small U-Net (`cell_model.network`) say so together. Whether a frontier is closed and how much is left
-behind it is estimated by trees on features of its surroundings (`frontier_model.features`) and, where these
-are in doubt, by a network that looks at its surroundings itself (`frontier_model.network`). All learn from
-simulated explorations of floor plans (`layoutexplore evaluate train-predictor`); what the models that ship
-learnt from, and how right they are on buildings that they never saw, says MODEL_CARD.md beside them. Rooms
-are completed only when somebody looks at them: a strategy that asks for classes does not pay for shapes.
+Trees and small networks do so together. Rooms are the seen regions; unknown cells near them belong to their
+rooms where trees (`cell_model.features`) and a small U-Net (`cell_model.network`) say so together. Whether a
+frontier is closed and how much is left behind it is estimated by trees on features of its surroundings
+(`frontier_model.features`) and, where these are in doubt, by a network that sees an egocentric crop of them
+(`frontier_model.network`). All learn from simulated explorations of floor plans
+(`layoutexplore evaluate train-predictor`); MODEL_CARD.md says what the shipped models learnt from, and how
+right they are on buildings that they never saw. Rooms are completed only when somebody looks at them: a
+strategy that asks for classes does not pay for shapes.
 """
 
 from __future__ import annotations
@@ -39,13 +40,16 @@ from layoutexplore.predictors.room_completion import complete_regions
 from layoutexplore.predictors.seen_rooms import Regions, seen_regions
 
 CLOSED = 0.6
-"""Probability from which a frontier is called closed: most are, so that a doubtful one is rather open (MODEL_CARD.md)."""
+"""Probability from which a frontier is called closed.
+
+Most are, so that a doubtful one is rather open (MODEL_CARD.md).
+"""
 
 _CHANGES = np.array([math.log(CLOSED / (1.0 - CLOSED)), 0.0])
 """Log-odds at which "closed" and "leftover" change."""
 
 COARSE, COARSE_REACH = 0.9, 6.0
-"""Metres between the cells judged for probabilities in sight, and how far they are judged: a tenth of the cells."""
+"""Metres between the cells classified for probabilities in sight, and how far away they are classified."""
 
 FOLDER = Path(__file__).parent
 """Where the shipped models lie; `layoutexplore.training.predictor_forests` makes them."""
@@ -55,10 +59,10 @@ FRONTIER_MODEL, CELL_MODEL = (FOLDER / name for name in ("frontier_model.json", 
 CELL_NETWORK, FRONTIER_NETWORK = (FOLDER / name for name in ("rooms.safetensors", "frontiers.safetensors"))
 
 ROOM_SHARE, FRONTIER_SHARE = 0.6, 0.5
-"""Weight of the networks' log-odds, of squares and of frontiers, against those of the trees."""
+"""Weight of the networks' log-odds, of cells and of frontiers, against those of the trees."""
 
 DOUBT = 1.0
-"""The network is asked where the trees' log-odds are as near as this to where a class changes: there it matters most."""
+"""The network scores frontiers whose log-odds by the trees are as near as this to a change of class."""
 
 
 class LearnedRooms(RoomsOnGrid):
@@ -69,7 +73,7 @@ class LearnedRooms(RoomsOnGrid):
         grid: What is known; its cells are not copied.
         regions: The seen rooms.
         forests: As for `classify_cells`.
-        network: Judges as well, if there is one.
+        network: Scores the cells as well, if there is one.
     """
 
     def __init__(
@@ -91,15 +95,15 @@ class LearnedRooms(RoomsOnGrid):
         probability = classify_cells(candidates, self._resolution, self._forests)
         if self._network:
             scene = make_network_input(self._cells, self._regions, candidates, self._resolution)
-            probability = agreed(probability, self._network.judge(scene))
+            probability = agreed(probability, self._network.score(scene))
         return complete_regions(self._cells, self._regions, room_shapes(self._cells, candidates, probability))
 
     @cached_property
     def inside(self) -> NDArray[np.float32]:
-        """float32 (rows, cols): probability that an unknown cell belongs to a seen room next to it; 0 where it is known.
+        """float32 (rows, cols): probability that an unknown cell belongs to a seen room next to it.
 
-        Judged once and more coarsely than the rooms: strategies that look at probabilities need them at every
-            decision.
+        0 where a cell is known. Estimated once and more coarsely than the rooms: strategies that look at
+        probabilities need them at every decision.
         """
         candidates = find_candidates(
             self._cells, self._regions, self._resolution, spacing=COARSE, reach=COARSE_REACH
@@ -119,7 +123,7 @@ class LearnedRooms(RoomsOnGrid):
 
 
 class LearnedPredictor:
-    """Completed rooms and judged frontiers.
+    """Completes rooms and classifies frontiers.
 
     Args:
         folder: Where `layoutexplore evaluate train-predictor` wrote the models; those that ship when None.
@@ -169,7 +173,7 @@ class LearnedPredictor:
         scores = score_frontiers(frontier_features(around, decision.table.visible_area), self._frontiers)
         if self._frontier_network:
             doubtful = np.flatnonzero((np.abs(scores[:2] - _CHANGES[:, None]) < DOUBT).any(axis=0))
-            found = self._frontier_network.judge(draw_crops(around, doubtful)).T
+            found = self._frontier_network.score(draw_crops(around, doubtful)).T
             scores[:, doubtful] += FRONTIER_SHARE * (found - scores[:, doubtful])
         classes, confidence = classify(scores, around.homes.astype(np.int32))
         return with_classes(decision, classes, self._completed(decision.grid, regions), confidence)
@@ -207,23 +211,23 @@ def classify(
 def classify_cells(
     candidates: CandidateCells, resolution: float, forests: dict[str, Forest]
 ) -> NDArray[np.float64]:
-    """Probability float64 (n,) that each cell belongs to the room of its region, judged twice.
+    """Probability float64 (n,) that each cell belongs to the room of its region, estimated twice.
 
     Args:
         candidates: The cells.
         resolution: Metres per cell.
-        forests: "first" (log-odds), which is followed by "inside", which knows what the first one thinks.
+        forests: "first" (log-odds), which is followed by "inside", which knows the first estimate.
     """
     first = forests["first"].probability(candidates.features)
     return forests["inside"].probability(add_first_estimate(candidates, first, resolution))
 
 
 def agreed(probability: NDArray[np.float64], log_odds: NDArray[np.floating]) -> NDArray[np.float64]:
-    """What trees and network think together: probability float64 (n,) by the mean of their log-odds, each (n,).
+    """The joint probability float64 (n,) of trees and network, by the mean of their log-odds.
 
     Args:
-        probability: Of the trees.
-        log_odds: Of the network.
+        probability: float64 (n,), of the trees.
+        log_odds: float (n,), of the network.
 
     Example:
         >>> agreed(np.array([0.5, 0.9]), np.array([0.0, -np.log(9.0)])).round(3).tolist()

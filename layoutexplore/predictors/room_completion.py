@@ -73,7 +73,7 @@ def _spread_shapes(
     masks: NDArray[np.bool_],
     starts: NDArray[np.int64],
 ) -> NDArray[np.int32]:
-    """Labels int32 (rows, cols) after the flood of all regions at once into the unknown cells of their shapes."""
+    """Flood the unknown cells of all shapes at once, each from its region: labels int32 (rows, cols)."""
     # Not `grids.flood.spread_in_place`: which cells are open differs from label to label.
     rows, cols = cells.shape
     out = labels.copy()

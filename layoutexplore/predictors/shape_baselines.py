@@ -22,13 +22,13 @@ from layoutexplore.predictors.room_completion import Shape, complete_regions
 from layoutexplore.predictors.seen_rooms import Regions, seen_regions
 
 LINE_WEIGHT, SHAPE_WEIGHT, COUNT_WEIGHT = 10.0, 10.0, 5.0
-"""Weights of the score of a face subset: walls seen on its sides, area missing to its convex hull, number of its sides."""
+"""Weights in the score of a face subset: walls on its sides, area missing to its hull, number of sides."""
 
 MOST_FACES, FACE_AREA = 9, (0.1, 60.0)
 """Most candidate faces of a room, and the areas in square metres that they may have."""
 
 _BLUR, _SIMPLER, _BESIDE = 0.1, 0.3, 0.2
-"""Metres: blur before the direction of walls is taken, what outlines are simplified by, how far a wall is from a side it backs."""
+"""Metres: blur before walls get a direction, tolerance of outlines, distance of a wall to a side it backs."""
 
 Outline = Callable[[NDArray[np.int32], float], NDArray[np.float64]]
 """(points (x, y) int32 (n, 2), main angle in radians) -> corners float64 (k, 2)."""
@@ -60,7 +60,10 @@ class ShapePredictor:
 
 
 def main_angle(cells: NDArray[np.int8], resolution: float) -> float:
-    """Direction of the walls against the grid's columns in radians, in [-pi/4, pi/4], as the fourfold mean of their gradient."""
+    """Direction of the walls against the grid's columns in radians, in [-pi/4, pi/4].
+
+    It is a quarter of the mean of four times the gradient's direction: quarter turns count as one.
+    """
     side, sigma = 2 * in_cells(2 * _BLUR, resolution) + 1, _BLUR / resolution
     blurred = cv2.GaussianBlur((cells == OCCUPIED).astype(np.float32), (side, side), sigma)
     gradient = cv2.Sobel(blurred, cv2.CV_32F, 1, 0) + 1j * cv2.Sobel(blurred, cv2.CV_32F, 0, 1)

@@ -25,7 +25,7 @@ def test_training_learns_a_half_seen_room() -> None:
     told: list[tuple[int, int, float]] = []
     first = pretrain_cell_network([sample], config, lambda *args: told.append(args))
     weights = train_cell_network(first, [sample], [sample], config, lambda *args: told.append(args))
-    odds = CellNetwork(weights).judge(scene)
+    odds = CellNetwork(weights).score(scene)
     assert ((odds > 0) == inside).mean() > 0.9
     assert told[39][:2] == (40, 40) and len(told) == 80 and told[-1][2] < told[0][2]
     again = train_cell_network(first, [sample], [sample], config, lambda *_: None)

@@ -30,7 +30,7 @@ def test_rounding_keeps_what_torch_has_learnt() -> None:
             network.train()(shares)  # The norms get to know the windows.
         expected = ((network.eval()(shares) + network(shares.flip(3))) / 2).numpy()
     weights = quantised_weights(network, windows)
-    found = network_of(weights).judge(windows)
+    found = network_of(weights).score(windows)
     for output in range(3):
         assert np.corrcoef(found[:, output], expected[:, output])[0, 1] > 0.97
     np.testing.assert_allclose(found.mean(axis=0), expected.mean(axis=0), atol=0.02)
@@ -64,7 +64,7 @@ def test_training_tells_wide_from_narrow() -> None:
     weights = train_frontier_network(
         parts[:1], parts[1:], {"b": "house"}, config, lambda *args: told.append(args)
     )
-    found = network_of(weights).judge(windows)
+    found = network_of(weights).score(windows)
     assert (((found[:, 0] > 0) == closed).mean(), ((found[:, 1] > 0) == closed).mean()) > (0.95, 0.95)
     assert found[closed, 2].max() < found[~closed, 2].min()
     assert told[-1][:2] == (60, 60) and told[-1][2] < told[0][2]

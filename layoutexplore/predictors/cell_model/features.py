@@ -22,38 +22,53 @@ from layoutexplore.predictors.bit_map import (
 from layoutexplore.predictors.seen_rooms import Regions
 
 STRIDE = 0.3
-"""Metres on a side of the squares of which one cell is judged for all."""
+"""Metres between the cells of a lattice, of which one is classified for all around it."""
 
 REACH, RIVAL = 10.0, 2.0
-"""Metres of way through the unknown up to which a cell can belong to a region, and by how much more to a second one."""
+"""Metres of path through the unknown up to which a cell may belong to a region, and the surplus of a second."""
 
 SIGHT = 8.0
 """Metres that a cell looks around."""
 
 _SEEN: tuple[str, ...] = (
     "way", "crossed", "outside_long", "outside_short", "box_long", "box_short", "area", "fill",
-    *(f"{side}_{what}" for side in ("inward", "outward", "left", "right") for what in ("distance", "kind", "crossed", "line")),
+    *(
+        f"{side}_{what}"
+        for side in ("inward", "outward", "left", "right")
+        for what in ("distance", "kind", "crossed", "line")
+    ),
     *(f"diagonal{k}_{what}" for k in range(4) for what in ("distance", "kind")),
     "rank", "other_way", "region_doors", "typical_area", "typical_long", "typical_short", "rooms",
 )  # fmt: skip
-_JUDGED = ("self", "near", "wide", "total", "mean", "grown_long", "grown_short", "beyond_long", "beyond_short")  # fmt: skip
+_JUDGED = (
+    *("self", "near", "wide", "total", "mean"),
+    *("grown_long", "grown_short", "beyond_long", "beyond_short"),
+)
 
 FEATURES: tuple[str, ...] = (*_SEEN, *(f"judged_{what}" for what in _JUDGED))
-"""Names of the features. `long` is the axis along which the cell lies further outside of the region's box. The judged ones
-say what a first judgement, made without them, thinks of the neighbourhood and of the whole room."""
+"""Names of the features.
 
-(_WAY, _CROSSED, _OUTSIDE, _BOX, _AREA, _FILL, _STRAIGHT, _DIAGONAL, _RANK, _OTHER_WAY, _REGION_DOORS, _TYPICAL) = (
+`long` is the axis along which the cell lies further outside of the region's box. The `judged` ones tell what
+a first estimate, made without them, says of the neighbourhood and of the whole room.
+"""
+
+_WAY, _CROSSED, _OUTSIDE, _BOX, _AREA, _FILL = (
+    FEATURES.index(name) for name in ("way", "crossed", "outside_long", "box_long", "area", "fill")
+)
+_STRAIGHT, _DIAGONAL, _RANK, _OTHER_WAY, _REGION_DOORS, _TYPICAL = (
     FEATURES.index(name)
-    for name in ("way", "crossed", "outside_long", "box_long", "area", "fill", "inward_distance", "diagonal0_distance",
-                 "rank", "other_way", "region_doors", "typical_area")
-)  # fmt: skip
+    for name in (
+        *("inward_distance", "diagonal0_distance", "rank"),
+        *("other_way", "region_doors", "typical_area"),
+    )
+)
 _SELF, _NEAR, _TOTAL, _MEAN, _GROWN = (
     FEATURES.index(f"judged_{name}") for name in ("self", "near", "total", "mean", "grown_long")
 )
 """Columns of features, and the first ones of those that are written together."""
 
 NEAR, WIDE = 3, 7
-"""Lattice cells on a side of the neighbourhoods whose first judgement is averaged."""
+"""Lattice cells on a side of the neighbourhoods whose first estimate is averaged."""
 
 
 class _Known(NamedTuple):
@@ -69,12 +84,12 @@ class CandidateCells:
     """Unknown cells and the rooms that they may belong to.
 
     Attributes:
-        cells: int32 (n, 2), one of every square that holds an unknown cell.
+        cells: int32 (n, 2), one of every lattice cell that holds an unknown cell.
         region: int32 (n,), one of the two regions that reach each first; a cell that two reach is there
             twice.
         rank: int32 (n,), 0 for the first of the two.
         features: float32 (n, len(FEATURES)).
-        stride: Cells on a side of the squares.
+        stride: Cells on a side of a lattice cell.
         boxes: int64 (regions + 1, 5), of `Regions`.
     """
 
@@ -95,15 +110,15 @@ def find_candidates(
     spacing: float = STRIDE,
     reach: float = REACH,
 ) -> CandidateCells:
-    """The unknown cells of a lattice that a region reaches through the unknown, with nothing judged yet.
+    """The unknown cells of a lattice that a region reaches through the unknown, without a first estimate.
 
     Args:
         cells: int8 (rows, cols), what is known.
         regions: The seen rooms.
         resolution: Metres per cell.
         wanted: bool (regions + 1,), the regions to look at; all when None.
-        spacing: Metres on a side of the squares.
-        reach: Metres of way through the unknown up to which a cell is a candidate.
+        spacing: Metres on a side of a lattice cell.
+        reach: Metres of path through the unknown up to which a cell is a candidate.
     """
     stride = max(round(spacing / resolution), 1)
     bit_map = draw_bit_map(cells, regions, resolution, SIGHT + resolution)
@@ -133,7 +148,7 @@ def find_candidates(
 def add_first_estimate(
     candidates: CandidateCells, inside: NDArray[np.float64], resolution: float
 ) -> NDArray[np.float32]:
-    """The features of the candidates with those that tell what a first judgement thinks.
+    """The features of the candidates with those that tell of a first estimate.
 
     Args:
         candidates: The cells.
@@ -162,7 +177,7 @@ def add_first_estimate(
 
 @njit(cache=True, nogil=True)
 def _one_each(owner: NDArray[np.int32], margin: int, shape: tuple[int, int], size: int) -> NDArray[np.int32]:
-    """Of every square of the grid that holds cells with an owner the one next to its middle: int32 (n, 2)."""
+    """Of every lattice cell that holds cells with an owner the one next to its middle: int32 (n, 2)."""
     out = np.empty(((shape[0] // size + 1) * (shape[1] // size + 1), 2), np.int32)
     count = 0
     for row in range(0, shape[0], size):
@@ -186,7 +201,7 @@ def _own_mean(
     at: NDArray[np.int32],
     reach: int,
 ) -> NDArray[np.float32]:
-    """Mean judgement float32 (n,) of the squares within `reach` of each that the same region may own."""
+    """Mean estimate float32 (n,) of the lattice cells within `reach` that the same region may own."""
     out = np.zeros(len(at), np.float32)
     for k in range(len(at)):
         row, col = at[k]
@@ -202,9 +217,9 @@ def _own_mean(
 
 
 def _grown_boxes(candidates: CandidateCells, inside: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Per candidate float64 (n, 4): sides of its region's box with all that is judged inside, and how far it lies outside it.
+    """Per candidate float64 (n, 4): sides of the grown box, and how far the candidate lies outside of it.
 
-    The first of either pair belongs to the axis along which the cell lies further outside of the box of what
+    The box is that of the region with all cells that the first estimate puts inside. The first of either pair belongs to the axis along which the cell lies further outside of the box of what
     is seen.
     """
     boxes = _grow_boxes(candidates.boxes, candidates.region[inside], candidates.cells[inside])[
@@ -263,7 +278,7 @@ def _typical_room(bit_map: BitMap, regions: Regions, resolution: float) -> tuple
 def _reach(
     code: NDArray[np.uint8], margin: int, labels: NDArray[np.int32], depth: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int16], NDArray[np.int16]]:
-    """Flood the unknown from all regions: who comes first, how long the way is, how many continued walls it crosses.
+    """Flood the unknown from all regions: owner, path length, and number of continued walls crossed.
 
     Each is (2, rows, cols): for the region that comes first, and for the second.
     """
@@ -340,7 +355,7 @@ def _describe(
         over_row, over_col = max(box[1] - r, r - box[3] + 1, 0), max(box[2] - c, c - box[4] + 1, 0)
         height, width = box[3] - box[1], box[4] - box[2]
         # The frame of a cell: u runs along the axis on which it lies further outside of the box (of two equal
-        # ones the longer side's), v across, both towards the box's middle. Mirrored situations look the same.
+        # ones the longer side's), v across, both towards the box's middle. Mirrored surroundings look the same.
         row_first = over_row > over_col or (over_row == over_col and height >= width)
         sign_row, sign_col = (1 if 2 * r < box[1] + box[3] else -1), (1 if 2 * c < box[2] + box[4] else -1)
         ur, uc, vr, vc = (sign_row, 0, 0, sign_col) if row_first else (0, sign_col, sign_row, 0)

@@ -1,6 +1,6 @@
-"""The convolutional network that classifies cells, run with numpy: a small U-Net over the planes of its input.
+"""The convolutional network that classifies cells: a small U-Net, run with numpy.
 
-It sees what the trees see of each square, and what they see of all squares around it.
+It sees what the trees see of each lattice cell, and what they see of all lattice cells around it.
 `layoutexplore.training.cell_network` makes it.
 """
 
@@ -39,8 +39,8 @@ class CellNetwork:
     def __init__(self, weights: Weights) -> None:
         self._weights = {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}
 
-    def judge(self, scene: NetworkInput) -> NDArray[np.float32]:
-        """Log-odds float32 (n,) that each square that a scene asks for belongs to the room of the region that asks."""
+    def score(self, scene: NetworkInput) -> NDArray[np.float32]:
+        """Log-odds float32 (n,) that each lattice cell of the input belongs to its region's room."""
         if len(scene.squares) == 0:
             return np.zeros(0, np.float32)
         planes = draw_planes(scene)
@@ -48,7 +48,7 @@ class CellNetwork:
         return self._forward(planes)[row, col, scene.rank]
 
     def _forward(self, planes: Planes) -> NDArray[np.float32]:
-        """Log-odds float32 (rows, cols, 2) for the two ranks of every square."""
+        """Log-odds float32 (rows, cols, 2) for the two ranks of every lattice cell."""
         full = self._layer("at_full", self._layer("show", planes.values))
         half = self._layer("at_half", self._layer("to_half", full))
         fourth = self._layer("at_fourth", self._layer("to_fourth", half))

@@ -1,9 +1,9 @@
-"""The convolutional network that judges frontiers by their windows, run in whole numbers.
+"""The convolutional network that scores frontiers by egocentric crops, run in whole numbers.
 
-It looks at every window and at the mirrored one, which makes it judge as well as two networks do. Inputs,
-weights and what passes between layers are whole numbers so small that all sums stay below 2^24, which float32
-holds exactly. So a window is judged the same on every machine and in whatever company, and one that has been
-judged at the last decision need not be judged again. `layoutexplore.training.frontier_network` makes it.
+It scores every crop and its mirror image, which is as good as the mean of two networks. Inputs, weights and
+what passes between layers are whole numbers so small that all sums stay below 2^24, which float32 holds
+exactly. So a crop gets the same score on every machine and in every batch, and one that was scored at the
+last decision need not be scored again. `layoutexplore.training.frontier_network` makes it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ WIDTHS = (16, 40, 48)
 """Channels at half, fourth and eighth resolution."""
 
 HIDDEN = 64
-"""Numbers that a window is summed up in."""
+"""Numbers that a crop is summed up in."""
 
 _A, _B, _C = WIDTHS
 
@@ -28,19 +28,23 @@ LAYERS: Layers = {
     "to_half": (PLANES, _A, 3, 2), "at_half": (_A, _A, 3, 1),
     "to_fourth": (_A, _B, 3, 2), "at_fourth": (_B, _B, 3, 1),
     "to_eighth": (_B, _C, 3, 2),
-    "sum_up": (_C * (SIDE // 8) ** 2, HIDDEN, 1, 1), "weigh": (HIDDEN, HIDDEN, 1, 1), "judge": (HIDDEN, 3, 1, 1),
+    "sum_up": (_C * (SIDE // 8) ** 2, HIDDEN, 1, 1), "weigh": (HIDDEN, HIDDEN, 1, 1),
+    "judge": (HIDDEN, 3, 1, 1),
 }  # fmt: skip
-"""All but the last are followed by a ReLU; "sum_up" takes all channels of all squares at once, by row, column and channel."""
+"""All but the last are followed by a ReLU.
+
+"sum_up" takes all channels of all cells at once, by row, column and channel.
+"""
 
 SHAPES = shapes_of(LAYERS) | {f"{name}.scale": (layer[1],) for name, layer in LAYERS.items()}
-"""Weights "LAYER.weight" -127..127; sums of products times "LAYER.scale" plus "LAYER.bias" are what a layer finds."""
+"""Weights "LAYER.weight" are -127..127; a layer's output is their sums times ".scale" plus ".bias"."""
 
 MOST = 127
 """What passes between layers is rounded and kept between 0 and this."""
 
 
 class FrontierNetwork:
-    """A trained network, which remembers the windows that it judged the last time.
+    """A trained network, which keeps the scores of the crops that it saw the last time.
 
     Args:
         weights: Of `SHAPES`.
@@ -56,26 +60,26 @@ class FrontierNetwork:
         }
         self._known: dict[bytes, NDArray[np.float32]] = {}
 
-    def judge(self, windows: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Judge k frontiers.
+    def score(self, crops: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Score k frontiers.
 
         Args:
-            windows: uint8 (k, SIDE, SIDE, PLANES), of `draw_crops`.
+            crops: uint8 (k, SIDE, SIDE, PLANES), of `draw_crops`.
 
         Returns:
             float32 (k, 3): log-odds of "closed" and of "closed with less than 1 m2 left", log of 1 + square
                 metres left.
         """
-        keys = [window.tobytes() for window in windows]
+        keys = [crop.tobytes() for crop in crops]
         fresh = [k for k, key in enumerate(keys) if key not in self._known]
-        found = self._judge(windows[fresh].astype(np.float32)) if fresh else ()
-        known = self._known | {keys[k]: judged for k, judged in zip(fresh, found, strict=True)}
+        found = self._score(crops[fresh].astype(np.float32)) if fresh else ()
+        known = self._known | {keys[k]: scores for k, scores in zip(fresh, found, strict=True)}
         self._known = {key: known[key] for key in keys}
         return np.array([known[key] for key in keys], np.float32).reshape(len(keys), 3)
 
-    def _judge(self, windows: NDArray[np.float32]) -> NDArray[np.float32]:
-        """What is found on average for windows and mirrored windows."""
-        values = np.concatenate([windows, windows[:, :, ::-1]])
+    def _score(self, crops: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The mean scores of crops and mirrored crops."""
+        values = np.concatenate([crops, crops[:, :, ::-1]])
         for name, (_, _, side, stride) in LAYERS.items():
             weight, scale, bias = self._layers[name]
             shown = neighbourhoods(values, stride) if side > 1 else values.reshape(len(values), -1)
@@ -85,13 +89,13 @@ class FrontierNetwork:
             else:
                 _quantise(values, scale, bias)
                 values = values.reshape(*shown.shape[:-1], -1)
-        both: NDArray[np.float32] = (values[: len(windows)] + values[len(windows) :]) / np.float32(2)
+        both: NDArray[np.float32] = (values[: len(crops)] + values[len(crops) :]) / np.float32(2)
         return both
 
 
 @njit(cache=True, nogil=True)
 def _quantise(values: NDArray[np.float32], scale: NDArray[np.float32], bias: NDArray[np.float32]) -> None:
-    """Make whole numbers 0..MOST of the sums (squares, channels) of a layer."""
+    """Make whole numbers 0..MOST of the sums (cells, channels) of a layer."""
     for square in range(values.shape[0]):
         for k in range(values.shape[1]):
             found = np.rint(values[square, k] * scale[k] + bias[k])

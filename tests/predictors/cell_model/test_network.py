@@ -34,7 +34,7 @@ def test_torch_and_numpy_agree() -> None:
     with torch.no_grad():
         odds = network(torch.from_numpy(planes.values).permute(2, 0, 1)[None])[0].numpy()
     expected = odds[scene.rank, scene.squares[:, 0] - planes.row, scene.squares[:, 1] - planes.col]
-    np.testing.assert_allclose(CellNetwork(network.weights()).judge(scene), expected, atol=1e-4)
+    np.testing.assert_allclose(CellNetwork(network.weights()).score(scene), expected, atol=1e-4)
 
 
 def test_a_network_survives_its_file(tmp_path: Path) -> None:
@@ -42,15 +42,15 @@ def test_a_network_survives_its_file(tmp_path: Path) -> None:
     path = tmp_path / "rooms.safetensors"
 
     def odds() -> NDArray[np.float32]:
-        return CellNetwork(load_weights(path, shapes_of(LAYERS))).judge(scene)
+        return CellNetwork(load_weights(path, shapes_of(LAYERS))).score(scene)
 
     save_weights(path, {name: values.astype(np.float16) for name, values in weights.items()}, "a test")
-    np.testing.assert_allclose(odds(), CellNetwork(weights).judge(scene), rtol=0.02, atol=0.02)
+    np.testing.assert_allclose(odds(), CellNetwork(weights).score(scene), rtol=0.02, atol=0.02)
     kept, others = load_weights(path, shapes_of(LAYERS)), random_weights(2)
     assert load_weights(path, shapes_of(LAYERS)) is kept
     save_weights(path, others, "another test")
     os.utime(path, ns=(0, path.stat().st_mtime_ns + 1))
-    np.testing.assert_array_equal(odds(), CellNetwork(others).judge(scene))
+    np.testing.assert_array_equal(odds(), CellNetwork(others).score(scene))
 
 
 @pytest.mark.parametrize("harm", ["text", "cut", "missing", "shape", "nan"])
@@ -70,7 +70,7 @@ def test_files_that_are_no_network(harm: str, tmp_path: Path) -> None:
 
 def test_nothing_to_judge() -> None:
     empty = scene_of(np.full((9, 9), 100, np.int8))
-    assert len(CellNetwork(random_weights(0)).judge(empty)) == 0 and empty.features.shape == (
+    assert len(CellNetwork(random_weights(0)).score(empty)) == 0 and empty.features.shape == (
         0,
         len(FEATURES),
     )

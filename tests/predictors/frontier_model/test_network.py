@@ -27,12 +27,12 @@ def test_sums_are_exact() -> None:
 
 def test_company_and_memory_change_nothing() -> None:
     network, windows = network_of(random_weights(0)), random_windows(9)
-    alone = np.concatenate([network_of(random_weights(0)).judge(windows[k : k + 1]) for k in range(9)])
+    alone = np.concatenate([network_of(random_weights(0)).score(windows[k : k + 1]) for k in range(9)])
     assert len(np.unique(alone[:, 0])) == 9, "windows differ"
-    np.testing.assert_array_equal(network.judge(windows[:5]), alone[:5])
-    np.testing.assert_array_equal(network.judge(windows[[7, 3, 3, 1, 8]]), alone[[7, 3, 3, 1, 8]])
-    np.testing.assert_array_equal(network.judge(windows[::-1]), alone[::-1])
-    assert network.judge(windows[:0]).shape == (0, 3)
+    np.testing.assert_array_equal(network.score(windows[:5]), alone[:5])
+    np.testing.assert_array_equal(network.score(windows[[7, 3, 3, 1, 8]]), alone[[7, 3, 3, 1, 8]])
+    np.testing.assert_array_equal(network.score(windows[::-1]), alone[::-1])
+    assert network.score(windows[:0]).shape == (0, 3)
 
 
 def slowly_judged(
@@ -65,13 +65,13 @@ def test_judgement_against_a_slow_one(seed: int) -> None:
     expected = [
         (slowly_judged(weights, window) + slowly_judged(weights, window[:, ::-1])) / 2 for window in windows
     ]
-    np.testing.assert_array_equal(network_of(weights).judge(windows), np.array(expected, np.float32))
+    np.testing.assert_array_equal(network_of(weights).score(windows), np.array(expected, np.float32))
 
 
 def test_mirrored_windows_are_judged_alike() -> None:
     windows = random_windows(4)
     np.testing.assert_array_equal(
-        network_of(random_weights(2)).judge(windows), network_of(random_weights(2)).judge(windows[:, :, ::-1])
+        network_of(random_weights(2)).score(windows), network_of(random_weights(2)).score(windows[:, :, ::-1])
     )
 
 
@@ -79,7 +79,7 @@ def test_a_network_survives_its_file(tmp_path: Path) -> None:
     weights, windows, path = random_weights(1), random_windows(3), tmp_path / "frontiers.safetensors"
     save_weights(path, weights, "a test")
     read = FrontierNetwork(load_weights(path, SHAPES))
-    np.testing.assert_array_equal(read.judge(windows), network_of(weights).judge(windows))
+    np.testing.assert_array_equal(read.score(windows), network_of(weights).score(windows))
     save_weights(path, {name: values for name, values in weights.items() if name != "weigh.scale"}, "a test")
     with pytest.raises(ConfigError, match=r"frontiers\.safetensors: weigh\.scale is missing"):
         load_weights(path, SHAPES)
