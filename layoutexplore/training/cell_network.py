@@ -1,7 +1,7 @@
 """Training the network that classifies cells (`layoutexplore evaluate train-predictor`); needs torch.
 
 First it learns from generated plans, of which there are as many as one likes; then from those and from real
-ones. Every decision is shown in all of the eight ways in which a grid can be turned and mirrored.
+ones. Every decision is shown in all of the eight orientations of a grid.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from torch import nn
 from torch.nn import functional
 
 from layoutexplore.predictors.cell_model.network import LAYERS
-from layoutexplore.predictors.cell_model.network_input import PLANES, draw_planes, turned
+from layoutexplore.predictors.cell_model.network_input import PLANES, draw_planes, reoriented
 from layoutexplore.training.predictor_samples import CellNetworkSample
 from layoutexplore.training.torch_layers import Convolution, StepProgress, fit_network, plain_weights
 
@@ -31,8 +31,8 @@ class CellNetworkConfig:
         generated_share: Share of the scenes of generated plans in the latter.
         first_rate, rate: Highest learning rates; they rise for a tenth of the steps and then fall.
         batch: Scenes a step.
-        window: Side in squares of what is seen of a scene.
-        region_squares: A region's squares count as so many at most.
+        window: Side in lattice cells of the crop of a scene.
+        region_cells: A region's lattice cells count as so many at most.
         seed: Of the weights and the draws.
     """
 
@@ -43,7 +43,7 @@ class CellNetworkConfig:
     rate: float = 2e-3
     batch: int = 8
     window: int = 80
-    region_squares: int = 120
+    region_cells: int = 120
     seed: int = 0
 
 
@@ -129,21 +129,29 @@ def _train(
 def _batch(
     samples: Sequence[CellNetworkSample], config: CellNetworkConfig, rng: np.random.Generator
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Planes (batch, PLANES, window, window), truth and weights (batch, 2, window, window) of samples, each laid down anyhow."""
+    """Planes (batch, PLANES, window, window), truth and weights (batch, 2, window, window).
+
+    Each sample takes a random orientation.
+    """
     size = config.window
     planes = np.zeros((len(samples), size, size, PLANES), np.float32)
     truth, weight = (np.zeros((len(samples), 2, size, size), np.float32) for _ in range(2))
     for k, sample in enumerate(samples):
-        scene = turned(sample.scene, int(rng.integers(8)))
-        low = np.maximum(scene.squares.min(axis=0).astype(int) - 1, 0)
-        spare = np.maximum(scene.squares.max(axis=0) + 2 - size, low)
+        scene = reoriented(sample.scene, int(rng.integers(8)))
+        low = np.maximum(scene.lattice_cells.min(axis=0).astype(int) - 1, 0)
+        spare = np.maximum(scene.lattice_cells.max(axis=0) + 2 - size, low)
         corner = rng.integers(low, spare + 1).tolist()
         drawn = draw_planes(scene, (corner[0], corner[1]), size)
         planes[k, : drawn.values.shape[0], : drawn.values.shape[1]] = drawn.values
         asked = drawn.asked
-        at = (k, scene.rank[asked], scene.squares[asked, 0] - drawn.row, scene.squares[asked, 1] - drawn.col)
+        at = (
+            k,
+            scene.rank[asked],
+            scene.lattice_cells[asked, 0] - drawn.row,
+            scene.lattice_cells[asked, 1] - drawn.col,
+        )
         truth[at] = sample.inside[asked]
         count = np.bincount(scene.region)[scene.region[asked]]
-        weight[at] = np.minimum(1.0, config.region_squares / count)
+        weight[at] = np.minimum(1.0, config.region_cells / count)
     shown = torch.from_numpy(planes).permute(0, 3, 1, 2)
     return shown, torch.from_numpy(truth), torch.from_numpy(weight)

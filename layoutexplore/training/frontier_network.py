@@ -78,7 +78,7 @@ class TrainableFrontierNetwork(nn.Module):
         self.draw = nn.ConvTranspose2d(DRAWN, KNOWN, 2, 2)
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
-        """What `FrontierNetwork.judge` finds (batch, 3) for windows (batch, PLANES, SIDE, SIDE) of shares 0..1."""
+        """Scores (batch, 3), as `FrontierNetwork.score`, of crops (batch, PLANES, SIDE, SIDE) of shares 0..1."""
         found: torch.Tensor = self.layers["judge"](self.hidden(values)["weigh"])
         return found
 

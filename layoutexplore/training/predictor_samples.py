@@ -50,11 +50,11 @@ class CellSamples:
 
 @dataclass(frozen=True, eq=False)
 class CellNetworkSample:
-    """All squares of one decision.
+    """All lattice cells of one decision.
 
     Attributes:
         scene: What is known.
-        inside: bool (n,), the square's cell is floor of the room that the region is the seen part of.
+        inside: bool (n,), it is floor of the room that the region is the seen part of.
         plan: Name of the floor plan.
     """
 
@@ -65,7 +65,7 @@ class CellNetworkSample:
 
 @dataclass(frozen=True, eq=False)
 class CropSamples:
-    """The windows of a plan's frontiers with what is true of the frontiers.
+    """The crops of a plan's frontiers with what is true of the frontiers.
 
     Attributes:
         windows: uint8 (n, SIDE, SIDE, PLANES), of `draw_crops`.
@@ -117,7 +117,7 @@ class PredictorSamples:
 
 
 def gather(snapshots: Sequence[Sequence[Snapshot]]) -> PredictorSamples:
-    """What trees learn from explorations, which may have shown nothing; every plan is a building of its own."""
+    """Samples for trees from explorations, perhaps none; every plan is a building of its own."""
     features, closed = [np.zeros((0, len(FEATURES)), np.float32)], [np.zeros(0, np.bool_)]
     area, building = [np.zeros(0)], [np.zeros(0, np.str_)]
     cells: list[CellSamples] = []
@@ -160,7 +160,7 @@ def join_samples(parts: Sequence[PredictorSamples], groups: Mapping[str, str]) -
 
 
 def gather_network_inputs(snapshots: Iterable[Snapshot]) -> list[CellNetworkSample]:
-    """What the network that judges squares learns from decisions, one entry for each that has squares to judge."""
+    """Samples for the cell network: one of each decision that has candidate cells."""
     samples = []
     for snapshot in snapshots:
         grid = snapshot.decision.grid
@@ -174,7 +174,7 @@ def gather_network_inputs(snapshots: Iterable[Snapshot]) -> list[CellNetworkSamp
 
 
 def gather_crops(snapshots: Iterable[Snapshot], plan: str) -> CropSamples:
-    """What the network that judges frontiers learns from decisions in a plan, of which there may be none."""
+    """Samples for the frontier network from decisions in a plan, of which there may be none."""
     windows, closed, area = (
         [np.zeros((0, SIDE, SIDE, WINDOW_PLANES), np.uint8)],
         [np.zeros(0, np.bool_)],

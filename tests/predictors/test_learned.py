@@ -52,7 +52,7 @@ def test_networks_are_asked_where_trees_are_in_doubt(monkeypatch: pytest.MonkeyP
         asked.append(len(windows))
         return np.full((len(windows), 3), 30.0, np.float32)
 
-    monkeypatch.setattr(FrontierNetwork, "judge", sure)
+    monkeypatch.setattr(FrontierNetwork, "score", sure)
     total = 0
     for seed in range(6):
         decision = Simulation(load_plan("office-04"), SimulationConfig(sensor="indoor")).reset(seed=seed)

@@ -19,7 +19,9 @@ def test_training_learns_a_half_seen_room() -> None:
     from layoutexplore.training.predictor_samples import CellNetworkSample
 
     scene = scene_of(half_seen())
-    inside = (scene.squares[:, 1] < 25) & (scene.squares[:, 0] > 3) & (scene.squares[:, 0] < 17)
+    inside = (
+        (scene.lattice_cells[:, 1] < 25) & (scene.lattice_cells[:, 0] > 3) & (scene.lattice_cells[:, 0] < 17)
+    )
     sample = CellNetworkSample(scene, inside, "a")
     config = CellNetworkConfig(first_steps=40, steps=40, batch=4, window=24)
     told: list[tuple[int, int, float]] = []

@@ -25,7 +25,7 @@ STRIDE = 0.3
 """Metres between the cells of a lattice, of which one is classified for all around it."""
 
 REACH, RIVAL = 10.0, 2.0
-"""Metres of path through the unknown up to which a cell may belong to a region, and the surplus of a second."""
+"""Metres of path through the unknown up to which a cell is a region's, and the surplus of a second one."""
 
 SIGHT = 8.0
 """Metres that a cell looks around."""
@@ -219,8 +219,8 @@ def _own_mean(
 def _grown_boxes(candidates: CandidateCells, inside: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Per candidate float64 (n, 4): sides of the grown box, and how far the candidate lies outside of it.
 
-    The box is that of the region with all cells that the first estimate puts inside. The first of either pair belongs to the axis along which the cell lies further outside of the box of what
-    is seen.
+    The box is that of the region with all cells that the first estimate puts inside. The first of either pair
+    belongs to the axis along which the cell lies further outside of the box of what is seen.
     """
     boxes = _grow_boxes(candidates.boxes, candidates.region[inside], candidates.cells[inside])[
         candidates.region
@@ -355,7 +355,7 @@ def _describe(
         over_row, over_col = max(box[1] - r, r - box[3] + 1, 0), max(box[2] - c, c - box[4] + 1, 0)
         height, width = box[3] - box[1], box[4] - box[2]
         # The frame of a cell: u runs along the axis on which it lies further outside of the box (of two equal
-        # ones the longer side's), v across, both towards the box's middle. Mirrored surroundings look the same.
+        # ones the longer side's), v across, both towards the box's middle. Mirrored grids give equal features.
         row_first = over_row > over_col or (over_row == over_col and height >= width)
         sign_row, sign_col = (1 if 2 * r < box[1] + box[3] else -1), (1 if 2 * c < box[2] + box[4] else -1)
         ur, uc, vr, vc = (sign_row, 0, 0, sign_col) if row_first else (0, sign_col, sign_row, 0)

@@ -41,10 +41,10 @@ class CellNetwork:
 
     def score(self, scene: NetworkInput) -> NDArray[np.float32]:
         """Log-odds float32 (n,) that each lattice cell of the input belongs to its region's room."""
-        if len(scene.squares) == 0:
+        if len(scene.lattice_cells) == 0:
             return np.zeros(0, np.float32)
         planes = draw_planes(scene)
-        row, col = scene.squares[:, 0] - planes.row, scene.squares[:, 1] - planes.col
+        row, col = scene.lattice_cells[:, 0] - planes.row, scene.lattice_cells[:, 1] - planes.col
         return self._forward(planes)[row, col, scene.rank]
 
     def _forward(self, planes: Planes) -> NDArray[np.float32]:

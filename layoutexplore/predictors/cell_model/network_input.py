@@ -1,8 +1,8 @@
-"""What a network is shown of a decision: the squares of `cell_features` with all that is known of each, as planes.
+"""Network input of the cell model: all that is known of each lattice cell, as planes.
 
-A square near a region asks whether its cells belong to the region's room. At most two regions ask for one
-square, so that one pass over the map answers for all regions: the planes of a rank hold what the trees know
-of the square and the region that is the first (or second) to reach it.
+The network answers whether a lattice cell near a region belongs to the region's room. At most two regions
+ask for one lattice cell, so that one pass over the map answers for all regions: the planes of a rank hold
+what the trees know of the lattice cell and the region that is the first (or second) to reach it.
 """
 
 from __future__ import annotations
@@ -31,15 +31,17 @@ _SIDES = ("inward", "outward", "left", "right")
 _RAYS = (*_SIDES, *(f"diagonal{k}" for k in range(4)))
 
 _SCALES: dict[str, float] = {
-    "way": 10.0, "crossed": 2.0, "outside_long": 6.0, "outside_short": 3.0, "box_long": 10.0, "box_short": 10.0, "area": 40.0,
-    "fill": 1.0, **{f"{side}_{what}": scale for side in _SIDES for what, scale in (("crossed", 2.0), ("line", 8.0))},
-    **{f"{ray}_distance": 8.0 for ray in _RAYS}, "other_way": 10.0, "region_doors": 20.0, "typical_area": 40.0,
-    "typical_long": 10.0, "typical_short": 6.0, "rooms": 10.0,
+    "way": 10.0, "crossed": 2.0, "outside_long": 6.0, "outside_short": 3.0,
+    "box_long": 10.0, "box_short": 10.0, "area": 40.0, "fill": 1.0,
+    **{f"{side}_{what}": scale for side in _SIDES for what, scale in (("crossed", 2.0), ("line", 8.0))},
+    **{f"{ray}_distance": 8.0 for ray in _RAYS},
+    "other_way": 10.0, "region_doors": 20.0,
+    "typical_area": 40.0, "typical_long": 10.0, "typical_short": 6.0, "rooms": 10.0,
 }  # fmt: skip
-"""Features that are shown as numbers, and what each is divided by."""
+"""Features that planes hold as numbers, and what each is divided by."""
 
 _MOST = 3.0
-"""Numbers are shown up to this."""
+"""Numbers are clipped at this."""
 
 _KINDS = (1, 2, 3)
 """What a ray meets (see `cell_features`), each shown by a plane of its own."""
@@ -49,11 +51,14 @@ _DIVISORS = np.array(list(_SCALES.values()), np.float32)
 _KINDED = np.array([FEATURES.index(f"{ray}_kind") for ray in _RAYS])
 
 SHOWN = len(_SCALES) + len(_KINDS) * len(_RAYS)
-"""Planes that tell what is known of a square and one of its regions."""
+"""Planes that tell what is known of a lattice cell and one of its regions."""
 
 PLANES = len(_BITS) + 2 * (SHOWN + 1 + 4)
-"""All planes: shares of the bits of a `BitMap`; then, for either rank, what is known, whether a region asks, and whether the
-squares above, below, to the left and to the right have the same one."""
+"""All planes: shares of the bits of a `BitMap`; then those of either rank.
+
+The planes of a rank are what is known, whether a region asks, and whether the lattice cells above, below, to
+the left and to the right have the same region.
+"""
 
 
 _Number = TypeVar("_Number", np.uint8, np.int32)
@@ -61,20 +66,20 @@ _Number = TypeVar("_Number", np.uint8, np.int32)
 
 @dataclass(frozen=True, eq=False)
 class NetworkInput:
-    """A decision in squares.
+    """A decision in places.
 
     Attributes:
-        bits: float16 (6, rows, cols), share of each square that has a bit of the bit_map.
-        labels: int16 (rows, cols), the highest region in each square, 0 for none.
-        squares: int16 (n, 2), row and column of the squares that are asked for.
+        bits: float16 (6, rows, cols), share of each lattice cell that has a bit of the bit map.
+        labels: int16 (rows, cols), the highest region in each lattice cell, 0 for none.
+        lattice_cells: int16 (n, 2), row and column of those that are asked for.
         region: int16 (n,), the region that asks.
-        rank: int8 (n,), 0 for the first region of a square, 1 for the second.
+        rank: int8 (n,), 0 for the first region of a lattice cell, 1 for the second.
         features: float16 (n, features), of `CandidateCells`.
     """
 
     bits: NDArray[np.float16]
     labels: NDArray[np.int16]
-    squares: NDArray[np.int16]
+    lattice_cells: NDArray[np.int16]
     region: NDArray[np.int16]
     rank: NDArray[np.int8]
     features: NDArray[np.float16]
@@ -83,57 +88,62 @@ class NetworkInput:
 def make_network_input(
     cells: NDArray[np.int8], regions: Regions, candidates: CandidateCells, resolution: float
 ) -> NetworkInput:
-    """A decision in squares.
+    """A decision in places.
 
     Args:
         cells: int8 (rows, cols), what is known.
         regions: The seen rooms of these cells.
-        candidates: All squares of these regions.
+        candidates: All lattice cells of these regions.
         resolution: Metres per cell.
     """
     bit_map, stride = draw_bit_map(cells, regions, resolution, SIGHT + resolution), candidates.stride
     inner = slice(bit_map.margin, -bit_map.margin)
-    code = _in_squares(bit_map.code[inner, inner], stride)
+    code = _by_lattice_cell(bit_map.code[inner, inner], stride)
     bits = np.stack([((code & bit) > 0).mean(axis=(1, 3), dtype=np.float32) for bit in _BITS])
     return NetworkInput(
         bits=bits.astype(np.float16),
-        labels=_in_squares(regions.labels, stride).max(axis=(1, 3)).astype(np.int16),
-        squares=(candidates.cells // stride).astype(np.int16),
+        labels=_by_lattice_cell(regions.labels, stride).max(axis=(1, 3)).astype(np.int16),
+        lattice_cells=(candidates.cells // stride).astype(np.int16),
         region=candidates.region.astype(np.int16),
         rank=candidates.rank.astype(np.int8),
         features=candidates.features.astype(np.float16),
     )
 
 
-def _in_squares(cells: NDArray[_Number], stride: int) -> NDArray[_Number]:
-    """Cells (rows, stride, cols, stride) by square; those beyond the last row and column are 0."""
+def _by_lattice_cell(cells: NDArray[_Number], stride: int) -> NDArray[_Number]:
+    """Cells (rows, stride, cols, stride) by lattice cell; those beyond the last row and column are 0."""
     rows, cols = (-(-size // stride) for size in cells.shape)
     whole = np.zeros((rows * stride, cols * stride), cells.dtype)
     whole[: cells.shape[0], : cells.shape[1]] = cells
     return whole.reshape(rows, stride, cols, stride)
 
 
-def turned(scene: NetworkInput, way: int) -> NetworkInput:
-    """The scene as one of the 8 ways to lay it down: bit 0 of `way` turns the rows round, bit 1 the columns, bit 2 swaps them."""
-    bits, labels, squares = scene.bits, scene.labels, scene.squares.copy()
-    if way & 1:
-        bits, labels, squares[:, 0] = bits[:, ::-1], labels[::-1], labels.shape[0] - 1 - squares[:, 0]
-    if way & 2:
-        bits, labels, squares[:, 1] = bits[:, :, ::-1], labels[:, ::-1], labels.shape[1] - 1 - squares[:, 1]
-    if way & 4:
+def reoriented(scene: NetworkInput, orientation: int) -> NetworkInput:
+    """The scene in one of the 8 orientations of a grid.
+
+    Args:
+        scene: A decision.
+        orientation: 0..7; bit 0 reverses the rows, bit 1 the columns, bit 2 then swaps rows and columns.
+    """
+    bits, labels, places = scene.bits, scene.labels, scene.lattice_cells.copy()
+    if orientation & 1:
+        bits, labels, places[:, 0] = bits[:, ::-1], labels[::-1], labels.shape[0] - 1 - places[:, 0]
+    if orientation & 2:
+        bits, labels, places[:, 1] = bits[:, :, ::-1], labels[:, ::-1], labels.shape[1] - 1 - places[:, 1]
+    if orientation & 4:
         swapped = [_BITS.index(ALONG_ROWS), _BITS.index(ALONG_COLS)]
-        bits, labels, squares = bits.transpose(0, 2, 1).copy(), labels.T, squares[:, ::-1]
+        bits, labels, places = bits.transpose(0, 2, 1).copy(), labels.T, places[:, ::-1]
         bits[swapped] = bits[swapped[::-1]]
-    return replace(scene, bits=bits, labels=labels, squares=squares)
+    return replace(scene, bits=bits, labels=labels, lattice_cells=places)
 
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """A window of a scene as planes.
+    """A crop of a scene as planes.
 
     Attributes:
         values: float32 (rows, cols, PLANES).
-        row, col: First square of the window.
+        row, col: First lattice cell of the crop.
         asked: int64 (m,), the entries of the scene that lie in it.
     """
 
@@ -144,18 +154,22 @@ class Planes:
 
 
 def draw_planes(scene: NetworkInput, corner: tuple[int, int] | None = None, size: int = 0) -> Planes:
-    """The window around all squares that are asked for, with a rim of one square, or one of `size` squares from a corner on."""
-    squares = scene.squares.astype(np.int64)
-    low, high = (
-        np.maximum(squares.min(axis=0) - 1, 0),
-        np.minimum(squares.max(axis=0) + 2, scene.labels.shape),
-    )
+    """The crop of all lattice cells that are asked for, with a rim of one.
+
+    Args:
+        scene: A decision.
+        corner: First lattice cell of another crop, of `size` lattice cells a side.
+        size: See `corner`.
+    """
+    places = scene.lattice_cells.astype(np.int64)
+    low = np.maximum(places.min(axis=0) - 1, 0)
+    high = np.minimum(places.max(axis=0) + 2, scene.labels.shape)
     if corner is not None:
         low = np.array(corner)
         high = np.minimum(low + size, scene.labels.shape)
-    asked = np.flatnonzero(((squares >= low) & (squares < high)).all(axis=1))
+    asked = np.flatnonzero(((places >= low) & (places < high)).all(axis=1))
     (row, col), (rows, cols) = low.tolist(), (high - low).tolist()
-    at = (scene.rank[asked], *(squares[asked] - low).T)
+    at = (scene.rank[asked], *(places[asked] - low).T)
     window = np.s_[row : row + rows, col : col + cols]
     values = np.zeros((rows, cols, PLANES), np.float32)
     values[..., : len(_BITS)] = scene.bits[:, *window].transpose(1, 2, 0)
@@ -180,10 +194,8 @@ def _shown(features: NDArray[np.float16]) -> NDArray[np.float32]:
 
 
 def _mark_same(owner: NDArray[np.int32], planes: NDArray[np.float32]) -> None:
-    """Mark where the square above, below, to the left or to the right has the same region."""
-    rows, cols = (
-        (owner[1:] == owner[:-1]) & (owner[1:] > 0),
-        (owner[:, 1:] == owner[:, :-1]) & (owner[:, 1:] > 0),
-    )
+    """Mark where the lattice cell above, below, to the left or to the right has the same region."""
+    rows = (owner[1:] == owner[:-1]) & (owner[1:] > 0)
+    cols = (owner[:, 1:] == owner[:, :-1]) & (owner[:, 1:] > 0)
     planes[1:, :, 0], planes[:-1, :, 1] = rows, rows
     planes[:, 1:, 2], planes[:, :-1, 3] = cols, cols

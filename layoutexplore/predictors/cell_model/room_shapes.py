@@ -1,9 +1,9 @@
 """From the probabilities of single cells to the shapes of rooms.
 
-Cells are judged one of a square and each by itself; rooms have straight walls. So the rectangle is sought
-that the judged cells of a room fit best, cells inside it are taken for likelier and those outside for less
-likely than they were judged, and between the centres of the squares probabilities change gradually. Then the
-likeliest cells make the shape.
+One cell of each lattice cell is classified, each by itself; rooms have straight walls. So the rectangle is
+sought that the classified cells of a room fit best, cells inside it are taken for likelier and those outside
+for less likely than the classifier says, and between the centres of the lattice cells probabilities change
+gradually. Then the likeliest cells make the shape.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ _STARTS = (0.3, 0.5, 0.7)
 """Probabilities whose cells' boxes a rectangle is improved from."""
 
 _DOUBT = 1e-4
-"""No judgement is surer than this."""
+"""No probability is nearer to 0 or 1 than this."""
 
 
 class Window(NamedTuple):
-    """The squares near a region.
+    """The lattice cells near a region.
 
     Attributes:
         region: Its id.
-        row, col: First square.
-        chance: float64 (rows, cols), probability that a square's cells belong to the region's room, 0 where
-            none was judged.
-        judged: bool (rows, cols), where one was.
+        row, col: First lattice cell.
+        chance: float64 (rows, cols), probability that a lattice cell belongs to the region's room, 0 where
+            it was not classified.
+        judged: bool (rows, cols), where it was.
     """
 
     region: int
@@ -55,7 +55,7 @@ def room_shapes(
 
     Args:
         cells: int8 (rows, cols), what is known.
-        candidates: The judged cells.
+        candidates: The classified cells.
         probability: float64 (n,) of each that it belongs to the room of its region.
     """
     stride = candidates.stride
@@ -63,7 +63,7 @@ def room_shapes(
     best = np.zeros(cells.shape, np.float32)
     boxes: dict[int, tuple[slice, slice]] = {}
     for window in _windows(candidates, probability):
-        chance, judged = _between_squares(straightened(window), stride)
+        chance, judged = _interpolate(straightened(window), stride)
         row, col = window.row * stride, window.col * stride
         low, high = max(-row, 0), max(-col, 0)
         box = np.s_[row + low : row + chance.shape[0], col + high : col + chance.shape[1]]
@@ -95,7 +95,7 @@ def likeliest_overlap(probability: NDArray[np.floating]) -> float:
 
 
 def straightened(window: Window) -> Window:
-    """The same squares, likelier inside of the rectangle that fits them best, less likely outside of it."""
+    """The same lattice cells, likelier inside the rectangle that fits them best, less likely outside."""
     sure = np.clip(window.chance, _DOUBT, 1.0 - _DOUBT)
     evidence = np.full(sure.shape, -EVIDENCE)
     row0, row1, col0, col1 = best_rectangle(window.chance, window.judged)
@@ -108,8 +108,8 @@ def best_rectangle(chance: NDArray[np.float64], judged: NDArray[np.bool_]) -> tu
     """The rectangle of the greatest expected overlap with a room, found by moving one side at a time.
 
     Args:
-        chance: float64 (rows, cols), 0 where nothing is judged.
-        judged: bool (rows, cols); squares that are not cost nothing and bring nothing.
+        chance: float64 (rows, cols), 0 where nothing is classified.
+        judged: bool (rows, cols), where something is; all else costs nothing and brings nothing.
 
     Returns:
         Its half-open box (row0, row1, col0, col1).
@@ -136,9 +136,9 @@ def best_rectangle(chance: NDArray[np.float64], judged: NDArray[np.bool_]) -> tu
 def _climb(
     chances: NDArray[np.float64], counts: NDArray[np.float64], row0: int, row1: int, col0: int, col1: int
 ) -> tuple[float, int, int, int, int]:
-    """Move the sides of a rectangle until no side can be moved to a better place; its expected overlap and its sides.
+    """Move the sides of a rectangle until none has a better place; its expected overlap and its sides.
 
-    The sums float64 (rows + 1, cols + 1) are those of all squares above and left of a corner.
+    The sums float64 (rows + 1, cols + 1) are those of all lattice cells above and left of a corner.
     """
     total = chances[-1, -1]
     sides = np.array([row0, row1, col0, col1])
@@ -164,13 +164,13 @@ def _climb(
 
 
 def _windows(candidates: CandidateCells, probability: NDArray[np.float64]) -> Iterator[Window]:
-    """The squares near each region, with a rim of one square that is not judged."""
-    squares = candidates.cells // candidates.stride
+    """The lattice cells near each region, with a rim of one that is not classified."""
+    places = candidates.cells // candidates.stride
     order = np.argsort(candidates.region, kind="stable")
     for part in np.split(order, np.flatnonzero(np.diff(candidates.region[order])) + 1):
         if len(part) == 0:
             continue
-        at = squares[part]
+        at = places[part]
         first = at.min(axis=0) - 1
         chance = np.zeros(at.max(axis=0) - first + 2)
         judged = np.zeros(chance.shape, np.bool_)
@@ -179,10 +179,10 @@ def _windows(candidates: CandidateCells, probability: NDArray[np.float64]) -> It
         yield Window(int(candidates.region[part[0]]), int(first[0]), int(first[1]), chance, judged)
 
 
-def _between_squares(window: Window, stride: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Probability of each cell, linear between the centres of squares, and whether its square was judged.
+def _interpolate(window: Window, stride: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Probability of each cell, linear between the centres of lattice cells, and whether that is known.
 
-    Squares that were not judged take the mean of their judged neighbours.
+    Lattice cells that were not classified take the mean of their classified neighbours.
     """
     chance, judged = window.chance.astype(np.float32), window.judged.astype(np.float32)
     near = [

@@ -33,7 +33,9 @@ def test_torch_and_numpy_agree() -> None:
     planes = draw_planes(scene)
     with torch.no_grad():
         odds = network(torch.from_numpy(planes.values).permute(2, 0, 1)[None])[0].numpy()
-    expected = odds[scene.rank, scene.squares[:, 0] - planes.row, scene.squares[:, 1] - planes.col]
+    expected = odds[
+        scene.rank, scene.lattice_cells[:, 0] - planes.row, scene.lattice_cells[:, 1] - planes.col
+    ]
     np.testing.assert_allclose(CellNetwork(network.weights()).score(scene), expected, atol=1e-4)
 
 

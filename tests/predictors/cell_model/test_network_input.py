@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from layoutexplore.predictors.cell_model.network_input import PLANES, SHOWN, draw_planes, turned
+from layoutexplore.predictors.cell_model.network_input import PLANES, SHOWN, draw_planes, reoriented
 from tests.predictors.cell_model.cases import GRIDS, half_seen, scene_of
 
 
@@ -15,17 +15,17 @@ from tests.predictors.cell_model.cases import GRIDS, half_seen, scene_of
 @given(cells=GRIDS)
 def test_planes_show_what_is_asked(cells: NDArray[np.int8]) -> None:
     scene = scene_of(cells)
-    if len(scene.squares) == 0:
+    if len(scene.lattice_cells) == 0:
         return
     planes = draw_planes(scene)
     assert planes.values.shape[2] == PLANES and np.isfinite(planes.values).all()
-    assert planes.asked.tolist() == list(range(len(scene.squares)))
+    assert planes.asked.tolist() == list(range(len(scene.lattice_cells)))
     for rank in range(2):
         first = 6 + rank * (SHOWN + 5)
         asked = planes.values[..., first + SHOWN] > 0
         expected = np.zeros(asked.shape, np.bool_)
         mine = scene.rank == rank
-        expected[scene.squares[mine, 0] - planes.row, scene.squares[mine, 1] - planes.col] = True
+        expected[scene.lattice_cells[mine, 0] - planes.row, scene.lattice_cells[mine, 1] - planes.col] = True
         np.testing.assert_array_equal(asked, expected)
         assert not planes.values[~asked, first : first + SHOWN].any()
     np.testing.assert_allclose(planes.values[..., :3].sum(axis=2).max(), 1.0, atol=0.002)
@@ -39,10 +39,11 @@ def test_a_turned_scene_is_that_of_the_turned_map(cells: NDArray[np.int8], way: 
     other = cells[::-1] if way & 1 else cells
     other = other[:, ::-1] if way & 2 else other
     other = np.ascontiguousarray(other.T if way & 4 else other)
-    expected, found = scene_of(other), turned(scene_of(cells), way)
+    expected, found = scene_of(other), reoriented(scene_of(cells), way)
     np.testing.assert_allclose(found.bits[[0, 1, 2, 4, 5]], expected.bits[[0, 1, 2, 4, 5]], atol=1e-3)
     squares = [
-        {tuple(square) for square in scene.squares[scene.rank == 0].tolist()} for scene in (found, expected)
+        {tuple(square) for square in scene.lattice_cells[scene.rank == 0].tolist()}
+        for scene in (found, expected)
     ]
     assert squares[0] == squares[1]
 
@@ -51,7 +52,7 @@ def test_a_window_shows_what_lies_in_it() -> None:
     scene = scene_of(half_seen())
     whole, part = draw_planes(scene), draw_planes(scene, (5, 8), 9)
     assert part.values.shape == (9, 9, PLANES) and (part.row, part.col) == (5, 8)
-    inside = ((scene.squares >= (5, 8)) & (scene.squares < (14, 17))).all(axis=1)
+    inside = ((scene.lattice_cells >= (5, 8)) & (scene.lattice_cells < (14, 17))).all(axis=1)
     assert part.asked.tolist() == np.flatnonzero(inside).tolist()
     row, col = 5 - whole.row, 8 - whole.col
     shown = whole.values[row : row + 9, col : col + 9, 6 : 6 + SHOWN]
