@@ -1,8 +1,8 @@
-"""Training the network that judges frontiers (`layoutexplore evaluate train-predictor`); needs torch.
+"""Training the network that scores frontiers (`layoutexplore evaluate train-predictor`); needs torch.
 
 It learns from generated plans and from real ones at once: from real ones alone it learns them by heart.
-Windows are mirrored at random. Beside what it is for it learns to draw what the unknown in a window is in
-truth, which tells far more than the class of a frontier does and makes it judge better; the layers for that
+Crops are mirrored at random. Beside what it is for it learns to draw what the unknown in a crop is in
+truth, which tells far more than the class of a frontier does and makes its scores better; the layers for that
 are not kept. What is learnt is then rounded to whole numbers, as `FrontierNetwork` wants it.
 """
 
@@ -25,10 +25,10 @@ from layoutexplore.training.predictor_samples import CropSamples
 from layoutexplore.training.torch_layers import Convolution, StepProgress, fit_network, plain_weights
 
 DRAWN = 32
-"""Channels from which squares are drawn."""
+"""Channels from which cells are drawn."""
 
 CALIBRATED, RARE = 2000, 99.99
-"""Windows that tell how large numbers between layers get, and the percentile of these that is just kept."""
+"""Crops that tell how large numbers between layers get, and the percentile of these that is just kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +37,11 @@ class FrontierNetworkConfig:
 
     Attributes:
         steps: Steps.
-        generated_share: Share of the windows of generated plans, if there are others.
+        generated_share: Share of the crops of generated plans, if there are others.
         rate: Highest learning rate; it rises for a tenth of the steps and then falls.
         decay: Of the weights.
-        dropout: Share of the numbers that are hidden before windows are summed up.
-        batch: Windows a step.
+        dropout: Share of the numbers that are hidden before crops are summed up.
+        batch: Crops a step.
         leftover_weight, area_weight, drawing_weight: Of the other losses against that of "closed".
         seed: Of the weights and the draws.
     """
@@ -78,12 +78,12 @@ class TrainableFrontierNetwork(nn.Module):
         self.draw = nn.ConvTranspose2d(DRAWN, KNOWN, 2, 2)
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
-        """Scores (batch, 3), as `FrontierNetwork.score`, of crops (batch, PLANES, SIDE, SIDE) of shares 0..1."""
+        """Scores (batch, 3) like `FrontierNetwork.score` of crops (batch, PLANES, SIDE, SIDE), shares 0..1."""
         found: torch.Tensor = self.layers["judge"](self.hidden(values)["weigh"])
         return found
 
     def drawing(self, hidden: Mapping[str, torch.Tensor]) -> torch.Tensor:
-        """What each square is, as log-odds (batch, KNOWN, SIDE, SIDE) of `draw_truth`, after what the layers found."""
+        """Log-odds (batch, KNOWN, SIDE, SIDE) of the classes of `draw_truth`, from what the layers found."""
         coarse = self.draw_fourth(torch.cat([_twice(hidden["to_eighth"]), hidden["at_fourth"]], dim=1))
         drawn: torch.Tensor = self.draw(self.draw_half(torch.cat([_twice(coarse), hidden["at_half"]], dim=1)))
         return drawn
@@ -113,8 +113,8 @@ def train_frontier_network(
     """Train the network.
 
     Args:
-        generated: Windows of generated plans; there may be none.
-        real: Windows of other plans; there may be none, but not of both.
+        generated: Crops of generated plans; there may be none.
+        real: Crops of other plans; there may be none, but not of both.
         groups: The building of a plan by its name.
         config: How.
         progress: Told of the steps.
@@ -130,15 +130,15 @@ def train_frontier_network(
 
 
 _Drawn = tuple[NDArray[np.uint8], np.bool_, np.float64, NDArray[np.uint8]]
-"""A window, whether its frontier is closed, the area left, and the truth of its squares."""
+"""A crop, whether its frontier is closed, the area left, and the truth of its cells."""
 
 
 _Batch = tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64], NDArray[np.uint8]]
-"""The same of many: windows (n, SIDE, SIDE, PLANES), classes and areas (n,), and the truth of squares (n, SIDE, SIDE)."""
+"""The same of many: crops (n, SIDE, SIDE, PLANES), classes and areas (n,), truth (n, SIDE, SIDE)."""
 
 
 class CropPool:
-    """Windows of several plans, drawn more often of a building with many than of one with few, but not as many times more."""
+    """Draws crops of several plans, weighted by building (`building_weights`)."""
 
     def __init__(self, parts: Sequence[CropSamples], groups: Mapping[str, str]) -> None:
         sizes = [len(part.closed) for part in parts]
@@ -157,11 +157,11 @@ class CropPool:
         which = np.searchsorted(self._first, chosen, side="right") - 1
         for k, row in zip(which.tolist(), (chosen - self._first[which]).tolist(), strict=True):
             part = self._parts[k]
-            yield part.windows[row], part.closed[row], part.area[row], part.truth[row]
+            yield part.crops[row], part.closed[row], part.area[row], part.truth[row]
 
 
 class CropBatches:
-    """Batches of generated and of real windows, half of them mirrored."""
+    """Batches of generated and of real crops, half of them mirrored."""
 
     def __init__(self, generated: CropPool, real: CropPool, config: FrontierNetworkConfig) -> None:
         self._generated, self._real = generated, real
@@ -172,9 +172,9 @@ class CropBatches:
         """So many samples."""
         generated = int(self._rng.binomial(count, self._share))
         drawn = [*self._generated.draw(generated, self._rng), *self._real.draw(count - generated, self._rng)]
-        windows, closed, area, truth = (np.array(values) for values in zip(*drawn, strict=True))
-        way = -1 if self._rng.random() < 0.5 else 1
-        return windows[:, :, ::way], closed, area, truth[:, :, ::way]
+        crops, closed, area, truth = (np.array(values) for values in zip(*drawn, strict=True))
+        step = -1 if self._rng.random() < 0.5 else 1
+        return crops[:, :, ::step], closed, area, truth[:, :, ::step]
 
 
 def fit_frontier_network(
@@ -198,8 +198,8 @@ def _losses(
     network: TrainableFrontierNetwork, batch: _Batch, config: FrontierNetworkConfig
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """All losses, weighted, and that of "closed"."""
-    windows, closed, area, truth = batch
-    shares, squares = _shares(windows), torch.from_numpy(np.ascontiguousarray(truth)).long()
+    crops, closed, area, truth = batch
+    shares, cells = _shares(crops), torch.from_numpy(np.ascontiguousarray(truth)).long()
     with torch.autocast("cpu", torch.bfloat16):
         hidden = network.hidden(shares)
         found, drawn = network.layers["judge"](hidden["weigh"]), network.drawing(hidden)
@@ -209,8 +209,8 @@ def _losses(
     )
     wrong = functional.binary_cross_entropy_with_logits(found[:, :2], wanted[:, :2], reduction="none").mean(0)
     off = functional.smooth_l1_loss(found[:, 2], wanted[:, 2])
-    riddles = torch.clamp((squares != KNOWN).sum(), min=1)
-    misdrawn = functional.cross_entropy(drawn, squares, ignore_index=KNOWN, reduction="sum") / riddles
+    riddles = torch.clamp((cells != KNOWN).sum(), min=1)
+    misdrawn = functional.cross_entropy(drawn, cells, ignore_index=KNOWN, reduction="sum") / riddles
     loss = (
         wrong[0]
         + config.leftover_weight * wrong[1]
@@ -220,19 +220,19 @@ def _losses(
     return loss, wrong[0]
 
 
-def _shares(windows: NDArray[np.uint8]) -> torch.Tensor:
-    """Windows as layers take them (n, PLANES, SIDE, SIDE), 0..1."""
-    return torch.from_numpy(np.ascontiguousarray(windows)).permute(0, 3, 1, 2).float() / 255.0
+def _shares(crops: NDArray[np.uint8]) -> torch.Tensor:
+    """Crops as layers take them (n, PLANES, SIDE, SIDE), 0..1."""
+    return torch.from_numpy(np.ascontiguousarray(crops)).permute(0, 3, 1, 2).float() / 255.0
 
 
 def quantised_weights(
-    network: TrainableFrontierNetwork, windows: NDArray[np.uint8]
+    network: TrainableFrontierNetwork, crops: NDArray[np.uint8]
 ) -> dict[str, NDArray[np.generic]]:
     """Weights of a `FrontierNetwork`: every channel's as whole numbers up to 127, with scales.
 
     Args:
         network: What has been learnt.
-        windows: uint8 (n, SIDE, SIDE, PLANES), of which some tell how large the numbers between layers get.
+        crops: uint8 (n, SIDE, SIDE, PLANES), of which some tell how large the numbers between layers get.
     """
     weights, out, unit = (
         plain_weights(dict(network.layers.items())),
@@ -240,7 +240,7 @@ def quantised_weights(
         1.0 / 255.0,
     )
     with torch.no_grad():
-        between = network.hidden(_shares(windows))
+        between = network.hidden(_shares(crops))
     for name in LAYERS:
         weight, bias = weights[f"{name}.weight"], weights[f"{name}.bias"]
         largest = np.maximum(np.abs(weight).max(axis=0), 1e-12)

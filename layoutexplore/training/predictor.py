@@ -27,8 +27,8 @@ class Explored:
         files: Plans from files.
         copies: Names of stretched copies, each with its plan's name.
         samples: For trees, by plan.
-        scenes: For the network that judges rooms.
-        windows: For those that judge frontiers.
+        scenes: For the cell network.
+        crops: For the frontier network.
         asked: Decisions for tests, by plan.
     """
 
@@ -36,7 +36,7 @@ class Explored:
     copies: dict[str, str]
     samples: list[PredictorSamples]
     scenes: list[CellNetworkSample]
-    windows: list[CropSamples]
+    crops: list[CropSamples]
     asked: dict[str, list[Snapshot]]
 
 
@@ -79,7 +79,7 @@ def explore_plans(
         if network:
             for exploration in found:
                 seen.scenes.extend(gather_network_inputs(exploration))
-                seen.windows.append(gather_crops(exploration, plan.name))
+                seen.crops.append(gather_crops(exploration, plan.name))
         progress(k + 1, len(sources), plan.name)
     if (forests and not any(len(part.closed) for part in seen.samples)) or (network and not seen.scenes):
         raise ConfigError(
@@ -108,7 +108,7 @@ class NetworkTrainer:
         first_steps: Steps of the network for rooms on generated plans.
         steps: Its steps on all plans.
         frontier_steps: Steps of the frontier network.
-        steps_line: Opens a display of progress for what is named: called with steps done, of all, and the loss.
+        steps_line: Opens a display of progress for what is named; takes steps done, of all, and the loss.
     """
 
     def __init__(
@@ -122,10 +122,8 @@ class NetworkTrainer:
     ) -> None:
         from layoutexplore.training.cell_network import CellNetworkConfig, pretrain_cell_network
 
-        self._config, self._frontier_steps = (
-            CellNetworkConfig(first_steps=first_steps, steps=steps),
-            frontier_steps,
-        )
+        self._config = CellNetworkConfig(first_steps=first_steps, steps=steps)
+        self._frontier_steps = frontier_steps
         self._steps_line = steps_line
         self._seen, self._groups = seen, groups
         self._generated = [sample for sample in seen.scenes if sample.plan not in groups]
@@ -143,24 +141,26 @@ class NetworkTrainer:
         real = [sample for sample in self._seen.scenes if sample.plan in plans]
         with self._steps_line("rooms of all plans") as progress:
             weights = train_cell_network(self._first, self._generated, real, self._config, progress)
-        note = f"{len(self._generated)} decisions of generated plans, {len(real)} of {len({s.plan for s in real})} others"
+        others = len({sample.plan for sample in real})
+        note = f"{len(self._generated)} decisions of generated plans, {len(real)} of {others} others"
         save_weights(
             folder / CELL_NETWORK.name,
             {name: values.astype("float16") for name, values in weights.items()},
             note,
         )
-        generated = [part for part in self._seen.windows if part.plan not in self._groups]
-        windows = [part for part in self._seen.windows if part.plan in plans]
+        generated = [part for part in self._seen.crops if part.plan not in self._groups]
+        crops = [part for part in self._seen.crops if part.plan in plans]
         with self._steps_line("frontiers of all plans") as progress:
             config = FrontierNetworkConfig(steps=self._frontier_steps)
-            rounded = train_frontier_network(generated, windows, self._groups, config, progress)
-        counts = [sum(len(part.closed) for part in parts) for parts in (generated, windows)]
-        note = f"{counts[0]} frontiers of generated plans, {counts[1]} of {len({part.plan for part in windows})} others"
+            rounded = train_frontier_network(generated, crops, self._groups, config, progress)
+        counts = [sum(len(part.closed) for part in parts) for parts in (generated, crops)]
+        others = len({part.plan for part in crops})
+        note = f"{counts[0]} frontiers of generated plans, {counts[1]} of {others} others"
         save_weights(folder / FRONTIER_NETWORK.name, rounded, note)
 
 
 def forget_networks(folder: Path) -> None:
-    """Those of an earlier training would go on judging, and may have learnt from what is held out now."""
+    """Delete the networks of an earlier training, which may have learnt from what is held out now."""
     from layoutexplore.predictors.learned import CELL_NETWORK, FRONTIER_NETWORK
 
     for path in (FRONTIER_NETWORK, CELL_NETWORK):

@@ -22,7 +22,7 @@ from layoutexplore.predictors.frontier_model.features import (
     frontier_features,
     look_around,
 )
-from layoutexplore.predictors.frontier_model.network_input import PLANES as WINDOW_PLANES
+from layoutexplore.predictors.frontier_model.network_input import PLANES as CROP_PLANES
 from layoutexplore.predictors.frontier_model.network_input import SIDE, draw_crops, draw_truth
 from layoutexplore.predictors.seen_rooms import Regions, seen_regions
 from layoutexplore.predictors.snapshot import Snapshot
@@ -68,14 +68,14 @@ class CropSamples:
     """The crops of a plan's frontiers with what is true of the frontiers.
 
     Attributes:
-        windows: uint8 (n, SIDE, SIDE, PLANES), of `draw_crops`.
+        crops: uint8 (n, SIDE, SIDE, PLANES), of `draw_crops`.
         closed: bool (n,).
         area: float64 (n,), square metres left in the room behind.
         truth: uint8 (n, SIDE, SIDE), of `draw_truth`.
         plan: Name of the floor plan.
     """
 
-    windows: NDArray[np.uint8]
+    crops: NDArray[np.uint8]
     closed: NDArray[np.bool_]
     area: NDArray[np.float64]
     truth: NDArray[np.uint8]
@@ -175,21 +175,18 @@ def gather_network_inputs(snapshots: Iterable[Snapshot]) -> list[CellNetworkSamp
 
 def gather_crops(snapshots: Iterable[Snapshot], plan: str) -> CropSamples:
     """Samples for the frontier network from decisions in a plan, of which there may be none."""
-    windows, closed, area = (
-        [np.zeros((0, SIDE, SIDE, WINDOW_PLANES), np.uint8)],
-        [np.zeros(0, np.bool_)],
-        [np.zeros(0)],
-    )
+    crops = [np.zeros((0, SIDE, SIDE, CROP_PLANES), np.uint8)]
+    closed, area = [np.zeros(0, np.bool_)], [np.zeros(0)]
     truth = [np.zeros((0, SIDE, SIDE), np.uint8)]
     for snapshot in snapshots:
         grid, raster = snapshot.decision.grid, snapshot.truth.raster
         around, true = _look(snapshot, seen_regions(grid.cells, grid.resolution))
-        windows.append(draw_crops(around))
+        crops.append(draw_crops(around))
         closed.append(true.is_closed)
         area.append(true.remaining_area)
         truth.append(draw_truth(around, true.room, raster.room_ids, raster.free))
     return CropSamples(
-        np.concatenate(windows), np.concatenate(closed), np.concatenate(area), np.concatenate(truth), plan
+        np.concatenate(crops), np.concatenate(closed), np.concatenate(area), np.concatenate(truth), plan
     )
 
 

@@ -355,7 +355,7 @@ def _describe(
         over_row, over_col = max(box[1] - r, r - box[3] + 1, 0), max(box[2] - c, c - box[4] + 1, 0)
         height, width = box[3] - box[1], box[4] - box[2]
         # The frame of a cell: u runs along the axis on which it lies further outside of the box (of two equal
-        # ones the longer side's), v across, both towards the box's middle. Mirrored grids give equal features.
+        # ones the longer side's), v across, both towards the box's middle. Mirrored grids look the same.
         row_first = over_row > over_col or (over_row == over_col and height >= width)
         sign_row, sign_col = (1 if 2 * r < box[1] + box[3] else -1), (1 if 2 * c < box[2] + box[4] else -1)
         ur, uc, vr, vc = (sign_row, 0, 0, sign_col) if row_first else (0, sign_col, sign_row, 0)

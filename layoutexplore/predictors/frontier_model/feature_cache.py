@@ -1,6 +1,6 @@
-"""What is found near a frontier alone, as numbers, and kept from one decision to the next where nothing changed.
+"""Local features of frontiers, kept from one decision to the next where nothing near them changed.
 
-The features are the same with and without what is kept.
+The features are the same with and without those that are kept.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ NEAR_END, NEAR_DOOR = 0.5, 4.0
 """Metres within which a wall at the end of a frontier, and a door, are looked for."""
 
 BLOCK = 8
-"""Side of the squares in which changes are noticed together: eight bytes are compared at once, whatever they measure."""
+"""Cells on a side of the blocks in which changes are noticed: eight bytes are compared at once."""
 
 BARRIERS = {"open": 0, "extended": ALONG_ROWS | ALONG_COLS, "doors": DOOR_BIT}
 _SHAPE = ("size", "depth", "width", "slant", "sides", "end_low", "end_high")
@@ -59,7 +59,7 @@ LOCAL_FEATURES: tuple[str, ...] = (
     *(f"ahead{k}_{what}" for what in ("wall", "extended") for k in range(AHEAD)),
     *(f"beside{k}_wall" for k in range(2 * BESIDE)),
 )
-"""Features that depend on nothing further away than `SIGHT`, by what finds them: shape, doors, rays, floods, walls in line."""
+"""Features that depend on nothing further away than `SIGHT`: shape, doors, rays, floods, walls in line."""
 
 _SHAPE_AT, _DOORS_AT, _RAYS_AT, _FLOODS_AT, _WALLS_AT = (
     LOCAL_FEATURES.index(name)
@@ -94,32 +94,35 @@ class Clusters(NamedTuple):
 
 
 class FeatureCache:
-    """What was found around the frontiers of the last decision, for a run on one grid after another of the same shape."""
+    """Keeps the local features of the frontiers of the last decision.
+
+    The next decision may be on a changed grid of the same shape.
+    """
 
     def __init__(self) -> None:
-        self._chart: BitMap | None = None
+        self._bit_map: BitMap | None = None
         self._resolution = 0.0
         self._known: dict[bytes, int] = {}
-        self._probes = np.zeros((0, len(LOCAL_FEATURES)), np.float32)
+        self._features = np.zeros((0, len(LOCAL_FEATURES)), np.float32)
         self._frames = np.zeros((0, 8))
         self._touched = np.zeros((0, len(BARRIERS), TOUCHED), np.int32)
         self._scratch = FloodScratch(np.zeros(0, np.int32), np.zeros(0, np.int32))
         self._mark = 0
 
-    def probe(
+    def compute(
         self, bit_map: BitMap, frontiers: FrontierClusters, resolution: float
     ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.int32]]:
-        """What is found around each frontier.
+        """Compute the local features of each frontier, or take those that are still valid.
 
         Returns:
-            The probes float32 (k, len(LOCAL_FEATURES)) in metres, the frames float64 (k, 8) and the free cells that
-            floods touch int32 (k, barriers, TOUCHED), in cells of the bit_map.
+            The features float32 (k, len(LOCAL_FEATURES)) in metres, the frames float64 (k, 8) and the free
+            cells that floods touch int32 (k, barriers, TOUCHED), in cells of the bit map.
         """
         clusters = Clusters(frontiers.cells + np.int32(bit_map.margin), frontiers.offsets)
         keys = [frontiers.cluster(k).tobytes() for k in range(len(frontiers))]
         old = self._still_valid(bit_map, keys, clusters, resolution)
         fresh = np.flatnonzero(old < 0)
-        probes, frames, touched = self._probes[old], self._frames[old], self._touched[old]
+        features, frames, touched = self._features[old], self._frames[old], self._touched[old]
         if len(fresh):
             sight, end, door, unit = (round(v / resolution) for v in (SIGHT, NEAR_END, NEAR_DOOR, UNIT))
             depths = np.array([max(round(d / resolution), 1) for d in DEPTHS], np.int64)
@@ -129,19 +132,16 @@ class FeatureCache:
             # A mark that was used once is never used again, until the numbers run out.
             if self._mark > 2**31 - 4 * len(fresh) - 4:
                 self._scratch.stamp[:], self._mark = 0, 0
-            frames[fresh], touched[fresh] = probe_frontiers(
+            frames[fresh], touched[fresh] = compute_local_features(
                 bit_map.code, clusters, fresh, lengths, barriers, self._scratch, self._mark, found
             )
             self._mark += len(barriers) * len(fresh)
             _scale(found, resolution)
-            probes[fresh] = found
-        self._probes, self._frames, self._touched = probes, frames, touched
-        self._chart, self._resolution, self._known = (
-            bit_map,
-            resolution,
-            {key: k for k, key in enumerate(keys)},
-        )
-        return probes, frames, touched
+            features[fresh] = found
+        self._features, self._frames, self._touched = features, frames, touched
+        self._bit_map, self._resolution = bit_map, resolution
+        self._known = {key: k for k, key in enumerate(keys)}
+        return features, frames, touched
 
     def _still_valid(
         self,
@@ -152,24 +152,24 @@ class FeatureCache:
     ) -> NDArray[np.int64]:
         """Per frontier int64 (k,) where it was found the last time with the same surroundings, or -1."""
         if (
-            self._chart is None
-            or self._chart.code.shape != bit_map.code.shape
+            self._bit_map is None
+            or self._bit_map.code.shape != bit_map.code.shape
             or self._resolution != resolution
         ):
             size = bit_map.code.size
             self._scratch = FloodScratch(np.zeros(size, np.int32), np.empty(size, np.int32))
-            self._probes, self._frames = np.zeros((1, len(LOCAL_FEATURES)), np.float32), np.zeros((1, 8))
+            self._features, self._frames = np.zeros((1, len(LOCAL_FEATURES)), np.float32), np.zeros((1, 8))
             self._touched, self._mark = np.zeros((1, len(BARRIERS), TOUCHED), np.int32), 0
             return np.full(len(keys), -1, np.int64)
         old = np.array([self._known.get(key, -1) for key in keys], np.int64)
-        changes = np.asarray(cv2.integral(changed_blocks(self._chart.code, bit_map.code)), np.int32)
+        changes = np.asarray(cv2.integral(changed_blocks(self._bit_map.code, bit_map.code)), np.int32)
         _forget_changed(changes, clusters, bit_map.margin // BLOCK + 1, old)
         return old
 
 
 @njit(cache=True, nogil=True)
 def changed_blocks(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Not 0 in squares that hold a cell that differs."""
+    """Not 0 in blocks that hold a cell that differs."""
     changed = np.zeros(((before.shape[0] - 1) // BLOCK + 1, (before.shape[1] - 1) // BLOCK + 1), np.uint8)
     for r in range(before.shape[0]):
         old, new, row = before[r], after[r], changed[r // BLOCK]
@@ -190,7 +190,7 @@ def _forget_changed(
     reach: int,
     old: NDArray[np.int64],
 ) -> None:
-    """Set to -1 what has a changed square within `reach` squares."""
+    """Set to -1 what has a changed block within `reach` blocks."""
     for k in range(len(old)):
         if old[k] < 0:
             continue
@@ -205,7 +205,7 @@ def _forget_changed(
 
 
 @njit(cache=True, nogil=True)
-def probe_frontiers(
+def compute_local_features(
     code: NDArray[np.uint8],
     clusters: Clusters,
     wanted: NDArray[np.int64],
@@ -215,7 +215,7 @@ def probe_frontiers(
     mark: int,
     out: NDArray[np.float32],
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Describe the wanted frontiers by `LOCAL_FEATURES`, in cells, written to `out` float32 (wanted, features).
+    """Compute `LOCAL_FEATURES` of the wanted frontiers, in cells, into `out` float32 (wanted, features).
 
     Marks up to `mark` + wanted * barriers are used. Returns the frames float64 (wanted, 8) and the free cells
     that floods touch int32 (wanted, barriers, TOUCHED).

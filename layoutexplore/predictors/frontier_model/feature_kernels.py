@@ -1,7 +1,7 @@
 """Local features of one frontier: rays, floods through the unknown, walls in line, doors.
 
 A frontier has a frame: `forward` is the grid axis that points most into the unknown, `sideways` the other
-axis, turned so that the frontier's normal leans towards it. Mirrored situations look the same in this frame.
+axis, turned so that the frontier's normal leans towards it. In this frame mirrored grids look the same.
 All kernels read the bits of a `BitMap` whose margin is wider than they look.
 """
 
@@ -19,16 +19,16 @@ RAYS = 16
 _SIN, _COS = np.sin(np.arange(RAYS) * 2 * np.pi / RAYS), np.cos(np.arange(RAYS) * 2 * np.pi / RAYS)
 
 AHEAD, ASIDE, BESIDE = 16, 8, 12
-"""Slices in which walls are looked for: ahead, as far to either side; and to either side, along the way."""
+"""Slices in which walls are looked for: ahead, as far to either side; and along the path to either side."""
 
 BACK, FORTH = 6, 10
-"""Slices back and ahead that walls beside a frontier's way are measured over."""
+"""Slices back and ahead that walls beside a frontier's path are measured over."""
 
 TOUCHED = 24
 """Free cells kept of those that a flood touches."""
 
 FORWARD, SIDEWAYS, SLANT, SIDES = 2, 4, 6, 7
-"""Columns of a frame behind the row and column of its middle: two directions (row, col), slant, number of sides."""
+"""Columns of a frame after row and column of its middle: two directions (row, col), slant, sides."""
 
 
 class FloodScratch(NamedTuple):
@@ -84,11 +84,11 @@ def frontier_frame(code: NDArray[np.uint8], members: NDArray[np.int32]) -> NDArr
 def cast_rays(
     code: NDArray[np.uint8], frame: NDArray[np.float64], reach: int, out: NDArray[np.float32]
 ) -> None:
-    """Per ray: length of the first unknown run, what ends it, distance to the first wall, unknown cells before it.
+    """Per ray: length of the first unknown run, what ends it, distance to a wall, unknown cells before it.
 
     What ends it: 0 wall, 1 free, 2 nothing within reach, 3 there is no unknown on the ray. Lengths in cells.
     """
-    # Not `grids.rays.ray_frame`: the models learnt from one sample a cell's length, not from every cell crossed.
+    # Not `grids.rays.ray_frame`: the models learnt from one sample a cell's length, not from all cells crossed.
     forward_row, forward_col, side_row, side_col = frame[FORWARD], frame[3], frame[SIDEWAYS], frame[5]
     for ray in range(RAYS):
         # Ray 0 looks forward; they turn towards the side that the frontier's normal leans to.
@@ -121,7 +121,11 @@ def _start_flood(
     scratch: FloodScratch,
     mark: int,
 ) -> tuple[int, int, int]:
-    """How many unknown cells lie beside a frontier, how many of them no barrier takes, and their bits; these are queued."""
+    """Queue the unknown cells beside a frontier that no barrier takes.
+
+    Returns:
+        Number of unknown cells beside it, number of those queued, and the bits of all.
+    """
     cols, (stamp, queue) = code.shape[1], scratch
     flat = code.ravel()
     started = queued = met = 0
@@ -164,12 +168,12 @@ def flood_unknown(
     and the barrier, the share of its starting cells that the barrier takes, and whether it came to an end
     before the last depth. The scratch's stamps must not hold `mark`. `touched` int32
     (TOUCHED,) receives the free cells that the flood touches, evenly thinned out, as indices into the flat
-    bit_map; -1 for none.
+    bit map; -1 for none.
 
     Returns:
         All bits of the unknown cells that the flood meets.
     """
-    # Not `grids.flood.spread_in_place`: what is counted and sampled hangs on the sides that the flood touches.
+    # Not `grids.flood.spread_in_place`: here the sides that the flood touches are counted and sampled.
     cols, (stamp, queue) = code.shape[1], scratch
     flat = code.ravel()
     started, last, met = _start_flood(code, barrier, members, scratch, mark)
@@ -229,7 +233,7 @@ def _bits_on_lines(
     cells: tuple[int, int, int],
     other: int,
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Cells with the bit of a wall, and with one of the other bits, on each of some lines along the rows or the columns.
+    """Count the cells with the bit of a wall, and with one of the other bits, on lines along rows or columns.
 
     `lines` and `cells` say where, from (row, col), the lines and the cells of each begin, the step (1 or -1),
     and how many.
@@ -260,11 +264,11 @@ def _bits_on_lines(
 def walls_in_line(
     code: NDArray[np.uint8], frame: NDArray[np.float64], unit: int, out: NDArray[np.float32]
 ) -> None:
-    """The longest walls across the frontier's way, and beside it.
+    """The longest walls across the frontier's path, and beside it.
 
-    `AHEAD` slices of `unit` cells forward: most wall cells on a line across the way within `ASIDE` units to
+    `AHEAD` slices of `unit` cells forward: most wall cells on a line across the path within `ASIDE` units to
     either side; the same for extensions of walls; `BESIDE` slices to either side: most wall cells on a line
-    along the way.
+    along the path.
     """
     row, col = int(frame[0]), int(frame[1])
     # The frame's axes are the grid's: of a direction's two numbers one is 1 or -1 and the other 0.
@@ -294,7 +298,7 @@ def doors_near(
     reach: int,
     out: NDArray[np.float32],
 ) -> None:
-    """Share of the frontier's cells that lie in doors, cells to the nearest door from its middle, and door cells near it."""
+    """Share of the frontier in doors, distance of its middle to the nearest door, door cells near it."""
     inside = 0
     for i in range(len(members)):
         inside += (code[members[i, 0], members[i, 1]] & DOOR_BIT) != 0

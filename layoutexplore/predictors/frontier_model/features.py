@@ -1,4 +1,4 @@
-"""What is known of a frontier's surroundings, as numbers for the trees that judge it.
+"""Features of a frontier's surroundings, from which trees classify it.
 
 What depends on the near surroundings alone is in `feature_cache`; here are what floods touch and the regions.
 """
@@ -71,10 +71,10 @@ class Surroundings:
         regions: The seen rooms of these cells.
         homes: int64 (k,), of `home_regions`.
         resolution: Metres per cell.
-        bit_map: What is known, drawn for probing.
-        probes: float32 (k, probes), the features that tell of the bit_map alone.
-        frames: float64 (k, 8), of `frontier_frame`, in cells of the bit_map.
-        touched: int32 (k, barriers, TOUCHED), free cells of the bit_map that floods touch.
+        bit_map: What is known, as the feature kernels read it.
+        local_features: float32 (k, len(LOCAL_FEATURES)), those that tell of the bit map alone.
+        frames: float64 (k, 8), of `frontier_frame`, in cells of the bit map.
+        touched: int32 (k, barriers, TOUCHED), free cells of the bit map that floods touch.
     """
 
     cells: NDArray[np.int8]
@@ -83,7 +83,7 @@ class Surroundings:
     homes: NDArray[np.int64]
     resolution: float
     bit_map: BitMap
-    probes: NDArray[np.float32]
+    local_features: NDArray[np.float32]
     frames: NDArray[np.float64]
     touched: NDArray[np.int32]
 
@@ -105,7 +105,7 @@ def look_around(
         memory: Of the last decision; makes this one cheaper.
     """
     bit_map = draw_bit_map(cells, regions, resolution, SIGHT + 2 * resolution)
-    found = (memory or FeatureCache()).probe(bit_map, frontiers, resolution)
+    found = (memory or FeatureCache()).compute(bit_map, frontiers, resolution)
     return Surroundings(
         cells, frontiers, regions, home_regions(regions, frontiers), resolution, bit_map, *found
     )
@@ -118,14 +118,10 @@ def frontier_features(around: Surroundings, visible: NDArray[np.float64]) -> NDA
         around: What lies around them.
         visible: float64 (k,), unknown area in sight of each, in square metres.
     """
-    bit_map, frontiers, regions, resolution = (
-        around.bit_map,
-        around.frontiers,
-        around.regions,
-        around.resolution,
-    )
+    bit_map, frontiers = around.bit_map, around.frontiers
+    regions, resolution = around.regions, around.resolution
     out = np.zeros((len(frontiers), len(FEATURES)), np.float32)
-    out[:, : len(LOCAL_FEATURES)] = around.probes
+    out[:, : len(LOCAL_FEATURES)] = around.local_features
     shape = bit_map.code.shape[1], bit_map.margin
     _contacts(
         around.touched, *shape, regions.labels, around.homes, out[:, len(LOCAL_FEATURES) : -len(_REGION)]
@@ -150,7 +146,7 @@ def _contacts(
     home: NDArray[np.int64],
     out: NDArray[np.float32],
 ) -> None:
-    """Per flood the share of the touched free cells that lie in other regions than the frontier's, and how many these are."""
+    """Per flood the share of touched free cells outside of the frontier's region, and their regions' number."""
     seen = np.zeros(TOUCHED, np.int32)
     for k in range(len(touched)):
         for b in range(touched.shape[1]):

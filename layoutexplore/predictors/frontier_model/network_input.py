@@ -1,6 +1,6 @@
 """Egocentric crops: the surroundings of a frontier as planes, turned so that the unknown is ahead.
 
-A bit_map's margin is wider than a window reaches, so that nothing tells where the array ends: beyond it all is
+A bit map's margin is wider than a crop reaches, so that nothing tells where the array ends: beyond it all is
 unknown.
 """
 
@@ -14,38 +14,43 @@ from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, F
 from layoutexplore.predictors.frontier_model.feature_cache import Clusters
 from layoutexplore.predictors.frontier_model.features import Surroundings
 
-SQUARE = 0.3
-"""Metres: side of a square."""
+CROP_CELL = 0.3
+"""Metres: side of a cell of a crop."""
 
 SIDE = 32
-"""Squares of a window's side."""
+"""Cells on a side of a crop."""
 
 BEHIND = 10
-"""Squares of it that lie behind the middle of the frontier; half of all lie to either side."""
+"""Cells of it that lie behind the middle of the frontier; half of all lie to either side."""
 
 _BITS = np.array([FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT, ALONG_ROWS, ALONG_COLS], np.uint8)
 
 PLANES = len(_BITS) + 4
-"""Shares of a square that have a bit of a `BitMap` (walls that go on: across the way ahead, then along it), that are of the
-frontier's region and of other regions; whether it holds cells of the frontier, and of any."""
+"""Planes of a crop.
+
+Shares of a cell that have a bit of a `BitMap` (continued walls: across the path ahead, then along it), that
+are of the frontier's region and of other regions; whether it holds grid cells of the frontier, and of any.
+"""
 
 
 _WIDTH = 10
-"""Bits in which cells with a bit of a bit_map are counted, side by side in one number."""
+"""Bits in which grid cells with a bit of a bit map are counted, side by side in one number."""
 
 _COUNTERS = np.zeros(int(_BITS.sum()) + 1, np.int64)
 for _code in range(len(_COUNTERS)):
     _COUNTERS[_code] = sum(1 << _WIDTH * k for k, bit in enumerate(_BITS.tolist()) if _code & bit)
 
 _MOST_CELLS = 31
-"""So many are counted along either side of a square, lest the counters overflow."""
+"""So many are counted along either side of a crop's cell, lest the counters overflow."""
 
 ROOM_BEHIND, OTHER_ROOM, DOORWAY, SOLID, KNOWN = range(5)
-"""What `draw_truth` says of a square: floor of the room behind the frontier, of another room, of none, no floor, or no riddle."""
+"""Classes of `draw_truth`: floor of the room behind the frontier, of another, of none, no floor, known."""
 
 
 def draw_crops(around: Surroundings, wanted: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
-    """The windows uint8 (k, SIDE, SIDE, PLANES) of k frontiers: rows from behind to ahead, columns from one side to the other.
+    """The crops uint8 (k, SIDE, SIDE, PLANES) of k frontiers.
+
+    Rows go from behind to ahead, columns from one side to the other.
 
     Args:
         around: What lies around frontiers.
@@ -65,7 +70,9 @@ def draw_crops(around: Surroundings, wanted: NDArray[np.int64] | None = None) ->
 def draw_truth(
     around: Surroundings, behind: NDArray[np.int32], room_ids: NDArray[np.int32], free: NDArray[np.bool_]
 ) -> NDArray[np.uint8]:
-    """What the unknown in the windows of k frontiers is in truth: uint8 (k, SIDE, SIDE), by the cells in the squares' middles.
+    """What the unknown in the crops of k frontiers is in truth: uint8 (k, SIDE, SIDE).
+
+    The grid cell in the middle of a crop's cell decides.
 
     Args:
         around: What lies around frontiers.
@@ -89,9 +96,13 @@ def draw_truth(
 
 
 def _bounds(before: int, resolution: float) -> NDArray[np.int64]:
-    """First cells int64 (SIDE + 1,) of squares of which so many come before the one that has cell 0 in its middle."""
-    edges = (np.arange(SIDE + 1) - 0.5 - before) * SQUARE / resolution
-    return np.asarray(np.floor(edges + 0.5 + 1e-6), np.int64)  # Edges between cells are not exact numbers.
+    """First grid cell int64 (SIDE + 1,) of each cell of a crop along one side.
+
+    So many come before the one with grid cell 0 in its middle.
+    """
+    edges = (np.arange(SIDE + 1) - 0.5 - before) * CROP_CELL / resolution
+    # Edges between grid cells are not exact numbers.
+    return np.asarray(np.floor(edges + 0.5 + 1e-6), np.int64)
 
 
 @njit(cache=True, nogil=True)
@@ -105,12 +116,13 @@ def _draw(
     aside: NDArray[np.int64],
     out: NDArray[np.uint8],
 ) -> None:
-    """Draw the wanted frontiers' windows; `ahead` and `aside` are the first cells of the squares in its frame.
+    """Draw the wanted frontiers' crops.
 
-    `grids` are a bit_map's code and margin, and the labels of regions.
+    `ahead` and `aside` are the first grid cells of a crop's cells in the frontier's frame; `grids` are a bit
+    map's code and margin, and the labels of regions.
     """
     (code, margin, labels), (members, offsets) = grids, clusters
-    rows, cols = _square_of(ahead), _square_of(aside)
+    rows, cols = _crop_cell_of(ahead), _crop_cell_of(aside)
     flat = code.ravel(), labels.ravel()
     for at in range(len(wanted)):
         k = wanted[at]
@@ -118,8 +130,8 @@ def _draw(
         first = frame[0] * code.shape[1] + frame[1], (frame[0] - margin) * labels.shape[1] + frame[1] - margin
         forward = frame[2] * code.shape[1] + frame[3], frame[2] * labels.shape[1] + frame[3]
         sideways = frame[4] * code.shape[1] + frame[5], frame[4] * labels.shape[1] + frame[5]
-        _draw_squares(flat, first, forward, sideways, homes[k], ahead, aside, out[at])
-        if frame[2] == 0:  # The way ahead runs along a row.
+        _draw_crop(flat, first, forward, sideways, homes[k], ahead, aside, out[at])
+        if frame[2] == 0:  # The path ahead runs along a row.
             for a in range(SIDE):
                 for s in range(SIDE):
                     out[at, a, s, 4], out[at, a, s, 5] = out[at, a, s, 5], out[at, a, s, 4]
@@ -133,8 +145,8 @@ def _draw(
 
 
 @njit(cache=True, nogil=True)
-def _square_of(bounds: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The square of each cell from the first bound up to the last."""
+def _crop_cell_of(bounds: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The crop's cell of each grid cell from the first bound up to the last."""
     found = np.zeros(bounds[-1] - bounds[0], np.int64)
     for k in range(len(bounds) - 1):
         found[bounds[k] - bounds[0] : bounds[k + 1] - bounds[0]] = k
@@ -142,7 +154,7 @@ def _square_of(bounds: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 @njit(cache=True, nogil=True)
-def _draw_squares(
+def _draw_crop(
     flat: tuple[NDArray[np.uint8], NDArray[np.int32]],
     first: tuple[int, int],
     forward: tuple[int, int],
@@ -152,21 +164,21 @@ def _draw_squares(
     aside: NDArray[np.int64],
     out: NDArray[np.uint8],
 ) -> None:
-    """Count the cells of each square; one that is smaller than a cell has one.
+    """Count the grid cells of each cell of a crop; one that is smaller than a grid cell has one.
 
-    `flat` are a bit_map's code and the labels of regions; `first` is where the middle of the frontier lies in
+    `flat` are a bit map's code and the labels of regions; `first` is where the middle of the frontier lies in
     either, and `forward` and `sideways` are what lies between there and the next cells.
     """
     (code, labels), squares = flat, out.reshape(SIDE * SIDE, PLANES)
     for a in range(SIDE):
-        # Where a square has more cells than a counter holds, every so manieth is counted.
+        # Where a cell has more grid cells than a counter holds, every so manieth is counted.
         step_ahead = (ahead[a + 1] - ahead[a]) // (_MOST_CELLS + 1) + 1
         for s in range(SIDE):
             step_aside = (aside[s + 1] - aside[s]) // (_MOST_CELLS + 1) + 1
             counts, total, mine, others = 0, 0, 0, 0
             for i in range(ahead[a], max(ahead[a + 1], ahead[a] + 1), step_ahead):
                 for j in range(aside[s], max(aside[s + 1], aside[s] + 1), step_aside):
-                    # Six counters of `_WIDTH` bits in one number: no carry, for a square has fewer cells.
+                    # Six counters of `_WIDTH` bits in one number: no carry, for a cell has fewer grid cells.
                     bits = code[np.uint64(first[0] + i * forward[0] + j * sideways[0])]
                     counts += _COUNTERS[bits]
                     total += 1

@@ -16,7 +16,7 @@ from layoutexplore.predictors.frontier_model.feature_cache import (
     FeatureCache,
     Lengths,
     changed_blocks,
-    probe_frontiers,
+    compute_local_features,
 )
 from layoutexplore.predictors.frontier_model.feature_kernels import TOUCHED, FloodScratch, flood_unknown
 from layoutexplore.predictors.frontier_model.features import FEATURES, frontier_features, look_around
@@ -113,7 +113,7 @@ def test_floods_that_meet_no_barrier_are_shared(cells: NDArray[np.int8], seed: i
     scratch = FloodScratch(*(np.zeros(bit_map.code.size, np.int32) for _ in range(2)))
     clusters_ = Clusters(members, np.array([0, len(members)], np.int64))
     found = np.zeros((1, len(FEATURES)), np.float32)
-    _, touched = probe_frontiers(
+    _, touched = compute_local_features(
         bit_map.code,
         clusters_,
         np.zeros(1, np.int64),

@@ -13,6 +13,7 @@ from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, F
 from layoutexplore.predictors.frontier_model.features import Surroundings, look_around
 from layoutexplore.predictors.frontier_model.network_input import (
     BEHIND,
+    CROP_CELL,
     DOORWAY,
     KNOWN,
     OTHER_ROOM,
@@ -20,7 +21,6 @@ from layoutexplore.predictors.frontier_model.network_input import (
     ROOM_BEHIND,
     SIDE,
     SOLID,
-    SQUARE,
     draw_crops,
     draw_truth,
 )
@@ -51,11 +51,11 @@ def slow_window(around: Surroundings, k: int) -> NDArray[np.float64]:
     members = {tuple(cell) for cell in (around.frontiers.cells + bit_map.margin).tolist()}
     mine = {tuple(cell) for cell in (around.frontiers.cluster(k) + bit_map.margin).tolist()}
     sums, cells = np.zeros((SIDE, SIDE, PLANES)), np.zeros((SIDE, SIDE, 1))
-    reach = int(SIDE * SQUARE / resolution)
+    reach = int(SIDE * CROP_CELL / resolution)
     for i in range(-reach, reach):
         for j in range(-reach, reach):
-            a = int(np.floor(i * resolution / SQUARE + 0.5 + 1e-9)) + BEHIND
-            s = int(np.floor(j * resolution / SQUARE + 0.5 + 1e-9)) + SIDE // 2
+            a = int(np.floor(i * resolution / CROP_CELL + 0.5 + 1e-9)) + BEHIND
+            s = int(np.floor(j * resolution / CROP_CELL + 0.5 + 1e-9)) + SIDE // 2
             if not (0 <= a < SIDE and 0 <= s < SIDE):
                 continue
             r, c = (np.array([row, col]) + i * forward + j * sideways).astype(int).tolist()
