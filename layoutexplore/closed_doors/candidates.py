@@ -1,4 +1,4 @@
-"""Candidates for the room behind a closed door: rectangles bounded by seen walls and the lines of other walls.
+"""Candidate rectangles for the room behind a closed door, bounded by walls and the lines of other walls.
 
 Everything happens in a grid turned so that the room lies towards lower rows of its door. A side may end a
 wall's thickness short of what is known, lie in line with a wall seen elsewhere or in the mirrored plan, at a
@@ -46,16 +46,14 @@ def rectangles(scene: Scene, door: ClosedDoor) -> NDArray[np.int64]:
     stops += _lines(scene, (1, 0), -t, middle, 1)
     tops += _lines(scene, (2, 3), t, bottom - 1, -1)
     usual = [_usual(lengths, scene) for lengths in scene.widths]
-    starts, stops = (
-        starts + [c - w for c in stops[:3] for w in usual[0]],
-        stops + [b + w for b in starts[:3] for w in usual[0]],
-    )
+    usual_starts = [c - w for c in stops[:3] for w in usual[0]]
+    usual_stops = [b + w for b in starts[:3] for w in usual[0]]
+    starts, stops = starts + usual_starts, stops + usual_stops
     tops += [bottom - d for d in usual[1]]
     starts, stops, tops = (_distinct(sides, scene.span(0.1)) for sides in (starts, stops, tops))
     square = {(bottom - c + b, b, bottom, c) for b in starts[:4] for c in stops[:4]}
-    boxes = np.array([*{(a, b, bottom, c) for a in tops for b in starts for c in stops} | square]).reshape(
-        -1, 4
-    )
+    corners = {(a, b, bottom, c) for a in tops for b in starts for c in stops} | square
+    boxes = np.array([*corners]).reshape(-1, 4)
     boxes = boxes[np.lexsort(boxes.T)]
     boxes = boxes[
         (boxes[:, :2] >= 0).all(1)
@@ -100,7 +98,7 @@ def _mirrored_room(scene: Scene, bottom: int, middle: int) -> tuple[list[int], l
 
 
 def _ends(line: NDArray[np.bool_], start: int, sign: int, reach: int) -> list[int]:
-    """Where a run of possible cells ends: the first index of it (sign -1) or the one behind its last (sign 1)."""
+    """Where a run of possible cells ends: its first index (sign -1) or the one behind its last (sign 1)."""
     part = line[start : start + reach] if sign > 0 else line[max(start - reach, 0) : start + 1][::-1]
     stop = np.flatnonzero(~part)
     if not len(stop):
@@ -109,7 +107,7 @@ def _ends(line: NDArray[np.bool_], start: int, sign: int, reach: int) -> list[in
 
 
 def _lines(scene: Scene, faces: tuple[int, int], shift: int, start: int, sign: int) -> list[int]:
-    """Edges in line with walls seen elsewhere: faces of the same side, and of the other side a wall's thickness away.
+    """Edges in line with walls seen elsewhere, by faces of the same side and of the other side.
 
     Args:
         scene: The turned grid.

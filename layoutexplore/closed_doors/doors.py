@@ -25,9 +25,11 @@ DOOR_FEATURES = (
 WIDTHS = (0.6, 3.4)
 """Narrowest and widest opening in metres."""
 
-_RECESS = 1.0  # metres by which a jamb stands before a leaf at most; beyond it the ends are corners of a room
-_BESIDE = 1.0  # metres beside an edge that are looked at
-_BEHIND, _AHEAD = 3.0, 5.0  # metres looked at behind and ahead
+_RECESS = 1.0
+"""Metres by which a jamb stands before a leaf at most; beyond it the ends are corners of a room."""
+
+_BESIDE, _BEHIND, _AHEAD = 1.0, 3.0, 5.0
+"""Metres beside, behind and ahead of an edge that its features tell of."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,9 @@ class ClosedDoor:
 
 
 def find_edges(cells: NDArray[np.int8], resolution: float) -> NDArray[np.int64]:
-    """Straight edges with free space at the next higher row and unknown space at the next lower one, as wide as doors.
+    """Find straight edges between free and unknown space that are as wide as doors.
+
+    The next higher row of an edge is free, the next lower one unknown.
 
     Args:
         cells: int8 (rows, cols), as in `OccupancyGrid`.
@@ -90,7 +94,7 @@ def door_features(
 
 
 def is_marked(features: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Edges that are shut and stand between two jambs, or whose line runs on inside the wall: doors by what they look like.
+    """Edges that look like doors: shut, and between two jambs or with a line that runs on inside the wall.
 
     Args:
         features: `DOOR_FEATURES`, float32 (n, features).
@@ -132,22 +136,13 @@ def _describe(cells: NDArray[np.int8], resolution: float, row: int, start: int, 
         jamb = max(int(occupied[middle + 1 : middle + 1 + 2 * reach, c].sum()) for c in jambs)
         rough = (occupied[middle - three : middle + three + 1, columns].sum() - more) / 3
         gap = _run(~occupied[middle - one : middle + one + 1, columns].any(0))
-        ends.append(
-            [
-                buried[on].sum(),
-                loose[on].sum(),
-                max(steps),
-                jamb,
-                near[columns].mean() / resolution,
-                rough,
-                gap,
-            ]
-        )
+        beside_share = near[columns].mean() / resolution
+        ends.append([buried[on].sum(), loose[on].sum(), max(steps), jamb, beside_share, rough, gap])
     pairs = np.sort(np.array(ends), axis=0).T * resolution
     shut = occupied[middle, start:stop].mean()
-    probes = [start + two, (start + stop) // 2, stop - 1 - two]
-    behind = min(_run(unknown[:middle, c][::-1]) for c in probes)
-    ahead = sorted(_run(free[middle + 2 :, c]) for c in probes)
+    samples = [start + two, (start + stop) // 2, stop - 1 - two]
+    behind = min(_run(unknown[:middle, c][::-1]) for c in samples)
+    ahead = sorted(_run(free[middle + 2 :, c]) for c in samples)
     share = unknown[middle - beside : middle, start:stop].mean()
     lengths = np.array([stop - start, run]) * resolution
     clean = (stop - start) / max(run, stop - start)
@@ -161,6 +156,6 @@ def _run(mask: NDArray[np.bool_]) -> int:
 
 
 def _step(occupied: NDArray[np.bool_], free: NDArray[np.bool_], reach: int, before: int) -> int:
-    """Cells by which the face of a wall, free `before` it, stands before a leaf in one column; 0 for none within reach."""
+    """Cells by which a wall's face, free `before` it, stands before a leaf in one column; 0 for none."""
     found = np.flatnonzero(occupied[:reach])
     return int(found[-1]) + 1 if len(found) and free[found[-1] + 1 : found[-1] + 1 + before].any() else 0

@@ -89,7 +89,7 @@ def describe(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> NDArra
 
 
 def _fit(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> list[NDArray[np.float64]]:
-    """Distances to this door and the next ones, how usual the size is, lines beyond, and the mirrored plan."""
+    """Distances to the doors, how usual the size is, lines beyond, and the mirrored plan."""
     top, left, bottom, right = boxes.T
     res, near, rim = scene.resolution, scene.span(0.15), scene.span(0.1)
     reach, inner = scene.thickness + scene.span(0.2), scene.span(0.2)
@@ -111,7 +111,8 @@ def _fit(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> list[NDArr
         first, last = (np.clip(v, 0, len(strong) - 1) for v in (a + near + 1, b - near))
         lines.append(strong[last] - strong[first])
     rims = [
-        np.stack([top, left - reach, bottom, left + rim], 1), np.stack([top, right - rim, bottom, right + reach], 1),
+        np.stack([top, left - reach, bottom, left + rim], 1),
+        np.stack([top, right - rim, bottom, right + reach], 1),
         np.stack([top - reach, left, top + rim, right], 1),
     ]  # fmt: skip
     lengths = (bottom - top, bottom - top, right - left)
@@ -121,15 +122,17 @@ def _fit(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> list[NDArr
     ]
     inner_box = np.stack([top + inner, left + inner, bottom - inner, right - inner], 1)
     return [
-        (door.start - left) * res, (right - door.stop) * res, np.minimum(before, far) * res, np.minimum(after, far) * res,
+        (door.start - left) * res, (right - door.stop) * res,
+        np.minimum(before, far) * res, np.minimum(after, far) * res,
         _seen(scene.widths[0], right - left), _seen(scene.widths[1], bottom - top), *lines,
-        scene.count("mirror_free", boxes) / area, scene.count("mirror_wall", inner_box) / np.sqrt(area), *mirrored,
+        scene.count("mirror_free", boxes) / area, scene.count("mirror_wall", inner_box) / np.sqrt(area),
+        *mirrored,
         np.full(size, scene.likeness[0]), np.full(size, scene.likeness[1]),
     ]  # fmt: skip
 
 
 def _neighbours(scene: Scene, boxes: NDArray[np.int64]) -> list[NDArray[np.float64]]:
-    """How the far side fits the far walls of the rooms beside, and the sides the walls of the rooms opposite."""
+    """How the far side fits the walls of the rooms beside, and the sides those of the rooms opposite."""
     top, left, bottom, right = boxes.T
     res, t, near = scene.resolution, scene.thickness, scene.span(0.15)
     reach = t + scene.span(0.2)

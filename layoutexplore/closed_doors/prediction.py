@@ -2,7 +2,7 @@
 
 One forest tells closed doors from walls, the other estimates how well a rectangle agrees with the room behind
 a door; `layoutexplore.training.closed_doors` makes both. The task is that of the ECMR 2021 paper on rooms
-behind closed doors; the way is another.
+behind closed doors; the method is another.
 
 What the shipped trees learnt from, and how right they are, says MODEL_CARD.md beside them.
 """
@@ -31,14 +31,16 @@ MARKED = 0.7
 """Least probability of an edge that looks like a door (`is_marked`), whatever the trees say."""
 
 LEAST = 0.4
-"""Rectangles whose estimated agreement, times the probability of their door, is lower are not drawn: a part raises
-an intersection over union of J when more than J / (1 + J) of it is right, and J is about 0.7."""
+"""Least estimated agreement of a rectangle, times the probability of its door, that is drawn.
+
+A part raises an intersection over union of J when more than J / (1 + J) of it is right; J is about 0.7.
+"""
 
 _MARK = 0.8
 """Metres by which the line that marks a door may run on into the wall."""
 
-Judge = Callable[[int, NDArray[np.int64], NDArray[np.float32]], NDArray[np.float64]]
-"""From quarter turns, edges int64 (n, 3) and their features to the probability float64 (n,) that each is a door."""
+DoorClassifier = Callable[[int, NDArray[np.int64], NDArray[np.float32]], NDArray[np.float64]]
+"""(quarter turns, edges int64 (n, 3), their features) -> probability float64 (n,) that each is a door."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,7 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
 
     Args:
         grid: What has been seen.
-        models: Trees that find doors and judge rooms; the shipped ones when None.
+        models: Trees that find doors and score rooms; the shipped ones when None.
     """
     models = models or shipped_models()
     cells = np.where(grid.free, FREE, np.where(grid.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
@@ -102,24 +104,26 @@ def door_probability(features: NDArray[np.float32], models: Models) -> NDArray[n
 
 
 def _best_room(scene: Scene, door: ClosedDoor, models: Models) -> tuple[tuple[int, ...], float]:
-    """The best rectangle behind a door (top, left, bottom, right) and its estimated agreement, 0 without any."""
+    """The best rectangle behind a door (top, left, bottom, right) and its estimated agreement, else 0."""
     boxes = rectangles(scene, door)
     if not len(boxes):
         return (), 0.0
     features = describe(scene, door, boxes).astype(np.float32)
-    # what sticks out of all that is known is guesswork, and a door there may as well lead outside
+    # What sticks out of all that is known is guesswork, and a door there may as well lead outside.
     agreement = models.rooms.score(features) * features[:, FEATURES.index("in_box")]
     best = int(agreement.argmax())
     return tuple(int(v) for v in boxes[best]), float(agreement[best]) * door.probability
 
 
-def find_closed_doors(cells: NDArray[np.int8], resolution: float, judge: Judge) -> list[list[ClosedDoor]]:
+def find_closed_doors(
+    cells: NDArray[np.int8], resolution: float, classifier: DoorClassifier
+) -> list[list[ClosedDoor]]:
     """The closed doors of a grid turned by 0, 1, 2 and 3 quarters (`numpy.rot90`).
 
     Args:
         cells: int8 (rows, cols), as in `OccupancyGrid`.
         resolution: Metres a cell.
-        judge: Which edges are doors.
+        classifier: Tells which edges are doors.
     """
     recess = [DOOR_FEATURES.index("recess"), DOOR_FEATURES.index("recess_other")]
     doors = []
@@ -127,7 +131,7 @@ def find_closed_doors(cells: NDArray[np.int8], resolution: float, judge: Judge) 
         view = np.ascontiguousarray(np.rot90(cells, turns))
         edges = find_edges(view, resolution)
         features = door_features(view, resolution, edges)
-        chances = judge(turns, edges, features)
+        chances = classifier(turns, edges, features)
         steps = np.rint(features[:, recess] / resolution).astype(np.int64)
         likely = np.flatnonzero(chances >= LEAST_DOOR)
         numbers = np.concatenate([edges, steps], axis=1)[likely].tolist()
@@ -144,7 +148,7 @@ def find_closed_doors(cells: NDArray[np.int8], resolution: float, judge: Judge) 
 def turned_scenes(
     cells: NDArray[np.int8], resolution: float, doors: Sequence[Sequence[ClosedDoor]]
 ) -> Iterator[Scene]:
-    """The grid turned by 0, 1, 2 and 3 quarters, with its doors as from `find_closed_doors`; something must be known."""
+    """The grid, of which something must be known, turned by 0, 1, 2 and 3 quarters, with its doors."""
     leaves = np.zeros(cells.shape, np.bool_)
     for turns, found in enumerate(doors):
         for door in found:
@@ -164,7 +168,7 @@ def turned_scenes(
 def without_doors(
     cells: NDArray[np.int8], resolution: float, doors: Sequence[Sequence[ClosedDoor]]
 ) -> NDArray[np.int8]:
-    """The cells int8 (rows, cols) with the leaves of doors, their jambs and niches unknown: walls as if without doors."""
+    """The cells int8 (rows, cols) with the leaves of doors, their jambs and niches unknown."""
     out, mark = cells.copy(), in_cells(_MARK, resolution)
     for turns, found in enumerate(doors):
         view = np.rot90(out, turns)

@@ -38,7 +38,7 @@ class Scene:
         thickness: Thickness of the walls in cells.
         hull: Bool (rows, cols): the convex hull of what is known.
         leaves: Bool (rows, cols): the closed doors of all directions.
-        mirrored: int8 (rows, cols): the mirror image of the plan laid over it.
+        mirrored: int8 (rows, cols): the mirror image of the plan, registered to it.
         likeness: How well the mirror image fits, and how much of it overlaps (`Mirror.score`,
             `Mirror.overlap`).
         possible: Bool (rows, cols): unknown and at least a wall's thickness away from everything known but
@@ -65,7 +65,7 @@ class Scene:
 
     @cached_property
     def _face_layers(self) -> dict[str, NDArray[np.bool_]]:
-        """Cells just inside walls that a side of a room may be in line with, seen from the room's side or a wall away."""
+        """Cells just inside walls that a side of a room may be in line with, by their direction."""
         free, occupied, t = self.cells == FREE, self.cells == OCCUPIED, self.thickness
         shape = self.cells.shape
         below, above, right, left = (np.zeros(shape, np.bool_) for _ in range(4))
@@ -104,7 +104,7 @@ class Scene:
 
     @cached_property
     def faces(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Length of the walls with their face on each column (free right, free left) and row (free below, free above)."""
+        """Cells of wall with their face on each column (free right, left) and row (free below, above)."""
         free, occupied = self.cells == FREE, self.cells == OCCUPIED
         run = 2 * self.span(_RUN / 2) + 1
         right = (occupied[:, :-1] & free[:, 1:] & _solid(occupied[:, :-1], (run, 1))).sum(0)
@@ -114,7 +114,7 @@ class Scene:
         return np.append(right, 0), np.insert(left, 0, 0), np.append(below, 0), np.insert(above, 0, 0)
 
     def count(self, name: str, box: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Cells of a layer in boxes int (n, 4) of top, left, bottom, right (bottom and right not included)."""
+        """Cells of a layer in boxes int (n, 4): top, left, bottom, right (the last two not included)."""
         s = self.sums[name]
         top, bottom = np.clip(box[:, 0], 0, s.shape[0] - 1), np.clip(box[:, 2], 0, s.shape[0] - 1)
         left, right = np.clip(box[:, 1], 0, s.shape[1] - 1), np.clip(box[:, 3], 0, s.shape[1] - 1)
@@ -134,7 +134,7 @@ def room_space(cells: NDArray[np.int8], thickness: int) -> NDArray[np.bool_]:
 
 
 def wall_thickness(cells: NDArray[np.int8], resolution: float) -> int:
-    """Usual thickness of the walls in cells: that of most stretches that are not free between two free cells."""
+    """Usual thickness of the walls in cells: that of most runs without a free cell between two free ones."""
     counts = np.zeros(round(0.8 / resolution) + 1, np.int64)
     for turned in (cells, cells.T):
         lengths = run_lengths(turned != FREE)
@@ -168,7 +168,7 @@ def _solid(mask: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:
 
 
 def _run_lengths(cells: NDArray[np.int8], resolution: float) -> NDArray[np.float64]:
-    """Metres of free space in runs along rows, by their length in cells, smoothed over 0.1 m to either side."""
+    """Metres of free space in runs along rows, by their length in cells, smoothed by 0.1 m either way."""
     lengths = run_lengths(cells == FREE)
     most = round(LARGEST / resolution) + in_cells(0.15, resolution)
     counts = np.bincount(lengths[lengths < most], minlength=most) * resolution

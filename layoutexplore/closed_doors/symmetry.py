@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
 
 _COARSE = 0.2
-"""Metres a side of the squares that the search looks at first."""
+"""Metres a side of the coarse cells that the search looks at first."""
 
 _OVERLAP = 0.45
 """Least share of what is known that must fall on known cells."""
@@ -43,7 +43,7 @@ def best_mirror(cells: NDArray[np.int8], resolution: float) -> Mirror:
     walls = _shrink(cells == OCCUPIED, side, 0.05)
     floor = _shrink(cells == FREE, side, 0.5)
     quality, overlap, axis, place = max(_place(walls, floor, axis) for axis in (0, 1))
-    # index k: cell i of the map falls on cell k - i of the mirrored one
+    # Index k: cell i of the map falls on cell k - i of the mirrored one.
     shifts = range((place - 1) * side, (place + 2) * side)
     fine = max(shifts, key=lambda shift: _hits(cells, axis, shift))
     size = cells.shape[axis]
@@ -57,7 +57,7 @@ def best_mirror(cells: NDArray[np.int8], resolution: float) -> Mirror:
 def _place(
     walls: NDArray[np.float32], floor: NDArray[np.float32], axis: int
 ) -> tuple[float, float, int, int]:
-    """How well the mirror image across an axis fits at its best, the overlap there, the axis, and the place."""
+    """The best fit of the mirror image across an axis, its overlap, the axis, and the place."""
     known = np.maximum(walls, floor)
     hits = _correlate(np.asarray(cv2.blur(walls, (3, 3)), np.float32), axis)
     misses = _correlate(walls, axis, floor) * 2
@@ -68,7 +68,7 @@ def _place(
 
 
 def _shrink(mask: NDArray[np.bool_], side: int, least: float) -> NDArray[np.float32]:
-    """Squares of so many cells a side whose share of true cells is higher than the least."""
+    """Coarse cells of so many cells a side whose share of true cells is higher than the least."""
     size = (-(-mask.shape[1] // side), -(-mask.shape[0] // side))
     padded = np.zeros((size[1] * side, size[0] * side), np.float32)
     padded[: mask.shape[0], : mask.shape[1]] = mask

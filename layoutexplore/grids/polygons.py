@@ -28,7 +28,8 @@ def polygons_of(geometry: BaseGeometry) -> list[Polygon]:
     """The non-empty polygons of a geometry of any kind; lines and points are left out.
 
     Example:
-        >>> [p.area for p in polygons_of(shapely.MultiPolygon([shapely.box(0, 0, 1, 1), shapely.box(2, 0, 4, 1)]))]
+        >>> pair = shapely.MultiPolygon([shapely.box(0, 0, 1, 1), shapely.box(2, 0, 4, 1)])
+        >>> [p.area for p in polygons_of(pair)]
         [1.0, 2.0]
     """
     if isinstance(geometry, Polygon):
@@ -88,8 +89,8 @@ def _fill(
     lines, cells = target.shape
     if transposed:
         cells, lines = lines, cells
-    # First count the crossings of each line, then write them line by line. An edge crosses v0 <= line < v1, half
-    # open, so that a corner on a line counts once and horizontal edges not at all.
+    # First count the crossings of each line, then write them line by line. An edge crosses v0 <= line < v1,
+    # half open, so that a corner on a line counts once and horizontal edges not at all.
     start = np.zeros(lines + 1, np.int64)
     for k in range(edges.shape[0]):
         v0, v1 = min(edges[k, 1], edges[k, 3]), max(edges[k, 1], edges[k, 3])

@@ -1,4 +1,4 @@
-"""Convolutions of 3 x 3 cells, padded with zeros, in numpy: what the small networks that ship are run with."""
+"""Convolutions of 3 x 3 cells, padded with zeros, in numpy: they run the small shipped networks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Boosted decision trees as plain numbers, walked for many samples at once."""
+"""Boosted decision trees as plain numbers, evaluated for many samples at once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from layoutexplore.models.quickscorer import LeafMasks, leaf_masks, log_odds_by_masks, rounded_down
 
 _MANY = 8
-"""Samples from which on masks are quicker than walks."""
+"""Samples from which on masks are quicker than descending the trees."""
 
 Numbers = tuple[
     NDArray[np.uint32], NDArray[np.float64], NDArray[np.uint32], NDArray[np.uint32], NDArray[np.int64], float
@@ -40,7 +40,10 @@ class Forest:
     bias: float
 
     def score(self, samples: NDArray[np.floating]) -> NDArray[np.float64]:
-        """The sum of the trees float64 (n,) for samples (n, features); log-odds, if that is what the forest was fitted to."""
+        """The sum of the trees float64 (n,) for samples (n, features).
+
+        These are log-odds, if that is what the forest was fitted to.
+        """
         odds, samples = np.empty(len(samples)), np.ascontiguousarray(samples)
         masks = self._single_masks if samples.dtype == np.float32 else self._masks
         if masks and len(samples) >= _MANY:
@@ -63,10 +66,10 @@ class Forest:
 
     @cached_property
     def numbers(self) -> Numbers:
-        """The forest for kernels: feature asked for, threshold or value, next nodes int (n, 2), roots, depths, bias.
+        """The forest for kernels: feature, threshold or value, next nodes int (n, 2), roots, depths, bias.
 
-        A leaf asks for feature 0 and leads to itself: all ways through a tree can be walked for as long as
-            its longest one.
+        A leaf asks for feature 0 and leads to itself: every path through a tree can be as long as its
+        longest one.
         """
         leaf = self.feature < 0
         itself = np.arange(len(leaf))

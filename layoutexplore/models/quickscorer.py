@@ -14,10 +14,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 LANES = 64
-"""Samples that are judged together."""
+"""Samples that are scored together."""
 
 _SINGLE, _DOUBLE = (np.uint32(0x077CB531), 27), (np.uint64(0x03F79D71B4CB0A89), 58)
-"""Factor and shift that turn a single bit into its place in a table (a de Bruijn sequence), for 32 and 64 leaves."""
+"""Factor and shift that turn a single bit into its place (a de Bruijn sequence), for 32 and 64 leaves."""
 
 
 class LeafMasks(NamedTuple):
@@ -86,7 +86,10 @@ def _number_leaves(
 ) -> tuple[
     NDArray[np.int64], NDArray[np.uint64], NDArray[np.int64], tuple[NDArray[np.int64], NDArray[np.int64]]
 ]:
-    """The nodes that ask, their masks, the first of each tree; and the leaves from left to right, the first of each tree."""
+    """The nodes that ask, their masks, the first of each tree; and the leaves, the first of each tree.
+
+    Leaves are numbered from left to right.
+    """
     size, full = len(feature), np.uint64(0xFFFFFFFFFFFFFFFF)
     nodes, masks, leaves = np.empty(size, np.int64), np.empty(size, np.uint64), np.empty(size, np.int64)
     starts, first_leaves = np.zeros(len(roots) + 1, np.int64), np.zeros(len(roots) + 1, np.int64)
@@ -118,7 +121,10 @@ def _number_leaves(
 
 @njit(cache=True, nogil=True)
 def log_odds_by_masks(x: NDArray[np.floating[Any]], forest: LeafMasks, odds: NDArray[np.float64]) -> None:
-    """Write the sums of the trees for samples `x` (n, features) to `odds` (n,), as `layoutexplore.models.forest.log_odds` does."""
+    """Write the sums of the trees for samples `x` (n, features) to `odds` (n,).
+
+    The result is that of `layoutexplore.models.forest.log_odds`.
+    """
     columns, left = np.zeros((x.shape[1], LANES), x.dtype), np.zeros(LANES, forest.masks.dtype)
     totals = np.empty(LANES)
     for begin in range(0, len(x), LANES):

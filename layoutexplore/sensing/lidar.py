@@ -1,10 +1,10 @@
 """A two-dimensional lidar on a grid: exact ray casting with skips over open space.
 
 Rays follow the cells they cross exactly (as Amanatides and Woo, "A fast voxel traversal algorithm for ray
-tracing", 1987), from continuous poses. They are walked in columns: along the axis that a ray moves more along
-it crosses one border after the other, and in between at most one border across (`ray_frame`). Where the Chebyshev
+tracing", 1987), from continuous poses. They advance in columns: along the axis that a ray moves more along it
+crosses one border after the other, and in between at most one border across (`ray_frame`). Where the Chebyshev
 distance to the nearest occupied cell is d, a ray jumps d - 1 columns; the jump lands on the very cell of the
-plain walk.
+plain traversal.
 
 Rules that everything with walls shares (the lidar, the map update and the robot's own motion):
 
@@ -280,7 +280,8 @@ def check_upright(origin: Pose) -> None:
         raise MapError(f"the origin must be three finite numbers (x, y, yaw), got {tuple(origin)}")
     if origin[2] != 0.0:
         raise MapError(
-            f"simulation needs a grid that is not turned, got an origin with yaw {origin[2]}: rotate the grid first"
+            f"simulation needs a grid that is not turned, got an origin with yaw {origin[2]}: "
+            "rotate the grid first"
         )
 
 

@@ -159,8 +159,9 @@ class Mapper:
             or lidar.origin != grid.origin
         ):
             raise MapError(
-                f"the lidar's world (shape {lidar.shape}, resolution {lidar.resolution}, origin {tuple(lidar.origin)}) is not "
-                f"that of the grid ({grid.shape}, {grid.resolution}, {tuple(grid.origin)})"
+                f"the lidar's world (shape {lidar.shape}, resolution {lidar.resolution}, "
+                f"origin {tuple(lidar.origin)}) is not that of the grid "
+                f"({grid.shape}, {grid.resolution}, {tuple(grid.origin)})"
             )
         config = around(lidar.config) if full_turn else lidar.config
         col, row = position_in_cells(pose, grid.resolution, grid.origin)

@@ -148,7 +148,7 @@ def update_occupancy(
     heading: float,
     view: FieldOfView,
 ) -> Changes:
-    """Cast rays in the world: cells crossed become free unless they are occupied, the one that is hit occupied.
+    """Cast rays in the world: cells crossed become free unless occupied, the one that is hit occupied.
 
     Args:
         clearance: uint8 (rows + 2, cols + 2), `Lidar.padded_clearance`.

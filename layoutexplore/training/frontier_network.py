@@ -78,7 +78,7 @@ class TrainableFrontierNetwork(nn.Module):
         self.draw = nn.ConvTranspose2d(DRAWN, KNOWN, 2, 2)
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
-        """Scores (batch, 3) like `FrontierNetwork.score` of crops (batch, PLANES, SIDE, SIDE), shares 0..1."""
+        """Scores (batch, 3), as of `FrontierNetwork.score`, of crops (batch, PLANES, SIDE, SIDE)."""
         found: torch.Tensor = self.layers["judge"](self.hidden(values)["weigh"])
         return found
 

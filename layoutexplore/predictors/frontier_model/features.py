@@ -146,7 +146,7 @@ def _contacts(
     home: NDArray[np.int64],
     out: NDArray[np.float32],
 ) -> None:
-    """Per flood the share of touched free cells outside of the frontier's region, and their regions' number."""
+    """Per flood the share of touched free cells in other regions, and the number of these regions."""
     seen = np.zeros(TOUCHED, np.int32)
     for k in range(len(touched)):
         for b in range(touched.shape[1]):
