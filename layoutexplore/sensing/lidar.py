@@ -2,9 +2,9 @@
 
 Rays follow the cells they cross exactly (as Amanatides and Woo, "A fast voxel traversal algorithm for ray
 tracing", 1987), from continuous poses. They advance in columns: along the axis that a ray moves more along it
-crosses one border after the other, and in between at most one border across (`ray_frame`). Where the Chebyshev
-distance to the nearest occupied cell is d, a ray jumps d - 1 columns; the jump lands on the very cell of the
-plain traversal.
+crosses one border after the other, and in between at most one border across (`ray_frame`). Where the
+Chebyshev distance to the nearest occupied cell is d, a ray jumps d - 1 columns; the jump lands on the very
+cell of the plain traversal.
 
 Rules that everything with walls shares (the lidar, the map update and the robot's own motion):
 

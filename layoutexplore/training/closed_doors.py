@@ -1,4 +1,4 @@
-"""Training of the trees that tell closed doors from walls and judge the rectangles behind them.
+"""Training of the trees that tell closed doors from walls and score the rectangles behind them.
 
 Maps whose shut rooms are known are learnt from: those of a folder (NAME_k_doors_IN.png with NAME_GT.png), the
 same buildings with other doors shut at random, and floor plans with doors shut at random. Every map's samples
@@ -35,13 +35,16 @@ from layoutexplore.training.shut_rooms import RESOLUTION, add_outer_doors, plan_
 SHUT_AGAIN, PLAN_MAPS = 5, 3
 """Simulated maps of each building of a folder, and of each floor plan."""
 
-_EVERY = 2  # of the maps of a building, which share most of their doors, every second one is learnt from
+_EVERY = 2
+"""Of the maps of a building, which share most of their doors, every second one is learnt from."""
 
 DOOR_BOOSTING = BoostingConfig(trees=80, rate=0.08, leaves=8, leaf_samples=15, feature_share=0.4)
 ROOM_BOOSTING = BoostingConfig(trees=150, rate=0.08, leaves=12, leaf_samples=40, feature_share=0.3)
 """How the trees that find doors and those that score rectangles are grown."""
 
-_KEPT, _BEST = 24, 4  # rectangles kept of a door: at random, and the best
+_KEPT, _BEST = 24, 4
+"""Rectangles kept of a door: at random, and the best."""
+
 _BEHIND = 0.35
 """Metres behind an edge that are hidden where it is a door."""
 
@@ -85,7 +88,9 @@ def collect(
     labels: list[NDArray[np.bool_]] = []
     deep = round(_BEHIND / resolution) - 1
 
-    def judge(turns: int, found: NDArray[np.int64], features: NDArray[np.float32]) -> NDArray[np.float64]:
+    def classifier(
+        turns: int, found: NDArray[np.int64], features: NDArray[np.float32]
+    ) -> NDArray[np.float64]:
         behind = np.rot90(hidden, turns)
         is_door = np.array(
             [behind[max(row - deep, 0) : row + 1, a:b].mean() > 0.5 for row, a, b in found], np.bool_
@@ -94,7 +99,7 @@ def collect(
         labels.append(is_door)
         return is_door.astype(np.float64)
 
-    doors = find_closed_doors(cells, resolution, judge)
+    doors = find_closed_doors(cells, resolution, classifier)
     features, agreement, weight = [np.empty((0, len(FEATURES)))], [np.empty(0)], [np.empty(0)]
     for turns, scene in enumerate(turned_scenes(cells, resolution, doors)):
         behind = np.rot90(hidden, turns), np.rot90(rooms, turns)
@@ -120,7 +125,7 @@ def agreement_of(
     hidden: NDArray[np.bool_],
     rooms: NDArray[np.int32],
 ) -> NDArray[np.float64]:
-    """Hidden cells of each rectangle over the rectangle and the room behind the door together, float64 (n,)."""
+    """Intersection over union float64 (n,) of each rectangle and the hidden room behind the door."""
     deep = in_cells(0.3, scene.resolution)
     behind = rooms[max(door.row - deep, 0) : door.row + 1, door.start : door.stop]
     ids, counts = np.unique(behind[behind > 0], return_counts=True)
@@ -138,7 +143,7 @@ def agreement_of(
 
 
 def fit(samples: Iterable[ClosedDoorSamples], *, trees: int = 150) -> Models:
-    """Train both forests on the samples of several maps; `trees` is the number of those that judge rectangles."""
+    """Train both forests on the samples of several maps; `trees` is the number of trees for rectangles."""
     parts = list(samples)
     edges, is_door, boxes, agreement, weight = (
         np.concatenate([getattr(part, name) for part in parts])

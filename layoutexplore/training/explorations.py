@@ -42,14 +42,14 @@ MakeAgent = Callable[[str], Agent]
 def protocol_explorations(
     plan: FloorPlan, make_agent: MakeAgent, store: Path | None = None
 ) -> list[list[Snapshot]]:
-    """The explorations by which half-seen rooms are evaluated, by each sensor; those in the store are not run again."""
+    """The explorations by which half-seen rooms are evaluated, by each sensor; stored ones are read."""
     return [explore_plan(plan, make_agent(PROTOCOL_AGENT), sensor=sensor, store=store) for sensor in SENSORS]
 
 
 def stopped_explorations(
     plan: FloorPlan, make_agent: MakeAgent, starts: int, snapshots: int, store: Path | None = None
 ) -> Iterator[list[Snapshot]]:
-    """Explorations of a plan by each sensor, stopped here and there; those that are in the store are not run again.
+    """Explorations of a plan by each sensor, stopped here and there; stored ones are read.
 
     Args:
         plan: The floor plan.

@@ -19,7 +19,7 @@ from layoutexplore.training.simulated_maps import DENSITIES, choose_stops, furni
 
 RANGES, FIELDS = (4.0, 8.0, 15.0, 30.0), (np.pi, 2 * np.pi, 2 * np.pi)
 DENSE, SPARSE = (720,), (180, 360, 720)
-"""Beams: so many that what they see hangs together, or as few as those of many a real lidar, that leave far rooms in stripes."""
+"""Beams of a lidar: enough to see coherent areas, or as few as many real ones, which see stripes far away."""
 
 VERSIONS = 24
 """Times a map is explored; a quarter of them with dense beams."""
@@ -35,7 +35,7 @@ LEAST = 10.0
 def explore_map(
     cells: NDArray[np.int8], resolution: float, rng: np.random.Generator, *, dense: bool
 ) -> NDArray[np.int8]:
-    """A map as it may have been while it was explored: int8 (rows, cols), of the same cells, less of them known.
+    """A map as it may have been while it was explored: int8 (rows, cols), with fewer known cells.
 
     Args:
         cells: int8 (rows, cols), trinary.
@@ -66,7 +66,7 @@ def explored_examples(
     kind: str,
     rng: np.random.Generator,
 ) -> list[Example]:
-    """A map explored `VERSIONS` times, and furnished `FURNISHED` times; without those of hardly any free space.
+    """Examples of a map: explored `VERSIONS` times, furnished `FURNISHED` times; nearly empty ones left out.
 
     Args:
         cells: int8 (rows, cols), trinary.

@@ -18,11 +18,11 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.maps.floorplan import FloorPlan
 
 Progress = Callable[[str, int, int], None]
-"""Told what is being done, how often it has been done, and how often it will be."""
+"""(what is being done, how often it has been done, how often it will be) -> None."""
 
 
 def silent(what: str, done: int, total: int) -> None:
-    """Progress that nobody looks at."""
+    """Progress that shows nothing."""
 
 
 def deal_folds(
@@ -30,8 +30,9 @@ def deal_folds(
 ) -> dict[str, int]:
     """A fold for each building.
 
-    The orders differ because published figures depend on them: "size" those of `evaluate segmentation --folds`,
-    "name" those of `evaluate train-predictor --folds`, "given" those of `evaluate closed-doors --folds`.
+    The orders differ because published figures depend on them: "size" those of
+    `evaluate segmentation --folds`, "name" those of `evaluate train-predictor --folds`, "given" those of
+    `evaluate closed-doors --folds`.
 
     Args:
         buildings: One entry a map.
@@ -64,7 +65,10 @@ def check_folds(folds: int, buildings: Iterable[str]) -> None:
 
 
 def building_weights(building: NDArray[np.str_]) -> NDArray[np.float64]:
-    """Weights float64 (n,): a building with many samples counts more than one with few, but not as many times more."""
+    """Weights float64 (n,) of samples, with the mean 1.
+
+    The sum over a building grows with the square root of its number of samples.
+    """
     _, which, counts = np.unique(building, return_inverse=True, return_counts=True)
     weights = 1.0 / np.sqrt(counts[which])
     return np.asarray(weights / weights.mean())
@@ -81,7 +85,8 @@ def group_buildings(plans: Sequence[FloorPlan]) -> dict[str, str]:
 
     Example:
         >>> from layoutexplore.maps.tracing import floorplan_from_ascii
-        >>> group_buildings([floorplan_from_ascii(".a", name=name) for name in ("Roland1", "Roland2", "Ursy")])
+        >>> plans = [floorplan_from_ascii(".a", name=name) for name in ("Roland1", "Roland2", "Ursy")]
+        >>> group_buildings(plans)
         {'Roland1': 'Roland1', 'Roland2': 'Roland1', 'Ursy': 'Ursy'}
     """
     groups: dict[str, str] = {}

@@ -25,10 +25,14 @@ from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
 from layoutexplore.training.simulated_maps import simulated_examples
 
-RISING = ("openness", "contact_share_small", "contact_share_large", "pass", "pass_ratio_small",
-          "pass_ratio_large", "facing_small", "facing_large", "same_room", "room_overlap", "room_fit")  # fmt: skip
-FALLING = ("line_near", "line_near_min", "line_far", "through", "door_share", "misalignment", "parted",
-           "covered", "apart")  # fmt: skip
+RISING = (
+    *("openness", "contact_share_small", "contact_share_large", "pass", "pass_ratio_small"),
+    *("pass_ratio_large", "facing_small", "facing_large", "same_room", "room_overlap", "room_fit"),
+)
+FALLING = (
+    *("line_near", "line_near_min", "line_far", "through", "door_share"),
+    *("misalignment", "parted", "covered", "apart"),
+)
 """Features of which more can only speak for one room, or only against it: sane on unseen buildings too."""
 
 LABEL, WEIGHT = -2, -1

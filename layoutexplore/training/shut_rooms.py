@@ -57,7 +57,7 @@ def find_doorways(cells: NDArray[np.int8], resolution: float) -> list[Doorway]:
 
 
 def _passages(free: NDArray[np.bool_], resolution: float) -> list[tuple[int, int, int, int]]:
-    """First row, row behind the last, first and last column of stacks of equal short runs between wider ones."""
+    """Stacks of equal short runs between wider ones: first row, row after the last, first and last column."""
     step, astray = np.diff(free.astype(np.int8), axis=1), in_cells(0.15, resolution)
     open_stacks: list[list[int]] = []
     found = []
@@ -169,12 +169,12 @@ def _largest(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def plan_cells(plan: FloorPlan, resolution: float, rng: np.random.Generator) -> NDArray[np.int8]:
-    """The map int8 (rows, cols) of a floor plan: its free space, shrunk at random for thicker walls, and its rim.
+    """The map int8 (rows, cols) of a floor plan: its free space, shrunk at random, and its rim.
 
     Args:
         plan: A floor plan whose walls run along rows and columns.
         resolution: Metres a cell.
-        rng: How much is shrunk, and which cells of the rim are missing.
+        rng: How much is shrunk, as by thicker walls, and which cells of the rim are missing.
     """
     free = plan.rasterize(resolution, margin=1.0).free
     shrink = 2 * int(rng.integers(0, 3)) * in_cells(0.05, resolution) + 1

@@ -19,17 +19,13 @@ from layoutexplore.training.merging_examples import SIMULATED, Example, make_exa
 
 RESOLUTION = 0.05
 LARGEST = 7500.0
-"""Square metres of a raster above which a plan is left out: it would weigh as much as ten others and take as long."""
+"""Square metres of a raster above which a plan is left out: it would count and take as much as ten others."""
 
 DENSITIES = (0.0, 0.05, 0.15, 0.3)
 """Pieces of furniture a square metre, one of them for each map."""
 
-RANGES, BEAMS, NOISES, POSE_ERRORS = (
-    (8.0, 15.0, 30.0),
-    (360, 720, 1080),
-    (0.01, 0.03, 0.05),
-    (0.0, 0.02, 0.04),
-)
+RANGES, BEAMS = (8.0, 15.0, 30.0), (360, 720, 1080)
+NOISES, POSE_ERRORS = (0.01, 0.03, 0.05), (0.0, 0.02, 0.04)
 STOPS, NEIGHBOURHOODS = (6, 15, 40), (10, 25, 60, 150, 400)
 """Scans a map, and how many of 600 random places, the nearest to the start, they are spread over."""
 
@@ -41,10 +37,11 @@ def furnish_cells(
     resolution: float,
     rng: np.random.Generator,
 ) -> NDArray[np.bool_]:
-    """Add furniture: columns, cupboards, tables on four legs, things that stand askew; none reaches through a wall.
+    """Add furniture: columns, cupboards, tables on four legs, rotated boxes; none reaches through a wall.
 
-    The furniture of generated plans (`layoutexplore.maps.generator.furniture`) stands as people place it; this one
-    stands anywhere, also where no plan but only a grid is at hand, and is drawn with the walls of a scan.
+    The furniture of generated plans (`layoutexplore.maps.generator.furniture`) stands as people place it;
+    this one stands anywhere, also where no plan but only a grid is at hand, and is drawn with the walls of a
+    scan.
 
     Args:
         occupied: bool (rows, cols).
@@ -96,7 +93,7 @@ def _furniture(
 def see(
     occupied: NDArray[np.bool_], rooms: NDArray[np.int32], origin: Pose, rng: np.random.Generator
 ) -> NDArray[np.int8] | None:
-    """The map of a building: whole, partly explored, or partly explored with a noisy lidar; None where no robot fits."""
+    """The map of a building: whole, partly explored, or so with a noisy lidar; None where no robot fits."""
     kind = str(rng.choice(["whole", "explored", "explored", "noisy", "noisy"]))
     if kind == "whole":
         near = cv2.dilate((~occupied).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
@@ -123,7 +120,7 @@ def see(
 def choose_stops(
     allowed: NDArray[np.bool_], resolution: float, rng: np.random.Generator
 ) -> list[tuple[int, int]]:
-    """Places to scan from, spread over the surroundings of a random start; none where there is hardly any space.
+    """Places to scan from, spread around a random start; none where there is hardly any space.
 
     Args:
         allowed: bool (rows, cols), where the robot may be.

@@ -65,7 +65,9 @@ class Convolution(nn.Module):
 
 
 def plain_weights(layers: Mapping[str, nn.Module]) -> dict[str, NDArray[np.float32]]:
-    """The weights of layers as `layoutexplore.models.network_files` takes them: norms become part of the convolutions.
+    """The weights of layers as network files hold them (`layoutexplore.models.network_files`).
+
+    Norms become part of the convolutions.
 
     Args:
         layers: Convolutions and linear layers (`Convolution`, `nn.Conv2d`, `nn.Linear`) by name.
