@@ -150,7 +150,7 @@ def _look(
     scanner: _Scanner, cell: NDArray[np.int64], cos: float, sin: float, seen: NDArray[np.uint64]
 ) -> None:
     """Add what the beams of one scan cross, from the middle of a cell, to a set."""
-    # Not `grids.rays.ray_frame`: distances are added up here; how that rounds decides what is seen at corners.
+    # Not `grids.rays.ray_frame`: here distances are summed; their rounding decides what is seen at corners.
     field = scanner.labels.ravel()
     cols = scanner.labels.shape[1]
     # The labels have a border of one cell of wall, so that no ray needs to ask whether it has left the plan.
