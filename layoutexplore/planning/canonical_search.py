@@ -22,6 +22,7 @@ SW 6, SE 7, where north is the next row.
 from __future__ import annotations
 
 import threading
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -35,29 +36,60 @@ FAR = 2**31 - 1
 _SPAN = (FAR // 16) // STRAIGHT * STRAIGHT
 """How far apart the origins of searches that share an array lie: 15 searches for one time of clearing it."""
 
-_TOO_FAR = -2
-
+_QUEUE_FULL, _TOO_FAR = -1, -2  # Why a search ended without a result.
 _FREE_ENTRY, _USED, _WAITING, _OVERFLOW = range(4)  # What the numbers of a queue's state mean.
 
 
-class _Queue:
-    """What a search needs besides its grid, kept because fresh memory costs more than the search.
+class _Grid(NamedTuple):
+    """What a search reads and writes per cell of the padded grid, flat (n,)."""
 
-    `scheduled` holds the moves that will be, or have been, followed out of a cell at its present distance:
-    what arrives at the same distance by another way adds only the moves that are missing, so that ties do not
-    multiply.
-    """
+    moves: NDArray[np.uint8]
+    """The moves out of a cell, as bits."""
+    distance: NDArray[np.int32]
+    scheduled: NDArray[np.uint8]
+    """The moves that will be, or have been, followed out of a cell at its present distance: what arrives at
+    the same distance by another way adds only those that are missing, so that ties do not multiply."""
+    cols: int
+
+
+class _Queue(NamedTuple):
+    """Dial's queue: each bucket is a chain of entries, and so are the entries that are free again."""
+
+    heads: NDArray[np.int32]
+    """First entry of each bucket of the ring, -1 if there is none; their number is a power of two."""
+    items: NDArray[np.int64]
+    """The cell of each entry times eight, plus its diagonal move."""
+    links: NDArray[np.int32]
+    """The next entry of the chain, -1 at its end."""
+
+
+class _Direction(NamedTuple):
+    """A straight run: its step in flat cells, its move, and what may turn it off to either side."""
+
+    step: int
+    move: int
+    side_a: int
+    side_b: int
+    corner_a: int
+    corner_b: int
+
+
+class _Memory:
+    """What a search needs besides its grid, kept because fresh memory costs more than the search."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.shape = shape
         self.scheduled = np.empty(shape[0] * shape[1], np.uint8)
-        self.heads = np.empty(1 << (max(shape) + 2).bit_length(), np.int32)
         self.resize(4096)
 
     def resize(self, size: int) -> None:
-        """Make room for so many entries."""
-        self.items = np.empty(size, np.int64)
-        self.links = np.empty(size, np.int32)
+        """Make room for so many entries of the queue."""
+        self.queue = _Queue(
+            heads=np.empty(1 << (max(self.shape) + 2).bit_length(), np.int32),
+            items=np.empty(size, np.int64),
+            links=np.empty(size, np.int32),
+        )
+        self.plain_queue = tuple(self.queue)
 
 
 class Search:
@@ -78,6 +110,7 @@ class Search:
         self.distance = np.empty(self.moves.size, np.int32)
         self.origin = 0
         self.count = 0
+        self._grid: tuple[Any, ...] | None = None
 
     @property
     def cols(self) -> int:
@@ -85,11 +118,11 @@ class Search:
         return int(self.moves.shape[1])
 
     @property
-    def queue(self) -> _Queue:
-        """This thread's queue for grids of this shape."""
-        kept: _Queue | None = getattr(_threads, "queue", None)
+    def memory(self) -> _Memory:
+        """This thread's memory for grids of this shape."""
+        kept: _Memory | None = getattr(_threads, "memory", None)
         if kept is None or kept.shape != self.moves.shape:
-            kept = _threads.queue = _Queue((self.moves.shape[0], self.moves.shape[1]))
+            kept = _threads.memory = _Memory((self.moves.shape[0], self.moves.shape[1]))
         return kept
 
     def spread(self, source: int, stops: NDArray[np.int64]) -> int:
@@ -116,13 +149,14 @@ class Search:
     def _search(self, source: int, stops: NDArray[np.int64], clear: bool) -> int:
         if clear:
             self.distance[:] = FAR
-        queue = self.queue
+        memory = self.memory
+        if self._grid is None or self._grid[2] is not memory.scheduled:
+            self._grid = (self.moves.ravel(), self.distance, memory.scheduled, self.cols)
         while True:
-            arrays = (self.distance, queue.scheduled, queue.heads, queue.items, queue.links)
-            settled = int(_spread(self.moves, source, stops, self.origin, *arrays))
-            if settled >= 0 or settled == _TOO_FAR:
+            settled = int(_search(self._grid, memory.plain_queue, source, stops, self.origin))
+            if settled != _QUEUE_FULL:
                 return settled
-            queue.resize(4 * queue.items.size)
+            memory.resize(4 * memory.queue.items.size)
             self.distance[:] = FAR
 
 
@@ -180,55 +214,36 @@ def find_moves(world: NDArray[np.uint8], moves: NDArray[np.uint8], row: int, col
 
 
 @njit(cache=True, nogil=True)
-def _push(
-    cell: int,
-    move: int,
-    distance: int,
-    heads: NDArray[np.int32],
-    items: NDArray[np.int64],
-    links: NDArray[np.int32],
-    state: NDArray[np.int64],
-) -> None:
+def _push(queue: _Queue, state: NDArray[np.int64], cell: int, move: int, distance: int) -> None:
     """Queue a cell from which a diagonal move, and the two runs beside it, go on."""
     entry = state[_FREE_ENTRY]
     if entry >= 0:
-        state[_FREE_ENTRY] = links[entry]
+        state[_FREE_ENTRY] = queue.links[entry]
     else:
         entry = state[_USED]
-        if entry == items.size:
+        if entry == queue.items.size:
             state[_OVERFLOW] = 1
             return
         state[_USED] = entry + 1
-    bucket = (distance // STRAIGHT) & (heads.size - 1)
-    items[entry] = cell * 8 + move
-    links[entry] = heads[bucket]
-    heads[bucket] = entry
+    # What waits is at most a diagonal move and a grid's longer side away: the ring is longer than that.
+    bucket = (distance // STRAIGHT) & (queue.heads.size - 1)
+    queue.items[entry] = cell * 8 + move
+    queue.links[entry] = queue.heads[bucket]
+    queue.heads[bucket] = entry
     state[_WAITING] += 1
 
 
 @njit(cache=True, nogil=True)
 def _run(
-    cell: int,
-    here: int,
-    step: int,
-    move: int,
-    side_a: int,
-    side_b: int,
-    corner_a: int,
-    corner_b: int,
-    moves: NDArray[np.uint8],
-    distance: NDArray[np.int32],
-    scheduled: NDArray[np.uint8],
-    heads: NDArray[np.int32],
-    items: NDArray[np.int64],
-    links: NDArray[np.int32],
-    state: NDArray[np.int64],
+    grid: _Grid, queue: _Queue, state: NDArray[np.int64], cell: int, here: int, direction: _Direction
 ) -> None:
     """Go straight until a wall or a cell reached as well without; queue the corners that force a turn."""
-    ahead = 1 << move
+    moves, distance, scheduled = grid.moves, grid.distance, grid.scheduled
+    ahead = 1 << direction.move
+    side_a, side_b = direction.side_a, direction.side_b
     sides = 1 << side_a | 1 << side_b
     # Unsigned, so that indexing need not look out for negative numbers.
-    at, stride = np.uint64(cell), np.uint64(step)
+    at, stride = np.uint64(cell), np.uint64(direction.step)
     allowed = moves[at]
     while allowed & ahead:
         at += stride
@@ -245,54 +260,66 @@ def _run(
         opened = moves[at] & ~allowed & sides
         allowed = moves[at]
         if opened >> side_a & 1:
-            scheduled[at] |= 1 << corner_a | 1 << side_a
-            _push(int(at), corner_a, here, heads, items, links, state)
+            scheduled[at] |= 1 << direction.corner_a | 1 << side_a
+            _push(queue, state, int(at), direction.corner_a, here)
         if opened >> side_b & 1:
-            scheduled[at] |= 1 << corner_b | 1 << side_b
-            _push(int(at), corner_b, here, heads, items, links, state)
+            scheduled[at] |= 1 << direction.corner_b | 1 << side_b
+            _push(queue, state, int(at), direction.corner_b, here)
 
 
 @njit(cache=True, nogil=True)
-def _begin(
-    source: int,
-    origin: int,
-    distance: NDArray[np.int32],
-    scheduled: NDArray[np.uint8],
-    heads: NDArray[np.int32],
-    items: NDArray[np.int64],
-    links: NDArray[np.int32],
-) -> NDArray[np.int64]:
+def _runs_beside(move: int, cols: int) -> tuple[_Direction, _Direction]:
+    """The vertical and the horizontal run that belong to a diagonal move."""
+    north, east = move < 6, move & 1 == 1
+    # A run turns at the corners on its own side only: a run to the north never turns to the south.
+    a, b = (4, 5) if north else (6, 7)
+    c, d = (5, 7) if east else (4, 6)
+    vertical = _Direction(cols if north else -cols, 0 if north else 1, 2, 3, a, b)
+    horizontal = _Direction(1 if east else -1, 3 if east else 2, 0, 1, c, d)
+    return vertical, horizontal
+
+
+@njit(cache=True, nogil=True)
+def _step(
+    grid: _Grid, queue: _Queue, state: NDArray[np.int64], target: int, there: int, move: int, follow: int
+) -> None:
+    """Arrive at a cell by a diagonal move; queue it if its distance, or one of the moves to follow, is new."""
+    distance, scheduled = grid.distance, grid.scheduled
+    if there < distance[target]:
+        distance[target] = there
+        scheduled[target] = follow
+    elif there == distance[target] and follow & ~scheduled[target]:
+        scheduled[target] |= follow
+    else:
+        return
+    _push(queue, state, target, move, there)
+
+
+@njit(cache=True, nogil=True)
+def _begin(grid: _Grid, queue: _Queue, source: int, origin: int) -> NDArray[np.int64]:
     """Queue the four diagonal moves out of the source; the queue's state."""
-    heads[:] = -1
+    queue.heads[:] = -1
     state = np.array([-1, 0, 0, 0])
-    distance[source] = origin
-    scheduled[source] = 255
+    grid.distance[source] = origin
+    grid.scheduled[source] = 255
     for move in range(4, 8):
-        _push(source, move, origin, heads, items, links, state)
+        _push(queue, state, source, move, origin)
     return state
 
 
 @njit(cache=True, nogil=True)
-def _spread(
-    padded_moves: NDArray[np.uint8],
-    source: int,
-    stops: NDArray[np.int64],
-    origin: int,
-    distance: NDArray[np.int32],
-    scheduled: NDArray[np.uint8],
-    heads: NDArray[np.int32],
-    items: NDArray[np.int64],
-    links: NDArray[np.int32],
-) -> int:
-    """Lower `distance` from `origin` on; return up to where it is exact.
+def _spread(grid: _Grid, queue: _Queue, source: int, stops: NDArray[np.int64], origin: int) -> int:
+    """Lower the distances from `origin` on; return up to where they are exact.
 
-    It is -1 when the queue's memory is too small, and `_TOO_FAR` when cells lie too far from an origin above
-    0.
+    It is `_QUEUE_FULL` when the queue's memory is too small, and `_TOO_FAR` when cells lie too far from an
+    origin above 0.
     """
-    moves = padded_moves.ravel()
-    cols = padded_moves.shape[1]
-    longest = (FAR if origin == 0 else origin + _SPAN) - STRAIGHT * (max(padded_moves.shape[0], cols) + 2)
-    state = _begin(source, origin, distance, scheduled, heads, items, links)
+    moves, distance = grid.moves, grid.distance
+    heads, items, links = queue.heads, queue.items, queue.links
+    longer_side = max(grid.moves.size // grid.cols, grid.cols)
+    # No run from within `longest` gets above what earlier searches have written, or the largest number.
+    longest = (FAR if origin == 0 else origin + _SPAN) - STRAIGHT * (longer_side + 2)
+    state = _begin(grid, queue, source, origin)
     level, settled = origin // STRAIGHT, 0
     while state[_WAITING] > 0:
         bucket = level & (heads.size - 1)
@@ -315,46 +342,25 @@ def _spread(
                 if origin > 0:
                     return _TOO_FAR
                 continue
-            north, east = move < 6, move & 1 == 1
-            up, right = (cols if north else -cols), (1 if east else -1)
-            vertical, horizontal = (0 if north else 1), (3 if east else 2)
-            # The corners on these sides.
-            a, b = (4, 5) if north else (6, 7)
-            c, d = (5, 7) if east else (4, 6)
-            _run(cell, here, up, vertical, 2, 3, a, b, moves, distance, scheduled, heads, items, links, state)
-            _run(
-                cell,
-                here,
-                right,
-                horizontal,
-                0,
-                1,
-                c,
-                d,
-                moves,
-                distance,
-                scheduled,
-                heads,
-                items,
-                links,
-                state,
-            )
-            if not moves[cell] >> move & 1:
-                continue
-            target, there = cell + up + right, here + DIAGONAL
-            follow = 1 << move | 1 << vertical | 1 << horizontal
-            if there < distance[target]:
-                distance[target] = there
-                scheduled[target] = follow
-            elif there == distance[target] and follow & ~scheduled[target]:
-                scheduled[target] |= follow
-            else:
-                continue
-            _push(target, move, there, heads, items, links, state)
+            vertical, horizontal = _runs_beside(move, grid.cols)
+            _run(grid, queue, state, cell, here, vertical)
+            _run(grid, queue, state, cell, here, horizontal)
+            if moves[cell] >> move & 1:
+                target = cell + vertical.step + horizontal.step
+                follow = 1 << move | 1 << vertical.move | 1 << horizontal.move
+                _step(grid, queue, state, target, here + DIAGONAL, move, follow)
         if state[_OVERFLOW]:
-            return -1
+            return _QUEUE_FULL
         level += 1
     return FAR
+
+
+@njit(cache=True, nogil=True)
+def _search(
+    grid: tuple[Any, ...], queue: tuple[Any, ...], source: int, stops: NDArray[np.int64], origin: int
+) -> int:
+    """`_spread` with plain tuples, whose types numba finds faster than those of named ones."""
+    return _spread(_Grid(*grid), _Queue(*queue), source, stops, origin)
 
 
 @njit(cache=True, nogil=True)

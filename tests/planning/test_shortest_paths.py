@@ -180,9 +180,9 @@ def test_a_search_outgrows_its_queue() -> None:
     mask = np.random.default_rng(0).random((60, 60)) > 0.3
     expected = geodesic_distances(mask, Cell(30, 30), 1.0)
     space = wavefront.workspace(mask)
-    space.queue.resize(4)
+    space.memory.resize(4)
     assert np.array_equal(geodesic_distances(mask, Cell(30, 30), 1.0), expected)
-    assert space.queue.items.size > 4
+    assert space.memory.queue.items.size > 4
 
 
 def test_a_path_too_long_to_count_is_none() -> None:
