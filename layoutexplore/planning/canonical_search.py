@@ -227,9 +227,11 @@ def _push(queue: _Queue, state: NDArray[np.int64], cell: int, move: int, distanc
         state[_USED] = entry + 1
     # What waits is at most a diagonal move and a grid's longer side away: the ring is longer than that.
     bucket = (distance // STRAIGHT) & (queue.heads.size - 1)
-    queue.items[entry] = cell * 8 + move
-    queue.links[entry] = queue.heads[bucket]
-    queue.heads[bucket] = entry
+    # Unsigned, as in `_run`: indexing need not look out for negative numbers.
+    place, ring = np.uint64(entry), np.uint64(bucket)
+    queue.items[place] = cell * 8 + move
+    queue.links[place] = queue.heads[ring]
+    queue.heads[ring] = entry
     state[_WAITING] += 1
 
 
@@ -285,11 +287,12 @@ def _step(
 ) -> None:
     """Arrive at a cell by a diagonal move; queue it if its distance, or one of the moves to follow, is new."""
     distance, scheduled = grid.distance, grid.scheduled
-    if there < distance[target]:
-        distance[target] = there
-        scheduled[target] = follow
-    elif there == distance[target] and follow & ~scheduled[target]:
-        scheduled[target] |= follow
+    at = np.uint64(target)
+    if there < distance[at]:
+        distance[at] = there
+        scheduled[at] = follow
+    elif there == distance[at] and follow & ~scheduled[at]:
+        scheduled[at] |= follow
     else:
         return
     _push(queue, state, target, move, there)
