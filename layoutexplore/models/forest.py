@@ -111,7 +111,7 @@ def as_forest(model: object, *, double: bool = False) -> Forest:
 def _depths(
     leaf: NDArray[np.bool_], children: NDArray[np.int64], roots: NDArray[np.int32]
 ) -> NDArray[np.int64]:
-    """Longest way through each tree."""
+    """Length of the longest path through each tree."""
     out = np.zeros(len(roots), np.int64)
     waiting, level = np.empty(len(leaf) + 1, np.int64), np.zeros(len(leaf), np.int64)
     for t in range(len(roots)):
@@ -133,7 +133,7 @@ def _depths(
 def log_odds(x: NDArray[np.floating], forest: Numbers, odds: NDArray[np.float64]) -> None:
     """Write the sums of the trees, log-odds, of the samples `x` (n or more, features) to `odds` (n,).
 
-    Tree by tree, so that each stays at hand, and as many steps for all samples, so that the walks overlap.
+    Tree by tree, so that each stays at hand, and as many steps for all samples, so that the descents overlap.
     """
     feature, threshold, children, roots, depths, bias = forest
     odds[:] = bias

@@ -34,7 +34,7 @@ from layoutexplore.grids.rays import ray_frame, steps
 
 _MAX_CLEARANCE = 255
 _SKIP_FROM = 3
-"""A jump is cheaper than walking from this clearance on."""
+"""A jump is cheaper than single steps from this clearance on."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,8 +1,8 @@
 """From scans to an occupancy grid.
 
-Two ways: `Mapper.observe` casts exact rays in the true world and updates the robot's grid in the same pass;
-`Mapper.integrate` takes ranges, noisy ones too, and updates log odds (Hornung et al., "OctoMap",
-2013, equations 2-4). Both follow the traversal rules of `layoutexplore.sensing.lidar` and keep one trinary
+Two methods: `Mapper.observe` casts exact rays in the true world and updates the robot's grid in the same
+pass; `Mapper.integrate` takes ranges, noisy ones too, and updates log odds (Hornung et al., "OctoMap", 2013,
+equations 2-4). Both follow the traversal rules of `layoutexplore.sensing.lidar` and keep one trinary
 grid up to date in place.
 """
 
@@ -78,7 +78,7 @@ class ScanUpdate(NamedTuple):
 
 
 class Mapper:
-    """The robot's grid and the ways to add to it.
+    """The robot's grid and the methods that add to it.
 
     Args:
         shape: (rows, cols) of the grid.

@@ -1,7 +1,7 @@
 """How a scan changes the cells of a grid: the kernels behind `layoutexplore.sensing.mapper`.
 
-`update_occupancy` casts exact rays in the true world and updates the robot's grid in the same pass. Rays are
-walked as `layoutexplore.grids.rays.ray_frame` describes; what changes is counted on the way.
+`update_occupancy` casts exact rays in the true world and updates the robot's grid in the same pass. Rays
+advance as `layoutexplore.grids.rays.ray_frame` describes; changes are counted meanwhile.
 """
 
 from __future__ import annotations

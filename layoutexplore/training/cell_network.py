@@ -31,7 +31,7 @@ class CellNetworkConfig:
         generated_share: Share of the scenes of generated plans in the latter.
         first_rate, rate: Highest learning rates; they rise for a tenth of the steps and then fall.
         batch: Scenes a step.
-        window: Side in lattice cells of the crop of a scene.
+        crop: Side in lattice cells of the crop of a scene.
         region_cells: A region's lattice cells count as so many at most.
         seed: Of the weights and the draws.
     """
@@ -42,7 +42,7 @@ class CellNetworkConfig:
     first_rate: float = 3e-3
     rate: float = 2e-3
     batch: int = 8
-    window: int = 80
+    crop: int = 80
     region_cells: int = 120
     seed: int = 0
 
@@ -129,11 +129,11 @@ def _train(
 def _batch(
     samples: Sequence[CellNetworkSample], config: CellNetworkConfig, rng: np.random.Generator
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Planes (batch, PLANES, window, window), truth and weights (batch, 2, window, window).
+    """Planes (batch, PLANES, crop, crop), truth and weights (batch, 2, crop, crop).
 
     Each sample takes a random orientation.
     """
-    size = config.window
+    size = config.crop
     planes = np.zeros((len(samples), size, size, PLANES), np.float32)
     truth, weight = (np.zeros((len(samples), 2, size, size), np.float32) for _ in range(2))
     for k, sample in enumerate(samples):

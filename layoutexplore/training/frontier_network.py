@@ -117,7 +117,7 @@ def train_frontier_network(
         real: Crops of other plans; there may be none, but not of both.
         groups: The building of a plan by its name.
         config: How.
-        progress: Told of the steps.
+        progress: Receives the steps.
 
     Returns:
         Weights as `FrontierNetwork` takes them.

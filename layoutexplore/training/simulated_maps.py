@@ -168,7 +168,7 @@ def simulated_examples(
         count: Maps; a few are left out where the plan is too large.
         plans: Files of floor plans, or names that `layoutexplore.maps.load_plan` knows.
         seed: Of furniture, scans and plans; the same seed gives the same maps.
-        progress: Told what is being done, how often it has been done, and how often it will be.
+        progress: Receives what is being done, how often it has been done, and how often it will be.
     """
     from layoutexplore.maps import load_plan
     from layoutexplore.maps.generator import FAMILIES, generate

@@ -11,7 +11,7 @@ from torch import nn
 from torch.nn import functional
 
 StepProgress = Callable[[int, int, float], None]
-"""Told of steps made, steps in all, and the mean loss of late."""
+"""(steps made, steps in all, mean loss of late) -> None."""
 
 _LATE = 100
 """Steps that the mean loss of late is taken over."""
@@ -34,7 +34,7 @@ def fit_network(
         steps: Batches.
         rate: Highest learning rate.
         decay: Of the weights.
-        progress: Told of the steps.
+        progress: Receives the steps.
     """
     optimizer = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, total_steps=steps, pct_start=0.1)

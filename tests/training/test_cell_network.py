@@ -23,7 +23,7 @@ def test_training_learns_a_half_seen_room() -> None:
         (scene.lattice_cells[:, 1] < 25) & (scene.lattice_cells[:, 0] > 3) & (scene.lattice_cells[:, 0] < 17)
     )
     sample = CellNetworkSample(scene, inside, "a")
-    config = CellNetworkConfig(first_steps=40, steps=40, batch=4, window=24)
+    config = CellNetworkConfig(first_steps=40, steps=40, batch=4, crop=24)
     told: list[tuple[int, int, float]] = []
     first = pretrain_cell_network([sample], config, lambda *args: told.append(args))
     weights = train_cell_network(first, [sample], [sample], config, lambda *args: told.append(args))

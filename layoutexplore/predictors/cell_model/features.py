@@ -161,12 +161,12 @@ def add_first_estimate(
     square = (stride * resolution) ** 2
     at = candidates.cells // stride
     shape = (2, *(at.max(0) + 1).tolist())
-    owner, judged = np.zeros(shape, np.int32), np.zeros(shape, np.float32)
+    owner, estimate = np.zeros(shape, np.int32), np.zeros(shape, np.float32)
     owner[candidates.rank, at[:, 0], at[:, 1]] = region
-    judged[candidates.rank, at[:, 0], at[:, 1]] = inside
+    estimate[candidates.rank, at[:, 0], at[:, 1]] = inside
     features[:, _SELF] = inside
     for k, size in enumerate((NEAR, WIDE)):
-        features[:, _NEAR + k] = _own_mean(owner, judged, region, at, size // 2)
+        features[:, _NEAR + k] = _own_mean(owner, estimate, region, at, size // 2)
     total = np.bincount(region, weights=inside, minlength=len(candidates.boxes))
     count = np.bincount(region, minlength=len(candidates.boxes))
     features[:, _TOTAL] = total[region] * square

@@ -38,14 +38,14 @@ class Window(NamedTuple):
         row, col: First lattice cell.
         chance: float64 (rows, cols), probability that a lattice cell belongs to the region's room, 0 where
             it was not classified.
-        judged: bool (rows, cols), where it was.
+        classified: bool (rows, cols), where it was.
     """
 
     region: int
     row: int
     col: int
     chance: NDArray[np.float64]
-    judged: NDArray[np.bool_]
+    classified: NDArray[np.bool_]
 
 
 def room_shapes(
@@ -63,15 +63,15 @@ def room_shapes(
     best = np.zeros(cells.shape, np.float32)
     boxes: dict[int, tuple[slice, slice]] = {}
     for window in _windows(candidates, probability):
-        chance, judged = _interpolate(straightened(window), stride)
+        chance, classified = _interpolate(straightened(window), stride)
         row, col = window.row * stride, window.col * stride
         low, high = max(-row, 0), max(-col, 0)
         box = np.s_[row + low : row + chance.shape[0], col + high : col + chance.shape[1]]
         known_size = cells[box].shape
         inner = np.s_[low : low + known_size[0], high : high + known_size[1]]
-        chance, judged = chance[inner], judged[inner] & (cells[box] == UNKNOWN)
-        if judged.any():
-            taken = judged & (chance >= likeliest_overlap(chance[judged])) & (chance > best[box])
+        chance, classified = chance[inner], classified[inner] & (cells[box] == UNKNOWN)
+        if classified.any():
+            taken = classified & (chance >= likeliest_overlap(chance[classified])) & (chance > best[box])
             rooms[box][taken], best[box][taken] = window.region, chance[taken]
             boxes[window.region] = box
     return {region: Shape(box[0].start, box[1].start, rooms[box] == region) for region, box in boxes.items()}
@@ -98,18 +98,18 @@ def straightened(window: Window) -> Window:
     """The same lattice cells, likelier inside the rectangle that fits them best, less likely outside."""
     sure = np.clip(window.chance, _DOUBT, 1.0 - _DOUBT)
     evidence = np.full(sure.shape, -EVIDENCE)
-    row0, row1, col0, col1 = best_rectangle(window.chance, window.judged)
+    row0, row1, col0, col1 = best_rectangle(window.chance, window.classified)
     evidence[row0:row1, col0:col1] = EVIDENCE
     odds = sure / (1.0 - sure) * np.exp(evidence)
-    return window._replace(chance=np.where(window.judged, odds / (1.0 + odds), 0.0))
+    return window._replace(chance=np.where(window.classified, odds / (1.0 + odds), 0.0))
 
 
-def best_rectangle(chance: NDArray[np.float64], judged: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+def best_rectangle(chance: NDArray[np.float64], classified: NDArray[np.bool_]) -> tuple[int, int, int, int]:
     """The rectangle of the greatest expected overlap with a room, found by moving one side at a time.
 
     Args:
         chance: float64 (rows, cols), 0 where nothing is classified.
-        judged: bool (rows, cols), where something is; all else costs nothing and brings nothing.
+        classified: bool (rows, cols), where something is; all else costs nothing and brings nothing.
 
     Returns:
         Its half-open box (row0, row1, col0, col1).
@@ -120,7 +120,7 @@ def best_rectangle(chance: NDArray[np.float64], judged: NDArray[np.bool_]) -> tu
         (0, 2, 0, 2)
     """
     chances, counts = (
-        np.pad(a, ((1, 0), (1, 0))).cumsum(0).cumsum(1) for a in (chance, judged.astype(np.float64))
+        np.pad(a, ((1, 0), (1, 0))).cumsum(0).cumsum(1) for a in (chance, classified.astype(np.float64))
     )
     best, box = -1.0, (0, 0, 0, 0)
     for start in _STARTS:
@@ -173,10 +173,10 @@ def _windows(candidates: CandidateCells, probability: NDArray[np.float64]) -> It
         at = places[part]
         first = at.min(axis=0) - 1
         chance = np.zeros(at.max(axis=0) - first + 2)
-        judged = np.zeros(chance.shape, np.bool_)
+        classified = np.zeros(chance.shape, np.bool_)
         rows, cols = (at - first).T
-        chance[rows, cols], judged[rows, cols] = probability[part], True
-        yield Window(int(candidates.region[part[0]]), int(first[0]), int(first[1]), chance, judged)
+        chance[rows, cols], classified[rows, cols] = probability[part], True
+        yield Window(int(candidates.region[part[0]]), int(first[0]), int(first[1]), chance, classified)
 
 
 def _interpolate(window: Window, stride: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
@@ -184,12 +184,12 @@ def _interpolate(window: Window, stride: int) -> tuple[NDArray[np.float32], NDAr
 
     Lattice cells that were not classified take the mean of their classified neighbours.
     """
-    chance, judged = window.chance.astype(np.float32), window.judged.astype(np.float32)
+    chance, classified = window.chance.astype(np.float32), window.classified.astype(np.float32)
     near = [
         cv2.boxFilter(a, -1, (3, 3), normalize=False, borderType=cv2.BORDER_CONSTANT)
-        for a in (chance, judged)
+        for a in (chance, classified)
     ]
-    filled = np.where(window.judged, chance, near[0] / np.maximum(near[1], 1.0))
+    filled = np.where(window.classified, chance, near[0] / np.maximum(near[1], 1.0))
     size = (stride * chance.shape[1], stride * chance.shape[0])
     smooth = np.asarray(cv2.resize(filled, size, interpolation=cv2.INTER_LINEAR), np.float32)
-    return smooth, window.judged.repeat(stride, 0).repeat(stride, 1)
+    return smooth, window.classified.repeat(stride, 0).repeat(stride, 1)

@@ -1,4 +1,4 @@
-"""From judged cells to shapes of rooms: the best threshold and rectangle, nothing but unknown cells."""
+"""From classified cells to shapes of rooms: the best threshold and rectangle, nothing but unknown cells."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from layoutexplore.predictors.cell_model.room_shapes import (
 STRIDE = 3
 
 
-def judged_squares(squares: NDArray[np.int32], region: NDArray[np.int32]) -> CandidateCells:
+def classified_cells(squares: NDArray[np.int32], region: NDArray[np.int32]) -> CandidateCells:
     """CandidateCells in the middle of some squares."""
     boxes = np.zeros((int(region.max(initial=0)) + 1, 5), np.int64)
     features = np.zeros((len(squares), len(FEATURES)), np.float32)
@@ -39,11 +39,11 @@ def judged_squares(squares: NDArray[np.int32], region: NDArray[np.int32]) -> Can
 
 
 def expected_overlap(
-    chance: NDArray[np.float64], judged: NDArray[np.bool_], box: tuple[int, int, int, int]
+    chance: NDArray[np.float64], classified: NDArray[np.bool_], box: tuple[int, int, int, int]
 ) -> float:
     inside = np.zeros(chance.shape, np.bool_)
     inside[box[0] : box[1], box[2] : box[3]] = True
-    return float(chance[inside].sum() / max((inside & judged).sum() + chance[~inside].sum(), 1e-9))
+    return float(chance[inside].sum() / max((inside & classified).sum() + chance[~inside].sum(), 1e-9))
 
 
 @settings(max_examples=60, deadline=None)
@@ -61,21 +61,21 @@ def test_no_threshold_overlaps_more(values: list[float]) -> None:
 @settings(max_examples=60, deadline=None)
 @given(
     chance=arrays(np.float64, (6, 7), elements=st.floats(0.0, 0.99)),
-    judged=arrays(np.bool_, (6, 7)),
+    classified=arrays(np.bool_, (6, 7)),
 )
 def test_no_single_side_of_the_best_rectangle_can_be_moved_to_a_better_place(
-    chance: NDArray[np.float64], judged: NDArray[np.bool_]
+    chance: NDArray[np.float64], classified: NDArray[np.bool_]
 ) -> None:
-    chance = np.where(judged, chance, 0.0)
-    box = best_rectangle(chance, judged)
-    reached = expected_overlap(chance, judged, box)
+    chance = np.where(classified, chance, 0.0)
+    box = best_rectangle(chance, classified)
+    reached = expected_overlap(chance, classified, box)
     for side in range(4):
         for place in range(chance.shape[side // 2] + 1):
             moved = [*box]
             moved[side] = place
             if moved[0] < moved[1] and moved[2] < moved[3]:
                 assert (
-                    expected_overlap(chance, judged, (moved[0], moved[1], moved[2], moved[3]))
+                    expected_overlap(chance, classified, (moved[0], moved[1], moved[2], moved[3]))
                     <= reached + 1e-6
                 )
 
@@ -95,9 +95,9 @@ def test_a_rectangle_is_evidence() -> None:
     chance = np.full((6, 6), 0.1)
     chance[1:4, 1:5] = 0.8
     chance[2, 2] = 0.4  # a doubtful square in the middle of a room
-    judged = np.ones(chance.shape, np.bool_)
-    judged[0] = False
-    after = straightened(Window(1, 0, 0, np.where(judged, chance, 0.0), judged)).chance
+    classified = np.ones(chance.shape, np.bool_)
+    classified[0] = False
+    after = straightened(Window(1, 0, 0, np.where(classified, chance, 0.0), classified)).chance
     odds = 0.4 / 0.6 * np.exp(EVIDENCE)
     assert after[2, 2] == pytest.approx(odds / (1 + odds)) and after[5, 5] < 0.1 and (after[0] == 0).all()
 
@@ -109,7 +109,7 @@ def test_shapes_are_smooth_hold_only_unknown_cells_and_the_likelier_room_has_the
     squares = np.concatenate([np.stack([rows, cols], 1)] * 2).astype(np.int32)
     region = np.repeat(np.array([1, 2], np.int32), len(rows))
     probability = np.concatenate([np.where(rows < 5, 0.95, 0.05), np.where(rows >= 5, 0.9, 0.05)])
-    shapes = room_shapes(cells, judged_squares(squares, region), probability)
+    shapes = room_shapes(cells, classified_cells(squares, region), probability)
     masks = {}
     for number, shape in shapes.items():
         masks[number] = np.zeros(cells.shape, np.bool_)
@@ -125,6 +125,6 @@ def test_shapes_are_smooth_hold_only_unknown_cells_and_the_likelier_room_has_the
     )
 
 
-def test_nothing_judged_gives_no_shape() -> None:
-    none = judged_squares(np.zeros((0, 2), np.int32), np.zeros(0, np.int32))
+def test_nothing_classified_gives_no_shape() -> None:
+    none = classified_cells(np.zeros((0, 2), np.int32), np.zeros(0, np.int32))
     assert room_shapes(np.full((5, 5), -1, np.int8), none, np.zeros(0)) == {}
