@@ -59,7 +59,7 @@ FRONTIER_MODEL, CELL_MODEL = (FOLDER / name for name in ("frontier_model.json", 
 CELL_NETWORK, FRONTIER_NETWORK = (FOLDER / name for name in ("rooms.safetensors", "frontiers.safetensors"))
 
 ROOM_SHARE, FRONTIER_SHARE = 0.6, 0.5
-"""Weight of the networks' log-odds, of cells and of frontiers, against those of the trees."""
+"""Weight of the networks' log-odds, for cells and for frontiers, against those of the trees."""
 
 DOUBT = 1.0
 """The network scores frontiers whose log-odds by the trees are as near as this to a change of class."""

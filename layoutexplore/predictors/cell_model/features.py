@@ -32,39 +32,26 @@ SIGHT = 8.0
 
 _SEEN: tuple[str, ...] = (
     "way", "crossed", "outside_long", "outside_short", "box_long", "box_short", "area", "fill",
-    *(
-        f"{side}_{what}"
-        for side in ("inward", "outward", "left", "right")
-        for what in ("distance", "kind", "crossed", "line")
-    ),
+    *(f"{side}_{what}" for side in ("inward", "outward", "left", "right")
+      for what in ("distance", "kind", "crossed", "line")),
     *(f"diagonal{k}_{what}" for k in range(4) for what in ("distance", "kind")),
     "rank", "other_way", "region_doors", "typical_area", "typical_long", "typical_short", "rooms",
 )  # fmt: skip
-_JUDGED = (
-    *("self", "near", "wide", "total", "mean"),
-    *("grown_long", "grown_short", "beyond_long", "beyond_short"),
-)
+_FIRST = ("self", "near", "wide", "total", "mean", "grown_long", "grown_short", "beyond_long", "beyond_short")
 
-FEATURES: tuple[str, ...] = (*_SEEN, *(f"judged_{what}" for what in _JUDGED))
+FEATURES: tuple[str, ...] = (*_SEEN, *(f"judged_{what}" for what in _FIRST))
 """Names of the features.
 
 `long` is the axis along which the cell lies further outside of the region's box. The `judged` ones tell what
 a first estimate, made without them, says of the neighbourhood and of the whole room.
 """
 
-_WAY, _CROSSED, _OUTSIDE, _BOX, _AREA, _FILL = (
-    FEATURES.index(name) for name in ("way", "crossed", "outside_long", "box_long", "area", "fill")
-)
-_STRAIGHT, _DIAGONAL, _RANK, _OTHER_WAY, _REGION_DOORS, _TYPICAL = (
-    FEATURES.index(name)
-    for name in (
-        *("inward_distance", "diagonal0_distance", "rank"),
-        *("other_way", "region_doors", "typical_area"),
-    )
-)
-_SELF, _NEAR, _TOTAL, _MEAN, _GROWN = (
-    FEATURES.index(f"judged_{name}") for name in ("self", "near", "total", "mean", "grown_long")
-)
+_WAY, _CROSSED, _OUTSIDE, _BOX = map(FEATURES.index, ("way", "crossed", "outside_long", "box_long"))
+_AREA, _FILL, _STRAIGHT = map(FEATURES.index, ("area", "fill", "inward_distance"))
+_DIAGONAL, _RANK, _OTHER_WAY = map(FEATURES.index, ("diagonal0_distance", "rank", "other_way"))
+_REGION_DOORS, _TYPICAL = map(FEATURES.index, ("region_doors", "typical_area"))
+_SELF, _NEAR, _TOTAL = map(FEATURES.index, ("judged_self", "judged_near", "judged_total"))
+_MEAN, _GROWN = map(FEATURES.index, ("judged_mean", "judged_grown_long"))
 """Columns of features, and the first ones of those that are written together."""
 
 NEAR, WIDE = 3, 7
@@ -222,9 +209,8 @@ def _grown_boxes(candidates: CandidateCells, inside: NDArray[np.bool_]) -> NDArr
     The box is that of the region with all cells that the first estimate puts inside. The first of either pair
     belongs to the axis along which the cell lies further outside of the box of what is seen.
     """
-    boxes = _grow_boxes(candidates.boxes, candidates.region[inside], candidates.cells[inside])[
-        candidates.region
-    ]
+    grown = _grow_boxes(candidates.boxes, candidates.region[inside], candidates.cells[inside])
+    boxes = grown[candidates.region]
     low, high = boxes[:, 1:3], boxes[:, 3:5]
     beyond = np.maximum(np.maximum(low - candidates.cells, candidates.cells - high + 1), 0)
     first = _first_axis(candidates)[:, None]
@@ -266,12 +252,8 @@ def _typical_room(bit_map: BitMap, regions: Regions, resolution: float) -> tuple
     if not whole.any():
         return 0.0, 0.0, 0.0, 0.0
     sides = np.sort(boxes[whole, 3:5] - boxes[whole, 1:3], axis=1) * resolution
-    return (
-        float(np.median(area[whole])),
-        float(np.median(sides[:, 1])),
-        float(np.median(sides[:, 0])),
-        float(whole.sum()),
-    )
+    longer, shorter = float(np.median(sides[:, 1])), float(np.median(sides[:, 0]))
+    return float(np.median(area[whole])), longer, shorter, float(whole.sum())
 
 
 @njit(cache=True, nogil=True)

@@ -45,7 +45,7 @@ NEAR_END, NEAR_DOOR = 0.5, 4.0
 """Metres within which a wall at the end of a frontier, and a door, are looked for."""
 
 BLOCK = 8
-"""Cells on a side of the blocks in which changes are noticed: eight bytes are compared at once."""
+"""Side of the blocks in which changes are noticed together: eight bytes are compared at once."""
 
 BARRIERS = {"open": 0, "extended": ALONG_ROWS | ALONG_COLS, "doors": DOOR_BIT}
 _SHAPE = ("size", "depth", "width", "slant", "sides", "end_low", "end_high")

@@ -133,6 +133,7 @@ def _start_flood(
         i = members[n, 0] * cols + members[n, 1]
         for step in (cols, -cols, 1, -1):
             k = i + step
+            # Stamped whether queued or not: a cell between two frontier cells counts once.
             if flat[k] & UNKNOWN_BIT and stamp[k] != mark:
                 stamp[k] = mark
                 started += 1

@@ -18,10 +18,10 @@ CROP_CELL = 0.3
 """Metres: side of a cell of a crop."""
 
 SIDE = 32
-"""Cells on a side of a crop."""
+"""Side of a crop, in steps of `CROP_CELL`."""
 
 BEHIND = 10
-"""Cells of it that lie behind the middle of the frontier; half of all lie to either side."""
+"""Steps of it that lie behind the middle of the frontier; half of all lie to either side."""
 
 _BITS = np.array([FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT, ALONG_ROWS, ALONG_COLS], np.uint8)
 
