@@ -69,6 +69,9 @@ def hard_inputs() -> dict[str, NDArray[np.int8]]:
 def check(layout: Layout, grid: OccupancyGrid) -> None:
     assert layout.labels.shape == grid.shape and layout.labels.dtype == np.int32
     assert not layout.labels[grid.occupied].any()
+    ends = np.array([(*line.start, *line.end) for line in layout.lines]).reshape(-1, 2)
+    size = np.hypot(*grid.shape) * grid.resolution
+    assert (np.abs(ends - (grid.origin.x, grid.origin.y)) <= 2 * size + 5.0).all()  # none far off the map
     assert [room.id for room in layout.rooms] == list(range(1, len(layout.rooms) + 1))
     assert np.array_equal(np.unique(layout.labels[layout.labels > 0]), [room.id for room in layout.rooms])
     for room in layout.rooms:

@@ -101,10 +101,7 @@ class FaceDetails(Details):
         """Representative lines, the box's border last."""
         faces, aligned = self.face_model, self.model.lines.direction
         lines, angle = faces.arrangement.lines, angles_to_world(self.model.aligned.directions, self.origin)
-        index = np.arange(len(lines))
-        start, end = (
-            to_world(lines.points(at, index), self.origin).tolist() for at in (lines.start, lines.end)
-        )
+        start, end = (to_world(points, self.origin).tolist() for points in lines.ends())
         direction = [*ranks(angle)[aligned].tolist(), *[BORDER] * 4]
         angles = [*angle[aligned].tolist(), *angles_to_world(lines.angle[-4:], self.origin).tolist()]
         return tuple(

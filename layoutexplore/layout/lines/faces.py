@@ -45,6 +45,14 @@ class LineSet:
     def __len__(self) -> int:
         return len(self.angle)
 
+    def ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Both ends float64 (n, 2) of every line; those of a line that misses the box are a point near it."""
+        x0, y0, x1, y1 = self.box
+        beside = 0.5 * ((x0 + x1) * np.cos(self.angle) + (y0 + y1) * np.sin(self.angle))
+        missed = self.start >= self.end
+        start, end = (np.where(missed, beside, at) for at in (self.start, self.end))
+        return self.points(start), self.points(end)
+
     def points(
         self, coordinate: NDArray[np.float64], line: NDArray[np.int64] | None = None
     ) -> NDArray[np.float64]:
