@@ -7,7 +7,6 @@ import importlib
 import io
 import re
 import tokenize
-import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
@@ -58,9 +57,6 @@ LINES_OF_FILE, LINES_OF_FUNCTION, COLUMNS, MODULES_OF_FOLDER, PARAMETERS, COMMEN
     25,
 )
 HEAVY = {"torch": {"training", "agents.rl", "speed"}, "sklearn": {"training", "agents.rl", "speed"}}
-
-EXCEPTIONS: dict[str, list[str]] = tomllib.loads((ROOT / "tests" / "architecture.toml").read_text())
-"""What breaks a rule today. A list may only shrink: what it names and is mended has to go from it."""
 
 
 @cache
@@ -172,12 +168,8 @@ def comment_lines(module: str) -> frozenset[int]:
 
 
 def check(rule: str, found: set[str]) -> None:
-    """Nothing breaks a rule but what is listed, and nothing is listed that keeps it."""
-    listed = set(EXCEPTIONS.get(rule, []))
-    assert not found - listed, f"{rule}: {sorted(found - listed)}"
-    assert not listed - found, (
-        f"{rule}: mended, take it from tests/architecture.toml: {sorted(listed - found)}"
-    )
+    """Nothing breaks a rule."""
+    assert not found, f"{rule}: {sorted(found)}"
 
 
 def test_no_circle_between_files() -> None:
@@ -357,8 +349,7 @@ def test_no_test_imports_a_private_name(path: Path) -> None:
         for name in node.names
         if name.name.startswith("_") and not name.name.startswith("__")
     }
-    listed = {e for e in EXCEPTIONS.get("private imports", []) if e.startswith(f"{path.relative_to(ROOT)}:")}
-    assert private == listed
+    assert not private
 
 
 def test_lengths_are_in_metres() -> None:

@@ -285,7 +285,7 @@ def _runs_beside(move: int, cols: int) -> tuple[_Direction, _Direction]:
 def _step(
     grid: _Grid, queue: _Queue, state: NDArray[np.int64], target: int, there: int, move: int, follow: int
 ) -> None:
-    """Arrive at a cell by a diagonal move; queue it if its distance, or one of the moves to follow, is new."""
+    """Arrive at a cell by a diagonal move; queue it if its distance, or a move to follow, is new."""
     distance, scheduled = grid.distance, grid.scheduled
     at = np.uint64(target)
     if there < distance[at]:
