@@ -37,7 +37,7 @@ def load_policy(name: str, policy: str) -> PolicyAgent:
         return LinearPolicy(name, _linear_weights(path, spec), spec, fingerprint([path]))
     require("torch", "rl")
     from layoutexplore.agents.rl.agent import NetworkPolicy
-    from layoutexplore.agents.rl.policy_file import load_actor
+    from layoutexplore.agents.rl.torch_policy_files import load_actor
 
     return NetworkPolicy(name, load_actor(path)[0], spec, fingerprint([path]))
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from layoutexplore.agents.rl.policy import FrontierPolicy
+from layoutexplore.agents.rl.maskable_policy import FrontierPolicy
 
 CURVES = ("coverage", "distance", "d95_share")
 """Entries of `info["episode"]` that become curves."""

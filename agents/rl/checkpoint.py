@@ -16,7 +16,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from layoutexplore.agents.rl.policy_file import save_tensors
+from layoutexplore.agents.rl.torch_policy_files import save_tensors
 from layoutexplore.errors import ResultsError
 
 FORMAT = 1

@@ -20,7 +20,7 @@ from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.agents.rl.evaluation import Evaluation, score
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.networks.actor_critic import Actor
-from layoutexplore.agents.rl.policy_file import save_policy
+from layoutexplore.agents.rl.torch_policy_files import save_policy
 from layoutexplore.errors import ConfigError, ResultsError
 from layoutexplore.files import atomic, to_toml, write_atomically
 from layoutexplore.processes import command_line

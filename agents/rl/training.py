@@ -27,8 +27,8 @@ from layoutexplore.agents.rl.environments import make_envs
 from layoutexplore.agents.rl.evaluation import evaluate_motion
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.imitation import imitate
+from layoutexplore.agents.rl.maskable_policy import FrontierPolicy
 from layoutexplore.agents.rl.networks.actor_critic import Actor
-from layoutexplore.agents.rl.policy import FrontierPolicy
 from layoutexplore.agents.rl.ppo.algorithm import FrontierPPO
 from layoutexplore.agents.rl.run import TrainingRun, Watcher
 

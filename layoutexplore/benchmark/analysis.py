@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.metrics.exploration import coverage_at, mean_coverage
 from layoutexplore.metrics.statistics import (
     Interval,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import Curves, agents_of, groups
 from layoutexplore.benchmark.counterfactual import Counterfactual
-from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.frontiers.tour_features import BEGUN, SURE
 from layoutexplore.metrics.exploration import FULLY_SEEN, distance_to_coverage

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.benchmark.analysis import agents_of, groups
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual
-from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 
 NotesOf = Callable[[Row], Counterfactual | None]

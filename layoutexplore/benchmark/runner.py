@@ -18,9 +18,9 @@ from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.cluster import check_cluster, run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.counterfactual import CounterfactualRollouts
-from layoutexplore.benchmark.episode import Row, fingerprints, prepare, score_run
 from layoutexplore.benchmark.plans import PlanEntry, check_names, entry
 from layoutexplore.benchmark.pool import run_all
+from layoutexplore.benchmark.rows import Row, fingerprints, prepare, score_run
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.errors import ConfigError, LayoutExploreError
 from layoutexplore.maps.library import cached_plan, find_plans

@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual, from_arrays, to_arrays
-from layoutexplore.benchmark.episode import Row
 from layoutexplore.benchmark.manifest import manifest_of, merge_manifests, read_manifest
 from layoutexplore.benchmark.plans import PlanEntry
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import ResultsError
 from layoutexplore.files import (
     HALF,

@@ -130,7 +130,7 @@ def report(
     from layoutexplore.benchmark.analysis import agents_of
     from layoutexplore.benchmark.store import ResultsFolder
     from layoutexplore.errors import require, unknown_name
-    from layoutexplore.report.exploration import write_benchmark_report
+    from layoutexplore.report.benchmark import write_benchmark_report
 
     for module in ("pandas", "pyarrow", "jinja2"):
         require(module, "bench")
@@ -184,7 +184,7 @@ def run_with_progress(
 
 def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig) -> None:
     from layoutexplore.benchmark.analysis import compare
-    from layoutexplore.report.exploration import headline, write_benchmark_report
+    from layoutexplore.report.benchmark import headline, write_benchmark_report
 
     comparisons = compare(outcome.rows, config.baseline)
     paths = write_benchmark_report(outcome.folder, baseline=config.baseline, comparisons=comparisons)

@@ -12,7 +12,7 @@ import typer
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from layoutexplore.benchmark.episode import Row
+    from layoutexplore.benchmark.rows import Row
     from layoutexplore.drawing.film import Film
     from layoutexplore.grids.grid import Pose
     from layoutexplore.simulation.simulation import Simulation
@@ -57,7 +57,7 @@ def explore(
     """Explore one floor plan."""
     from rich.console import Console
 
-    from layoutexplore.benchmark.episode import Row, prepare, score_run
+    from layoutexplore.benchmark.rows import Row, prepare, score_run
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.drawing.pictures import draw_state
     from layoutexplore.files import check_places

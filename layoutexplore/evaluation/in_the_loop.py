@@ -8,7 +8,7 @@ from typing import Any
 
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import POOLED, Comparison, compare
-from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.metrics.statistics import Interval
 
 BASELINE = "nearest"

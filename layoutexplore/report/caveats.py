@@ -7,10 +7,10 @@ from typing import Any
 
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import agents_of
-from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.maps import splits
-from layoutexplore.report.page import percent
+from layoutexplore.report.templates import percent
 
 
 def caveats(rows: Sequence[Row], settings: dict[str, Any], *, candidates: int = 1) -> list[str]:

@@ -17,7 +17,7 @@ from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.closed_door_maps import Triple, read_cells
-from layoutexplore.report.page import png_uri, render
+from layoutexplore.report.templates import png_uri, render
 
 RIGHT, WRONG, MISSED = (86, 180, 140), (230, 120, 80), (120, 170, 220)
 """Colours of never-seen cells: predicted rightly, wrongly, and not predicted."""

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.benchmark.counterfactual import DecisiveDecision
-from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.drawing import palette
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
-from layoutexplore.report.page import number, png_uri
+from layoutexplore.report.templates import number, png_uri
 
 MARGIN, LEAST_SIDE = 2.5, 12.0
 """Metres around what matters, and the least side of a picture."""

@@ -21,7 +21,7 @@ from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.snapshot import Snapshot
-from layoutexplore.report.page import png_uri, render
+from layoutexplore.report.templates import png_uri, render
 
 WIDTH = 420
 """Pixels: pictures are about so wide."""

@@ -13,8 +13,8 @@ from typing import Any
 from layoutexplore.benchmark.analysis import Comparison, Curves
 from layoutexplore.benchmark.counterfactual import DecisiveDecision
 from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops, has_stop_rule, tried_stops
-from layoutexplore.benchmark.episode import Row, knows_the_plan
 from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
+from layoutexplore.benchmark.rows import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
 from layoutexplore.report.decisive_decisions import DecisionPicture, decision_picture

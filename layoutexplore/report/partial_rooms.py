@@ -25,7 +25,7 @@ from layoutexplore.metrics.statistics import Interval
 from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
-from layoutexplore.report.page import png_uri, render
+from layoutexplore.report.templates import png_uri, render
 
 PICTURES = 6
 """Rooms drawn of the best, and of the worst."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.benchmark.analysis import Comparison, PooledCurve
 from layoutexplore.drawing import palette
-from layoutexplore.report.page import png_uri
+from layoutexplore.report.templates import png_uri
 
 RATIO_LIMITS = (0.4, 2.0)
 """The forest plot never shows more than this; ratios outside are marked at its edge."""

@@ -18,7 +18,7 @@ from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.painted_rooms import Case, read_case
 from layoutexplore.metrics.segmentation import HEADINGS, MEASURES, overlap_table
-from layoutexplore.report.page import png_uri, render
+from layoutexplore.report.templates import png_uri, render
 
 UNCLAIMED, WALL, UNSEEN = (255, 255, 255), (30, 30, 36), (205, 208, 212)
 

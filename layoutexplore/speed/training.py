@@ -114,7 +114,7 @@ def _stock_learner(config: TrainingConfig, envs: VectorAdapter) -> MaskablePPO:
     from sb3_contrib import MaskablePPO
 
     from layoutexplore.agents.rl.card import spec_of
-    from layoutexplore.agents.rl.policy import FrontierPolicy
+    from layoutexplore.agents.rl.maskable_policy import FrontierPolicy
 
     networks = {"spec": spec_of(config)}
     return MaskablePPO(FrontierPolicy, envs, policy_kwargs=networks, device="cpu", seed=0, **config.learning)

@@ -30,7 +30,7 @@ from layoutexplore.grids.grid import FREE, in_cells
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.models.forest_files import save_forests
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
-from layoutexplore.training.shut_rooms import RESOLUTION, add_outer_doors, plan_cells, shut_rooms
+from layoutexplore.training.closed_door_examples import RESOLUTION, add_outer_doors, plan_cells, shut_rooms
 
 SHUT_AGAIN, PLAN_MAPS = 5, 3
 """Simulated maps of each building of a folder, and of each floor plan."""

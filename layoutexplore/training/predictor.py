@@ -90,7 +90,8 @@ def explore_plans(
 
 def buildings_of(seen: Explored, folds: int) -> dict[str, str]:
     """The group of each plan from a file and of its copies; there are enough of them for the folds."""
-    from layoutexplore.training.folds import check_folds, group_buildings
+    from layoutexplore.maps.buildings import group_buildings
+    from layoutexplore.training.folds import check_folds
 
     groups = group_buildings(seen.files)
     groups |= {copy: groups[name] for copy, name in seen.copies.items()}

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from layoutexplore.agents import agent_names, describe_agents, make_agent
-from layoutexplore.benchmark.episode import prepare
+from layoutexplore.benchmark.rows import prepare
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.frontiers.decision import STOP, Agent, Privileged
 from layoutexplore.maps.raster import PlanRaster

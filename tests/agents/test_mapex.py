@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.mapex import expected_new_area, probability_open
 from layoutexplore.benchmark.counterfactual import without_layout
-from layoutexplore.benchmark.episode import prepare
+from layoutexplore.benchmark.rows import prepare
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.frontiers.visible_area import ray_table, visible_unknown_area
 from layoutexplore.maps.tracing import floorplan_from_ascii

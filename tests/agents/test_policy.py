@@ -14,7 +14,7 @@ from layoutexplore.agents import make_agent
 from layoutexplore.agents.policy import load_policy
 from layoutexplore.agents.rl.card import WEIGHTS, find_policy, read_card
 from layoutexplore.agents.rl.linear import LinearPolicy
-from layoutexplore.benchmark.episode import prepare
+from layoutexplore.benchmark.rows import prepare
 from layoutexplore.errors import ResultsError
 from layoutexplore.files import to_toml
 from layoutexplore.simulation.config import SimulationConfig
@@ -25,7 +25,7 @@ SHIPPED = sorted(path.stem for path in WEIGHTS.glob("*.safetensors"))
 WITHOUT_TORCH = """
 import sys
 sys.modules["torch"] = None
-from layoutexplore.benchmark.episode import prepare
+from layoutexplore.benchmark.rows import prepare
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play
 simulation, agent = prepare("apartment-01", SimulationConfig(sensor="indoor"), sys.argv[1])
@@ -48,7 +48,7 @@ def test_what_ships_explores_without_torch_as_with_it(name: str) -> None:
 def test_what_ships_chooses_as_its_network_does(name: str, sensor: str) -> None:
     pytest.importorskip("torch")
     from layoutexplore.agents.rl.agent import NetworkPolicy
-    from layoutexplore.agents.rl.policy_file import load_actor
+    from layoutexplore.agents.rl.torch_policy_files import load_actor
 
     simulation, agent = prepare("apartment-03", SimulationConfig(sensor=sensor), f"policy:{name}")
     assert isinstance(agent, LinearPolicy)
@@ -65,7 +65,7 @@ def test_what_ships_chooses_as_its_network_does(name: str, sensor: str) -> None:
 def test_all_features_of_a_frontier_are_weighed_as_by_the_network(tmp_path: Path) -> None:
     torch = pytest.importorskip("torch")
     from layoutexplore.agents.rl.agent import NetworkPolicy
-    from layoutexplore.agents.rl.policy_file import load_actor, save_policy
+    from layoutexplore.agents.rl.torch_policy_files import load_actor, save_policy
     from tests.agents.rl.cases import random_actor, spec
 
     torch.manual_seed(0)

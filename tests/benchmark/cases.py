@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from layoutexplore.benchmark.episode import TIMING_COLUMNS, Row
+from layoutexplore.benchmark.rows import TIMING_COLUMNS, Row
 
 
 def timeless(rows: list[Row]) -> list[Row]:

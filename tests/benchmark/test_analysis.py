@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.benchmark.analysis import POOLED, by_plan, compare, groups, pooled_curves, summarise_agents
-from layoutexplore.benchmark.episode import (
-    Row,
-    knows_the_plan,
-)
+from layoutexplore.benchmark.rows import Row, knows_the_plan
 
 
 def row(plan: str, agent: str, d95: float, *, start: int = 0, sensor: str = "stage", **more: Any) -> Row:

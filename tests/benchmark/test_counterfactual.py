@@ -26,8 +26,8 @@ from layoutexplore.benchmark.counterfactual import (
     without_layout,
 )
 from layoutexplore.benchmark.early_stop import early_stops, stop_at, tried_stops, try_rule
-from layoutexplore.benchmark.episode import Row, prepare
 from layoutexplore.benchmark.layout_effects import layout_effects
+from layoutexplore.benchmark.rows import Row, prepare
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.cli import app

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.episode import fingerprints
+from layoutexplore.benchmark.rows import fingerprints
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import ResultsError

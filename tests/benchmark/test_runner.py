@@ -13,7 +13,7 @@ import pytest
 from layoutexplore.benchmark import runner
 from layoutexplore.benchmark.analysis import compare
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.episode import prepare
+from layoutexplore.benchmark.rows import prepare
 from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import ConfigError, MapError, ResultsError, UnknownNameError

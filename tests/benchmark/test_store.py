@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import COLUMNS, format_row, locked, parse_row, slug
 from layoutexplore.errors import ResultsError

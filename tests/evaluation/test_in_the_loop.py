@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from layoutexplore import cli
-from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.evaluation.in_the_loop import BASELINE, driver_of, score_in_the_loop
 from layoutexplore.maps.geojson import save_plan
 from tests.plans import offices

@@ -30,8 +30,8 @@ from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.predictors import RoomLabels, make_room_predictor
 from layoutexplore.predictors.snapshot import Snapshot
+from layoutexplore.report.benchmark import write_benchmark_report
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
-from layoutexplore.report.exploration import write_benchmark_report
 from layoutexplore.report.layout_section import stop_plot
 from layoutexplore.report.partial_rooms import Gallery, draw_room
 from layoutexplore.training.snapshots import explore_plan

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from layoutexplore.benchmark.analysis import Comparison, compare
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
-from layoutexplore.benchmark.episode import Row
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import COLUMNS, ResultsFolder
 from layoutexplore.drawing.film import Film
@@ -26,10 +26,10 @@ from layoutexplore.errors import ConfigError, ResultsError
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
+from layoutexplore.report.benchmark import headline, report_view, write_benchmark_report
 from layoutexplore.report.caveats import caveats
-from layoutexplore.report.exploration import headline, report_view, write_benchmark_report
-from layoutexplore.report.page import interval, png_uri, render
 from layoutexplore.report.plots import floor_picture, forest, heat, track_picture
+from layoutexplore.report.templates import interval, png_uri, render
 from tests.plans import HOUSE
 
 VOID = {"meta", "link", "br", "image", "img", "path", "circle", "rect", "hr", "input"}
@@ -143,7 +143,7 @@ def test_failed_runs_are_listed(folder: ResultsFolder) -> None:
         error="Boom: <b>no</b>",
     )
     html = render(
-        "exploration.html",
+        "benchmark.html",
         **report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest")),
     )
     assert "Failed runs" in html and "Boom: &lt;b&gt;no&lt;/b&gt;" in html and "<b>1</b>failed" in html
@@ -152,8 +152,8 @@ def test_failed_runs_are_listed(folder: ResultsFolder) -> None:
 def test_nothing_ended_well(folder: ResultsFolder) -> None:
     rows = [dataclasses.replace(row, error="Boom: no") for row in folder.rows()]
     view = report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
-    assert "No run has ended well" in render("exploration.html", **view)
-    assert "Boom: no" in render("exploration.md", **view)
+    assert "No run has ended well" in render("benchmark.html", **view)
+    assert "Boom: no" in render("benchmark.md", **view)
     assert headline(rows, "nearest", []) == [("agent",)]
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from layoutexplore.benchmark.episode import prepare
+from layoutexplore.benchmark.rows import prepare
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.maps.floorplan import FloorPlan

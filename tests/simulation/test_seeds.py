@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.episode import prepare
+from layoutexplore.benchmark.rows import prepare
 from layoutexplore.maps.generator import generate
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig

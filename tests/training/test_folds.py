@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from layoutexplore.evaluation.segmentation import MapScore, seed_spread
+from layoutexplore.maps.buildings import group_buildings
 from layoutexplore.maps.tracing import floorplan_from_ascii
-from layoutexplore.training.folds import deal_folds, group_buildings
+from layoutexplore.training.folds import deal_folds
 from tests.plans import THREE_OFFICES
 
 

@@ -21,7 +21,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import explained_variance, obs_as_tensor
 from stable_baselines3.common.vec_env import VecEnv
 
-from layoutexplore.agents.rl.policy import FrontierPolicy
+from layoutexplore.agents.rl.maskable_policy import FrontierPolicy
 from layoutexplore.agents.rl.ppo.collector import Collector, Ends
 from layoutexplore.agents.rl.ppo.rollout import Rollout, parts_of
 from layoutexplore.agents.rl.ppo.update import Learnt, Update

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from layoutexplore.agents.rl.policy import FrontierPolicy
+from layoutexplore.agents.rl.maskable_policy import FrontierPolicy
 from layoutexplore.agents.rl.ppo.rollout import TrainingBatch, parts_of
 
 _HEAVIEST = 2.0

@@ -10,7 +10,7 @@ import pytest
 @pytest.fixture
 def saved(tmp_path: Path) -> Path:
     pytest.importorskip("torch")
-    from layoutexplore.agents.rl.policy_file import save_policy
+    from layoutexplore.agents.rl.torch_policy_files import save_policy
     from tests.agents.rl.cases import random_actor, spec
 
     path, training = tmp_path / "trained.safetensors", {"steps_done": 3}

@@ -12,7 +12,7 @@ pytest.importorskip("safetensors")
 
 from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.agent import NetworkPolicy  # noqa: E402
-from layoutexplore.benchmark.episode import prepare  # noqa: E402
+from layoutexplore.benchmark.rows import prepare  # noqa: E402
 from layoutexplore.errors import MissingExtraError  # noqa: E402
 from layoutexplore.simulation.config import SimulationConfig  # noqa: E402
 from layoutexplore.simulation.episode import play  # noqa: E402

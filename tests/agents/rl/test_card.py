@@ -12,7 +12,7 @@ pytest.importorskip("safetensors")
 
 from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.card import WEIGHTS, find_policy, read_card, read_spec  # noqa: E402
-from layoutexplore.agents.rl.policy_file import load_actor, save_tensors  # noqa: E402
+from layoutexplore.agents.rl.torch_policy_files import load_actor, save_tensors  # noqa: E402
 from layoutexplore.errors import ConfigError, ResultsError, UnknownNameError  # noqa: E402
 
 

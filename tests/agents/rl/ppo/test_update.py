@@ -12,7 +12,7 @@ pytest.importorskip("sb3_contrib")
 
 from gymnasium import spaces  # noqa: E402
 
-from layoutexplore.agents.rl.policy import FrontierPolicy  # noqa: E402
+from layoutexplore.agents.rl.maskable_policy import FrontierPolicy  # noqa: E402
 from layoutexplore.agents.rl.ppo.rollout import TrainingBatch  # noqa: E402
 from layoutexplore.agents.rl.ppo.update import Update  # noqa: E402
 from layoutexplore.envs.observation import ObservationConfig  # noqa: E402

@@ -26,12 +26,11 @@ from layoutexplore.benchmark.analysis import (
     pooled_curves,
     summarise_agents,
 )
-from layoutexplore.benchmark.episode import Row, knows_the_plan
+from layoutexplore.benchmark.rows import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.files import atomic, write_atomically
 from layoutexplore.report.caveats import caveats
 from layoutexplore.report.layout_section import layout_section
-from layoutexplore.report.page import interval, number, percent, render
 from layoutexplore.report.plots import (
     CurveLine,
     ForestPlot,
@@ -42,6 +41,7 @@ from layoutexplore.report.plots import (
     heat,
     track_picture,
 )
+from layoutexplore.report.templates import interval, number, percent, render
 
 NBSP = "\N{NO-BREAK SPACE}"
 
@@ -124,7 +124,7 @@ def write_benchmark_report(
         folder, rows, manifest, baseline, compare(rows, baseline) if comparisons is None else comparisons
     )
     written = []
-    for name, template in (("report.html", "exploration.html"), ("report.md", "exploration.md")):
+    for name, template in (("report.html", "benchmark.html"), ("report.md", "benchmark.md")):
         write_atomically(folder.path / name, render(template, **view))
         written.append(folder.path / name)
     return [*written, *_write_tables(folder.path, rows, view["comparisons"])]

@@ -22,7 +22,7 @@ def render(template: str, **context: Any) -> str:
     """A template of this folder, filled in; HTML templates escape what they are given.
 
     Args:
-        template: File name, such as "exploration.html".
+        template: File name, such as "benchmark.html".
         context: What the template uses; `style` (the style sheet) is always there.
     """
     return str(_environment().get_template(template).render(style=_style(), **context))

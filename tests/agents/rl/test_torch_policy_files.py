@@ -11,7 +11,7 @@ pytest.importorskip("safetensors")
 
 from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.card import read_card  # noqa: E402
-from layoutexplore.agents.rl.policy_file import load_actor, save_policy  # noqa: E402
+from layoutexplore.agents.rl.torch_policy_files import load_actor, save_policy  # noqa: E402
 from layoutexplore.errors import ResultsError  # noqa: E402
 from tests.agents.rl.cases import observations, random_actor, spec  # noqa: E402
 

@@ -8,7 +8,7 @@ import pytest
 
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.maps.tracing import floorplan_from_ascii
-from layoutexplore.training.shut_rooms import add_outer_doors, find_doorways, plan_cells, shut_rooms
+from layoutexplore.training.closed_door_examples import add_outer_doors, find_doorways, plan_cells, shut_rooms
 from layoutexplore.training.simulated_maps import furnish_cells
 from tests.closed_doors.cases import office, with_walls
 

@@ -10,7 +10,7 @@ pytest.importorskip("sb3_contrib")
 
 from gymnasium import spaces  # noqa: E402
 
-from layoutexplore.agents.rl.policy import FrontierPolicy  # noqa: E402
+from layoutexplore.agents.rl.maskable_policy import FrontierPolicy  # noqa: E402
 from layoutexplore.envs.observation import ObservationConfig  # noqa: E402
 from tests.agents.rl.cases import SLOTS, observations, spec  # noqa: E402
 
