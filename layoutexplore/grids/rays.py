@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 _STEEPEST = 1.0 - 1e-9
 
+_FAR = 1e300
+"""More than any length, and yet a number: 0 times the infinite inverse of a tiny motion would be none."""
+
 
 @njit(cache=True, nogil=True)
 def ray_frame(x: float, y: float, dx: float, dy: float) -> tuple[float, float, float, float, float, bool]:
@@ -35,7 +38,7 @@ def ray_frame(x: float, y: float, dx: float, dy: float) -> tuple[float, float, f
             from_y,
             min(size_y / size_x, _STEEPEST),
             1.0 / size_x,
-            1.0 / size_y if size_y > 0.0 else np.inf,
+            min(1.0 / size_y, _FAR) if size_y > 0.0 else np.inf,
             True,
         )
     return (
@@ -43,7 +46,7 @@ def ray_frame(x: float, y: float, dx: float, dy: float) -> tuple[float, float, f
         from_x,
         min(size_x / size_y, _STEEPEST),
         1.0 / size_y,
-        1.0 / size_x if size_x > 0.0 else np.inf,
+        min(1.0 / size_x, _FAR) if size_x > 0.0 else np.inf,
         False,
     )
 

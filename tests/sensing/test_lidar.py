@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -67,6 +67,8 @@ def scenes(draw: st.DrawFn) -> tuple[NDArray[np.bool_], float, float, float]:
 
 @settings(max_examples=150, deadline=None)
 @given(scenes(), st.floats(0.3, 60.0), st.sampled_from([0.05, 0.1, 1.0]))
+@example((np.array([[False]]), 0.0, 0.0, -5e-324), 2.0, 0.05)
+@example((np.zeros((1, 5), np.bool_), 4.0, 3.9373933505475837e-16, 0.0), 60.0, 1.0)
 def test_ranges_are_those_of_the_slow_traversal(scene, reach, resolution) -> None:
     world, x, y, heading = scene
     config = LidarConfig(range_max=reach * resolution, fov=2 * math.pi, beams=24)
@@ -75,9 +77,12 @@ def test_ranges_are_those_of_the_slow_traversal(scene, reach, resolution) -> Non
     px, py = x * resolution / resolution, y * resolution / resolution
     for measured, angle in zip(ranges / resolution, config.angles() + heading, strict=True):
         exact, _ = slow_ray(world, px, py, angle, math.inf)
-        assert agree(exact, measured, reach) or any(
-            agree(r, measured, reach) for r in nearly(world, px, py, angle)
-        )
+        if agree(exact, measured, reach):
+            continue
+        others = [min(r, reach) for r in nearly(world, px, py, angle)]
+        # A ray along a border of cells leaves it where rounding says, between what its neighbours meet.
+        grazes = abs(math.remainder(angle, math.pi / 2)) < 1e-7 and min(others) <= measured <= max(others)
+        assert grazes or any(agree(r, measured, reach) for r in others)
 
 
 def agree(exact: float, measured: float, reach: float) -> bool:
