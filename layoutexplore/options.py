@@ -178,6 +178,7 @@ def option(
     high: float = math.inf,
     choices: tuple[str, ...] = (),
     positional: bool = False,
+    whole: bool = False,
 ) -> Any:
     """A field of an `Options` class.
 
@@ -189,9 +190,11 @@ def option(
         choices: The words that are allowed; for a text.
         positional: Whether the value may stand right behind the colon without the key, `NAME:VALUE`; for one
             text.
+        whole: Whether everything behind the colon is the value; for the only parameter.
     """
     rule = Rule(kind=type(default), low=low, high=high, choices=choices)
-    return dataclasses.field(default=default, metadata={"text": text, "rule": rule, "positional": positional})
+    marks = {"text": text, "rule": rule, "positional": positional or whole, "whole": whole}
+    return dataclasses.field(default=default, metadata=marks)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,24 +231,42 @@ def parse_spec(what: str, spec: str, known: Mapping[str, Options]) -> tuple[str,
         raise ConfigError(f"{what} {spec!r}: nothing follows the colon; {form}")
     fields = {field.name: field for field in dataclasses.fields(known[name])}
     first = next((key for key, field in fields.items() if field.metadata["positional"]), "")
+    whole = bool(first) and fields[first].metadata["whole"]
+    items = [text] if whole else text.split(",")
+    if whole or (first and items[0].partition("=")[0].strip() not in fields):
+        items[0] = f"{first}={items[0]}"
     values: dict[str, Value] = {}
-    for number, item in enumerate(text.split(",")):
-        key, equals, value = (part.strip() for part in item.partition("="))
-        if first and number == 0 and key not in fields:
-            key, equals, value = first, "=", item.strip()
-        if not (equals and key and value):
-            raise ConfigError(f"{what} {spec!r}: {item.strip()!r} is not of the form key=value")
+    for key, value in split_pairs(f"{what} {spec!r}", items).items():
         if key not in fields:
             if not fields:
                 raise ConfigError(f"{what} {spec!r}: it has no parameters")
             raise unknown_name(f"parameter of {what} {name!r}", key, fields)
-        if key in values:
-            raise ConfigError(f"{what} {spec!r}: {key!r} is given twice")
         values[key] = read_value(f"{what} {spec!r}: {key}", getattr(known[name], key), value)
     try:
         return name, dataclasses.replace(known[name], **values)
     except ConfigError as error:
         raise ConfigError(f"{what} {spec!r}: {error}") from None
+
+
+def split_pairs(where: str, items: Iterable[str]) -> dict[str, str]:
+    """Keys and values, stripped, of texts of the form `key=value`.
+
+    Args:
+        where: What the texts belong to, for messages.
+        items: The texts.
+
+    Raises:
+        ConfigError: A text is not of that form, or a key is given twice.
+    """
+    pairs: dict[str, str] = {}
+    for item in items:
+        key, equals, value = (part.strip() for part in item.partition("="))
+        if not (equals and key and value):
+            raise ConfigError(f"{where}: {item.strip()!r} is not of the form key=value")
+        if key in pairs:
+            raise ConfigError(f"{where}: {key!r} is given twice")
+        pairs[key] = value
+    return pairs
 
 
 def format_spec(name: str, options: Options, defaults: Options) -> str:

@@ -89,7 +89,7 @@ def in_the_loop(
     facts = {
         "command": command_line(),
         "plans": len(sources),
-        "buildings": len(buildings),
+        "buildings": len(set(buildings.values())),
         "starts": starts,
         "sensors": sensors,
         "plan": next(iter(buildings)),
@@ -113,25 +113,25 @@ def _ask(
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
     from layoutexplore.maps.library import load_plan
-    from layoutexplore.training.explorations import PROTOCOL_AGENT
+    from layoutexplore.training.explorations import PROTOCOL_AGENT, protocol_explorations
     from layoutexplore.training.snapshots import explore_plan
 
     scores = Scores([], [], {p.name: [] for p in predictors})
     buildings: dict[str, str] = {}
     pictures: list[BelievedRooms] = []
-    cells = [(source, sensor, seed) for source in sources for sensor in sensors for seed in range(starts)]
+    done, total = 0, len(sources) * len(sensors) * starts
     with ProgressLine(Console(highlight=False), "explorations judged") as line:
-        for k, (source, sensor, seed) in enumerate(cells, 1):
+        for source in sources:
             plan = load_plan(source)
-            buildings[plan.name] = plan.building
-            agent = make_agent(PROTOCOL_AGENT)
-            scores.extend(
-                score_predictors(explore_plan(plan, agent, sensor=sensor, seed=seed, store=store), predictors)
-            )
-            if k == 1:
-                shown = explore_plan(plan, agent, sensor=sensor, seed=seed, coverages=SHOWN, store=store)
+            if not buildings:
+                agent = make_agent(PROTOCOL_AGENT)
+                shown = explore_plan(plan, agent, sensor=sensors[0], coverages=SHOWN, store=store)
                 pictures = _believed(shown, predictors)
-            line.advance(k, len(cells), k / len(cells), plan.name)
+            buildings[plan.name] = plan.building
+            for part in protocol_explorations(plan, make_agent, store, sensors=sensors, starts=starts):
+                scores.extend(score_predictors(part, predictors))
+                done += 1
+                line.advance(done, total, done / total, plan.name)
     return scores, buildings, pictures
 
 

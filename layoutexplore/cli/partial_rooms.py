@@ -75,8 +75,7 @@ def partial_rooms(
     from layoutexplore.processes import command_line
     from layoutexplore.report.partial_rooms import Gallery, write_partial_rooms_report
     from layoutexplore.sensing.lidar import sensor as find_sensor
-    from layoutexplore.training.explorations import PROTOCOL_AGENT, SENSORS
-    from layoutexplore.training.snapshots import explore_plan
+    from layoutexplore.training.explorations import SENSORS, protocol_explorations
 
     if out is not None:
         require("jinja2", "bench")
@@ -86,12 +85,10 @@ def partial_rooms(
     taken = (
         snapshot
         for source in find_plans(plans)
-        for plan in [load_plan(source)]
-        for name in sensors
-        for seed in range(starts)
-        for snapshot in explore_plan(
-            plan, make_agent(PROTOCOL_AGENT), sensor=name, seed=seed, store=snapshots
+        for exploration in protocol_explorations(
+            load_plan(source), make_agent, snapshots, sensors=sensors, starts=starts
         )
+        for snapshot in exploration
     )
     names = [p.name for p in predictors]
     gallery = Gallery("layout" if "layout" in names else names[0])

@@ -60,7 +60,7 @@ class LearnedOptions(Options):
 class ReconstructOptions(Options):
     """Parameters of `reconstruct`."""
 
-    method: str = option("rose2", "a layout method, with its options behind semicolons", positional=True)
+    method: str = option("rose2", "a layout method, its options behind semicolons", whole=True)
 
 
 _BUILDERS: dict[str, tuple[Options, Callable[[Any], RoomPredictor]]] = {
@@ -107,8 +107,5 @@ def make_room_predictor(spec: str) -> RoomPredictor:
         UnknownNameError: There is no predictor of that name.
         ConfigError: It has no such parameter, or the value makes no sense.
     """
-    name, colon, text = spec.strip().partition(":")
-    if name == "reconstruct":  # what follows is the method's, not ours to read
-        return predictor_of_method(text if colon else ReconstructOptions().method)
     name, options = parse_spec("predictor", spec, {name: known for name, (known, _) in _BUILDERS.items()})
     return _BUILDERS[name][1](options)

@@ -19,7 +19,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.errors import unknown_name
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
@@ -27,7 +27,7 @@ from layoutexplore.grids.polygons import fill
 from layoutexplore.layout.frame import to_world
 from layoutexplore.layout.pipeline import LayoutCache, layout_method
 from layoutexplore.layout.types import OUTSIDE, Layout
-from layoutexplore.options import format_value, read_value
+from layoutexplore.options import format_value, read_value, split_pairs
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, classes_in, with_classes
 from layoutexplore.predictors.room_completion import Shape, complete_regions
 from layoutexplore.predictors.seen_rooms import Regions
@@ -167,14 +167,11 @@ def predictor_of_method(text: str) -> ReconstructedPredictor:
     """
     method, *items = (item.strip() for item in text.replace(",", ";").split(";"))
     known: dict[str, Any] = dataclasses.asdict(layout_method(method).config())
-    options: dict[str, Any] = {}
-    for item in items:
-        key, equals, value = (part.strip() for part in item.partition("="))
-        if not (equals and key and value):
-            raise ConfigError(f"predictor reconstruct:{text}: {item!r} is not of the form key=value")
+    where, options = f"predictor reconstruct:{text}", dict[str, Any]()
+    for key, value in split_pairs(where, items).items():
         if key != "completion" and key not in known:
             raise unknown_name(f"option of the {method} method", key, ["completion", *known])
-        options[key] = read_value(f"predictor reconstruct:{text}: {key}", known.get(key, ""), value)
+        options[key] = read_value(f"{where}: {key}", known.get(key, ""), value)
     return ReconstructedPredictor(method, **options)
 
 

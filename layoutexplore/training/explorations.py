@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -40,10 +40,17 @@ MakeAgent = Callable[[str], Agent]
 
 
 def protocol_explorations(
-    plan: FloorPlan, make_agent: MakeAgent, store: Path | None = None
-) -> list[list[Snapshot]]:
+    plan: FloorPlan,
+    make_agent: MakeAgent,
+    store: Path | None = None,
+    *,
+    sensors: Sequence[str] = SENSORS,
+    starts: int = 1,
+) -> Iterator[list[Snapshot]]:
     """The explorations by which half-seen rooms are evaluated, by each sensor; stored ones are read."""
-    return [explore_plan(plan, make_agent(PROTOCOL_AGENT), sensor=sensor, store=store) for sensor in SENSORS]
+    for sensor in sensors:
+        for seed in range(starts):
+            yield explore_plan(plan, make_agent(PROTOCOL_AGENT), sensor=sensor, seed=seed, store=store)
 
 
 def stopped_explorations(

@@ -67,7 +67,7 @@ def explore_plans(
         is_file = Path(source).exists()
         found = list(stopped_explorations(plan, make_agent, starts if is_file else 1, stops, store))
         if is_file:
-            protocol = protocol_explorations(plan, make_agent, store)
+            protocol = list(protocol_explorations(plan, make_agent, store))
             found.extend(protocol)
             for copy in stretched_copies(plan, stretched):
                 found.extend(stopped_explorations(copy, make_agent, 1, stops, store))

@@ -105,13 +105,16 @@ def test_a_mirrored_map_has_the_same_classes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", METHODS)
-@pytest.mark.parametrize("text", ["?????\n?...?\n?...?\n?????", "?????\n?###?\n?#.#?\n?????"])
-def test_where_no_room_is_found_frontiers_are_open(name: str, text: str) -> None:
+@pytest.mark.parametrize("text", ["?????\n?...?\n?...?\n?????", "?????\n?###?\n?...?\n?????"])
+def test_where_no_walls_close_a_room_frontiers_are_open(name: str, text: str) -> None:
     judged = make_room_predictor(name).predict(decide(drawn(text)))
-    for frontier in judged.frontiers:
-        assert frontier.is_closed is not None
-        if not judged.rooms.labels.any():
-            assert not frontier.is_closed
+    assert len(judged.frontiers) and all(frontier.is_closed is False for frontier in judged.frontiers)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_without_frontiers_nothing_is_asked(name: str) -> None:
+    decision = decide(drawn("####\n#..#\n#..#\n####"))
+    assert not decision.frontiers and make_room_predictor(name).predict(decision) is decision
 
 
 def test_the_size_of_the_grid_tells_nothing() -> None:
@@ -151,6 +154,7 @@ def test_known_part_keeps_the_world() -> None:
         ("reconstruct:rose2;sigmo=0.1", "sigma"),
         ("reconstruct:rose2;completion=hull", "faces"),
         ("reconstruct:rose2;sigma", "key=value"),
+        ("reconstruct:rose2;sigma=0.1;sigma=0.2", "twice"),
         ("reconstruct:rose2,sigma=wide", "a number"),
         ("reconstruct:rose2,sigma=-1", "sigma"),
     ],
