@@ -46,14 +46,30 @@ def register(app: typer.Typer) -> None:
     app.command("report", help=REPORT_HELP)(report)
 
 
+Plans = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Floor plan: name, FAMILY:SEED, file, folder of plans, or quick, train, validation, test. "
+        "Repeatable."
+    ),
+]
+Explain = Annotated[
+    bool | None,
+    typer.Option(
+        help="Also note what a layout changed and how right it was: layout agents take twice as long. "
+        "Default: yes."
+    ),
+]
+ConfigFile = Annotated[
+    Path | None,
+    typer.Option(
+        help="TOML file with any of these options, and the tables \\[simulation] and \\[lidars.NAME]."
+    ),
+]
+
+
 def benchmark(
-    plans: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Floor plan: name, FAMILY:SEED, file, folder of plans, or quick, train, validation, test. "
-            "Repeatable."
-        ),
-    ] = None,
+    plans: Plans = None,
     starts: Annotated[int | None, typer.Option(help="Starts on each plan. Default: 2.")] = None,
     agents: Annotated[
         list[str] | None, typer.Option(help="Agent, such as tour or nearest:min_size=0.4. Repeatable.")
@@ -68,19 +84,8 @@ def benchmark(
         str, typer.Option(help="Run on Dask or Ray: dask, ray, dask:ADDRESS or ray:ADDRESS.")
     ] = "",
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = DEFAULT_OUT,
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            help="TOML file with any of these options, and the tables \\[simulation] and \\[lidars.NAME]."
-        ),
-    ] = None,
-    explain: Annotated[
-        bool | None,
-        typer.Option(
-            help="Also note what a layout changed and how right it was: layout agents take twice as long. "
-            "Default: yes."
-        ),
-    ] = None,
+    config: ConfigFile = None,
+    explain: Explain = None,
     force: Annotated[
         bool, typer.Option("--force", help="Delete the results in the folder and start again.")
     ] = False,

@@ -45,6 +45,22 @@ Weights = Annotated[
 Jobs = Annotated[int, typer.Option(min=1, help="Processes; compare times with 1 only.")]
 
 
+Protocol = Annotated[
+    str, typer.Option(help="rose2, or bormann: segments and rooms up to 100 pixels are dropped.")
+]
+MergingFolds = Annotated[
+    int, typer.Option(min=0, help="Cross-validate the default method over so many folds of buildings.")
+]
+Seeds = Annotated[int, typer.Option(min=1, help="Train the folds' judges so often, with other seeds.")]
+BuildingsFile = Annotated[
+    Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME), for the folds.")
+]
+Simulated = Annotated[int, typer.Option(min=0, help="Simulated maps each fold is trained on besides.")]
+PlanFolders = Annotated[
+    list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
+]
+
+
 def register(app: typer.Typer) -> None:
     """Add `evaluate` to the command line."""
     app.add_typer(group)
@@ -75,24 +91,12 @@ group.command("closed-doors", help=CLOSED_DOORS_HELP, epilog=EXAMPLE)(closed_doo
 def segmentation(
     folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
     method: Methods = None,
-    protocol: Annotated[
-        str, typer.Option(help="rose2, or bormann: segments and rooms up to 100 pixels are dropped.")
-    ] = "rose2",
-    folds: Annotated[
-        int, typer.Option(min=0, help="Cross-validate the default method over so many folds of buildings.")
-    ] = 0,
-    seeds: Annotated[
-        int, typer.Option(min=1, help="Train the folds' judges so often, with other seeds.")
-    ] = 1,
-    buildings: Annotated[
-        Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME), for the folds.")
-    ] = None,
-    simulated: Annotated[
-        int, typer.Option(min=0, help="Simulated maps each fold is trained on besides.")
-    ] = 150,
-    plans: Annotated[
-        list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
-    ] = None,
+    protocol: Protocol = "rose2",
+    folds: MergingFolds = 0,
+    seeds: Seeds = 1,
+    buildings: BuildingsFile = None,
+    simulated: Simulated = 150,
+    plans: PlanFolders = None,
     weight: Weights = None,
     resolution: Resolution = 0.05,
     json_file: JsonFile = None,
@@ -102,7 +106,9 @@ def segmentation(
     jobs: Jobs = 1,
 ) -> None:
     """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all."""
+    from layoutexplore.cli.progress import progress_lines
     from layoutexplore.errors import ConfigError, require
+    from layoutexplore.evaluation.cross_validation import CrossValidationConfig, cross_validate_merging
     from layoutexplore.evaluation.segmentation import evaluate_cases, seed_spread, summarise_segmentation
     from layoutexplore.layout.pipeline import layout_method
     from layoutexplore.maps.painted_rooms import find_cases
@@ -119,9 +125,6 @@ def segmentation(
     if out is not None:
         require("jinja2", "bench")
     if folds:
-        from layoutexplore.cli.progress import progress_lines
-        from layoutexplore.evaluation.cross_validation import CrossValidationConfig, cross_validate_merging
-
         config = CrossValidationConfig(
             folds=folds,
             protocol=protocol,

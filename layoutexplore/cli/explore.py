@@ -34,6 +34,15 @@ def register(app: typer.Typer) -> None:
     app.command("explore", help=HELP)(explore)
 
 
+RunFolder = Annotated[
+    Path | None,
+    typer.Option(
+        help="Folder for pictures and the rooms believed (a quarter each), the final map (ROS YAML and "
+        "PGM), the path walked and the coverage curve."
+    ),
+]
+
+
 def explore(
     plan: Annotated[str, typer.Argument(help="Floor plan: a name, FAMILY:SEED, or a file.")],
     agent: Annotated[str, typer.Option(help="Strategy, such as tour or nearest:min_size=0.4.")] = "nearest",
@@ -46,13 +55,7 @@ def explore(
     ] = None,
     video: Annotated[Path | None, typer.Option(help="Write an .mp4 or .gif of the run.")] = None,
     fps: Annotated[float, typer.Option(min=0.5, max=60, help="Frames of the video per second.")] = 24.0,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder for pictures and the rooms believed (a quarter each), the final map (ROS YAML and "
-            "PGM), the path walked and the coverage curve."
-        ),
-    ] = None,
+    out: RunFolder = None,
 ) -> None:
     """Explore one floor plan."""
     from rich.console import Console

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -40,19 +40,21 @@ def register(app: typer.Typer) -> None:
     app.command("train", help=HELP)(train)
 
 
+Algorithm = Annotated[
+    str | None,
+    typer.Option(
+        help="tour-search (the parameters of a tour over frontiers, by whole explorations: the default), "
+        "maskable-ppo (a network that scores frontiers), or ppo or dqn (drive by small motions)."
+    ),
+]
+
+
 def train(
     config: Annotated[
         Path | None,
         typer.Argument(metavar="[CONFIG.toml]", help="Hyper-parameters that differ from the shipped ones."),
     ] = None,
-    algorithm: Annotated[
-        str | None,
-        typer.Option(
-            help="tour-search (the parameters of a tour over frontiers, by whole explorations: the "
-            "default), maskable-ppo (a "
-            "network that scores frontiers), or ppo or dqn (drive by small motions)."
-        ),
-    ] = None,
+    algorithm: Algorithm = None,
     steps: Annotated[
         int | None,
         typer.Option(min=1, help="Steps of all environments together; of tour-search, explorations."),
@@ -94,12 +96,8 @@ def train(
     }
     if device not in ("auto", "cpu", "cuda"):
         raise ConfigError(f"--device must be auto, cpu or cuda, got {device!r}")
-    if resume and (fixed := [name for name, value in flags.items() if value is not None and name != "steps"]):
-        raise ConfigError(f"--resume goes on with the configuration of {out}: leave out --{fixed[0]}")
-    if resume and config is not None:
-        raise ConfigError(f"--resume goes on with the configuration of {out}: leave out {config}")
     if resume:
-        config = out / "config.toml"
+        config = _kept_config(out, config, flags)
     settings = read_config(config, flags)
     for module in ("torch", "stable_baselines3", "sb3_contrib", "safetensors", "tensorboard"):
         require(module, "rl")
@@ -126,6 +124,18 @@ class _Watcher:
         rate = (steps - first) / max(now - began, 1e-3)
         share = (steps - first) / max(total - first, 1)
         self._line.advance(min(steps, total), total, min(share, 1.0), f"{rate:.0f} steps/s")
+
+
+def _kept_config(out: Path, config: Path | None, flags: dict[str, Any]) -> Path:
+    """The configuration of the run in a folder; nothing else may be given but `--steps`."""
+    from layoutexplore.errors import ConfigError
+
+    fixed = [f"--{name}" for name, value in flags.items() if value is not None and name != "steps"]
+    if config is not None:
+        fixed.append(str(config))
+    if fixed:
+        raise ConfigError(f"--resume goes on with the configuration of {out}: leave out {fixed[0]}")
+    return out / "config.toml"
 
 
 def _run(settings: TrainingConfig, out: Path, device: str, resume: bool, line: ProgressLine) -> None:

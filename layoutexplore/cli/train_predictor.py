@@ -11,6 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from layoutexplore.predictors.snapshot import Snapshot
+    from layoutexplore.training.predictor import Explored
 
 
 HELP = """
@@ -21,45 +22,58 @@ Plans that do not come from files are trained on in every fold and tested in non
 """
 
 
+Plans = Annotated[
+    list[str], typer.Argument(help="Floor plans: names, FAMILY:FIRST-LAST, splits, files or folders.")
+]
+Out = Annotated[Path, typer.Option(help="Folder for the models; use them as layout:model=FOLDER.")]
+Folds = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        help="Also train on all but one fold of buildings at a time, test there, and keep these models.",
+    ),
+]
+Starts = Annotated[
+    int, typer.Option(min=1, help="Explorations per sensor of a plan from a file; others take one.")
+]
+Stretched = Annotated[
+    int,
+    typer.Option(min=0, help="Copies of each plan from a file, stretched at random, to learn from as well."),
+]
+Stops = Annotated[int, typer.Option(min=1, help="Decisions kept of an exploration.")]
+Trees = Annotated[int, typer.Option(min=2, help="Trees of a forest; few for a quick try.")]
+Forests = Annotated[bool, typer.Option(help="Train the trees.")]
+Network = Annotated[bool, typer.Option(help="Train the networks that judge with them (needs torch).")]
+FirstSteps = Annotated[
+    int, typer.Option(min=1, help="Steps of the network for rooms on generated plans alone.")
+]
+Steps = Annotated[
+    int, typer.Option(min=1, help="Steps of the network for rooms on all plans, in every fold.")
+]
+FrontierSteps = Annotated[int, typer.Option(min=1, help="Steps of the network for frontiers, in every fold.")]
+Store = Annotated[
+    Path | None, typer.Option(help="Folder that keeps the explorations, to go on or train again later.")
+]
+
+
+Train = Callable[[Path, Callable[[str], bool], Mapping[str, str]], None]
+"""Trains all models, of the wanted groups of buildings, into a folder; notes what is held out."""
+
+
 def train_predictor(
-    plans: Annotated[
-        list[str], typer.Argument(help="Floor plans: names, FAMILY:FIRST-LAST, splits, files or folders.")
-    ],
-    out: Annotated[Path, typer.Option(help="Folder for the models; use them as layout:model=FOLDER.")],
-    folds: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            help="Also train on all but one fold of buildings at a time, test there, and keep these models.",
-        ),
-    ] = 0,
-    starts: Annotated[
-        int, typer.Option(min=1, help="Explorations per sensor of a plan from a file; others take one.")
-    ] = 1,
-    stretched: Annotated[
-        int,
-        typer.Option(
-            min=0, help="Copies of each plan from a file, stretched at random, to learn from as well."
-        ),
-    ] = 0,
-    stops: Annotated[int, typer.Option(min=1, help="Decisions kept of an exploration.")] = 8,
-    trees: Annotated[int, typer.Option(min=2, help="Trees of a forest; few for a quick try.")] = 200,
-    forests: Annotated[bool, typer.Option(help="Train the trees.")] = True,
-    network: Annotated[
-        bool, typer.Option(help="Train the networks that judge with them (needs torch).")
-    ] = True,
-    first_steps: Annotated[
-        int, typer.Option(min=1, help="Steps of the network for rooms on generated plans alone.")
-    ] = 7000,
-    steps: Annotated[
-        int, typer.Option(min=1, help="Steps of the network for rooms on all plans, in every fold.")
-    ] = 3500,
-    frontier_steps: Annotated[
-        int, typer.Option(min=1, help="Steps of the network for frontiers, in every fold.")
-    ] = 1500,
-    store: Annotated[
-        Path | None, typer.Option(help="Folder that keeps the explorations, to go on or train again later.")
-    ] = None,
+    plans: Plans,
+    out: Out,
+    folds: Folds = 0,
+    starts: Starts = 1,
+    stretched: Stretched = 0,
+    stops: Stops = 8,
+    trees: Trees = 200,
+    forests: Forests = True,
+    network: Network = True,
+    first_steps: FirstSteps = 7000,
+    steps: Steps = 3500,
+    frontier_steps: FrontierSteps = 1500,
+    store: Store = None,
 ) -> None:
     """Explore, train and test; `HELP` is what the command line says."""
     from rich.console import Console
@@ -67,7 +81,6 @@ def train_predictor(
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.errors import ConfigError, require
     from layoutexplore.maps.library import find_plans
-    from layoutexplore.training.folds import deal_folds
     from layoutexplore.training.predictor import NetworkTrainer, buildings_of, explore_plans, forget_networks
     from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
     from layoutexplore.training.predictor_samples import join_samples
@@ -94,7 +107,6 @@ def train_predictor(
     )
 
     def train(folder: Path, wanted: Callable[[str], bool], held_out: Mapping[str, str]) -> None:
-        """All models, of the wanted groups of buildings, into a folder."""
         if samples:
             train_models(samples.of_buildings(wanted), folder, held_out, config)
         if trainer:
@@ -105,13 +117,20 @@ def train_predictor(
         typer.echo(f"written: {folder}{without}")
 
     if folds:
-        fold = deal_folds(groups.values(), folds, "name")
-        models = [out / f"fold{k + 1}" for k in range(folds)]
-        for k, folder in enumerate(models):
-            held_out = {plan.name: plan.building for plan in seen.files if fold[groups[plan.name]] == k}
-            train(folder, lambda group, k=k: fold.get(group) != k, held_out)  # type: ignore[misc]
-        _test(seen.asked, {name: models[fold[group]] for name, group in groups.items()})
+        _train_folds(train, seen, groups, folds, out)
     train(out, lambda group: True, {})
+
+
+def _train_folds(train: Train, seen: Explored, groups: Mapping[str, str], folds: int, out: Path) -> None:
+    """Train on all but one fold at a time, keep the models, and print how each does on its fold."""
+    from layoutexplore.training.folds import deal_folds
+
+    fold = deal_folds(groups.values(), folds, "name")
+    models = [out / f"fold{k + 1}" for k in range(folds)]
+    for k, folder in enumerate(models):
+        held_out = {plan.name: plan.building for plan in seen.files if fold[groups[plan.name]] == k}
+        train(folder, lambda group, k=k: fold.get(group) != k, held_out)  # type: ignore[misc]
+    _test(seen.asked, {name: models[fold[group]] for name, group in groups.items()})
 
 
 @contextlib.contextmanager
