@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.agents.base import Heuristic, register
 from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.table import FrontierTable
 from layoutexplore.frontiers.tour_features import sizeable_frontiers
+from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.options import Options, option
 
-Scores = NDArray[np.float64]
+Scores = Floats
 """float64 (k,): one for each frontier that may be chosen; the greatest is the best."""
 
 _TIE = 1e-9
@@ -76,11 +76,11 @@ class Candidates(NamedTuple):
     """
 
     decision: Decision
-    numbers: NDArray[np.int64]
+    numbers: Ints
     table: FrontierTable
 
     @staticmethod
-    def of(decision: Decision, numbers: NDArray[np.int64]) -> Candidates:
+    def of(decision: Decision, numbers: Ints) -> Candidates:
         """Those of a decision with these numbers int64 (k,)."""
         return Candidates(decision, numbers, FrontierTable(*(column[numbers] for column in decision.table)))
 
@@ -93,7 +93,7 @@ class Greedy(Heuristic[GreedyT]):
         among = Candidates.of(decision, self.candidates(decision))
         return int(among.numbers[best_index(self.scores(among), among.table.path_length)])
 
-    def candidates(self, decision: Decision) -> NDArray[np.int64]:
+    def candidates(self, decision: Decision) -> Ints:
         """Numbers int64 (k,) of the frontiers that may be chosen: the sizeable ones."""
         return sizeable_frontiers(decision, self.options.min_size)
 
@@ -102,7 +102,7 @@ class Greedy(Heuristic[GreedyT]):
         return -among.table.path_length
 
 
-def best_index(scores: Scores, path_lengths: NDArray[np.float64]) -> int:
+def best_index(scores: Scores, path_lengths: Floats) -> int:
     """The index of the greatest score; of equal ones the nearest, of equally near ones the first.
 
     Args:
@@ -183,13 +183,13 @@ class DistanceAdvantage(Greedy[DistanceAdvantageOptions]):
         return self.options.weight * remoteness - lengths
 
 
-def faded(gains: NDArray[np.float64], lengths: NDArray[np.float64], rate: float) -> Scores:
+def faded(gains: Floats, lengths: Floats, rate: float) -> Scores:
     """Gains times exp(-rate d); the nearest one is not discounted, so that none underflows."""
-    discounts: NDArray[np.float64] = np.exp(-rate * (lengths - lengths.min()))
+    discounts: Floats = np.exp(-rate * (lengths - lengths.min()))
     return gains * discounts
 
 
-def utilities(lengths: NDArray[np.float64], gains: NDArray[np.float64], alpha: float) -> Scores:
+def utilities(lengths: Floats, gains: Floats, alpha: float) -> Scores:
     """Weighted nearness and gain of k frontiers, float64 (k,) in 0..1, each a share of the greatest.
 
     Args:

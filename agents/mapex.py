@@ -20,13 +20,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.visible_area import ray_table
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.options import option
 
@@ -62,7 +62,7 @@ class ProbabilisticGain(Greedy[ProbabilisticOptions]):
             return faded(gains, lengths, self.options.rate)
         return gains / np.maximum(lengths, among.decision.grid.resolution)
 
-    def gains(self, among: Candidates) -> NDArray[np.float64]:
+    def gains(self, among: Candidates) -> Floats:
         """Expected new areas float64 (k,), in square metres."""
         decision, numbers, table = among
         if decision.rooms is None:
@@ -86,16 +86,16 @@ def probability_open(frontier: Frontier) -> float:
 
 
 def expected_new_area(
-    cells: NDArray[np.int8],
-    inside: NDArray[np.float32],
-    viewpoints: NDArray[np.int32],
-    leads_on: NDArray[np.float64],
+    cells: Cells,
+    inside: Floats32,
+    viewpoints: Ints32,
+    leads_on: Floats,
     *,
     resolution: float,
     reach: float,
     fade: float,
     rays: int = RAYS,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Unknown area that one can expect to see from viewpoints.
 
     A piece of ring between the distances a and b of a ray through an unknown cell counts (b^2 - a^2) pi /
@@ -153,23 +153,23 @@ def expected_new_area(
 class _View(NamedTuple):
     """The grid, the probabilities inside, the viewpoints, and how likely what lies behind each is open."""
 
-    cells: NDArray[np.int8]
-    inside: NDArray[np.float32]
-    points: NDArray[np.int64]
-    leads_on: NDArray[np.float64]
+    cells: Cells
+    inside: Floats32
+    points: Ints
+    leads_on: Floats
 
 
 class _Rays(NamedTuple):
     """The cells that rays cross, as `ray_table` gives them."""
 
-    rows: NDArray[np.int64]
-    cols: NDArray[np.int64]
-    entered: NDArray[np.float64]
-    starts: NDArray[np.int64]
+    rows: Ints
+    cols: Ints
+    entered: Floats
+    starts: Ints
 
 
 @njit(cache=True, nogil=True)
-def _expect(view: _View, rays: _Rays, reach: float, fade: float, area: NDArray[np.float64]) -> None:
+def _expect(view: _View, rays: _Rays, reach: float, fade: float, area: Floats) -> None:
     """Sum over the rays of p (b^2 - a^2) over the unknown cells from a to b, all in cells."""
     height, width = view.cells.shape
     for k in range(len(view.points)):

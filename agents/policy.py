@@ -10,9 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import safetensors.numpy
-from numpy.typing import NDArray
 
 from layoutexplore.agents.base import register
 from layoutexplore.agents.rl.card import PolicySpec, find_policy, read_spec
@@ -20,6 +18,7 @@ from layoutexplore.agents.rl.linear import LinearPolicy, PolicyAgent
 from layoutexplore.errors import ResultsError, require
 from layoutexplore.files import fingerprint
 from layoutexplore.frontiers.decision import Agent
+from layoutexplore.grids.arrays import Floats32
 from layoutexplore.options import Options, option
 
 
@@ -42,7 +41,7 @@ def load_policy(name: str, policy: str) -> PolicyAgent:
     return NetworkPolicy(name, load_actor(path)[0], spec, fingerprint([path]))
 
 
-def _linear_weights(path: Path, spec: PolicySpec) -> Mapping[str, NDArray[np.float32]]:
+def _linear_weights(path: Path, spec: PolicySpec) -> Mapping[str, Floats32]:
     weights = safetensors.numpy.load_file(path)
     shapes = {"direct.weight": (1, len(spec.frontier_features)), "tour_weight": ()}
     for name, shape in shapes.items():

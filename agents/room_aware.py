@@ -10,15 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.tour_features import BEGUN, SURE, area_left, ready_frontiers
+from layoutexplore.grids.arrays import Ints, Mask
 from layoutexplore.options import option
 
 
@@ -81,7 +79,7 @@ class RoomAwareHeuristic(Greedy[LayoutT]):
 class LayoutNearest(RoomAwareHeuristic[LayoutOptions]):
     """The nearest frontier that need not wait."""
 
-    def candidates(self, decision: Decision) -> NDArray[np.int64]:
+    def candidates(self, decision: Decision) -> Ints:
         """Numbers int64 (k,) of the sizeable frontiers that do not wait."""
         return ready_frontiers(decision, self.options.min_size, self.options.area)
 
@@ -106,13 +104,13 @@ class LayoutGain(RoomAwareHeuristic[LayoutGainOptions]):
 class ClosedFirst(RoomAwareHeuristic[LayoutOptions]):
     """The nearest closed frontier; an open one only when no closed one is left."""
 
-    def candidates(self, decision: Decision) -> NDArray[np.int64]:
+    def candidates(self, decision: Decision) -> Ints:
         """Numbers int64 (k,) of the sizeable frontiers of the class that goes first."""
         sizeable = super().candidates(decision)
         first = sizeable[self.goes_first(decision.table.closed[sizeable] > 0.0)]
         return first if len(first) else sizeable
 
-    def goes_first(self, closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def goes_first(self, closed: Mask) -> Mask:
         """Which frontiers go first, bool (k,), of those that are closed or not, bool (k,)."""
         return closed
 
@@ -120,7 +118,7 @@ class ClosedFirst(RoomAwareHeuristic[LayoutOptions]):
 class OpenFirst(ClosedFirst):
     """The nearest open frontier; a closed one only when no open one is left."""
 
-    def goes_first(self, closed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def goes_first(self, closed: Mask) -> Mask:
         """Those that are not closed."""
         return ~closed
 

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from layoutexplore.agents.base import Heuristic, register
 from layoutexplore.agents.greedy import GreedyOptions
 from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.tour_features import sizeable_frontiers, tour_weights
+from layoutexplore.grids.arrays import Ints
 from layoutexplore.options import option
 from layoutexplore.planning.latency_tours import latency_tour
 from layoutexplore.planning.tours import open_tour
@@ -53,7 +51,7 @@ class LatencyTour(Heuristic[LatencyTourOptions]):
         return int(plan_latency_tour(decision, chosen, self.options.patience)[0])
 
 
-def plan_tour(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+def plan_tour(decision: Decision, chosen: Ints) -> Ints:
     """A short open tour from the robot over the viewpoints of some frontiers.
 
     Args:
@@ -69,7 +67,7 @@ def plan_tour(decision: Decision, chosen: NDArray[np.int64]) -> NDArray[np.int64
     return chosen[order - 1]
 
 
-def plan_latency_tour(decision: Decision, chosen: NDArray[np.int64], patience: float) -> NDArray[np.int64]:
+def plan_latency_tour(decision: Decision, chosen: Ints, patience: float) -> Ints:
     """An open tour from the robot over some viewpoints, weighed by the unknown area in view from there.
 
     Args:

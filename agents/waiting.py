@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Greedy, GreedyOptions
 from layoutexplore.frontiers.decision import Decision
+from layoutexplore.grids.arrays import Ints
 from layoutexplore.options import option
 
 
@@ -27,7 +25,7 @@ class WaitingOptions(GreedyOptions):
 class Waiting(Greedy[WaitingOptions]):
     """The nearest frontier with at least `area` square metres in sight; of all when there is none."""
 
-    def candidates(self, decision: Decision) -> NDArray[np.int64]:
+    def candidates(self, decision: Decision) -> Ints:
         """Numbers int64 (k,) of the sizeable frontiers that do not wait."""
         sizeable = super().candidates(decision)
         ready = sizeable[decision.table.visible_area[sizeable] >= self.options.area]

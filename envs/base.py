@@ -23,6 +23,7 @@ from layoutexplore.envs.room_progress import RoomLedger
 from layoutexplore.envs.viewer import RENDER_MODES, Viewer
 from layoutexplore.errors import ConfigError, StartError
 from layoutexplore.frontiers.decision import Predictor
+from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.grid import Pose
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN, distance_to_coverage
 from layoutexplore.simulation.config import SimulationConfig
@@ -92,7 +93,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
             raise ResetNeeded("call reset() before anything else")
         return self._simulation
 
-    def render(self) -> NDArray[np.uint8] | str | None:
+    def render(self) -> Bytes | str | None:
         """A frame uint8 (height, width, 3), a text, or None, by the render mode."""
         if self.render_mode is None:
             gymnasium.logger.warn(

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 
@@ -71,7 +71,7 @@ class Trail:
         self._grid = grid
         self.marks = np.zeros(grid.shape, np.uint8)
 
-    def extend(self, track: NDArray[np.float64]) -> None:
+    def extend(self, track: Floats) -> None:
         """Mark the cells along believed poses float64 (n, 3), the first one of which is marked already."""
         origin, resolution = self._grid.origin, self._grid.resolution
         _mark_lines(self.marks, (track[:, 1] - origin.y) / resolution, (track[:, 0] - origin.x) / resolution)
@@ -79,14 +79,14 @@ class Trail:
 
 def draw_local_map(
     grid: OccupancyGrid,
-    marks: NDArray[np.uint8],
+    marks: Bytes,
     pose: Pose,
     *,
     size: int,
     span: float,
     channels: int,
     detect: bool = False,
-) -> NDArray[np.uint8]:
+) -> Bytes:
     """A square around the robot, its heading up.
 
     Args:
@@ -111,8 +111,8 @@ def draw_local_map(
 
 
 def draw_global_map(
-    grid: OccupancyGrid, marks: NDArray[np.uint8], *, size: int, min_span: float, channels: int
-) -> tuple[NDArray[np.uint8], MapFrame]:
+    grid: OccupancyGrid, marks: Bytes, *, size: int, min_span: float, channels: int
+) -> tuple[Bytes, MapFrame]:
     """All that is known, north up: the square around the known cells, so that the image tells nothing else.
 
     Args:
@@ -134,7 +134,7 @@ def draw_global_map(
 
 
 @njit(cache=True, nogil=True)
-def _mark_lines(marks: NDArray[np.uint8], rows: NDArray[np.float64], cols: NDArray[np.float64]) -> None:
+def _mark_lines(marks: Bytes, rows: Floats, cols: Floats) -> None:
     """Mark the cells along straight lines from point to point (in cells), sampled every half cell."""
     for k in range(len(rows)):
         row, col = rows[max(0, k - 1)], cols[max(0, k - 1)]
@@ -147,13 +147,7 @@ def _mark_lines(marks: NDArray[np.uint8], rows: NDArray[np.float64], cols: NDArr
 
 
 @njit(cache=True, nogil=True)
-def _draw_local(
-    cells: NDArray[np.int8],
-    marks: NDArray[np.uint8],
-    view: _View,
-    detect: bool,
-    image: NDArray[np.uint8],
-) -> None:
+def _draw_local(cells: Cells, marks: Bytes, view: _View, detect: bool, image: Bytes) -> None:
     """Sample each pixel; with `detect`, free cells beside an unknown one are frontiers."""
     row, col, cos, sin, pixel, samples = view
     rows, cols = cells.shape
@@ -195,7 +189,7 @@ def _draw_local(
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _borders_unknown(cells: NDArray[np.int8], row: int, col: int) -> bool:
+def _borders_unknown(cells: Cells, row: int, col: int) -> bool:
     """Whether one of the four neighbours is unknown."""
     rows, cols = cells.shape
     return bool(
@@ -208,12 +202,7 @@ def _borders_unknown(cells: NDArray[np.int8], row: int, col: int) -> bool:
 
 @njit(cache=True, nogil=True)
 def _draw_global(
-    cells: NDArray[np.int8],
-    marks: NDArray[np.uint8],
-    low_row: float,
-    low_col: float,
-    pixels_per_cell: float,
-    image: NDArray[np.uint8],
+    cells: Cells, marks: Bytes, low_row: float, low_col: float, pixels_per_cell: float, image: Bytes
 ) -> None:
     """Gather cells and marks into the pixels that hold their centres."""
     channels, size = image.shape[0], image.shape[1]
@@ -253,7 +242,7 @@ def _draw_global(
 
 
 @njit(cache=True, nogil=True)
-def _borders(low: float, pixels_per_cell: float, size: int, count: int) -> NDArray[np.int64]:
+def _borders(low: float, pixels_per_cell: float, size: int, count: int) -> Ints:
     """int64 (size + 1,): the first cell of `count` whose centre lies in each pixel or beyond, on one axis."""
     borders = np.empty(size + 1, np.int64)
     for k in range(size + 1):

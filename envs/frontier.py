@@ -19,6 +19,7 @@ from layoutexplore.envs.rewards import Reward
 from layoutexplore.envs.viewer import Viewer
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Predictor
+from layoutexplore.grids.arrays import Cells, Mask
 from layoutexplore.options import COUNT
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
@@ -230,7 +231,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         mask = np.zeros(self.observation_config.max_frontiers + 1, np.int8)
         return super().info_types | counts | {"action_mask": mask}
 
-    def action_masks(self) -> NDArray[np.bool_]:
+    def action_masks(self) -> Mask:
         """Which actions are valid, bool (max_frontiers + 1,)."""
         return self._mask.astype(np.bool_)
 
@@ -245,7 +246,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         decision = self.simulation.decision
         privileged = self._privileged.vector() if self._privileged else None
         observation = self._observer.observe(decision, privileged)
-        self._mask = cast("NDArray[np.int8]", observation["action_mask"].copy())
+        self._mask = cast("Cells", observation["action_mask"].copy())
         info = self._info() | {
             "frontier_count": len(decision.frontiers),
             "invalid_actions": self._invalid_actions,

@@ -18,6 +18,7 @@ from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.envs.viewer import Viewer
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Floats32
 from layoutexplore.options import COUNT, POSITIVE, Rule, check
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
@@ -291,18 +292,14 @@ class MotionEnv(ExplorationEnv[Any]):
             self.render()
         return observation, info
 
-    def _scan(self) -> NDArray[np.float32]:
+    def _scan(self) -> Floats32:
         """Ranges float32 (scan_beams,) as shares of the greatest range."""
         assert self._sensor is not None
         ranges = self._sensor.scan(self.simulation.pose, self._rng)
-        shares: NDArray[np.float32] = np.fmin(
-            ranges / np.float32(self._sensor.config.range_max), np.float32(1.0)
-        )
+        shares: Floats32 = np.fmin(ranges / np.float32(self._sensor.config.range_max), np.float32(1.0))
         return shares
 
-    def _robot(
-        self, moved: float, collided: bool, new_cells: int, info: dict[str, Any]
-    ) -> NDArray[np.float32]:
+    def _robot(self, moved: float, collided: bool, new_cells: int, info: dict[str, Any]) -> Floats32:
         """The entries of `ROBOT_FEATURES`, float32."""
         believed, motion = self.simulation.robot.believed, self.motion
         cell_area = self.simulation.raster.resolution**2
@@ -315,5 +312,5 @@ class MotionEnv(ExplorationEnv[Any]):
             info["distance"] / motion.length_scale,
             info["known_area"] / motion.area_scale,
         )
-        robot: NDArray[np.float32] = np.minimum(np.maximum(np.array(values, np.float32), _LOW), _HIGH)
+        robot: Floats32 = np.minimum(np.maximum(np.array(values, np.float32), _LOW), _HIGH)
         return robot

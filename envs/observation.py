@@ -29,6 +29,7 @@ from layoutexplore.envs.egocentric_maps import (
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import FrontierTable
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.options import COUNT, POSITIVE, Rule, check
 
@@ -166,7 +167,7 @@ class ObservationConfig:
         return cast(spaces.Space[Observation], spaces.Dict(parts))
 
 
-def bounds(features: Mapping[str, tuple[float, float]]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def bounds(features: Mapping[str, tuple[float, float]]) -> tuple[Floats32, Floats32]:
     """The least and the greatest values of named features, each float32 (features,)."""
     low, high = np.array(list(features.values()), np.float32).T
     return low, high
@@ -187,7 +188,7 @@ class Observer:
         self.config = config
         self._grid: OccupancyGrid | None = None
 
-    def observe(self, decision: Decision, privileged: NDArray[np.float32] | None = None) -> Observation:
+    def observe(self, decision: Decision, privileged: Floats32 | None = None) -> Observation:
         """The observation of a decision; all arrays are new.
 
         Args:
@@ -234,7 +235,7 @@ class Observer:
             self._trail.extend(decision.track[max(0, self._shown - 1) :])
             self._shown = len(decision.track)
 
-    def _marked(self, decision: Decision) -> NDArray[np.uint8]:
+    def _marked(self, decision: Decision) -> Bytes:
         """The trail, the frontiers and what the layout predicts, as bits."""
         self._follow(decision)
         layout = decision.rooms is not None and self.config.layout_channels
@@ -245,7 +246,7 @@ class Observer:
         return marks
 
 
-def layout_marks(decision: Decision) -> NDArray[np.uint8]:
+def layout_marks(decision: Decision) -> Bytes:
     """What the layout predicts of the cells that are not known, as bits uint8 (rows, cols)."""
     assert decision.rooms is not None
     labels = decision.rooms.labels
@@ -260,7 +261,7 @@ def layout_marks(decision: Decision) -> NDArray[np.uint8]:
     return np.where(decision.grid.cells == UNKNOWN, marks, 0).astype(np.uint8)
 
 
-def action_mask(decision: Decision, max_frontiers: int) -> NDArray[np.int8]:
+def action_mask(decision: Decision, max_frontiers: int) -> Cells:
     """Which actions are valid, int8 (max_frontiers + 1,): the frontiers in their slots, and to stop."""
     mask = np.zeros(max_frontiers + 1, np.int8)
     mask[: len(decision.frontiers)] = 1
@@ -268,7 +269,7 @@ def action_mask(decision: Decision, max_frontiers: int) -> NDArray[np.int8]:
     return mask
 
 
-def encode_frontiers(decision: Decision, config: ObservationConfig) -> NDArray[np.float32]:
+def encode_frontiers(decision: Decision, config: ObservationConfig) -> Floats32:
     """float32 (max_frontiers * features,): a row of `FRONTIER_FEATURES` per slot, zero in empty ones."""
     table = np.zeros((config.max_frontiers, len(FRONTIER_FEATURES)), np.float32)
     shown = decision.table.first(config.max_frontiers)
@@ -288,10 +289,10 @@ def _encode(
     pose: tuple[float, float, float],
     metres: float,
     square_metres: float,
-    rank: NDArray[np.float64],
-    detour: NDArray[np.float64],
-    limits: tuple[NDArray[np.float32], NDArray[np.float32]],
-    table: NDArray[np.float32],
+    rank: Floats,
+    detour: Floats,
+    limits: tuple[Floats32, Floats32],
+    table: Floats32,
 ) -> None:
     """Write the rows of `FRONTIER_FEATURES` from a table of frontiers, a row a frontier."""
     (x, y, theta), (low, high) = pose, limits
@@ -320,7 +321,7 @@ def _encode(
             table[k, n] = min(max(row[n], low[n]), high[n])
 
 
-def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame) -> NDArray[np.float32]:
+def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame) -> Floats32:
     """float32 (features,): the entries of `ROBOT_FEATURES`; those of the map are 0 without a global map."""
     grid, pose = decision.grid, decision.pose
     map_x = map_y = span = 0.0

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.envs.observation import PRIVILEGED_FEATURES, ObservationConfig, bounds
 from layoutexplore.envs.room_progress import RoomLedger, room_distances
+from layoutexplore.grids.arrays import Floats, Floats32, Ints, Mask
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.planning.tours import construct, improve
 from layoutexplore.simulation.simulation import Simulation
@@ -40,7 +40,7 @@ class PrivilegedView:
         self._distances = room_distances(simulation.truth)
         self._order = np.empty(0, np.int64)
 
-    def vector(self) -> NDArray[np.float32]:
+    def vector(self) -> Floats32:
         """The entries of `PRIVILEGED_FEATURES` now, float32 (features,)."""
         simulation, config, ledger = self._simulation, self._config, self._ledger
         unseen, rooms = simulation.target_area * (1.0 - simulation.coverage), self._distances.rooms
@@ -62,14 +62,8 @@ class PrivilegedView:
 
 @njit(cache=True, nogil=True)
 def _plan(
-    between: NDArray[np.float64],
-    to_rooms: NDArray[np.float64],
-    order: NDArray[np.int64],
-    is_open: NDArray[np.bool_],
-    left: NDArray[np.float64],
-    unseen: float,
-    areas: NDArray[np.float64],
-) -> tuple[NDArray[np.int64], float, float, float]:
+    between: Floats, to_rooms: Floats, order: Ints, is_open: Mask, left: Floats, unseen: float, areas: Floats
+) -> tuple[Ints, float, float, float]:
     """The order over open rooms, its length, and the lengths after which only two areas are unseen.
 
     Lengths are in metres, areas in square metres. An empty order is a tour that has not been planned; one

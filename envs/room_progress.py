@@ -8,10 +8,10 @@ from __future__ import annotations
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import Truth
+from layoutexplore.grids.arrays import Floats, Ints, Mask
 from layoutexplore.grids.grid import Cell
 from layoutexplore.maps.floorplan import PlanRaster
 from layoutexplore.planning.shortest_paths import distances_between
@@ -47,7 +47,7 @@ class RoomLedger:
         self.visits = np.zeros(len(counts), np.int64)
         self._room = self._walked = 0
 
-    def update(self, unseen: NDArray[np.int64], track: NDArray[np.float64] | None) -> int:
+    def update(self, unseen: Ints, track: Floats | None) -> int:
         """Take note of what has happened since the last call.
 
         Args:
@@ -66,7 +66,7 @@ class RoomLedger:
         self.open = self.counted & (self.left >= LITTLE_LEFT)
         return int(np.count_nonzero(open_before & ~self.open & (self.visits <= 1)))
 
-    def _follow(self, track: NDArray[np.float64]) -> None:
+    def _follow(self, track: Floats) -> None:
         """Count the rooms that were entered."""
         if len(track) > self._walked:
             origin, resolution = self._raster.origin, self._raster.resolution
@@ -106,7 +106,7 @@ class RoomDistances:
         self.between = table[:, : len(middles)].astype(np.float64)
         self._fields = table[:, len(middles) :].astype(np.float16)
 
-    def to_rooms(self, cell: Cell) -> NDArray[np.float64]:
+    def to_rooms(self, cell: Cell) -> Floats:
         """Path lengths float64 (n,) from a reachable cell to the rooms' middles, in metres (half ones)."""
         place = self._place[cell.row // self._side * self._width + cell.col // self._side]
         return self._fields[:, place].astype(np.float64)
@@ -124,7 +124,7 @@ def room_distances(truth: Truth) -> RoomDistances:
 _DISTANCES: WeakKeyDictionary[PlanRaster, dict[tuple[float, int], RoomDistances]] = WeakKeyDictionary()
 
 
-def _middle(cells: NDArray[np.int64], reachable: NDArray[np.bool_]) -> Cell:
+def _middle(cells: Ints, reachable: Mask) -> Cell:
     """The reachable cell nearest to the middle of a room's cells int64 (n, 2), inside of it if one is."""
     inside = cells[reachable[cells[:, 0], cells[:, 1]]]
     candidates = inside if len(inside) else np.argwhere(reachable)

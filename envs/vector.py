@@ -21,13 +21,14 @@ from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.vector_buffers import Arrays
 from layoutexplore.envs.vector_workers import LocalWorkers, ProcessWorkers, Workers, WorkerSetup
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.options import COUNT
 from layoutexplore.processes import usable_cores
 
 BACKENDS = ("serial", "threads", "processes")
 """Who steps the environments: this thread, a few threads, or worker processes."""
 
-Step = tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]
+Step = tuple[Observation, Floats, Mask, Mask, dict[str, Any]]
 
 
 class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
@@ -182,7 +183,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         observation = self._shown(buffers.observation)
         return observation, flags["reward"], flags["terminated"], flags["truncated"], infos
 
-    def action_masks(self) -> NDArray[np.bool_]:
+    def action_masks(self) -> Mask:
         """Which actions are valid, bool (num_envs, actions), for `Frontier-v0`."""
         return np.asarray(self._workers.buffers.observation["action_mask"], np.bool_)
 
@@ -267,7 +268,7 @@ def _checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
         raise unknown_name("autoreset mode", str(mode), [known.value for known in AutoresetMode]) from None
 
 
-def _checked_mask(mask: Any, count: int) -> NDArray[np.bool_]:
+def _checked_mask(mask: Any, count: int) -> Mask:
     """Which environments to reset: all without a mask."""
     if mask is None:
         return np.ones(count, np.bool_)
@@ -278,7 +279,7 @@ def _checked_mask(mask: Any, count: int) -> NDArray[np.bool_]:
     return mask
 
 
-def _batched(info: Arrays, chosen: NDArray[np.bool_]) -> dict[str, Any]:
+def _batched(info: Arrays, chosen: Mask) -> dict[str, Any]:
     """Infos as Gymnasium batches them: zeros where an environment has none, and a mask under "_" + key."""
     batched: dict[str, Any] = {}
     for key, array in info.items():

@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from layoutexplore.envs.base import ExplorationEnv
+from layoutexplore.grids.arrays import Mask
 
 Arrays = dict[str, NDArray[Any]]
 """Arrays by name, a row per environment."""
@@ -100,7 +101,7 @@ class EnvironmentGroup:
         """Do what a vector environment asks for: one of the methods below, by name."""
         return getattr(self, command)(*arguments)
 
-    def reset(self, seeds: Sequence[int | None], options: Options, chosen: NDArray[np.bool_]) -> None:
+    def reset(self, seeds: Sequence[int | None], options: Options, chosen: Mask) -> None:
         """Begin an episode in the chosen environments bool (n,)."""
         for k in np.flatnonzero(chosen).tolist():
             self._begin(k, seeds[k], options)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from gymnasium.error import DependencyNotInstalled
-from numpy.typing import NDArray
 
 from layoutexplore.drawing.pictures import draw_state
 from layoutexplore.errors import ConfigError, MissingExtraError, require
+from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.simulation.simulation import Simulation
 
@@ -50,7 +50,7 @@ class Viewer:
         if mode == "human":
             _pygame()
 
-    def draw(self, simulation: Simulation) -> NDArray[np.uint8] | str | None:
+    def draw(self, simulation: Simulation) -> Bytes | str | None:
         """A frame uint8 (height, width, 3), the text, or None after showing the frame in the window."""
         if self.mode == "ansi":
             return draw_text(simulation, frontiers=self._frontiers)
@@ -67,7 +67,7 @@ class Viewer:
             pygame.display.quit()
             self._window = None
 
-    def _show(self, frame: NDArray[np.uint8]) -> None:
+    def _show(self, frame: Bytes) -> None:
         pygame = _pygame()
         if self._window is None:
             pygame.display.init()
@@ -95,7 +95,7 @@ def draw_text(simulation: Simulation, *, columns: int = 100, frontiers: bool = T
         frontiers: Whether to show frontiers.
     """
     cells = simulation.mapper.grid.cells
-    ranks: NDArray[np.uint8] = np.full(cells.shape, _UNKNOWN, np.uint8)
+    ranks: Bytes = np.full(cells.shape, _UNKNOWN, np.uint8)
     ranks[cells == FREE] = _FREE
     ranks[cells == OCCUPIED] = _WALL
     for frontier in simulation.decision.frontiers if frontiers else ():

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.ros_map import read_image
 
@@ -60,7 +60,7 @@ def find_triples(folder: Path) -> list[Triple]:
     return sorted(triples, key=lambda t: (t.building, t.doors))
 
 
-def read_cells(path: Path, shape: tuple[int, int] | None = None) -> NDArray[np.int8]:
+def read_cells(path: Path, shape: tuple[int, int] | None = None) -> Cells:
     """The cells int8 (rows, cols) of an image, its rows from the top.
 
     Raises:

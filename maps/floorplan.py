@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.polygons import Point, fill, polygons_of, seal_diagonals
 from layoutexplore.maps.raster import PlanRaster, resample
@@ -265,7 +265,7 @@ class FloorPlan:
 
 def _draw_shapes(
     plan: FloorPlan, shape: tuple[int, int], resolution: float, origin: Pose
-) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+) -> tuple[Mask, Ints32]:
     """Occupied cells and room ids from the polygons."""
     corner = (origin.x, origin.y)
     room_ids, floor, solid = (np.zeros(shape, np.int32) for _ in range(3))
@@ -283,7 +283,7 @@ def _draw_shapes(
 
 def _draw_source(
     plan: FloorPlan, shape: tuple[int, int], resolution: float, origin: Pose
-) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+) -> tuple[Mask, Ints32]:
     """Occupied cells and room ids from the image that the plan was born as."""
     assert plan.source is not None
     source, corner = plan.source, (origin.x, origin.y)
@@ -296,7 +296,7 @@ def _draw_source(
     return occupied | (solid != 0), room_ids
 
 
-def _close_doors(plan: FloorPlan, solid: NDArray[np.int32], resolution: float, corner: Point) -> None:
+def _close_doors(plan: FloorPlan, solid: Ints32, resolution: float, corner: Point) -> None:
     for door in plan.doors:
         if not door.is_open:
             fill(solid, plan.opening(door), 1, resolution, corner, sealed=True)

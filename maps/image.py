@@ -11,9 +11,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, IMAGE_SUFFIXES, load_grid
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
@@ -49,7 +49,7 @@ def load_image(path: Path, *, resolution: float | None = None) -> FloorPlan:
     )
 
 
-def _rooms_beside(path: Path, grid: OccupancyGrid) -> NDArray[np.int32]:
+def _rooms_beside(path: Path, grid: OccupancyGrid) -> Ints32:
     """Room numbers int32 (rows, cols) from the image of rooms beside a map; all 0 without one."""
     for ending in ("_rooms", "_gt"):
         beside = path.with_name(f"{path.stem}{ending}.png")

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.ros_map import read_image, read_pixels
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
@@ -53,7 +53,7 @@ def load_kth(path: Path) -> FloorPlan:
     )
 
 
-def read_room_ids(path: Path) -> NDArray[np.int32]:
+def read_room_ids(path: Path) -> Ints32:
     """Room numbers int32 (h, w) of an image with a grey level or a colour a room; 0 or black is none."""
     pixels = read_pixels(path)
     if pixels.ndim == 2:
@@ -63,7 +63,7 @@ def read_room_ids(path: Path) -> NDArray[np.int32]:
     return numbers[:-1].reshape(colours.shape).astype(np.int32)
 
 
-def _indoor(free: NDArray[np.bool_], rooms: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _indoor(free: Mask, rooms: Ints32) -> Mask:
     """Free cells of the rooms and of the gaps between them, bool (rows, cols)."""
     near = free & _morphology(rooms > 0, cv2.MORPH_CLOSE, CLOSING_RADIUS)
     outdoors = free & ~near & (rooms == 0)
@@ -78,7 +78,7 @@ def _indoor(free: NDArray[np.bool_], rooms: NDArray[np.int32]) -> NDArray[np.boo
     return np.asarray((rooms > 0) | keep[gaps], np.bool_)
 
 
-def _morphology(mask: NDArray[np.bool_], operation: int, radius: float) -> NDArray[np.bool_]:
+def _morphology(mask: Mask, operation: int, radius: float) -> Mask:
     """Opening or closing by a disc of a radius in metres; outside the image is empty."""
     cells = round(radius / RESOLUTION)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * cells + 1, 2 * cells + 1))
@@ -89,7 +89,7 @@ def _morphology(mask: NDArray[np.bool_], operation: int, radius: float) -> NDArr
     )
 
 
-def _neighbours(parts: NDArray[np.int32], others: NDArray[np.int32]) -> dict[int, set[int]]:
+def _neighbours(parts: Ints32, others: Ints32) -> dict[int, set[int]]:
     """For every part above 0, which values above 0 of the other image touch it along the side of a cell."""
     found: dict[int, set[int]] = {}
     views = ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:]))

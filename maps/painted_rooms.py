@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Bytes, Ints32, Mask
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.grids.ros_map import load_grid, read_image, read_pixels
 from layoutexplore.maps.buildings import building_of
@@ -73,7 +73,7 @@ def find_cases(folders: Iterable[str | Path], buildings: dict[str, str] | None =
     return cases
 
 
-def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, NDArray[np.int32], NDArray[np.bool_]]:
+def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, Ints32, Mask]:
     """The grid, the true rooms and the free cells of a map, rows from the lowest y.
 
     Raises:
@@ -93,7 +93,7 @@ def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, NDArray[np.
     return grid, np.ascontiguousarray(truth), np.ascontiguousarray(free)
 
 
-def truth_labels(image: NDArray[np.uint8]) -> NDArray[np.int32]:
+def truth_labels(image: Bytes) -> Ints32:
     """Room ids of a truth image: one colour a room; black and rare colours, noise of the borders, are none.
 
     Args:

@@ -11,9 +11,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.morphology import grow, inflate
 from layoutexplore.grids.polygons import Point, resample_solid
@@ -36,8 +36,8 @@ class PlanRaster:
         MapError: The shapes differ, the resolution is unusable, or there is no free cell.
     """
 
-    occupied: NDArray[np.bool_]
-    room_ids: NDArray[np.int32]
+    occupied: Mask
+    room_ids: Ints32
     resolution: float
     origin: Pose = field(default=Pose(0.0, 0.0, 0.0))
     _cache: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
@@ -64,7 +64,7 @@ class PlanRaster:
         return rows, cols
 
     @property
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> Mask:
         """Bool (rows, cols): indoor free space."""
         return ~self.occupied
 
@@ -93,15 +93,15 @@ class PlanRaster:
         origin = Pose(self.origin.x * x, self.origin.y * y, self.origin.theta)
         return PlanRaster(occupied, np.where(occupied, 0, room_ids), self.resolution, origin)
 
-    def blocked(self, robot_radius: float) -> NDArray[np.bool_]:
+    def blocked(self, robot_radius: float) -> Mask:
         """Bool (rows, cols): cells where the centre of a robot of that radius (metres) may not be."""
         key = ("blocked", robot_radius)
         if key not in self._cache:
             self._cache[key] = inflate(self.occupied, robot_radius, self.resolution)
-        blocked: NDArray[np.bool_] = self._cache[key]
+        blocked: Mask = self._cache[key]
         return blocked
 
-    def reachable(self, robot_radius: float, start: Cell | None = None) -> NDArray[np.bool_]:
+    def reachable(self, robot_radius: float, start: Cell | None = None) -> Mask:
         """Bool (rows, cols): cells that the robot's centre can reach from `start`, or the largest such area.
 
         All False where `start` itself is blocked or outside.
@@ -111,7 +111,7 @@ class PlanRaster:
         """
         return self._per_component("reachable", robot_radius, self._component(robot_radius, start))
 
-    def coverage_target(self, robot_radius: float, start: Cell | None = None) -> NDArray[np.bool_]:
+    def coverage_target(self, robot_radius: float, start: Cell | None = None) -> Mask:
         """Bool (rows, cols): free cells that an exploration can be asked to see.
 
         Those within 0.8 m (along free space) of the cells that the robot can reach from `start`.
@@ -125,7 +125,7 @@ class PlanRaster:
         frame: OccupancyGrid = self._cache["frame"]
         return frame
 
-    def _labels(self, robot_radius: float) -> tuple[NDArray[np.int32], int]:
+    def _labels(self, robot_radius: float) -> tuple[Ints32, int]:
         """Component number of every cell (0 = blocked) and the number of the largest component (0 = none)."""
         key = ("labels", robot_radius)
         if key not in self._cache:
@@ -134,7 +134,7 @@ class PlanRaster:
             sizes = np.bincount(labels.ravel())
             sizes[0] = 0
             self._cache[key] = labels.astype(np.int32), int(sizes.argmax())
-        found: tuple[NDArray[np.int32], int] = self._cache[key]
+        found: tuple[Ints32, int] = self._cache[key]
         return found
 
     def _component(self, robot_radius: float, start: Cell | None) -> int:
@@ -146,20 +146,18 @@ class PlanRaster:
             raise MapError(f"a robot of radius {robot_radius:g} m fits nowhere in this floor plan")
         return largest
 
-    def _per_component(self, what: str, robot_radius: float, component: int) -> NDArray[np.bool_]:
+    def _per_component(self, what: str, robot_radius: float, component: int) -> Mask:
         key = (what, robot_radius, component)
         if key not in self._cache:
             reachable = (self._labels(robot_radius)[0] == component) & (component > 0)
             if what == "target":
                 reachable = grow(reachable, self.free, SIGHT_BEYOND_REACH / self.resolution)
             self._cache[key] = reachable
-        found: NDArray[np.bool_] = self._cache[key]
+        found: Mask = self._cache[key]
         return found
 
 
-def resample(
-    source: PlanRaster, ratios: Point, offset: Point, shape: tuple[int, int]
-) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+def resample(source: PlanRaster, ratios: Point, offset: Point, shape: tuple[int, int]) -> tuple[Mask, Ints32]:
     """Occupied cells and room ids of a raster at other resolutions.
 
     Args:

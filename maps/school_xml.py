@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
@@ -171,7 +171,7 @@ def _place_door(a: Polygon, b: Polygon, place: Point, rooms: tuple[int, int]) ->
     Portals often lie at the corner of a room, where an opening would run along a wall instead of through it.
     """
     shifts = np.array(sorted(np.arange(-30, 31) * 0.05, key=abs))
-    found: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]] = []
+    found: list[tuple[float, Floats, Floats]] = []
     for outline, other in ((a, b), (b, a)):
         foot, along = _wall_at(outline, place)
         gap = _gap(other, foot, np.array([-along[1], along[0]]))
@@ -184,7 +184,7 @@ def _place_door(a: Polygon, b: Polygon, place: Point, rooms: tuple[int, int]) ->
     return Door(start=(float(start[0]), float(start[1])), end=(float(end[0]), float(end[1])), rooms=rooms)
 
 
-def _wall_at(outline: Polygon, place: Point) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _wall_at(outline: Polygon, place: Point) -> tuple[Floats, Floats]:
     """The point of an outline nearest to a place, and the direction of the longest edge near it."""
     points = shapely.get_coordinates(outline.exterior)
     edges = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
@@ -197,7 +197,7 @@ def _wall_at(outline: Polygon, place: Point) -> tuple[NDArray[np.float64], NDArr
     return np.array([foot.x, foot.y]), along
 
 
-def _gap(other: Polygon, foot: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:
+def _gap(other: Polygon, foot: Floats, across: Floats) -> Floats:
     """The way from the wall of one room straight to the other room, zero where they touch or overlap."""
     point = shapely.Point(*foot)
     if other.distance(point) < 1e-6:
@@ -207,9 +207,7 @@ def _gap(other: Polygon, foot: NDArray[np.float64], across: NDArray[np.float64])
     return np.asarray(across * float(way @ across), np.float64)
 
 
-def _misses(
-    a: Polygon, b: Polygon, middles: NDArray[np.float64], along: NDArray[np.float64], half_gap: float
-) -> NDArray[np.float64]:
+def _misses(a: Polygon, b: Polygon, middles: Floats, along: Floats, half_gap: float) -> Floats:
     """For each middle (n, 2) of an opening: how many of three places across it do not join the two rooms."""
     steps = np.array([-0.45, 0.0, 0.45])[:, None] * DOOR_WIDTH * along
     through_wall = (half_gap + WALL_THICKNESS / 2 + 0.25) * np.array([-along[1], along[0]])

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.grids.outlines import trace_mask
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
@@ -70,7 +70,7 @@ def plan_from_raster(
     )
 
 
-def _free_areas(source: PlanRaster) -> NDArray[np.int32]:
+def _free_areas(source: PlanRaster) -> Ints32:
     """A number for every separate free area that is large enough to be a room (the largest always is)."""
     _, parts, stats, _ = cv2.connectedComponentsWithStats(source.free.astype(np.uint8), connectivity=4)
     areas = stats[:, cv2.CC_STAT_AREA] * source.resolution**2
@@ -93,7 +93,7 @@ def _trace_rooms(source: PlanRaster, labels: Mapping[int, str]) -> tuple[Room, .
     return tuple(rooms)
 
 
-def _boxes(ids: NDArray[np.int32]) -> list[tuple[int, tuple[slice, slice]]]:
+def _boxes(ids: Ints32) -> list[tuple[int, tuple[slice, slice]]]:
     """Every id above 0 with the window of its cells."""
     from scipy.ndimage import find_objects
 
@@ -135,7 +135,7 @@ def trace_doors(source: PlanRaster) -> tuple[Door, ...]:
     return tuple(door for door in [*doors, *_touching(source)] if door.width > 0)
 
 
-def _way_through(side_a: NDArray[np.float64], side_b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _way_through(side_a: Floats, side_b: Floats) -> Floats:
     """Direction (row, col) through a gap: across its faces float64 (n, 2), or, if short, between them."""
     spread = np.vstack([side - side.mean(axis=0) for side in (side_a, side_b)])
     values, axes = np.linalg.eigh(spread.T @ spread)
@@ -148,14 +148,14 @@ def _widen(window: slice, size: int) -> slice:
     return slice(max(0, window.start - 1), min(size, window.stop + 1))
 
 
-def _contacts(mask: NDArray[np.bool_], ids: NDArray[np.int32]) -> list[tuple[int, NDArray[np.float64]]]:
+def _contacts(mask: Mask, ids: Ints32) -> list[tuple[int, Floats]]:
     """Rooms that touch the mask, with the cells float64 (n, 2) of each room that do."""
     ring = cv2.dilate(mask.astype(np.uint8), np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)) > 0
     touched = np.where(ring & ~mask, ids, 0)
     return [(int(i), _centres(touched == i)) for i in np.unique(touched[touched > 0])]
 
 
-def _centres(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _centres(mask: Mask) -> Floats:
     return np.argwhere(mask).astype(np.float64) + 0.5
 
 
@@ -178,7 +178,7 @@ def _touching(source: PlanRaster) -> list[Door]:
     return doors
 
 
-def _stretches(points: NDArray[np.float64]) -> list[list[int]]:
+def _stretches(points: Floats) -> list[list[int]]:
     """Groups of points that lie within one cell of the next."""
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
@@ -189,11 +189,7 @@ def _stretches(points: NDArray[np.float64]) -> list[list[int]]:
 
 
 def _door(
-    source: PlanRaster,
-    window: tuple[slice, slice],
-    points: NDArray[np.float64],
-    across: NDArray[np.float64],
-    rooms: tuple[int, int],
+    source: PlanRaster, window: tuple[slice, slice], points: Floats, across: Floats, rooms: tuple[int, int]
 ) -> Door:
     """The segment through the middle of the points (row, col), at right angles to the way through."""
     length = float(np.hypot(*across))

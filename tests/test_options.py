@@ -17,16 +17,7 @@ from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.frontiers.tour_features import TourConfig
 from layoutexplore.maps.generator import PlanConfig
-from layoutexplore.options import (
-    Options,
-    Rule,
-    check,
-    format_spec,
-    from_table,
-    option,
-    parse_spec,
-    rule_like,
-)
+from layoutexplore.options import Options, Rule, check, format_spec, from_table, option, parse_spec, rule_like
 from layoutexplore.simulation.config import SimulationConfig
 
 

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Nearest, NearestOptions
 from layoutexplore.agents.omniscient.route_planner import RouteConfig, RoutePlanner
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Choice, Decision, Truth
+from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import Cell
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.options import Options, option
@@ -54,7 +52,7 @@ class Clairvoyant:
     def reset(self, seed: int) -> None:
         """Forget the floor plan; `reveal` must follow."""
         self._truth: Truth | None = None
-        self._stops: NDArray[np.int32] | None = None
+        self._stops: Ints32 | None = None
         self._next = 0
 
     def reveal(self, truth: Truth) -> None:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.agents.omniscient.visibility import Bits
+from layoutexplore.grids.arrays import Floats, Floats32, Ints
 from layoutexplore.grids.grid import Cell
 
 
@@ -25,7 +25,7 @@ class Stop:
 
     cell: Cell
     index: int
-    lattice: NDArray[np.float32]
+    lattice: Floats32
     seen: Bits
 
 
@@ -61,9 +61,7 @@ class Route:
         return sets[::-1]
 
 
-def cheapest_gaps(
-    near: NDArray[np.float32], lengths: NDArray[np.float64], to: NDArray[np.float64], on: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def cheapest_gaps(near: Floats32, lengths: Floats, to: Floats, on: Floats) -> tuple[Floats, Ints]:
     """Where each candidate for a stop is best inserted.
 
     Args:
@@ -81,9 +79,7 @@ def cheapest_gaps(
 
 
 @njit(cache=True, nogil=True)
-def _cheapest_gaps(
-    near: NDArray[np.float32], lengths: NDArray[np.float64], to: NDArray[np.float64], on: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _cheapest_gaps(near: Floats32, lengths: Floats, to: Floats, on: Floats) -> tuple[Floats, Ints]:
     count = near.shape[1]
     best = np.full(count, np.inf)
     gaps = np.zeros(count, np.int64)

@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.agents.omniscient.route import Leg, Route, Stop, cheapest_gaps
 from layoutexplore.agents.omniscient.visibility import Bits, Visibility, added_sizes, size
 from layoutexplore.frontiers.decision import Truth
+from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask, Words
 from layoutexplore.grids.grid import Cell
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
@@ -81,11 +81,11 @@ class RoutePlanner:
         self.cells = _lattice(self.traversable, max(1, round(self.config.lattice / self.resolution)))
         self.views = self.visibility.turning(self.cells)
         self._weight = 1.0 + self.config.early_weight
-        self._fields: OrderedDict[Cell, NDArray[np.float32]] = OrderedDict()
+        self._fields: OrderedDict[Cell, Floats32] = OrderedDict()
         self._stops: OrderedDict[int, Stop] = OrderedDict()
         self._legs: OrderedDict[tuple[Cell, Cell], Leg] = OrderedDict()
 
-    def plan(self, start: Cell) -> NDArray[np.int32]:
+    def plan(self, start: Cell) -> Ints32:
         """The stops int32 (k, 2) of a short route from `start`, which is not one of them."""
         rng = np.random.default_rng(0)
         shares = (min(self.config.early_coverage, self.config.coverage), self.config.coverage)
@@ -120,7 +120,7 @@ class RoutePlanner:
             _keep(self._stops, index, dataclasses.replace(stop, index=index), _KEPT_STOPS)
         return self._stops[index]
 
-    def _field(self, cell: Cell) -> NDArray[np.float32]:
+    def _field(self, cell: Cell) -> Floats32:
         """Path lengths float32 (rows, cols) from a cell in metres; large, so only the last few are kept."""
         if cell not in self._fields:
             _keep(
@@ -166,13 +166,13 @@ class RoutePlanner:
 
     # Construction.
 
-    def _complete(self, route: Route, factors: NDArray[np.float64] | float = 1.0) -> None:
+    def _complete(self, route: Route, factors: Floats | float = 1.0) -> None:
         """Insert stops until both quotas are met or nothing adds; detours count times the factors."""
         for early in (True, False):
             while self._complete_part(route, factors, early=early):
                 pass
 
-    def _complete_part(self, route: Route, factors: NDArray[np.float64] | float, *, early: bool) -> bool:
+    def _complete_part(self, route: Route, factors: Floats | float, *, early: bool) -> bool:
         """Insert stops until one quota seems met (what replaced legs showed counts); whether any was."""
         seen = route.heads()[route.mark if early else -1]
         quota = self._quotas[0 if early else 1]
@@ -191,9 +191,7 @@ class RoutePlanner:
             inserted = True
         return inserted
 
-    def _best_candidate(
-        self, bounds: NDArray[np.int64], detours: NDArray[np.float64], seen: Bits, needed: int
-    ) -> int:
+    def _best_candidate(self, bounds: Ints, detours: Floats, seen: Bits, needed: int) -> int:
         """The candidate that adds most cells per metre; what one adds only shrinks: old counts are bounds."""
         values = np.minimum(bounds, needed) / detours
         fresh = np.zeros(len(values), np.bool_)
@@ -207,7 +205,7 @@ class RoutePlanner:
             values[stale] = np.minimum(bounds[stale], needed) / detours[stale]
             fresh[stale] = True
 
-    def _detours(self, route: Route, *, early: bool) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _detours(self, route: Route, *, early: bool) -> tuple[Floats, Ints]:
         """Weighted metres float64 (n,) that a stop in each lattice cell adds, and its best gap int64 (n,).
 
         Gap i lies behind stop i. An early stop comes before the mark or becomes the new mark.
@@ -321,7 +319,7 @@ class RoutePlanner:
         if len(rows := _enough(views, np.arange(len(cells)), limits)):
             self._replace(route, i, self._stop(Cell(*map(int, cells[rows[0]])), views[rows[0]]))
 
-    def _cheaper(self, route: Route, i: int, near: list[NDArray[np.float32]]) -> NDArray[np.int64]:
+    def _cheaper(self, route: Route, i: int, near: list[Floats32]) -> Ints:
         """The candidates that cost less than stop i in its place, int64 (k,), the one that costs least first.
 
         `near` holds metres float32 (n,) to each candidate from the stop before and, if there is one, the stop
@@ -358,9 +356,7 @@ class RoutePlanner:
         return self._linked([route.stops[i] for i in kept], sum(i <= route.mark for i in kept) - 1)
 
 
-def _enough(
-    views: NDArray[np.uint64], rows: NDArray[np.int64], limits: list[tuple[Bits, int]]
-) -> NDArray[np.int64]:
+def _enough(views: Words, rows: Ints, limits: list[tuple[Bits, int]]) -> Ints:
     """Those of some rows int64 (k,) of the views that add enough, in their order.
 
     `limits` holds pairs of what is seen without the stop and its ways, and how much must be seen with it.
@@ -377,7 +373,7 @@ def _keep(store: OrderedDict[Any, Any], key: Any, value: Any, most: int) -> None
         store.popitem(last=False)
 
 
-def _lattice(traversable: NDArray[np.bool_], step: int) -> NDArray[np.int32]:
+def _lattice(traversable: Mask, step: int) -> Ints32:
     """int32 (n, 2): of every step x step block with traversable cells, the one nearest the middle."""
     cells = np.argwhere(traversable)
     blocks = cells // step
@@ -386,5 +382,5 @@ def _lattice(traversable: NDArray[np.bool_], step: int) -> NDArray[np.int32]:
     blocks = blocks[order]
     first = np.ones(len(order), np.bool_)
     first[1:] = (blocks[1:] != blocks[:-1]).any(axis=1)
-    chosen: NDArray[np.int32] = cells[order[first]].astype(np.int32)
+    chosen: Ints32 = cells[order[first]].astype(np.int32)
     return chosen

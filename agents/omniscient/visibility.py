@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.decision import CellPath, Truth
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Words
 from layoutexplore.grids.bitsets import ones
 from layoutexplore.sensing.lidar import LidarConfig, around, beam_table
 
-Bits = NDArray[np.uint64]
+Bits = Words
 """A set of sampled target cells: uint64 (words,)."""
 
 _SAMPLE = 40_000
@@ -60,7 +60,7 @@ class Visibility:
         self._around = _Scanner(labels, *beam_table(_thinned(around(truth.sensor), _BEAMS_TURNING)), reach)
         self._ahead = _Scanner(labels, *beam_table(_thinned(truth.sensor, _BEAMS_WALKING)), reach)
 
-    def turning(self, cells: NDArray[np.int32]) -> NDArray[np.uint64]:
+    def turning(self, cells: Ints32) -> Words:
         """What a full turn in each of the cells int32 (n, 2) shows: uint64 (n, words)."""
         seen = np.zeros((len(cells), self.words), np.uint64)
         _look_around(self._around, np.asarray(cells, np.int64), seen)
@@ -85,15 +85,13 @@ def size(bits: Bits) -> int:
     return int(np.bitwise_count(bits).sum())
 
 
-def added_sizes(sets: NDArray[np.uint64], rows: NDArray[np.int64], other: Bits) -> NDArray[np.int64]:
+def added_sizes(sets: Words, rows: Ints, other: Bits) -> Ints:
     """How many cells int64 (k,) some rows int64 (k,) of `sets` uint64 (n, words) each add to `other`."""
     return _added(sets, rows, ~other)
 
 
 @njit(cache=True, nogil=True)
-def _added(
-    sets: NDArray[np.uint64], rows: NDArray[np.int64], missing: NDArray[np.uint64]
-) -> NDArray[np.int64]:
+def _added(sets: Words, rows: Ints, missing: Words) -> Ints:
     counts = np.zeros(len(rows), np.int64)
     words = np.flatnonzero(missing)
     for k in range(len(rows)):
@@ -113,21 +111,21 @@ class _Scanner(NamedTuple):
         reach: Range in cells.
     """
 
-    labels: NDArray[np.int32]
-    unit_x: NDArray[np.float64]
-    unit_y: NDArray[np.float64]
+    labels: Ints32
+    unit_x: Floats
+    unit_y: Floats
     reach: float
 
 
 @njit(cache=True, nogil=True)
-def _look_around(scanner: _Scanner, cells: NDArray[np.int64], seen: NDArray[np.uint64]) -> None:
+def _look_around(scanner: _Scanner, cells: Ints, seen: Words) -> None:
     """Add to each row of `seen` what a full turn in a cell shows."""
     for k in range(len(cells)):
         _look(scanner, cells[k], 1.0, 0.0, seen[k])
 
 
 @njit(cache=True, nogil=True)
-def _look_ahead(scanner: _Scanner, path: NDArray[np.int64], spacing: float, seen: NDArray[np.uint64]) -> None:
+def _look_ahead(scanner: _Scanner, path: Ints, spacing: float, seen: Words) -> None:
     """Scan whenever `spacing` cells have been walked since the last scan, looking the way walked since.
 
     The ends of the path are left out: whoever stops there turns fully.
@@ -146,9 +144,7 @@ def _look_ahead(scanner: _Scanner, path: NDArray[np.int64], spacing: float, seen
 
 
 @njit(cache=True, nogil=True)
-def _look(
-    scanner: _Scanner, cell: NDArray[np.int64], cos: float, sin: float, seen: NDArray[np.uint64]
-) -> None:
+def _look(scanner: _Scanner, cell: Ints, cos: float, sin: float, seen: Words) -> None:
     """Add what the beams of one scan cross, from the middle of a cell, to a set."""
     # Not `grids.rays.ray_frame`: here distances are summed; their rounding decides what is seen at corners.
     field = scanner.labels.ravel()

@@ -13,6 +13,7 @@ from layoutexplore.agents.rl.linear import PolicyAgent
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.envs.observation import Observer
 from layoutexplore.frontiers.decision import Decision
+from layoutexplore.grids.arrays import Floats32
 
 
 class NetworkPolicy(PolicyAgent):
@@ -34,16 +35,16 @@ class NetworkPolicy(PolicyAgent):
         """Begin a new run, with an observer that has seen nothing of it."""
         self._observer = Observer(self.observed(1))
 
-    def logits(self, decision: Decision) -> NDArray[np.float32]:
+    def logits(self, decision: Decision) -> Floats32:
         """float32 (n,): a logit for each of the decision's frontiers."""
         count = len(decision.frontiers)
         self._observer.config = self.observed(count)
         return logits_of(self.actor, self._observer.observe(decision))[:count]
 
 
-def logits_of(actor: Actor, observation: Mapping[str, NDArray[np.generic]]) -> NDArray[np.float32]:
+def logits_of(actor: Actor, observation: Mapping[str, NDArray[np.generic]]) -> Floats32:
     """float32 (slots + 1,): the logits of an actor for one observation."""
     batch = {name: torch.from_numpy(np.asarray(array)[None]) for name, array in observation.items()}
     with torch.no_grad():
-        logits: NDArray[np.float32] = actor(batch)[0].numpy()
+        logits: Floats32 = actor(batch)[0].numpy()
     return logits

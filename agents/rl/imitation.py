@@ -24,6 +24,7 @@ from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Agent, Decision, Privileged
+from layoutexplore.grids.arrays import Ints
 
 Stop = Callable[[], bool]
 
@@ -49,7 +50,7 @@ class Demonstrations:
             self.observations.setdefault(name, []).append(array)
         self.choices.append(choice)
 
-    def batch(self, chosen: NDArray[np.int64]) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
+    def batch(self, chosen: Ints) -> tuple[dict[str, torch.Tensor], torch.Tensor]:
         """Some of the decisions as tensors."""
         stacked = {
             n: torch.from_numpy(np.stack([rows[k] for k in chosen])) for n, rows in self.observations.items()

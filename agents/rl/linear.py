@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.envs.observation import ObservationConfig, encode_frontiers
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
+from layoutexplore.grids.arrays import Floats32
 
 
 class PolicyAgent:
@@ -38,7 +38,7 @@ class PolicyAgent:
         """The frontier to go to, or `STOP` when there is none."""
         return int(np.argmax(self.logits(decision))) if decision.frontiers else STOP
 
-    def logits(self, decision: Decision) -> NDArray[np.float32]:
+    def logits(self, decision: Decision) -> Floats32:
         """float32 (n,): a logit for each of the decision's frontiers."""
         raise NotImplementedError
 
@@ -64,12 +64,12 @@ class LinearPolicy(PolicyAgent):
     """
 
     def __init__(
-        self, name: str, weights: Mapping[str, NDArray[np.float32]], spec: PolicySpec, fingerprint: str = ""
+        self, name: str, weights: Mapping[str, Floats32], spec: PolicySpec, fingerprint: str = ""
     ) -> None:
         super().__init__(name, spec, fingerprint)
         self._weights, self._tour_weight = weights["direct.weight"][0], weights["tour_weight"]
 
-    def logits(self, decision: Decision) -> NDArray[np.float32]:
+    def logits(self, decision: Decision) -> Floats32:
         """float32 (n,): a logit for each of the decision's frontiers."""
         count, rank = len(decision.frontiers), self.spec.rank_column
         table = encode_frontiers(decision, self.observed(count)).reshape(count, -1)
@@ -77,5 +77,5 @@ class LinearPolicy(PolicyAgent):
         read = np.arcsinh(features)
         if rank is not None:
             read[:, rank] = features[:, rank]
-        scores: NDArray[np.float32] = read @ self._weights
+        scores: Floats32 = read @ self._weights
         return scores if rank is None else scores + self._tour_weight * read[:, rank]

@@ -10,7 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from layoutexplore.grids.arrays import Floats
 
 NOISE = 0.15
 """Standard deviation of one value around its group's offset: of logarithms of metres in small buildings."""
@@ -28,14 +29,12 @@ RELUCTANCE = 0.01
 class ResponseSurface(NamedTuple):
     """Expected slopes and curvatures float64 (p,) at z = 0, and the standard deviations of the slopes."""
 
-    slope: NDArray[np.float64]
-    curvature: NDArray[np.float64]
-    deviation: NDArray[np.float64]
+    slope: Floats
+    curvature: Floats
+    deviation: Floats
 
 
-def fit_surface(
-    z: NDArray[np.float64], values: NDArray[np.float64], *, noise: float = NOISE
-) -> ResponseSurface:
+def fit_surface(z: Floats, values: Floats, *, noise: float = NOISE) -> ResponseSurface:
     """The surface behind some measurements.
 
     Args:
@@ -59,9 +58,7 @@ def fit_surface(
     return ResponseSurface(found[:count], found[count:], np.sqrt(np.diag(covariance)[:count]))
 
 
-def lowest(
-    surface: ResponseSurface, centre: NDArray[np.float64], trust: float, least: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def lowest(surface: ResponseSurface, centre: Floats, trust: float, least: Floats) -> Floats:
     """Where to go on, float64 (p,): the lowest place of surface + RELUCTANCE (z - centre)^2 in a box.
 
     Args:
@@ -80,5 +77,5 @@ def lowest(
     downhill = np.argmin(slope * ends + curvature * ends**2, axis=0)
     lowest_end = np.take_along_axis(ends, downhill[None], axis=0)[0]
     bottom = np.divide(-slope, 2 * curvature, out=lowest_end.copy(), where=curvature > 0)
-    chosen: NDArray[np.float64] = np.clip(bottom, ends[0], ends[1])
+    chosen: Floats = np.clip(bottom, ends[0], ends[1])
     return chosen

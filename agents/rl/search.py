@@ -25,7 +25,6 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from layoutexplore.agents.base import Heuristic
 from layoutexplore.agents.rl.card import PolicySpec, spec_of
@@ -40,6 +39,7 @@ from layoutexplore.errors import ResultsError
 from layoutexplore.files import atomic
 from layoutexplore.frontiers.decision import Decision, Predictor
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
+from layoutexplore.grids.arrays import Floats
 from layoutexplore.metrics.exploration import score_curve
 from layoutexplore.options import Options
 from layoutexplore.predictors import make_predictor
@@ -141,15 +141,15 @@ class SearchRun(TrainingRun):
                 if not self.stopping and (due or self.steps >= self.config.steps):
                     self.evaluate()
 
-    def draws(self, group: int) -> NDArray[np.float64]:
+    def draws(self, group: int) -> Floats:
         """The parameters z float64 (members, p) that a group explores, around the centre of its round."""
         centre = self._centre(group * self.members // self.search.round)
         rng = np.random.default_rng([self.config.seed, 1, group])
         steps = self.search.spread * rng.standard_normal((self.search.pairs, len(PARAMETERS)))
-        around: NDArray[np.float64] = centre + np.concatenate([steps, -steps])
+        around: Floats = centre + np.concatenate([steps, -steps])
         return around
 
-    def _centre(self, number: int) -> NDArray[np.float64]:
+    def _centre(self, number: int) -> Floats:
         """Where the draws of a round lie around, float64 (p,); rounds before it must be complete."""
         while len(self._centres) <= number:
             count = len(self._centres) * self.search.round // self.members
@@ -162,15 +162,13 @@ class SearchRun(TrainingRun):
             )
         return self._centres[number]
 
-    def _values(self, count: int) -> NDArray[np.float64]:
+    def _values(self, count: int) -> Floats:
         """What the explorations of the first groups cost: float64 (count, members), logarithms of metres."""
         metres = np.array([(e.d95, e.d99) for e in self.explorations[: count * self.members]])
         weights = np.array([self.config.reward["weight_95"], self.config.reward["weight_99"]])
         values = (np.log(metres + _NEAR) @ weights / weights.sum()).reshape(count, self.members)
         middle = values.mean(axis=1, keepdims=True)
-        clipped: NDArray[np.float64] = middle + np.clip(
-            values - middle, -self.search.outlier, self.search.outlier
-        )
+        clipped: Floats = middle + np.clip(values - middle, -self.search.outlier, self.search.outlier)
         return clipped
 
     def _round(self, executor: Executor | None) -> None:
@@ -253,7 +251,7 @@ def _explore(simulation: Simulation, seed: int, tour: TourConfig) -> tuple[float
     return scores.d95, scores.d99
 
 
-def _tour(start: TourConfig, z: NDArray[np.float64]) -> TourConfig:
+def _tour(start: TourConfig, z: Floats) -> TourConfig:
     """The tour at z float64 (p,), where 0 is the start."""
     values = {}
     for name, offset in zip(PARAMETERS, z.tolist(), strict=True):
@@ -265,14 +263,14 @@ def _tour(start: TourConfig, z: NDArray[np.float64]) -> TourConfig:
     return TourConfig(**values)
 
 
-def _least(start: TourConfig) -> NDArray[np.float64]:
+def _least(start: TourConfig) -> Floats:
     """The least z float64 (p,) that makes a difference."""
     return np.array(
         [-np.inf if name in LOGARITHMIC else -getattr(start, name) / LINEAR[name] for name in PARAMETERS]
     )
 
 
-def _effective(start: TourConfig, z: NDArray[np.float64]) -> NDArray[np.float64]:
+def _effective(start: TourConfig, z: Floats) -> Floats:
     """The z float64 (p,) that works, where parameters below 0 are 0."""
     return np.maximum(z, _least(start))
 

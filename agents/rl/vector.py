@@ -13,12 +13,13 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from layoutexplore.envs.vector import ExplorationVectorEnv
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Floats, Floats32, Mask
 from layoutexplore.metrics.exploration import NEARLY_SEEN
 
 Batch = Any
 """A batched observation: an array, or arrays by name."""
 
-StepResult = tuple[Batch, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]
+StepResult = tuple[Batch, Floats32, Mask, list[dict[str, Any]]]
 """Observations, rewards, which episodes ended, and infos."""
 
 
@@ -47,7 +48,7 @@ class VectorAdapter(VecEnv):
             )
         self.env = env
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
-        self._masks: NDArray[np.bool_] | None = None
+        self._masks: Mask | None = None
         self._next_seed: int | None = None
         self.waiting_seconds = 0.0
 
@@ -114,7 +115,7 @@ class VectorAdapter(VecEnv):
             }
         return self._seen(observations, rows), rewards.astype(np.float32), done, infos
 
-    def action_masks(self) -> NDArray[np.bool_]:
+    def action_masks(self) -> Mask:
         """Which actions are allowed, bool (envs, actions)."""
         assert self._masks is not None
         return self._masks
@@ -168,7 +169,7 @@ class VectorAdapter(VecEnv):
         return episode
 
 
-def _at_the_end(info: dict[str, Any], name: str) -> NDArray[np.float64]:
+def _at_the_end(info: dict[str, Any], name: str) -> Floats:
     """An entry of the infos (envs,) before any reset."""
     if "final_info" not in info:
         return np.asarray(info[name], np.float64)

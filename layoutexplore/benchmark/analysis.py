@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.benchmark.rows import Row
+from layoutexplore.grids.arrays import Floats
 from layoutexplore.metrics.exploration import coverage_at, mean_coverage
 from layoutexplore.metrics.statistics import (
     Interval,
@@ -41,7 +41,7 @@ CURVE_END = 1.5
 CURVE_POINTS = 121
 
 CellKey = tuple[str, int, str]
-Curves = Callable[[Row], NDArray[np.float64]]
+Curves = Callable[[Row], Floats]
 """Gives the coverage curve (n, 2) of a run."""
 
 
@@ -104,10 +104,10 @@ class PooledCurve:
     """
 
     agent: str
-    x: NDArray[np.float64]
-    mean: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    x: Floats
+    mean: Floats
+    low: Floats
+    high: Floats
     cells: int
 
 
@@ -220,7 +220,7 @@ def pooled_curves(rows: Iterable[Row], baseline: str, curves: Curves) -> list[Po
     return found
 
 
-def _sampled(curve: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sampled(curve: Floats, at: Floats) -> Floats:
     return coverage_at(curve[:, 0], curve[:, 1], at)
 
 

@@ -25,6 +25,7 @@ from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import remaining_share
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.planning.shortest_paths import distance_matrix
@@ -78,15 +79,15 @@ class DecisiveDecision:
     distance: float
     coverage: float
     stake: float
-    cells: NDArray[np.int8]
+    cells: Cells
     corner: tuple[int, int]
     here: tuple[int, int]
     chosen: tuple[int, int]
     given_up: tuple[int, int]
     without: int
-    judged: NDArray[np.float64]
-    members: NDArray[np.int32]
-    offsets: NDArray[np.int64]
+    judged: Floats
+    members: Ints32
+    offsets: Ints
     seen_after: float = float("nan")
     came_back: bool = False
 
@@ -116,10 +117,10 @@ class Counterfactual:
         decisive: The most decisive ones, in their order.
     """
 
-    log: NDArray[np.float64]
+    log: Floats
     decisive: tuple[DecisiveDecision, ...]
 
-    def column(self, name: str) -> NDArray[np.float64]:
+    def column(self, name: str) -> Floats:
         """float64 (n,): a column of the log."""
         return self.log[:, LOG.index(name)]
 
@@ -129,7 +130,7 @@ class _Pursued:
     """A decisive decision whose outcome is still open."""
 
     decided: DecisiveDecision
-    cells: NDArray[np.int32] = field(repr=False)
+    cells: Ints32 = field(repr=False)
 
 
 def to_arrays(counterfactual: Counterfactual) -> dict[str, NDArray[np.generic]]:
@@ -346,7 +347,7 @@ def _mixed(decision: Decision, truth: Decision, *, classes: bool, areas: bool) -
     return dataclasses.replace(decision, frontiers=tuple(mixed))
 
 
-def _judged(found: Sequence[Frontier], true: Sequence[Frontier]) -> NDArray[np.float64]:
+def _judged(found: Sequence[Frontier], true: Sequence[Frontier]) -> Floats:
     """float64 (k, 4): judged closed, expected area, truly closed, true area."""
     rows = [
         (f.is_closed, f.expected_area, t.is_closed, t.expected_area) for f, t in zip(found, true, strict=True)
@@ -370,7 +371,7 @@ def _counts(found: Sequence[Frontier], true: Sequence[Frontier]) -> list[float]:
     return [*(float(s.sum()) for s in sums), *left, float((~closed).sum()), float(judged[~closed, 1].sum())]
 
 
-def _known_part(grid: OccupancyGrid) -> tuple[NDArray[np.int8], tuple[int, int]]:
+def _known_part(grid: OccupancyGrid) -> tuple[Cells, tuple[int, int]]:
     """A copy of the known part of a grid int8 (rows, cols) with a margin, and its first row and column."""
     row0, row1, col0, col1 = known_box(grid.cells, round(_MARGIN / grid.resolution))
     return grid.cells[row0:row1, col0:col1].copy(), (row0, col0)

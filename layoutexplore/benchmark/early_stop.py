@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import Curves, agents_of, groups
@@ -22,6 +21,7 @@ from layoutexplore.benchmark.counterfactual import Counterfactual
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.frontiers.tour_features import BEGUN, SURE
+from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.exploration import FULLY_SEEN, distance_to_coverage
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, interquartile_mean, weighted_mean
 
@@ -31,7 +31,7 @@ POINTS_LOST = 0.02
 THRESHOLDS = (1.0, 2.0, 4.0, 8.0)
 """Square metres at which stopping is tried on runs that went on."""
 
-Rule = Callable[[Counterfactual], NDArray[np.bool_]]
+Rule = Callable[[Counterfactual], Mask]
 """Whether to stop, bool (n,), at each decision of a run."""
 
 
@@ -152,7 +152,7 @@ def stops_below(area: float) -> Rule:
     And the robot has more than begun.
     """
 
-    def rule(notes: Counterfactual) -> NDArray[np.bool_]:
+    def rule(notes: Counterfactual) -> Mask:
         surely_closed = (notes.column("open_judged") == 0) & (notes.column("least_sure") >= SURE)
         return np.asarray(
             surely_closed & (notes.column("largest_left") < area) & (notes.column("known") >= BEGUN)
@@ -178,7 +178,7 @@ def has_stop_rule(agent: str) -> bool:
 
 
 def stop_at(
-    plan: str, metres: float, coverage: float, baseline_metres: float, baseline_curve: NDArray[np.float64]
+    plan: str, metres: float, coverage: float, baseline_metres: float, baseline_curve: Floats
 ) -> RunStop:
     """The pair of a run that ended after some metres at some coverage.
 

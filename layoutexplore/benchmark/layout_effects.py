@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.benchmark.analysis import agents_of, groups
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual
 from layoutexplore.benchmark.rows import Row
+from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 
 NotesOf = Callable[[Row], Counterfactual | None]
@@ -123,7 +123,7 @@ def _effect(sensor: str, agent: str, runs: Sequence[tuple[Row, Counterfactual]])
     )
 
 
-def _logical(log: NDArray[np.float64], name: str) -> NDArray[np.bool_]:
+def _logical(log: Floats, name: str) -> Mask:
     return np.asarray(log[:, LOG.index(name)] > 0)
 
 

@@ -34,14 +34,8 @@ from layoutexplore.benchmark.manifest import manifest_of, merge_manifests, read_
 from layoutexplore.benchmark.plans import PlanEntry
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import ResultsError
-from layoutexplore.files import (
-    HALF,
-    is_whole,
-    read_arrays,
-    to_toml,
-    write_arrays,
-    write_atomically,
-)
+from layoutexplore.files import HALF, is_whole, read_arrays, to_toml, write_arrays, write_atomically
+from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.simulation.episode import Episode
 
@@ -135,7 +129,7 @@ class ResultsFolder:
         notes = to_arrays(episode.notes) if episode.notes else {}
         write_arrays(self.curve_path(row), {**arrays, **notes})
 
-    def episode(self, row: Row) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def episode(self, row: Row) -> tuple[Floats, Floats]:
         """The curve (n, 2) and track (m, 3) of a run.
 
         Raises:
@@ -155,7 +149,7 @@ class ResultsFolder:
         arrays = {"occupied": np.packbits(raster.occupied), "shape": np.array(raster.shape), "frame": frame}
         write_arrays(self.path / "plans" / f"{slug(name)}.npz", arrays)
 
-    def raster(self, name: str) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    def raster(self, name: str) -> tuple[Mask, Floats]:
         """A plan's occupied cells bool (rows, cols), and (resolution, origin x, y, theta)."""
         data = self._arrays(self.path / "plans" / f"{slug(name)}.npz", "occupied", "shape", "frame")
         rows, cols = data["shape"]

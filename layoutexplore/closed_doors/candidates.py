@@ -8,10 +8,10 @@ jamb of a door or halfway to the next one, or make the room as wide or as deep a
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.doors import ClosedDoor
 from layoutexplore.closed_doors.scene import APART, LARGEST, Scene, in_line, peaks
+from layoutexplore.grids.arrays import Floats, Ints, Mask
 from layoutexplore.grids.grid import FREE
 
 _LINES, _NEAREST, _SIDES = 7, 3, 12
@@ -24,7 +24,7 @@ _SUPPORT = 0.75
 """Metres of wall that support a line."""
 
 
-def rectangles(scene: Scene, door: ClosedDoor) -> NDArray[np.int64]:
+def rectangles(scene: Scene, door: ClosedDoor) -> Ints:
     """Candidates int64 (n, 4) as top, left, bottom, right (bottom and right not included)."""
     top, middle = door.row - max(scene.thickness - door.recess_other, 1), (door.start + door.stop) // 2
     nearest = max(top - 2 * scene.thickness, 0)
@@ -97,7 +97,7 @@ def _mirrored_room(scene: Scene, bottom: int, middle: int) -> tuple[list[int], l
     return _ends(line, middle, -1, reach), _ends(line, middle, 1, reach), _ends(column, row, -1, reach)
 
 
-def _ends(line: NDArray[np.bool_], start: int, sign: int, reach: int) -> list[int]:
+def _ends(line: Mask, start: int, sign: int, reach: int) -> list[int]:
     """Where a run of possible cells ends: its first index (sign -1) or the one behind its last (sign 1)."""
     part = line[start : start + reach] if sign > 0 else line[max(start - reach, 0) : start + 1][::-1]
     stop = np.flatnonzero(~part)
@@ -141,7 +141,7 @@ def _distinct(sides: list[int], apart: int) -> list[int]:
     return kept
 
 
-def _usual(lengths: NDArray[np.float64], scene: Scene) -> list[int]:
+def _usual(lengths: Floats, scene: Scene) -> list[int]:
     """The most usual lengths above 1 m in cells."""
     part, apart = lengths.copy(), scene.span(0.3)
     found: list[int] = []

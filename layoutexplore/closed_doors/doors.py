@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats32, Ints, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
 
 DOOR_FEATURES = (
@@ -53,7 +53,7 @@ class ClosedDoor:
     probability: float = 1.0
 
 
-def find_edges(cells: NDArray[np.int8], resolution: float) -> NDArray[np.int64]:
+def find_edges(cells: Cells, resolution: float) -> Ints:
     """Find straight edges between free and unknown space that are as wide as doors.
 
     The next higher row of an edge is free, the next lower one unknown.
@@ -76,9 +76,7 @@ def find_edges(cells: NDArray[np.int8], resolution: float) -> NDArray[np.int64]:
     return np.stack([rows, starts, stops], 1)[kept].astype(np.int64)
 
 
-def door_features(
-    cells: NDArray[np.int8], resolution: float, edges: NDArray[np.int64]
-) -> NDArray[np.float32]:
+def door_features(cells: Cells, resolution: float, edges: Ints) -> Floats32:
     """`DOOR_FEATURES` of edges, float32 (n, features); lengths in metres, shares 0..1.
 
     Args:
@@ -93,7 +91,7 @@ def door_features(
     )
 
 
-def is_marked(features: NDArray[np.float32]) -> NDArray[np.bool_]:
+def is_marked(features: Floats32) -> Mask:
     """Edges that look like doors: shut, and between two jambs or with a line that runs on inside the wall.
 
     Args:
@@ -110,7 +108,7 @@ def is_marked(features: NDArray[np.float32]) -> NDArray[np.bool_]:
     return np.asarray((known["occupied"] > 0.9) & (niche | inside))
 
 
-def _describe(cells: NDArray[np.int8], resolution: float, row: int, start: int, stop: int) -> list[float]:
+def _describe(cells: Cells, resolution: float, row: int, start: int, stop: int) -> list[float]:
     cut = np.s_[row - round(_BEHIND / resolution) : row + round(_AHEAD / resolution)]
     middle = row - cut.start
     occupied, free, unknown = (cells[cut] == value for value in (OCCUPIED, FREE, UNKNOWN))
@@ -150,12 +148,12 @@ def _describe(cells: NDArray[np.int8], resolution: float, row: int, start: int, 
     return [lengths[0], shut, lengths[1], *pairs[:5].ravel(), *depths, clean, *pairs[5:].ravel()]
 
 
-def _run(mask: NDArray[np.bool_]) -> int:
+def _run(mask: Mask) -> int:
     """Length of the run of true values that a mask begins with."""
     return int(np.argmin(np.append(mask, False)))
 
 
-def _step(occupied: NDArray[np.bool_], free: NDArray[np.bool_], reach: int, before: int) -> int:
+def _step(occupied: Mask, free: Mask, reach: int, before: int) -> int:
     """Cells by which a wall's face, free `before` it, stands before a leaf in one column; 0 for none."""
     found = np.flatnonzero(occupied[:reach])
     return int(found[-1]) + 1 if len(found) and free[found[-1] + 1 : found[-1] + 1 + before].any() else 0

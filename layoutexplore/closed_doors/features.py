@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.doors import ClosedDoor
 from layoutexplore.closed_doors.scene import Scene, peaks
+from layoutexplore.grids.arrays import Floats, Ints
 
 FEATURES = (
     *("left_contact", "right_contact", "far_contact", "near_contact"),
@@ -39,7 +40,7 @@ FEATURES = (
 """What is known of a rectangle; see `describe`."""
 
 
-def describe(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> NDArray[np.float64]:
+def describe(scene: Scene, door: ClosedDoor, boxes: Ints) -> Floats:
     """`FEATURES` of rectangles, float64 (n, features); lengths in metres, shares 0..1."""
     top, left, bottom, right = boxes.T
     height, width = bottom - top, right - left
@@ -88,7 +89,7 @@ def describe(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> NDArra
     return np.stack(columns, 1).astype(np.float64)
 
 
-def _fit(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+def _fit(scene: Scene, door: ClosedDoor, boxes: Ints) -> list[Floats]:
     """Distances to the doors, how usual the size is, lines beyond, and the mirrored plan."""
     top, left, bottom, right = boxes.T
     res, near, rim = scene.resolution, scene.span(0.15), scene.span(0.1)
@@ -131,7 +132,7 @@ def _fit(scene: Scene, door: ClosedDoor, boxes: NDArray[np.int64]) -> list[NDArr
     ]  # fmt: skip
 
 
-def _neighbours(scene: Scene, boxes: NDArray[np.int64]) -> list[NDArray[np.float64]]:
+def _neighbours(scene: Scene, boxes: Ints) -> list[Floats]:
     """How the far side fits the walls of the rooms beside, and the sides those of the rooms opposite."""
     top, left, bottom, right = boxes.T
     res, t, near = scene.resolution, scene.thickness, scene.span(0.15)
@@ -149,9 +150,7 @@ def _neighbours(scene: Scene, boxes: NDArray[np.int64]) -> list[NDArray[np.float
     return [np.asarray(column, np.float64) for column in out]
 
 
-def _contact(
-    scene: Scene, boxes: NDArray[np.int64], side: str, reach: int, part: str = "all"
-) -> NDArray[np.float64]:
+def _contact(scene: Scene, boxes: Ints, side: str, reach: int, part: str = "all") -> Floats:
     """Share of a side behind which something known lies within reach, from samples along it."""
     top, left, bottom, right = boxes.T
     first, last = (top, bottom) if side in ("left", "right") else (left, right)
@@ -172,12 +171,12 @@ def _contact(
     return found / samples
 
 
-def _seen(lengths: NDArray[np.float64], values: NDArray[np.int64]) -> NDArray[np.float64]:
+def _seen(lengths: Floats, values: Ints) -> Floats:
     """Logarithm of 1 + the metres of free space of such a length."""
     return np.asarray(np.log1p(lengths[np.clip(values, 0, len(lengths) - 1)]))
 
 
-def _around(scene: Scene, support: NDArray[np.int64], position: NDArray[np.int64]) -> NDArray[np.int64]:
+def _around(scene: Scene, support: Ints, position: Ints) -> Ints:
     """Cells of wall on the lines within 0.1 m of each position."""
     beside = scene.span(0.1)
     index = np.clip(position, beside, len(support) - 1 - beside)

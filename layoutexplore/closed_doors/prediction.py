@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.candidates import rectangles
 from layoutexplore.closed_doors.doors import DOOR_FEATURES, ClosedDoor, door_features, find_edges, is_marked
@@ -22,6 +21,7 @@ from layoutexplore.closed_doors.features import FEATURES, describe
 from layoutexplore.closed_doors.models import Models, shipped_models
 from layoutexplore.closed_doors.scene import Scene, room_space, wall_thickness
 from layoutexplore.closed_doors.symmetry import best_mirror
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
 
 LEAST_DOOR = 0.25
@@ -39,7 +39,7 @@ A part raises an intersection over union of J when more than J / (1 + J) of it i
 _MARK = 0.8
 """Metres by which the line that marks a door may run on into the wall."""
 
-DoorClassifier = Callable[[int, NDArray[np.int64], NDArray[np.float32]], NDArray[np.float64]]
+DoorClassifier = Callable[[int, Ints, Floats32], Floats]
 """(quarter turns, edges int64 (n, 3), their features) -> probability float64 (n,) that each is a door."""
 
 
@@ -56,7 +56,7 @@ class ClosedRooms:
     """
 
     grid: OccupancyGrid
-    rooms: NDArray[np.bool_]
+    rooms: Mask
     confidence: tuple[float, ...]
     doors: int
 
@@ -95,11 +95,9 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
     )
 
 
-def door_probability(features: NDArray[np.float32], models: Models) -> NDArray[np.float64]:
+def door_probability(features: Floats32, models: Models) -> Floats:
     """The probability float64 (n,) that edges with these `DOOR_FEATURES` are closed doors."""
-    chances: NDArray[np.float64] = np.maximum(
-        models.doors.probability(features), MARKED * is_marked(features)
-    )
+    chances: Floats = np.maximum(models.doors.probability(features), MARKED * is_marked(features))
     return chances
 
 
@@ -115,9 +113,7 @@ def _best_room(scene: Scene, door: ClosedDoor, models: Models) -> tuple[tuple[in
     return tuple(int(v) for v in boxes[best]), float(agreement[best]) * door.probability
 
 
-def find_closed_doors(
-    cells: NDArray[np.int8], resolution: float, classifier: DoorClassifier
-) -> list[list[ClosedDoor]]:
+def find_closed_doors(cells: Cells, resolution: float, classifier: DoorClassifier) -> list[list[ClosedDoor]]:
     """The closed doors of a grid turned by 0, 1, 2 and 3 quarters (`numpy.rot90`).
 
     Args:
@@ -145,9 +141,7 @@ def find_closed_doors(
     return doors
 
 
-def turned_scenes(
-    cells: NDArray[np.int8], resolution: float, doors: Sequence[Sequence[ClosedDoor]]
-) -> Iterator[Scene]:
+def turned_scenes(cells: Cells, resolution: float, doors: Sequence[Sequence[ClosedDoor]]) -> Iterator[Scene]:
     """The grid, of which something must be known, turned by 0, 1, 2 and 3 quarters, with its doors."""
     leaves = np.zeros(cells.shape, np.bool_)
     for turns, found in enumerate(doors):
@@ -165,9 +159,7 @@ def turned_scenes(
         yield Scene(view, resolution, thickness, around, shut, mirrored, likeness, space)
 
 
-def without_doors(
-    cells: NDArray[np.int8], resolution: float, doors: Sequence[Sequence[ClosedDoor]]
-) -> NDArray[np.int8]:
+def without_doors(cells: Cells, resolution: float, doors: Sequence[Sequence[ClosedDoor]]) -> Cells:
     """The cells int8 (rows, cols) with the leaves of doors, their jambs and niches unknown."""
     out, mark = cells.copy(), in_cells(_MARK, resolution)
     for turns, found in enumerate(doors):
@@ -180,7 +172,7 @@ def without_doors(
     return out
 
 
-def _hull(known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _hull(known: Mask) -> Mask:
     """The convex hull of the known cells."""
     outlines, _ = cv2.findContours(known.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     mask = np.zeros(known.shape, np.uint8)

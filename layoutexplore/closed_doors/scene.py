@@ -7,8 +7,8 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
 from layoutexplore.grids.runs import run_lengths
 
@@ -45,26 +45,26 @@ class Scene:
             the doors.
     """
 
-    cells: NDArray[np.int8]
+    cells: Cells
     resolution: float
     thickness: int
-    hull: NDArray[np.bool_]
-    leaves: NDArray[np.bool_]
-    mirrored: NDArray[np.int8]
+    hull: Mask
+    leaves: Mask
+    mirrored: Cells
     likeness: tuple[float, float]
-    possible: NDArray[np.bool_]
+    possible: Mask
 
     def span(self, metres: float) -> int:
         """A length in cells, one at least."""
         return in_cells(metres, self.resolution)
 
     @cached_property
-    def widths(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def widths(self) -> tuple[Floats, Floats]:
         """Metres of free space seen in rows of each length, and in columns of each length (index: cells)."""
         return _run_lengths(self.cells, self.resolution), _run_lengths(self.cells.T, self.resolution)
 
     @cached_property
-    def _face_layers(self) -> dict[str, NDArray[np.bool_]]:
+    def _face_layers(self) -> dict[str, Mask]:
         """Cells just inside walls that a side of a room may be in line with, by their direction."""
         free, occupied, t = self.cells == FREE, self.cells == OCCUPIED, self.thickness
         shape = self.cells.shape
@@ -82,7 +82,7 @@ class Scene:
         }
 
     @cached_property
-    def sums(self) -> dict[str, NDArray[np.int32]]:
+    def sums(self) -> dict[str, Ints32]:
         """Integral images of what the features count."""
         known = self.cells != UNKNOWN
         layers = {
@@ -103,7 +103,7 @@ class Scene:
         return int(rows.min()), int(rows.max()), int(cols.min()), int(cols.max())
 
     @cached_property
-    def faces(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    def faces(self) -> tuple[Ints, Ints, Ints, Ints]:
         """Cells of wall with their face on each column (free right, left) and row (free below, above)."""
         free, occupied = self.cells == FREE, self.cells == OCCUPIED
         run = 2 * self.span(_RUN / 2) + 1
@@ -113,7 +113,7 @@ class Scene:
         above = (occupied[1:] & free[:-1] & _solid(occupied[1:], (1, run))).sum(1)
         return np.append(right, 0), np.insert(left, 0, 0), np.append(below, 0), np.insert(above, 0, 0)
 
-    def count(self, name: str, box: NDArray[np.int64]) -> NDArray[np.int64]:
+    def count(self, name: str, box: Ints) -> Ints:
         """Cells of a layer in boxes int (n, 4): top, left, bottom, right (the last two not included)."""
         s = self.sums[name]
         top, bottom = np.clip(box[:, 0], 0, s.shape[0] - 1), np.clip(box[:, 2], 0, s.shape[0] - 1)
@@ -121,19 +121,19 @@ class Scene:
         return np.asarray(s[bottom, right] - s[top, right] - s[bottom, left] + s[top, left], np.int64)
 
 
-def integral(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+def integral(mask: Mask) -> Ints32:
     """Integral image int32 (rows + 1, cols + 1) of a mask."""
     return np.asarray(cv2.integral(np.ascontiguousarray(mask, np.uint8), sdepth=cv2.CV_32S))
 
 
-def room_space(cells: NDArray[np.int8], thickness: int) -> NDArray[np.bool_]:
+def room_space(cells: Cells, thickness: int) -> Mask:
     """Bool (rows, cols): unknown cells at least a wall's thickness away from everything known."""
     unknown = (cells == UNKNOWN).astype(np.uint8)
     size = 2 * max(thickness - 1, 0) + 1
     return np.asarray(cv2.erode(unknown, np.ones((size, size), np.uint8)) > 0)
 
 
-def wall_thickness(cells: NDArray[np.int8], resolution: float) -> int:
+def wall_thickness(cells: Cells, resolution: float) -> int:
     """Usual thickness of the walls in cells: that of most runs without a free cell between two free ones."""
     counts = np.zeros(round(0.8 / resolution) + 1, np.int64)
     for turned in (cells, cells.T):
@@ -149,25 +149,25 @@ def wall_thickness(cells: NDArray[np.int8], resolution: float) -> int:
     return max(int(np.argmax(np.convolve(counts, near, "same"))), 2)
 
 
-def in_line(support: NDArray[np.int64], resolution: float) -> NDArray[np.int64]:
+def in_line(support: Ints, resolution: float) -> Ints:
     """Length of the walls (in cells) on each line or as little beside it as walls are astray."""
     return np.asarray(np.convolve(support, np.ones(2 * in_cells(_ASTRAY, resolution) + 1, np.int64), "same"))
 
 
-def peaks(support: NDArray[np.int64], resolution: float) -> NDArray[np.bool_]:
+def peaks(support: Ints, resolution: float) -> Mask:
     """Where the walls in line are longest nearby (`APART`), and 0.5 m long at least."""
     smooth, near = in_line(support, resolution), 2 * in_cells(APART, resolution) + 1
     highest = cv2.dilate(smooth.astype(np.float32).reshape(1, -1), np.ones((1, near), np.uint8))[0]
     return np.asarray((smooth == highest) & (smooth >= in_cells(_LINE, resolution)))
 
 
-def _solid(mask: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:
+def _solid(mask: Mask, size: tuple[int, int]) -> Mask:
     """Cells of a mask that belong to a straight run of the size of a kernel, small breaks forgiven."""
     share = cv2.blur(mask.astype(np.float32), (size[1], size[0]), borderType=cv2.BORDER_CONSTANT)
     return np.asarray(mask & (share >= 0.6))
 
 
-def _run_lengths(cells: NDArray[np.int8], resolution: float) -> NDArray[np.float64]:
+def _run_lengths(cells: Cells, resolution: float) -> Floats:
     """Metres of free space in runs along rows, by their length in cells, smoothed by 0.1 m either way."""
     lengths = run_lengths(cells == FREE)
     most = round(LARGEST / resolution) + in_cells(0.15, resolution)
@@ -175,7 +175,7 @@ def _run_lengths(cells: NDArray[np.int8], resolution: float) -> NDArray[np.float
     return np.asarray(np.convolve(counts, np.ones(2 * in_cells(0.1, resolution) + 1), "same"))
 
 
-def _moved(mask: NDArray[np.bool_], rows: int, cols: int) -> NDArray[np.bool_]:
+def _moved(mask: Mask, rows: int, cols: int) -> Mask:
     """A mask moved down and right, what leaves it lost."""
     out = np.zeros_like(mask)
     height, width = mask.shape

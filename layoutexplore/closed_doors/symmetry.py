@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
 
 _COARSE = 0.2
@@ -27,12 +27,12 @@ class Mirror:
         overlap: Share of the known cells that fall on known cells, 0..1.
     """
 
-    cells: NDArray[np.int8]
+    cells: Cells
     score: float
     overlap: float
 
 
-def best_mirror(cells: NDArray[np.int8], resolution: float) -> Mirror:
+def best_mirror(cells: Cells, resolution: float) -> Mirror:
     """The better of the mirror images along rows and along columns.
 
     Args:
@@ -54,9 +54,7 @@ def best_mirror(cells: NDArray[np.int8], resolution: float) -> Mirror:
     return Mirror(out, quality, overlap)
 
 
-def _place(
-    walls: NDArray[np.float32], floor: NDArray[np.float32], axis: int
-) -> tuple[float, float, int, int]:
+def _place(walls: Floats32, floor: Floats32, axis: int) -> tuple[float, float, int, int]:
     """The best fit of the mirror image across an axis, its overlap, the axis, and the place."""
     known = np.maximum(walls, floor)
     hits = _correlate(np.asarray(cv2.blur(walls, (3, 3)), np.float32), axis)
@@ -67,7 +65,7 @@ def _place(
     return float(quality[best]), float(overlap[best]), axis, best
 
 
-def _shrink(mask: NDArray[np.bool_], side: int, least: float) -> NDArray[np.float32]:
+def _shrink(mask: Mask, side: int, least: float) -> Floats32:
     """Coarse cells of so many cells a side whose share of true cells is higher than the least."""
     size = (-(-mask.shape[1] // side), -(-mask.shape[0] // side))
     padded = np.zeros((size[1] * side, size[0] * side), np.float32)
@@ -75,9 +73,7 @@ def _shrink(mask: NDArray[np.bool_], side: int, least: float) -> NDArray[np.floa
     return np.asarray(cv2.resize(padded, size, interpolation=cv2.INTER_AREA) > least, np.float32)
 
 
-def _correlate(
-    mask: NDArray[np.float32], axis: int, other: NDArray[np.float32] | None = None
-) -> NDArray[np.float64]:
+def _correlate(mask: Floats32, axis: int, other: Floats32 | None = None) -> Floats:
     """Sum over cells i of mask[i] * other[k - i] for every k, summed over the other axis too."""
     other = mask if other is None else other
     count = 2 * mask.shape[axis]
@@ -85,7 +81,7 @@ def _correlate(
     return np.asarray(np.fft.irfft(product.sum(1 - axis), count))
 
 
-def _hits(cells: NDArray[np.int8], axis: int, shift: int) -> int:
+def _hits(cells: Cells, axis: int, shift: int) -> int:
     size = cells.shape[axis]
     index = np.arange(max(shift - size + 1, 0), min(shift + 1, size))
     if not len(index):

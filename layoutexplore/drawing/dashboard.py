@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
+from layoutexplore.grids.arrays import Bytes, Floats
 
 if TYPE_CHECKING:
     from layoutexplore.simulation.simulation import Simulation
@@ -25,7 +25,7 @@ _REASONS = {
 }
 
 
-def draw_dashboard(simulation: Simulation, size: tuple[int, int], agent: str) -> NDArray[np.uint8]:
+def draw_dashboard(simulation: Simulation, size: tuple[int, int], agent: str) -> Bytes:
     """The bar as uint8 (height, width, 3) RGB.
 
     Args:
@@ -51,7 +51,7 @@ def draw_dashboard(simulation: Simulation, size: tuple[int, int], agent: str) ->
 
 
 def put_text(
-    image: NDArray[np.uint8],
+    image: Bytes,
     text: str,
     left: float,
     baseline: float,
@@ -93,7 +93,7 @@ def _ascii(text: str) -> str:
     return unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
 
 
-def _field(image: NDArray[np.uint8], left: int, value: str, name: str, room: int) -> None:
+def _field(image: Bytes, left: int, value: str, name: str, room: int) -> None:
     """A value in large letters over its name in small ones, shrunk or cut to fit into `room` pixels."""
     high = image.shape[0]
     large, small = 0.22 * high, 0.135 * high
@@ -104,7 +104,7 @@ def _field(image: NDArray[np.uint8], left: int, value: str, name: str, room: int
     put_text(image, name, left, 0.78 * high, small, palette.FADED_INK)
 
 
-def _draw_curve(image: NDArray[np.uint8], curve: NDArray[np.float64], goal: float, pad: int) -> None:
+def _draw_curve(image: Bytes, curve: Floats, goal: float, pad: int) -> None:
     """Coverage over distance into a part of the bar; the axis grows in round steps."""
     height, width = image.shape[:2]
     small = 0.115 * height

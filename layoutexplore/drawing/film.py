@@ -7,10 +7,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from layoutexplore.errors import ConfigError, require
+from layoutexplore.grids.arrays import Bytes
 
 SUFFIXES = (".mp4", ".gif")
 
@@ -40,7 +38,7 @@ class Film:
         self.fps = fps
         self._imageio: Any = require("imageio.v2", "bench")
         self._writer: Any = None
-        self._last: NDArray[np.uint8] | None = None
+        self._last: Bytes | None = None
 
     def __enter__(self) -> Film:
         try:
@@ -56,7 +54,7 @@ class Film:
         self._writer = self._imageio.get_writer(self._unfinished, **options)
         return self
 
-    def add(self, frame: NDArray[np.uint8]) -> None:
+    def add(self, frame: Bytes) -> None:
         """Append a frame, uint8 (height, width, 3) RGB; all frames have the same size."""
         self._writer.append_data(frame)
         self._last = frame

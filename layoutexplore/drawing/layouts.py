@@ -7,9 +7,9 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from layoutexplore.drawing.palette import Colour, Image
+from layoutexplore.grids.arrays import Bytes, Floats, Ints32
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.types import FaceKind, Layout
 
@@ -51,13 +51,13 @@ def draw_layout(layout: Layout, grid: OccupancyGrid | None = None, *, panel: int
     return np.concatenate(images, axis=0 if width > WIDE * height else 1)
 
 
-def room_colours(count: int) -> NDArray[np.uint8]:
+def room_colours(count: int) -> Bytes:
     """RGB uint8 (count + 1, 3), white for 0: hues by the golden angle, so that close ids look different."""
     hue = (np.arange(count + 1) * 137.508) % 360
     level = np.arange(count + 1) % 3
     saturation, value = np.choose(level, (95, 150, 70)), np.choose(level, (245, 225, 205))
     hsv = np.stack((hue / 2, saturation, value), axis=1).astype(np.uint8)
-    colours: NDArray[np.uint8] = cv2.cvtColor(hsv[None], cv2.COLOR_HSV2RGB)[0]
+    colours: Bytes = cv2.cvtColor(hsv[None], cv2.COLOR_HSV2RGB)[0]
     colours[0] = PAPER
     return colours
 
@@ -91,7 +91,7 @@ class _Canvas:
         image[grid.cells == OCCUPIED] = INK
         return self.resize(image)
 
-    def pixels(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
+    def pixels(self, points: Floats) -> Ints32:
         """Pixels int32 (n, 2) with 4 fractional bits of world points (n, 2)."""
         origin = self.grid.origin
         c, s = np.cos(origin.theta), np.sin(origin.theta)
@@ -99,9 +99,7 @@ class _Canvas:
         at = (local / self.grid.resolution - self.low[::-1]) * self.scale - 0.5
         return np.asarray(np.rint(at * 16), np.int32)
 
-    def line(
-        self, image: Image, start: NDArray[np.float64], end: NDArray[np.float64], colour: Colour, width: int
-    ) -> None:
+    def line(self, image: Image, start: Floats, end: Floats, colour: Colour, width: int) -> None:
         a, b = self.pixels(np.stack((start, end))).tolist()
         cv2.line(image, a, b, colour, width, cv2.LINE_AA, 4)
 

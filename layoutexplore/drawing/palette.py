@@ -7,10 +7,9 @@ apart for all readers.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from layoutexplore.grids.arrays import Bytes
 
-Image = NDArray[np.uint8]
+Image = Bytes
 """uint8 (height, width, 3), red, green, blue."""
 
 Colour = tuple[int, int, int]

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.dashboard import draw_dashboard, put_text
@@ -22,6 +21,7 @@ from layoutexplore.drawing.palette import Image
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
+from layoutexplore.grids.arrays import Bytes, Floats, Ints32, Mask
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.planning.shortest_paths import descend
@@ -173,14 +173,14 @@ class _View:
         )
         return image
 
-    def pixels(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def pixels(self, points: Floats) -> Floats:
         """Pixel coordinates (x right, y down) of world points (n, 2)."""
         cells = (points - np.array([self.origin.x, self.origin.y])) / self.resolution
         xs = self.left + self.scale * cells[:, 0]
         ys = self.top + self.scale * (self.shape[0] - cells[:, 1])
         return np.stack([xs, ys], axis=1)
 
-    def fixed(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
+    def fixed(self, points: Floats) -> Ints32:
         """The same in OpenCV's fixed-point form, shifted by half a pixel to pixel centres."""
         return np.round((self.pixels(points) - 0.5) * (1 << _SHIFT)).astype(np.int32)
 
@@ -202,16 +202,14 @@ def _enlarge(cells: Image, scale: int) -> Image:
     return np.ascontiguousarray(cells[::-1].repeat(int(scale), axis=0).repeat(int(scale), axis=1))
 
 
-def _walls(raster: PlanRaster) -> NDArray[np.bool_]:
+def _walls(raster: PlanRaster) -> Mask:
     """The occupied cells that lie beside free space, bool (rows, cols)."""
     reach = max(1, round(_WALL_DEPTH / raster.resolution))
     near = cv2.dilate(raster.free.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
     return raster.occupied & (near > 0)
 
 
-def _map_codes(
-    simulation: Simulation, decision: Decision | None, scale: float, truth: bool
-) -> NDArray[np.uint8]:
+def _map_codes(simulation: Simulation, decision: Decision | None, scale: float, truth: bool) -> Bytes:
     """The grid with what is predicted and the frontiers as codes of `_colours`, in grid order."""
     codes = simulation.mapper.grid.cells.view(np.uint8).copy()
     known_wall = codes == OCCUPIED
@@ -260,7 +258,7 @@ def _draw_sight(image: Image, view: _View, simulation: Simulation) -> None:
     cv2.addWeighted(tint, 0.22, image, 0.78, 0.0, dst=image)
 
 
-def _draw_track(image: Image, view: _View, track: NDArray[np.float64], pieces: int = 24) -> None:
+def _draw_track(image: Image, view: _View, track: Floats, pieces: int = 24) -> None:
     """The path travelled, from pale to strong."""
     points = view.fixed(track[:, :2]).reshape(-1, 1, 2)
     borders = np.unique(np.linspace(0, len(points) - 1, pieces + 1).astype(int))

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.prediction import predict_closed_rooms
 from layoutexplore.files import write_atomically
+from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.buildings import building_of
@@ -64,9 +64,7 @@ class PairScore:
     seconds: float
 
 
-def score_prediction(
-    predicted: NDArray[np.bool_], seen: NDArray[np.bool_], truth: NDArray[np.bool_], *, kept: bool = True
-) -> Score:
+def score_prediction(predicted: Mask, seen: Mask, truth: Mask, *, kept: bool = True) -> Score:
     """Score the free cells of a prediction.
 
     Args:
@@ -202,7 +200,7 @@ def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[
     return line
 
 
-def picture(triple: Triple, folder: Path) -> NDArray[np.uint8]:
+def picture(triple: Triple, folder: Path) -> Bytes:
     """What was seen, the reference's answer and ours, uint8 RGB.
 
     Right in green, wrong in red, missed in blue.

@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.frame import angles_to_local
 from layoutexplore.layout.lines.ias15 import Ias15Config, mean_shift_directions
@@ -190,7 +190,7 @@ def summarise_clutter(trials: Sequence[ClutterTrial], clean_scores: dict[str, fl
     )
 
 
-def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def _correlation(a: Floats, b: Floats) -> float:
     """Pearson's correlation; NaN where one of the two does not vary."""
     if len(a) < 2 or not a.std() or not b.std():
         return float("nan")
@@ -220,7 +220,7 @@ def add_clutter(
     return OccupancyGrid(cells, grid.resolution, grid.origin)
 
 
-def _corners(shape: str, size: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def _corners(shape: str, size: int, rng: np.random.Generator) -> Floats:
     """Corners float64 (n, 2) of an obstacle around the origin, in cells."""
     half = size / 2
     turn = rng.uniform(0, np.pi / 2)
@@ -240,7 +240,7 @@ def _corners(shape: str, size: int, rng: np.random.Generator) -> NDArray[np.floa
     return np.asarray(points @ np.array([[c, s], [-s, c]]))
 
 
-def wall_lines(grid: OccupancyGrid, directions: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+def wall_lines(grid: OccupancyGrid, directions: Floats | None = None) -> Floats:
     """Wall lines float64 (n, 4) of a grid in metres of its own frame.
 
     Collinear Hough segments joined (IAS-15, section III).
@@ -263,7 +263,7 @@ def wall_lines(grid: OccupancyGrid, directions: NDArray[np.float64] | None = Non
     return np.stack((*ends[0], *ends[1]), axis=1)
 
 
-def line_error(found: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
+def line_error(found: Floats, truth: Floats) -> float:
     """Mean over the found lines of the cost theta |T| / 2 of moving them onto the best true line, in rad m.
 
     theta is the angle between the two, T the shortest way from the midpoint of the one to the other. Infinite
@@ -281,7 +281,7 @@ def line_error(found: NDArray[np.float64], truth: NDArray[np.float64]) -> float:
     )
 
 
-def _costs(found: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[np.float64]:
+def _costs(found: Floats, truth: Floats) -> Floats:
     """Cost float64 (n,) of moving each found segment (n, 4) onto the best of the true ones (m, 4)."""
     theta = angle_between(segment_angles(found)[:, None], segment_angles(truth)[None, :])
     middle, along = (found[:, :2] + found[:, 2:]) / 2, truth[:, 2:] - truth[:, :2]

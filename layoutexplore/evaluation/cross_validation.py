@@ -11,10 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from layoutexplore.evaluation.segmentation import MapScore, score_case
+from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.layout.merging.method import MergingConfig, reconstruct_with
 from layoutexplore.layout.types import Layout
@@ -49,10 +47,8 @@ class CrossValidationConfig:
 
 
 def cross_validate_merging(
-    cases: Sequence[Case],
-    config: CrossValidationConfig,
-    progress: Progress = silent,
-) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
+    cases: Sequence[Case], config: CrossValidationConfig, progress: Progress = silent
+) -> Iterator[tuple[Case, MapScore, Ints32]]:
     """Score the method on every map with a classifier that has not seen its building, once for each seed.
 
     Args:

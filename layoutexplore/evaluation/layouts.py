@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Floats
 from layoutexplore.layout.types import Layout
 
 
@@ -89,7 +89,7 @@ def stretch(
     low, size = np.array((x0, y0)), np.maximum((x1 - x0, y1 - y0), 1e-9)
     scale = (np.array(box[2:]) - np.array(box[:2])) / size
 
-    def move(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def move(points: Floats) -> Floats:
         return np.asarray((points - low) * scale + np.array(box[:2]))
 
     return [shapely.transform(room, move) for room in rooms]

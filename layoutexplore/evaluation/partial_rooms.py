@@ -13,11 +13,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from layoutexplore.frontiers.classes import LITTLE_LEFT, true_classes
 from layoutexplore.frontiers.decision import Decision, Privileged
+from layoutexplore.grids.arrays import Cells, Ints32, Mask
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor
 from layoutexplore.predictors.snapshot import Snapshot
@@ -146,9 +146,9 @@ class Item:
     """
 
     room: int
-    mask: NDArray[np.bool_]
-    seen: NDArray[np.bool_]
-    frontier: NDArray[np.int32]
+    mask: Mask
+    seen: Mask
+    frontier: Ints32
 
 
 Watch = Callable[[Snapshot, Item, RoomLabels, RoomScore], None]
@@ -194,7 +194,7 @@ def _score_room(snapshot: Snapshot, item: Item, rooms: RoomLabels, predictor: st
     )
 
 
-def predicted_hidden(cells: NDArray[np.int8], item: Item, rooms: RoomLabels) -> NDArray[np.bool_]:
+def predicted_hidden(cells: Cells, item: Item, rooms: RoomLabels) -> Mask:
     """Unknown cells of the predicted room that holds most of the item's frontier cells."""
     owners = rooms.room_ids[item.frontier[:, 0], item.frontier[:, 1]]
     owners = owners[owners > 0]
@@ -204,11 +204,11 @@ def predicted_hidden(cells: NDArray[np.int8], item: Item, rooms: RoomLabels) -> 
     return np.asarray((rooms.room_ids == room) & rooms.passable & (cells == UNKNOWN))
 
 
-def _iou(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
+def _iou(a: Mask, b: Mask) -> float:
     return int(np.count_nonzero(a & b)) / max(int(np.count_nonzero(a | b)), 1)
 
 
-def boundary_distance(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
+def boundary_distance(a: Mask, b: Mask) -> float:
     """Mean distance in cells from the outline of each mask to that of the other, averaged over both.
 
     Example:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from layoutexplore.evaluation.partial_rooms import FrontierScore, RoomScore, Scores
+from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import cluster_bootstrap
 
 EXPLORED = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -85,7 +85,7 @@ def _frontier_line(frontiers: Sequence[FrontierScore]) -> dict[str, Any]:
     }
 
 
-def matthews(found: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
+def matthews(found: Mask, truth: Mask) -> float:
     """Matthews' correlation of two classes, bool (n,); 0 where one of them never varies.
 
     Example:
@@ -97,12 +97,12 @@ def matthews(found: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
     return float(np.corrcoef(found, truth)[0, 1])
 
 
-def f1(found: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
+def f1(found: Mask, truth: Mask) -> float:
     """Harmonic mean of precision and recall of the class True; 0 where it is neither found nor there."""
     return float(2 * (found & truth).sum() / max(int(found.sum() + truth.sum()), 1))
 
 
-def calibration_error(confidence: NDArray[np.float64], right: NDArray[np.bool_]) -> float:
+def calibration_error(confidence: Floats, right: Mask) -> float:
     """Expected calibration error.
 
     Mean distance of stated and observed probability over bins of equal width.

@@ -14,8 +14,8 @@ from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
@@ -92,7 +92,7 @@ def score_case(
 
 def evaluate_cases(
     cases: Sequence[Case], methods: Sequence[str], *, protocol: str, resolution: float, jobs: int = 1
-) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
+) -> Iterator[tuple[Case, MapScore, Ints32]]:
     """Score every method on every map, in order, yielding the labels as well.
 
     Args:
@@ -114,7 +114,7 @@ def evaluate_cases(
         yield from pool.map(_work, work)
 
 
-def _work(item: tuple[Case, str, str, float]) -> tuple[Case, MapScore, NDArray[np.int32]]:
+def _work(item: tuple[Case, str, str, float]) -> tuple[Case, MapScore, Ints32]:
     case, method, protocol, resolution = item
     row, layout = score_case(case, method, protocol=protocol, resolution=resolution)
     return case, row, layout.labels

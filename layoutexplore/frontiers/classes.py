@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import UNKNOWN
 
@@ -51,21 +51,21 @@ class FrontierClasses:
         area_beyond: float64 (k,), the unknown area in square metres that can be reached through the unknown.
     """
 
-    is_closed: NDArray[np.bool_]
-    room: NDArray[np.int32]
-    remaining_area: NDArray[np.float64]
-    seen_share: NDArray[np.float64]
-    area_beyond: NDArray[np.float64]
+    is_closed: Mask
+    room: Ints32
+    remaining_area: Floats
+    seen_share: Floats
+    area_beyond: Floats
 
 
 DEFAULT_CLASSES = ClassConfig()
 
 
 def classify_frontiers(
-    cells: NDArray[np.int8],
+    cells: Cells,
     clusters: FrontierClusters,
-    room_ids: NDArray[np.int32],
-    passable: NDArray[np.bool_],
+    room_ids: Ints32,
+    passable: Mask,
     resolution: float,
     config: ClassConfig = DEFAULT_CLASSES,
 ) -> FrontierClasses:
@@ -112,9 +112,7 @@ def true_classes(decision: Decision, truth: Truth) -> FrontierClasses:
 
 
 @njit(cache=True, nogil=True)
-def _count_rooms(
-    cells: NDArray[np.int8], room_ids: NDArray[np.int32], passable: NDArray[np.bool_]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _count_rooms(cells: Cells, room_ids: Ints32, passable: Mask) -> tuple[Ints, Ints]:
     """Passable cells of each room: all, and those that are known."""
     rooms = room_ids.max() + 1
     total, seen = np.zeros(rooms, np.int64), np.zeros(rooms, np.int64)
@@ -127,15 +125,13 @@ def _count_rooms(
 
 
 @njit(cache=True, nogil=True)
-def _unknown_at(cells: NDArray[np.int8], passable: NDArray[np.bool_], r: int, c: int) -> bool:
+def _unknown_at(cells: Cells, passable: Mask, r: int, c: int) -> bool:
     """Whether a cell lies inside of the grid, is unknown and can be passed."""
     return bool(0 <= r < cells.shape[0] and 0 <= c < cells.shape[1] and cells[r, c] == -1 and passable[r, c])
 
 
 @njit(cache=True, nogil=True)
-def _count_components(
-    component: NDArray[np.int32], components: int, room_ids: NDArray[np.int32], rooms: int
-) -> NDArray[np.int64]:
+def _count_components(component: Ints32, components: int, room_ids: Ints32, rooms: int) -> Ints:
     """int64 (components + 1, rooms): cells of each component in each room."""
     by_room = np.zeros((components + 1, rooms), np.int64)
     for r in range(component.shape[0]):
@@ -147,14 +143,8 @@ def _count_components(
 
 @njit(cache=True, nogil=True)
 def _rooms_behind(
-    cells: NDArray[np.int8],
-    members: NDArray[np.int32],
-    offsets: NDArray[np.int64],
-    room_ids: NDArray[np.int32],
-    passable: NDArray[np.bool_],
-    depth: int,
-    rooms: int,
-) -> NDArray[np.int32]:
+    cells: Cells, members: Ints32, offsets: Ints, room_ids: Ints32, passable: Mask, depth: int, rooms: int
+) -> Ints32:
     """Per frontier the room with the most unknown cells within `depth` steps behind it; 0 if none.
 
     Of rooms with equally many the one with the lowest id.
@@ -191,12 +181,8 @@ def _rooms_behind(
 
 @njit(cache=True, nogil=True)
 def _reached(
-    component: NDArray[np.int32],
-    members: NDArray[np.int32],
-    offsets: NDArray[np.int64],
-    by_room: NDArray[np.int64],
-    room: NDArray[np.int32],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    component: Ints32, members: Ints32, offsets: Ints, by_room: Ints, room: Ints32
+) -> tuple[Ints, Ints]:
     """Per frontier the unknown cells it reaches: the most in any one other room, and all together."""
     # Components are counted as a whole: what borders the frontier is reached to its end.
     rows, cols = component.shape

@@ -14,10 +14,10 @@ from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.table import Frontier, FrontierList, FrontierTable
+from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
@@ -28,7 +28,7 @@ from layoutexplore.sensing.lidar import LidarConfig
 STOP = -1
 """The choice that ends an exploration."""
 
-CellPath = NDArray[np.int32]
+CellPath = Ints32
 """Cells int32 (k, 2) as (row, col), each next to the one before."""
 
 Choice = int | CellPath
@@ -42,10 +42,10 @@ class Distances(Protocol):
     """
 
     @property
-    def reached(self) -> NDArray[np.bool_]:
+    def reached(self) -> Mask:
         """Bool (rows, cols): the cells the robot can plan to."""
 
-    def metres(self) -> NDArray[np.float32]:
+    def metres(self) -> Floats32:
         """float32 (rows, cols): distances in metres, inf where the robot cannot go."""
 
     def path_to(self, target: Cell) -> CellPath:
@@ -60,14 +60,14 @@ class KnownDistances:
         array: float32 (rows, cols), in metres, inf where the robot cannot go.
     """
 
-    array: NDArray[np.float32]
+    array: Floats32
 
     @property
-    def reached(self) -> NDArray[np.bool_]:
+    def reached(self) -> Mask:
         """Bool (rows, cols): the cells the robot can plan to."""
         return np.isfinite(self.array)
 
-    def metres(self) -> NDArray[np.float32]:
+    def metres(self) -> Floats32:
         """The distances, as given."""
         return self.array
 
@@ -80,11 +80,11 @@ class PredictedRooms(Protocol):
     """What is predicted of the rooms at a decision; what costs time is computed when it is asked for."""
 
     @property
-    def labels(self) -> NDArray[np.int32]:
+    def labels(self) -> Ints32:
         """int32 (rows, cols): the predicted room of each cell, seen or not, 0 for none."""
 
     @property
-    def inside(self) -> NDArray[np.float32]:
+    def inside(self) -> Floats32:
         """float32 (rows, cols): probability that an unknown cell belongs to a seen room; 0 where known."""
 
     @property
@@ -121,7 +121,7 @@ class Decision:
     sensor: LidarConfig
     robot_radius: float
     rooms: PredictedRooms | None = None
-    track: NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.empty((0, 3)))
+    track: Floats = dataclasses.field(default_factory=lambda: np.empty((0, 3)))
     paths: DistanceCache | None = None
     goal: tuple[float, float] | None = None
 
@@ -131,7 +131,7 @@ class Decision:
         return FrontierTable.of(self.frontiers)
 
     @cached_property
-    def viewpoints(self) -> NDArray[np.int32]:
+    def viewpoints(self) -> Ints32:
         """int32 (k, 2): the frontiers' viewpoints as (row, col)."""
         if isinstance(self.frontiers, FrontierList):
             return self.frontiers.viewpoints
@@ -145,7 +145,7 @@ class Decision:
         return FrontierClusters.of([frontier.cells for frontier in self.frontiers])
 
     @cached_property
-    def distances(self) -> NDArray[np.float32]:
+    def distances(self) -> Floats32:
         """float32 (rows, cols): geodesic distance from the robot in metres, inf where it cannot go.
 
         Raises:
@@ -154,11 +154,11 @@ class Decision:
         return self.field.metres()
 
     @cached_property
-    def traversable(self) -> NDArray[np.bool_]:
+    def traversable(self) -> Mask:
         """Bool (rows, cols): the cells the robot can plan to."""
         return self.field.reached
 
-    def path_lengths(self, chosen: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float32]:
+    def path_lengths(self, chosen: Sequence[int] | Ints) -> Floats32:
         """Path lengths between the robot and some frontiers' viewpoints, and among these.
 
         Args:
@@ -174,7 +174,7 @@ class Decision:
         lengths[1:, 1:] = between(self.traversable, self.viewpoints[numbers], self.grid.resolution)
         return lengths
 
-    def path_lengths_from(self, index: int, chosen: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float32]:
+    def path_lengths_from(self, index: int, chosen: Sequence[int] | Ints) -> Floats32:
         """Path lengths float32 (k,) in metres from one frontier's viewpoint to those of others, by index."""
         cells = self.viewpoints[np.asarray(chosen, np.int64)]
         source = Cell(*self.viewpoints[index].tolist())
@@ -196,8 +196,8 @@ class Truth:
 
     plan: FloorPlan
     raster: PlanRaster
-    target: NDArray[np.bool_]
-    reachable: NDArray[np.bool_]
+    target: Mask
+    reachable: Mask
     sensor: LidarConfig
     robot_radius: float
 

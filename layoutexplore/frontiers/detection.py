@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32
 from layoutexplore.grids.components import root_of
 
 
@@ -27,25 +27,25 @@ class FrontierClusters:
         offsets: int64 (k + 1,): cluster i is `cells[offsets[i]:offsets[i + 1]]`.
     """
 
-    cells: NDArray[np.int32]
-    offsets: NDArray[np.int64]
+    cells: Ints32
+    offsets: Ints
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
 
     @classmethod
-    def of(cls, clusters: Sequence[NDArray[np.int32]]) -> FrontierClusters:
+    def of(cls, clusters: Sequence[Ints32]) -> FrontierClusters:
         """Clusters int32 (n, 2), put one behind the other."""
         offsets = np.cumsum([0, *(len(cluster) for cluster in clusters)], dtype=np.int64)
         members = np.concatenate([np.empty((0, 2), np.int32), *clusters])
         return cls(np.ascontiguousarray(members, np.int32), offsets)
 
-    def cluster(self, i: int) -> NDArray[np.int32]:
+    def cluster(self, i: int) -> Ints32:
         """Cells int32 (n, 2) as (row, col) of one cluster."""
         return self.cells[self.offsets[i] : self.offsets[i + 1]]
 
 
-def find_frontiers(cells: NDArray[np.int8]) -> FrontierClusters:
+def find_frontiers(cells: Cells) -> FrontierClusters:
     """All frontier clusters of a grid.
 
     Args:
@@ -79,7 +79,7 @@ class FrontierDetector:
         self.shape = (int(shape[0]), int(shape[1]))
         self._flat = np.empty(0, np.int64)
 
-    def update(self, cells: NDArray[np.int8], box: tuple[int, int, int, int]) -> FrontierClusters:
+    def update(self, cells: Cells, box: tuple[int, int, int, int]) -> FrontierClusters:
         """The clusters after cells inside the box have changed; the same as `find_frontiers(cells)`.
 
         Args:
@@ -104,7 +104,7 @@ class FrontierDetector:
         return FrontierClusters(*_cluster(self._flat, self.shape[1]))
 
 
-def check_grid(cells: NDArray[np.int8]) -> NDArray[np.int8]:
+def check_grid(cells: Cells) -> Cells:
     """The cells int8 (rows, cols), C-contiguous; raises `MapError` where they are anything else."""
     if cells.ndim != 2 or cells.dtype != np.int8:
         raise MapError(f"frontiers need int8 cells in two dimensions, got {cells.dtype} {cells.shape}")
@@ -112,14 +112,7 @@ def check_grid(cells: NDArray[np.int8]) -> NDArray[np.int8]:
 
 
 @njit(cache=True, nogil=True)
-def _mark_row(
-    here: NDArray[np.int8],
-    left: NDArray[np.int8],
-    right: NDArray[np.int8],
-    above: NDArray[np.int8],
-    below: NDArray[np.int8],
-    mark: NDArray[np.uint8],
-) -> None:
+def _mark_row(here: Cells, left: Cells, right: Cells, above: Cells, below: Cells, mark: Bytes) -> None:
     """Mark free cells beside an unknown one; without branches, so that it compiles to SIMD."""
     for c in range(here.size):
         unknown = (left[c] == -1) | (right[c] == -1) | (above[c] == -1) | (below[c] == -1)
@@ -127,7 +120,7 @@ def _mark_row(
 
 
 @njit(cache=True, nogil=True)
-def _scan(cells: NDArray[np.int8], row0: int, row1: int, col0: int, col1: int) -> NDArray[np.int64]:
+def _scan(cells: Cells, row0: int, row1: int, col0: int, col1: int) -> Ints:
     """Flat indices of the frontier cells in a box, in raster order."""
     rows, cols = cells.shape
     # Of so much memory only the pages that are written cost anything.
@@ -159,9 +152,7 @@ def _scan(cells: NDArray[np.int8], row0: int, row1: int, col0: int, col1: int) -
 
 
 @njit(cache=True, nogil=True)
-def _merge(
-    old: NDArray[np.int64], fresh: NDArray[np.int64], cols: int, row0: int, row1: int, col0: int, col1: int
-) -> NDArray[np.int64]:
+def _merge(old: Ints, fresh: Ints, cols: int, row0: int, row1: int, col0: int, col1: int) -> Ints:
     """The old sorted indices outside of the box and the fresh ones inside, sorted."""
     merged = np.empty(old.size + fresh.size, np.int64)
     first, behind = int(np.searchsorted(old, row0 * cols)), int(np.searchsorted(old, row1 * cols))
@@ -187,7 +178,7 @@ def _merge(
 
 
 @njit(cache=True, nogil=True)
-def _cluster(flat: NDArray[np.int64], cols: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def _cluster(flat: Ints, cols: int) -> tuple[Ints32, Ints]:
     """Group sorted flat indices into 8-connected clusters: cells (m, 2) and offsets (k + 1,)."""
     m = flat.size
     parent = np.arange(m)

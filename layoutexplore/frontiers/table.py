@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell
 
 
@@ -33,7 +34,7 @@ class Frontier:
         room: Id of the predicted room that holds the frontier; None without one.
     """
 
-    cells: NDArray[np.int32]
+    cells: Ints32
     size: float
     centroid: tuple[float, float]
     viewpoint: Cell
@@ -61,15 +62,15 @@ class FrontierTable(NamedTuple):
         confidence: Probability that `closed` is right; 0 where nothing is predicted.
     """
 
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    path_length: NDArray[np.float64]
-    straight_distance: NDArray[np.float64]
-    size: NDArray[np.float64]
-    visible_area: NDArray[np.float64]
-    closed: NDArray[np.float64]
-    expected_area: NDArray[np.float64]
-    confidence: NDArray[np.float64]
+    x: Floats
+    y: Floats
+    path_length: Floats
+    straight_distance: Floats
+    size: Floats
+    visible_area: Floats
+    closed: Floats
+    expected_area: Floats
+    confidence: Floats
 
     @staticmethod
     def zeros(count: int) -> FrontierTable:
@@ -116,9 +117,9 @@ class FrontierList(Sequence[Frontier]):
     def __init__(
         self,
         clusters: FrontierClusters,
-        kept: NDArray[np.int64],
+        kept: Ints,
         table: FrontierTable,
-        viewpoints: NDArray[np.int32],
+        viewpoints: Ints32,
         rooms: NDArray[np.integer] | None = None,
     ) -> None:
         self.table, self.viewpoints = table, viewpoints
@@ -131,11 +132,7 @@ class FrontierList(Sequence[Frontier]):
         return FrontierClusters(*_gather(self._clusters.cells, self._clusters.offsets, self._kept))
 
     def judged(
-        self,
-        is_closed: NDArray[np.bool_],
-        area: NDArray[np.float64],
-        confidence: NDArray[np.float64],
-        rooms: NDArray[np.integer],
+        self, is_closed: Mask, area: Floats, confidence: Floats, rooms: NDArray[np.integer]
     ) -> FrontierList:
         """The same frontiers with what a predictor says of them, an entry each."""
         table = self.table._replace(
@@ -181,9 +178,7 @@ class FrontierList(Sequence[Frontier]):
 
 
 @njit(cache=True, nogil=True)
-def _gather(
-    cells: NDArray[np.int32], offsets: NDArray[np.int64], kept: NDArray[np.int64]
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def _gather(cells: Ints32, offsets: Ints, kept: Ints) -> tuple[Ints32, Ints]:
     """The cells and offsets of some clusters."""
     starts = np.zeros(len(kept) + 1, np.int64)
     for n in range(len(kept)):

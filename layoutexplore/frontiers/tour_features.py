@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
+from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.options import NON_NEGATIVE, check
 from layoutexplore.planning.latency_tours import latency_tour
 
@@ -86,8 +86,8 @@ class TourFeatures(NamedTuple):
         detour: float64 (n,): metres by which the tour grows when this frontier is visited first.
     """
 
-    rank: NDArray[np.float64]
-    detour: NDArray[np.float64]
+    rank: Floats
+    detour: Floats
 
 
 def area_left(frontier: Frontier) -> float:
@@ -95,16 +95,14 @@ def area_left(frontier: Frontier) -> float:
     return (frontier.expected_area or 0.0) if frontier.is_closed else np.inf
 
 
-def sizeable_frontiers(decision: Decision, min_size: float = TOUR_SIZE) -> NDArray[np.int64]:
+def sizeable_frontiers(decision: Decision, min_size: float = TOUR_SIZE) -> Ints:
     """Indices int64 (k,) of the frontiers of at least that size in metres; of all when there is none."""
     sizes = decision.table.size
     large = np.flatnonzero(sizes >= min_size - 1e-6)
     return large if len(large) else np.arange(len(sizes))
 
 
-def ready_frontiers(
-    decision: Decision, min_size: float = TOUR_SIZE, area: float = LITTLE_LEFT
-) -> NDArray[np.int64]:
+def ready_frontiers(decision: Decision, min_size: float = TOUR_SIZE, area: float = LITTLE_LEFT) -> Ints:
     """Indices int64 (k,) of the sizeable frontiers that need not wait; of all sizeable ones when all would.
 
     Args:
@@ -118,15 +116,11 @@ def ready_frontiers(
     return chosen[goes] if goes.any() else chosen
 
 
-def tour_weights(
-    decision: Decision, chosen: NDArray[np.int64], config: TourConfig = PLAIN_TOUR
-) -> NDArray[np.float64]:
+def tour_weights(decision: Decision, chosen: Ints, config: TourConfig = PLAIN_TOUR) -> Floats:
     """What reaching each of some frontiers int64 (k,) is worth to a latency tour: float64 (k,)."""
     visible = np.minimum(decision.table.visible_area[chosen], config.most_area)
     expected = decision.table.expected_area[chosen]
-    weights: NDArray[np.float64] = (
-        visible**config.area_exponent * (1.0 + expected) ** config.expected_exponent
-    )
+    weights: Floats = visible**config.area_exponent * (1.0 + expected) ** config.expected_exponent
     return weights
 
 
@@ -167,9 +161,7 @@ def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFe
     return TourFeatures(rank, detour)
 
 
-def _as_weighed(
-    distances: NDArray[np.float64], decision: Decision, chosen: NDArray[np.int64], config: TourConfig
-) -> NDArray[np.float64]:
+def _as_weighed(distances: Floats, decision: Decision, chosen: Ints, config: TourConfig) -> Floats:
     """The path lengths float64 (k + 1, k + 1), those from the robot (index 0) as configured."""
     lengths = distances[0] * (1.0 + config.first_leg)
     if config.hold and decision.goal is not None:

@@ -13,11 +13,11 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.table import FrontierList, FrontierTable
 from layoutexplore.frontiers.visible_area import VisibleUnknownArea
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, Words
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.morphology import disc_offsets
@@ -52,7 +52,7 @@ class ViewpointSelector:
         self._blacklisted = np.empty(0, np.int64)
         self._failed = NONE_FAILED
 
-    def blacklist(self, cells: NDArray[np.int32]) -> None:
+    def blacklist(self, cells: Ints32) -> None:
         """Never offer these frontier cells int32 (n, 2) again: looking at them showed nothing new."""
         indices = cells.astype(np.int64) @ np.array([self._cols, 1])
         self._blacklisted = np.sort(np.concatenate([self._blacklisted, indices]))
@@ -109,13 +109,13 @@ class ViewpointSelector:
 
 
 def choose_viewpoints(
-    cells: NDArray[np.int8],
-    distances: NDArray[np.int32],
+    cells: Cells,
+    distances: Ints32,
     farthest: int,
     clusters: FrontierClusters,
     resolution: float,
-    failed: NDArray[np.uint64],
-) -> tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.uint64]]:
+    failed: Words,
+) -> tuple[Ints32, Mask, Words]:
     """A viewpoint for every cluster.
 
     The cluster's cells are tried from the one nearest the centroid outwards; the first that a reachable cell
@@ -137,30 +137,26 @@ def choose_viewpoints(
     return _choose(cells, distances, farthest, clusters.cells, clusters.offsets, offsets, failed)
 
 
-def cells_in_view(
-    cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tuple[int, int], resolution: float
-) -> NDArray[np.int32]:
+def cells_in_view(cells: Cells, frontier: Ints32, viewpoint: tuple[int, int], resolution: float) -> Ints32:
     """The cells int32 (m, 2) of a frontier that a viewpoint sees from within `MAX_REACH` metres."""
     return frontier[_are_in_view(cells, frontier, viewpoint[0], viewpoint[1], MAX_REACH / resolution)]
 
 
-def facing(cells: NDArray[np.int8], frontier: NDArray[np.int32], viewpoint: tuple[int, int]) -> float:
+def facing(cells: Cells, frontier: Ints32, viewpoint: tuple[int, int]) -> float:
     """Heading in radians from a viewpoint (row, col) to the unknown cells along a frontier int32 (n, 2)."""
     row, col = _unknown_middle(cells, frontier)
     return math.atan2(row - viewpoint[0], col - viewpoint[1])
 
 
 @functools.lru_cache(maxsize=8)
-def _nearest_first(radius: int) -> NDArray[np.int32]:
+def _nearest_first(radius: int) -> Ints32:
     """int32 (n, 2): the offsets within a radius in cells, nearest first, ties by row and column."""
     offsets = disc_offsets(radius, closed=True)
     return offsets[np.argsort((offsets**2).sum(axis=1), kind="stable")]
 
 
 @njit(cache=True, nogil=True)
-def _without(
-    cells: NDArray[np.int32], offsets: NDArray[np.int64], cols: int, left_out: NDArray[np.int64]
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def _without(cells: Ints32, offsets: Ints, cols: int, left_out: Ints) -> tuple[Ints32, Ints]:
     """Clusters without the cells of some sorted flat indices; those that are empty then fall away."""
     kept, starts = np.empty_like(cells), np.empty_like(offsets)
     least, most = left_out[0], left_out[-1]
@@ -180,7 +176,7 @@ def _without(
 
 
 @njit(cache=True, nogil=True)
-def _middles(cells: NDArray[np.int32], offsets: NDArray[np.int64]) -> NDArray[np.float64]:
+def _middles(cells: Ints32, offsets: Ints) -> Floats:
     """The mean cell float64 (k, 2) of each cluster."""
     middles = np.empty((len(offsets) - 1, 2))
     for k in range(len(middles)):
@@ -189,7 +185,7 @@ def _middles(cells: NDArray[np.int32], offsets: NDArray[np.int64]) -> NDArray[np
 
 
 @njit(cache=True, nogil=True)
-def _middle(cells: NDArray[np.int32]) -> tuple[float, float]:
+def _middle(cells: Ints32) -> tuple[float, float]:
     """The mean of cells int32 (n, 2)."""
     rows, cols = 0, 0
     for n in range(len(cells)):
@@ -200,14 +196,14 @@ def _middle(cells: NDArray[np.int32]) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True)
 def _choose(
-    cells: NDArray[np.int8],
-    distances: NDArray[np.int32],
+    cells: Cells,
+    distances: Ints32,
     farthest: int,
-    members: NDArray[np.int32],
-    starts: NDArray[np.int64],
-    offsets: NDArray[np.int32],
-    failed: NDArray[np.uint64],
-) -> tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.uint64]]:
+    members: Ints32,
+    starts: Ints,
+    offsets: Ints32,
+    failed: Words,
+) -> tuple[Ints32, Mask, Words]:
     """Viewpoints, whether there are any, and digests of clusters without; those in `failed` are skipped."""
     count = len(starts) - 1
     view = np.zeros((count, 2), np.int32)
@@ -246,13 +242,7 @@ def _choose(
 
 @njit(cache=True, nogil=True)
 def _find_viewpoint(
-    cells: NDArray[np.int8],
-    distances: NDArray[np.int32],
-    farthest: int,
-    row: int,
-    col: int,
-    offsets: NDArray[np.int32],
-    view: NDArray[np.int32],
+    cells: Cells, distances: Ints32, farthest: int, row: int, col: int, offsets: Ints32, view: Ints32
 ) -> bool:
     """Whether a reachable cell at one of the offsets sees a cell; the first one is written into `view` (2,).
 
@@ -274,13 +264,7 @@ def _find_viewpoint(
 
 
 @njit(cache=True, nogil=True)
-def _digest(
-    cells: NDArray[np.int8],
-    distances: NDArray[np.int32],
-    farthest: int,
-    cluster: NDArray[np.int32],
-    reach: int,
-) -> np.uint64:
+def _digest(cells: Cells, distances: Ints32, farthest: int, cluster: Ints32, reach: int) -> np.uint64:
     """64 bits of what the search for a cluster's viewpoint reads: its cells, what is free and reachable."""
     # Equal digests are taken for equal surroundings; of 2^64 codes two hardly ever meet in one run.
     code = np.uint64(len(cluster))
@@ -297,9 +281,7 @@ def _digest(
 
 
 @njit(cache=True, nogil=True)
-def _are_in_view(
-    cells: NDArray[np.int8], frontier: NDArray[np.int32], row: int, col: int, reach: float
-) -> NDArray[np.bool_]:
+def _are_in_view(cells: Cells, frontier: Ints32, row: int, col: int, reach: float) -> Mask:
     """Which cells of a frontier a viewpoint sees from within so many cells, bool (n,)."""
     seen = np.zeros(len(frontier), np.bool_)
     for n in range(len(frontier)):
@@ -310,7 +292,7 @@ def _are_in_view(
 
 
 @njit(cache=True, nogil=True)
-def remaining_share(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> float:
+def remaining_share(cells: Cells, frontier: Ints32) -> float:
     """The share of a frontier's cells int32 (n, 2), at least one, that still border the unknown, 0..1."""
     rows, cols = cells.shape
     count = 0
@@ -327,7 +309,7 @@ def remaining_share(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> flo
 
 
 @njit(cache=True, nogil=True)
-def _unknown_middle(cells: NDArray[np.int8], frontier: NDArray[np.int32]) -> tuple[float, float]:
+def _unknown_middle(cells: Cells, frontier: Ints32) -> tuple[float, float]:
     """Mean (row, col) of the unknown 4-neighbours of a frontier's cells; of the cells when there is none."""
     rows, cols = cells.shape
     sum_row, sum_col, count = 0.0, 0.0, 0

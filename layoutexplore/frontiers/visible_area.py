@@ -8,22 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.detection import check_grid
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import check_resolution
 from layoutexplore.grids.rays import ray_frame
 
 
 def visible_unknown_area(
-    cells: NDArray[np.int8],
-    viewpoints: NDArray[np.int32],
-    resolution: float,
-    range_max: float,
-    rays: int = 120,
-) -> NDArray[np.float64]:
+    cells: Cells, viewpoints: Ints32, resolution: float, range_max: float, rays: int = 120
+) -> Floats:
     """Unknown area that rays from viewpoints would cross, through unknown and free cells alike.
 
     Equally spaced rays leave the viewpoint's centre and end at an occupied cell, at the range or at the edge
@@ -80,7 +76,7 @@ class VisibleUnknownArea:
         self._places, self._areas = np.empty((0, 2), np.int32), np.empty(0)
         self._boxes = np.empty((0, 4), np.int64)
 
-    def areas(self, cells: NDArray[np.int8], places: NDArray[np.int32], changed: Box) -> NDArray[np.float64]:
+    def areas(self, cells: Cells, places: Ints32, changed: Box) -> Floats:
         """Areas float64 (n,) in square metres for places int32 (n, 2), on a grid int8 (rows, cols).
 
         Args:
@@ -105,10 +101,10 @@ class RayTable(NamedTuple):
         starts: int64 (rays + 1,): ray i has the entries from `starts[i]` up to, but without, `starts[i + 1]`.
     """
 
-    rows: NDArray[np.int64]
-    cols: NDArray[np.int64]
-    entered: NDArray[np.float64]
-    starts: NDArray[np.int64]
+    rows: Ints
+    cols: Ints
+    entered: Floats
+    starts: Ints
 
 
 @lru_cache(maxsize=8)
@@ -139,7 +135,7 @@ def ray_table(rays: int, reach: float) -> RayTable:
 
 
 @lru_cache(maxsize=8)
-def _flat_offsets(rays: int, reach: float, width: int) -> NDArray[np.int64]:
+def _flat_offsets(rays: int, reach: float, width: int) -> Ints:
     """The offsets int64 (n,) of `ray_table` in a ravelled grid of that width."""
     table = ray_table(rays, reach)
     return table.rows * width + table.cols
@@ -147,14 +143,14 @@ def _flat_offsets(rays: int, reach: float, width: int) -> NDArray[np.int64]:
 
 @njit(cache=True, nogil=True)
 def _still_valid(
-    old_places: NDArray[np.int32],
-    old_areas: NDArray[np.float64],
-    old_boxes: NDArray[np.int64],
-    places: NDArray[np.int32],
-    changed: NDArray[np.int64],
-    areas: NDArray[np.float64],
-    boxes: NDArray[np.int64],
-) -> NDArray[np.int64]:
+    old_places: Ints32,
+    old_areas: Floats,
+    old_boxes: Ints,
+    places: Ints32,
+    changed: Ints,
+    areas: Floats,
+    boxes: Ints,
+) -> Ints:
     """Take over the areas of places in whose boxes nothing changed; the numbers of the other places."""
     fresh = np.empty(len(places), np.int64)
     count = 0
@@ -177,14 +173,14 @@ def _still_valid(
 
 @njit(cache=True, nogil=True)
 def _unknown_area(
-    cells: NDArray[np.int8],
-    places: NDArray[np.int32],
-    numbers: NDArray[np.int64],
+    cells: Cells,
+    places: Ints32,
+    numbers: Ints,
     rays: RayTable,
-    offsets: NDArray[np.int64],
+    offsets: Ints,
     end: float,
-    areas: NDArray[np.float64],
-    boxes: NDArray[np.int64],
+    areas: Floats,
+    boxes: Ints,
 ) -> None:
     """Sum over the rays of b^2 - a^2 for each unknown run from a to b, in cells; `end` is the squared range.
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from layoutexplore.grids.arrays import Bytes, Ints, Mask, Words
 
 _ONE, _ALL = np.uint64(1), np.uint64(0xFFFFFFFFFFFFFFFF)
 
@@ -32,9 +33,7 @@ def ones(word: np.uint64) -> int:
 
 
 @njit("Tuple((uint64[:,::1], uint64[:,::1]))(int64[::1], int64, int64, int64)", cache=True, nogil=True)
-def set_bits(
-    cells: NDArray[np.int64], rows: int, cols: int, slack: int
-) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+def set_bits(cells: Ints, rows: int, cols: int, slack: int) -> tuple[Words, Words]:
     """Cells and those at most `slack` beside them, as bits.
 
     Args:
@@ -63,7 +62,7 @@ def set_bits(
 
 
 @njit(cache=True, nogil=True)
-def count_bits(words: NDArray[np.uint64], row: int, length: int, begin: int, end: int) -> int:
+def count_bits(words: Words, row: int, length: int, begin: int, end: int) -> int:
     """Cells begin <= c < end of a row of `length` cells that are set; none lies outside. For kernels."""
     begin, end = max(begin, 0), min(end, length)
     if begin >= end:
@@ -79,7 +78,7 @@ def count_bits(words: NDArray[np.uint64], row: int, length: int, begin: int, end
 
 
 @njit("int64[::1](uint8[::1], uint64[::1], int64)", cache=True, nogil=True)
-def _true_cells(cells: NDArray[np.uint8], words: NDArray[np.uint64], total: int) -> NDArray[np.int64]:
+def _true_cells(cells: Bytes, words: Words, total: int) -> Ints:
     """Indices of the `total` cells that are 1; `words` are the same cells, eight a word, but the last few."""
     out = np.empty(total + 1, np.int64)  # one place more: a cell is written before it is known to be true
     n = 0
@@ -94,7 +93,7 @@ def _true_cells(cells: NDArray[np.uint8], words: NDArray[np.uint64], total: int)
     return out[:total]
 
 
-def true_cells(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+def true_cells(mask: Mask) -> Ints:
     """What `np.flatnonzero` finds, in a third of its time.
 
     Args:

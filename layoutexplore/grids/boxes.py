@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import UNKNOWN
 
 
-def known_box(cells: NDArray[np.int8], margin: int = 0) -> tuple[int, int, int, int]:
+def known_box(cells: Cells, margin: int = 0) -> tuple[int, int, int, int]:
     """Half-open box (row0, row1, col0, col1) of the known cells and a margin; all 0 when none is known.
 
     Args:
@@ -32,7 +32,7 @@ def known_box(cells: NDArray[np.int8], margin: int = 0) -> tuple[int, int, int, 
 
 
 @njit(cache=True, nogil=True)
-def _known_box(cells: NDArray[np.int8]) -> tuple[int, int, int, int]:
+def _known_box(cells: Cells) -> tuple[int, int, int, int]:
     rows, cols = cells.shape
     row0, row1 = rows, 0
     seen = np.zeros(cols, np.bool_)  # columns with a known cell

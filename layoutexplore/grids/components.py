@@ -8,10 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Mask
 from layoutexplore.grids.runs import find_runs
 
 
-def label_components(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
+def label_components(mask: Mask) -> tuple[Ints32, int]:
     """Label the 4-connected parts of a mask, as `cv2.connectedComponents` does.
 
     Args:
@@ -30,7 +31,7 @@ def label_components(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
     return labels, int(count)
 
 
-def split_labels(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def split_labels(labels: Ints32) -> tuple[Ints32, Ints]:
     """Split the cells of each label into their 4-connected parts.
 
     Args:
@@ -58,14 +59,14 @@ def root_of(parent: NDArray[np.signedinteger[Any]], i: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def join(parent: NDArray[np.int32], i: int, j: int) -> None:
+def join(parent: Ints32, i: int, j: int) -> None:
     """Make one set of those of `i` and `j`."""
     a, b = root_of(parent, i), root_of(parent, j)
     parent[max(a, b)] = min(a, b)
 
 
 @njit(cache=True, nogil=True)
-def number_sets(parent: NDArray[np.int32]) -> NDArray[np.int64]:
+def number_sets(parent: Ints32) -> Ints:
     """The set of each member, numbered from 0 by first member, when all were made by `join`."""
     number = np.empty(len(parent), np.int64)
     n = 0
@@ -80,7 +81,7 @@ def number_sets(parent: NDArray[np.int32]) -> NDArray[np.int64]:
 
 
 @njit(cache=True, nogil=True)
-def join_runs(runs: NDArray[np.int32], cells: NDArray[Any], aside: int) -> NDArray[np.int64]:
+def join_runs(runs: Ints32, cells: NDArray[Any], aside: int) -> Ints:
     """The connected part int64 (n,) of each run, numbered from 0 by first run.
 
     Runs join those of equal cells in the row before.
@@ -111,7 +112,7 @@ def join_runs(runs: NDArray[np.int32], cells: NDArray[Any], aside: int) -> NDArr
 
 
 @njit(cache=True, nogil=True)
-def _label(mask: NDArray[np.uint8]) -> tuple[NDArray[np.int32], int]:
+def _label(mask: Bytes) -> tuple[Ints32, int]:
     runs = find_runs(mask, np.uint8(0))
     number = join_runs(runs, mask, 0)
     labels = np.zeros(mask.shape, np.int32)
@@ -121,7 +122,7 @@ def _label(mask: NDArray[np.uint8]) -> tuple[NDArray[np.int32], int]:
 
 
 @njit(cache=True, nogil=True)
-def _split(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def _split(labels: Ints32) -> tuple[Ints32, Ints]:
     runs = find_runs(labels, np.int32(-1))
     number = join_runs(runs, labels, 0)
     parts = np.full(labels.shape, -1, np.int32)
@@ -133,14 +134,14 @@ def _split(labels: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int
 
 
 @njit(cache=True, nogil=True)
-def _components(first: NDArray[np.int64], second: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _components(first: Ints, second: Ints, count: int) -> Ints:
     parent = np.arange(count).astype(np.int32)
     for k in range(len(first)):
         join(parent, first[k], second[k])
     return number_sets(parent)
 
 
-def components(first: NDArray[np.int64], second: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def components(first: Ints, second: Ints, count: int) -> Ints:
     """Connected components int64 (count,) of an undirected graph, numbered by their first member.
 
     Args:

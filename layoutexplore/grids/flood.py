@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 
 
 @njit("void(int32[:,::1], boolean[:,::1], int64[::1])", cache=True, nogil=True)
-def _grow(labels: NDArray[np.int32], mask: NDArray[np.bool_], bare: NDArray[np.int64]) -> None:
+def _grow(labels: Ints32, mask: Mask, bare: Ints) -> None:
     """Spread labels in place; `bare` are the cells of the mask without one."""
     rows, cols = mask.shape
     # The labels of a pass are written when it is over, so that all its cells see those of the pass before.
@@ -51,9 +51,7 @@ def _grow(labels: NDArray[np.int32], mask: NDArray[np.bool_], bare: NDArray[np.i
         n = m
 
 
-def grow_in_place(
-    labels: NDArray[np.int32], mask: NDArray[np.bool_], bare: NDArray[np.bool_] | None = None
-) -> None:
+def grow_in_place(labels: Ints32, mask: Mask, bare: Mask | None = None) -> None:
     """`grow_labels` that changes the labels it is given.
 
     Args:
@@ -65,7 +63,7 @@ def grow_in_place(
     _grow(labels, np.ascontiguousarray(mask, np.bool_), true_cells(bare))
 
 
-def grow_labels(seeds: NDArray[np.int32], mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+def grow_labels(seeds: Ints32, mask: Mask) -> Ints32:
     """Spread labels over the 8-neighbours inside a mask until nothing changes.
 
     All cells of a pass see the labels of the pass before; of several labelled neighbours the first in raster
@@ -87,9 +85,7 @@ def grow_labels(seeds: NDArray[np.int32], mask: NDArray[np.bool_]) -> NDArray[np
     return labels
 
 
-def spread_in_place(
-    labels: NDArray[np.int32], mask: NDArray[np.bool_], steps: int | None = None, *, backwards: bool = False
-) -> int:
+def spread_in_place(labels: Ints32, mask: Mask, steps: int | None = None, *, backwards: bool = False) -> int:
     """Spread labels over the 4-neighbours inside a mask, ring by ring; the soonest label wins.
 
     Of labels that come equally soon the one wins that was queued first: the cells that begin are queued in
@@ -113,7 +109,7 @@ def spread_in_place(
 
 
 @njit(cache=True, nogil=True)
-def _mark_border(labels: NDArray[np.int32], bare: NDArray[np.uint8], r: int, mark: NDArray[np.uint8]) -> None:
+def _mark_border(labels: Ints32, bare: Bytes, r: int, mark: Bytes) -> None:
     """Mark the labelled cells of a row that have a bare neighbour."""
     cols = labels.shape[1]
     # Outside of the grid a cell stands in for its neighbour: it is labelled, hence not bare.
@@ -129,7 +125,7 @@ def _mark_border(labels: NDArray[np.int32], bare: NDArray[np.uint8], r: int, mar
 
 
 @njit("int64(int32[:,::1], boolean[:,::1], int64, int64)", cache=True, nogil=True)
-def _spread(labels: NDArray[np.int32], mask: NDArray[np.bool_], steps: int, sign: int) -> int:
+def _spread(labels: Ints32, mask: Mask, steps: int, sign: int) -> int:
     """The kernel of `spread_in_place`; the first neighbour of a cell to be queued lies `-sign` rows away."""
     rows, cols = mask.shape
     flat, bare = labels.ravel(), np.empty((rows, cols), np.uint8)

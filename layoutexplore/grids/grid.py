@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Mask
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 
@@ -56,7 +57,7 @@ class OccupancyGrid:
         0.5
     """
 
-    cells: NDArray[np.int8]
+    cells: Cells
     resolution: float
     origin: Pose = field(default=Pose(0.0, 0.0, 0.0))
 
@@ -82,17 +83,17 @@ class OccupancyGrid:
         return rows, cols
 
     @property
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> Mask:
         """Bool (rows, cols): cells known to be free (value 0)."""
         return np.equal(self.cells, FREE)
 
     @property
-    def occupied(self) -> NDArray[np.bool_]:
+    def occupied(self) -> Mask:
         """Bool (rows, cols): cells known to be occupied (value 100)."""
         return np.equal(self.cells, OCCUPIED)
 
     @property
-    def unknown(self) -> NDArray[np.bool_]:
+    def unknown(self) -> Mask:
         """Bool (rows, cols): cells of which nothing is known (value -1)."""
         return np.equal(self.cells, UNKNOWN)
 
@@ -122,23 +123,21 @@ class OccupancyGrid:
             dx, dy = c * dx - s * dy, s * dx + c * dy
         return self.origin.x + dx, self.origin.y + dy
 
-    def cells_to_world(self, cells: ArrayLike) -> NDArray[np.float64]:
+    def cells_to_world(self, cells: ArrayLike) -> Floats:
         """World points float64 (n, 2) as (x, y) of the centres of cells (n, 2) as (row, col)."""
         rc = np.asarray(cells, np.float64).reshape(-1, 2)
         local = (rc[:, ::-1] + 0.5) * self.resolution
         c, s = math.cos(self.origin.theta), math.sin(self.origin.theta)
-        points: NDArray[np.float64] = local @ np.array([[c, s], [-s, c]]) + np.array(
-            [self.origin.x, self.origin.y]
-        )
+        points: Floats = local @ np.array([[c, s], [-s, c]]) + np.array([self.origin.x, self.origin.y])
         return points
 
-    def world_to_cells(self, points: ArrayLike) -> NDArray[np.int64]:
+    def world_to_cells(self, points: ArrayLike) -> Ints:
         """Cells int64 (n, 2) as (row, col) that hold world points (n, 2) as (x, y)."""
         local = np.asarray(points, np.float64).reshape(-1, 2) - np.array([self.origin.x, self.origin.y])
         c, s = math.cos(self.origin.theta), math.sin(self.origin.theta)
-        cells: NDArray[np.int64] = np.floor(local @ np.array([[c, -s], [s, c]]) / self.resolution).astype(
-            np.int64
-        )[:, ::-1]
+        cells: Ints = np.floor(local @ np.array([[c, -s], [s, c]]) / self.resolution).astype(np.int64)[
+            :, ::-1
+        ]
         return cells
 
     def contains(self, row: int, col: int) -> bool:

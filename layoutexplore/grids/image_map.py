@@ -22,9 +22,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
 
 FREE_ABOVE = 230
@@ -45,11 +45,11 @@ _AROUND = np.ones((3, 3), np.uint8)
 
 
 def grid_from_image(
-    grey: NDArray[np.uint8],
+    grey: Bytes,
     resolution: float,
     *,
     free_threshold: int | None = None,
-    transparent: NDArray[np.bool_] | None = None,
+    transparent: Mask | None = None,
     origin: Pose | None = None,
 ) -> OccupancyGrid:
     """The trinary grid that an image shows.
@@ -83,7 +83,7 @@ def grid_from_image(
     return OccupancyGrid(np.ascontiguousarray(cells[::-1]), resolution, origin or Pose(0.0, 0.0, 0.0))
 
 
-def _free_threshold(grey: NDArray[np.uint8]) -> int:
+def _free_threshold(grey: Bytes) -> int:
     """230, or halfway below the brightest level that covers 1 % of an image without anything brighter."""
     counts = np.bincount(grey.ravel(), minlength=256)
     common = np.flatnonzero(counts >= 0.01 * grey.size)
@@ -92,9 +92,7 @@ def _free_threshold(grey: NDArray[np.uint8]) -> int:
     return int(common[-1] + common[-2]) // 2
 
 
-def _unknown(
-    grey: NDArray[np.uint8], free: NDArray[np.bool_], hidden: NDArray[np.bool_], resolution: float
-) -> NDArray[np.bool_]:
+def _unknown(grey: Bytes, free: Mask, hidden: Mask, resolution: float) -> Mask:
     """The unknown pixels, bool (h, w): steps 2 and 3 of the module's rule."""
     levels = _border_levels(grey, free)
     unknown = hidden | (np.isin(grey, levels) & ~free)
@@ -111,13 +109,13 @@ def _unknown(
     return np.asarray(unknown | (rest & ~anchored[parts]), np.bool_)
 
 
-def _has_walls(free: NDArray[np.bool_], occupied: NDArray[np.bool_]) -> bool:
+def _has_walls(free: Mask, occupied: Mask) -> bool:
     """Whether anything but a speck borders the free space."""
     edge = (cv2.dilate(free.astype(np.uint8), _AROUND) > 0) & ~free
     return bool(np.count_nonzero(edge & occupied) >= WALL_SHARE * np.count_nonzero(edge))
 
 
-def _border_levels(grey: NDArray[np.uint8], free: NDArray[np.bool_]) -> list[int]:
+def _border_levels(grey: Bytes, free: Mask) -> list[int]:
     """Mid-grey levels of the background, each with its two neighbours.
 
     Those that hold a tenth of the border; where the border shows none (a map cropped to its walls), the most
@@ -142,7 +140,7 @@ def _border_levels(grey: NDArray[np.uint8], free: NDArray[np.bool_]) -> list[int
     return sorted({int(level) + step for level in peaks for step in (-1, 0, 1)})
 
 
-def _courtyards(grey: NDArray[np.uint8], known: NDArray[np.bool_], resolution: float) -> NDArray[np.bool_]:
+def _courtyards(grey: Bytes, known: Mask, resolution: float) -> Mask:
     """The pixels, bool (h, w), of thick areas of one flat mid-grey and many square metres."""
     found = np.zeros(grey.shape, np.bool_)
     counts = np.bincount(grey[~known], minlength=256)
@@ -160,9 +158,7 @@ def _courtyards(grey: NDArray[np.uint8], known: NDArray[np.bool_], resolution: f
     return found
 
 
-def _inside_of_background(
-    grey: NDArray[np.uint8], free: NDArray[np.bool_], resolution: float
-) -> NDArray[np.bool_]:
+def _inside_of_background(grey: Bytes, free: Mask, resolution: float) -> Mask:
     """The pixels, bool (h, w), deeper than a skin in thick masses of the most common level not free."""
     if free.all():
         return np.zeros(free.shape, np.bool_)
@@ -176,7 +172,7 @@ def _inside_of_background(
     return np.asarray((thick & (depth > SOLID_SKIN))[reach:-reach, reach:-reach], np.bool_)
 
 
-def _disc(radius: float, resolution: float) -> NDArray[np.uint8]:
+def _disc(radius: float, resolution: float) -> Bytes:
     # OpenCV's ellipse is broader than `morphology.disc`; the thresholds above were found with it.
     cells = max(1, round(radius / resolution))
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * cells + 1, 2 * cells + 1)), np.uint8)

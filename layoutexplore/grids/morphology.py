@@ -8,13 +8,13 @@ from functools import lru_cache
 import cv2
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grids.arrays import Bytes, Ints32, Mask
 from layoutexplore.grids.grid import check_resolution
 
 
-def inflate(occupied: NDArray[np.bool_], radius: float, resolution: float) -> NDArray[np.bool_]:
+def inflate(occupied: Mask, radius: float, resolution: float) -> Mask:
     """Cells whose centre is closer than the radius to the centre of an occupied cell.
 
     Args:
@@ -43,7 +43,7 @@ def inflate(occupied: NDArray[np.bool_], radius: float, resolution: float) -> ND
     return distance.astype(np.float64) ** 2 < _squared(reach) if world.any() else world.copy()
 
 
-def check_mask(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def check_mask(mask: Mask) -> Mask:
     """The mask, C-contiguous; raises `MapError` unless it is bool (rows, cols) and not empty."""
     if mask.ndim != 2 or mask.dtype != np.bool_ or mask.size == 0:
         raise MapError(
@@ -58,7 +58,7 @@ def _squared(radius: float) -> float:
 
 
 @lru_cache(maxsize=32)
-def disc(radius: float, *, closed: bool = False) -> NDArray[np.uint8]:
+def disc(radius: float, *, closed: bool = False) -> Bytes:
     """The cells within a radius of a middle one, centre to centre, as uint8 (n, n) of 0 and 1.
 
     Args:
@@ -83,13 +83,13 @@ def disc(radius: float, *, closed: bool = False) -> NDArray[np.uint8]:
 
 
 @lru_cache(maxsize=32)
-def disc_offsets(radius: float, *, closed: bool = False) -> NDArray[np.int32]:
+def disc_offsets(radius: float, *, closed: bool = False) -> Ints32:
     """The offsets int32 (n, 2) of the cells of `disc` from the middle one, in raster order."""
     near = disc(radius, closed=closed)
     return np.ascontiguousarray(np.argwhere(near) - near.shape[0] // 2, np.int32)
 
 
-def grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], steps: float) -> NDArray[np.bool_]:
+def grow(seeds: Mask, free: Mask, steps: float) -> Mask:
     """Free cells within an octile geodesic distance of the seeds, the free seeds included.
 
     Args:
@@ -101,7 +101,7 @@ def grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], steps: float) -> NDA
 
 
 @njit(cache=True, nogil=True)
-def _grow(seeds: NDArray[np.bool_], free: NDArray[np.bool_], limit: float) -> NDArray[np.bool_]:
+def _grow(seeds: Mask, free: Mask, limit: float) -> Mask:
     """Label-correcting wave from all seeds at once: distances sink until no cell improves a neighbour."""
     rows, cols = seeds.shape
     distance = np.full((rows, cols), np.inf, np.float32)

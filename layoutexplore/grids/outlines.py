@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numba import njit
-from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon
 
+from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.polygons import Point
@@ -35,13 +35,13 @@ class Rings(NamedTuple):
         touching: bool (k,), whether at a corner of the ring its label touches itself.
     """
 
-    corners: NDArray[np.int32]
-    starts: NDArray[np.int64]
-    labels: NDArray[np.int32]
-    touching: NDArray[np.bool_]
+    corners: Ints32
+    starts: Ints
+    labels: Ints32
+    touching: Mask
 
 
-def trace_rings(labels: NDArray[np.int32]) -> Rings:
+def trace_rings(labels: Ints32) -> Rings:
     """Walk around all labels of a grid int32 (rows, cols), C-contiguous, 0 for none.
 
     Example:
@@ -52,7 +52,7 @@ def trace_rings(labels: NDArray[np.int32]) -> Rings:
     return Rings(*_trace(labels, true_cells(_ends(labels))))
 
 
-def trace_mask(mask: NDArray[np.bool_], resolution: float, origin: Point) -> Polygon | MultiPolygon:
+def trace_mask(mask: Mask, resolution: float, origin: Point) -> Polygon | MultiPolygon:
     """The outline of a mask's cells as polygons in metres (to the micrometre), one a four-connected part.
 
     A ring that comes through a corner twice is cut into two, because a polygon's ring must not touch itself.
@@ -72,8 +72,8 @@ def trace_mask(mask: NDArray[np.bool_], resolution: float, origin: Point) -> Pol
         (_from_lowest(rings.corners[first:last].tolist()), int(owner))
         for first, last, owner in zip(rings.starts[:-1], rings.starts[1:], rings.labels, strict=True)
     ]
-    shells: list[list[NDArray[np.float64]]] = [[] for _ in range(count + 1)]
-    holes: list[list[NDArray[np.float64]]] = [[] for _ in range(count + 1)]
+    shells: list[list[Floats]] = [[] for _ in range(count + 1)]
+    holes: list[list[Floats]] = [[] for _ in range(count + 1)]
     for walk, owner in sorted(walks):
         for corners in _cut_where_touching(walk):
             points = np.array(corners, np.float64)[:, ::-1]
@@ -111,14 +111,14 @@ def _cut_where_touching(ring: list[list[int]]) -> list[list[list[int]]]:
 
 
 @njit("int32(int32[:,::1], int64, int64)", cache=True, nogil=True, inline="always")
-def _at(labels: NDArray[np.int32], r: int, c: int) -> int:
+def _at(labels: Ints32, r: int, c: int) -> int:
     if r < 0 or c < 0 or r >= labels.shape[0] or c >= labels.shape[1]:
         return 0
     return int(labels[r, c])
 
 
 @njit("int32(int32[:,::1], int64, int64, int64)", cache=True, nogil=True)
-def _left(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
+def _left(labels: Ints32, r: int, c: int, d: int) -> int:
     """Label on the left of the side that leaves corner (r, c) in direction d."""
     if d == 0:
         return _at(labels, r, c)
@@ -130,17 +130,13 @@ def _left(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
 
 
 @njit("int32(int32[:,::1], int64, int64, int64)", cache=True, nogil=True)
-def _right(labels: NDArray[np.int32], r: int, c: int, d: int) -> int:
+def _right(labels: Ints32, r: int, c: int, d: int) -> int:
     return _left(labels, r + _STEP_R[d], c + _STEP_C[d], (d + 2) % 4)
 
 
 @njit(cache=True, nogil=True)
 def _walk(
-    labels: NDArray[np.int32],
-    start: tuple[int, int, int],
-    label: int,
-    seen: NDArray[np.uint8],
-    corners: NDArray[np.int32],
+    labels: Ints32, start: tuple[int, int, int], label: int, seen: Bytes, corners: Ints32
 ) -> tuple[int, bool]:
     """Write the corners of the ring that leaves a corner in a direction (row, col, d), the label to its left.
 
@@ -169,9 +165,7 @@ def _walk(
 
 
 @njit(cache=True, nogil=True)
-def _trace(
-    labels: NDArray[np.int32], ends: NDArray[np.int64]
-) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.int32], NDArray[np.bool_]]:
+def _trace(labels: Ints32, ends: Ints) -> tuple[Ints32, Ints, Ints32, Mask]:
     """The fields of `Rings`.
 
     Args:
@@ -207,7 +201,7 @@ def _trace(
 
 
 @njit("boolean[:,::1](int32[:,::1])", cache=True, nogil=True)
-def _ends(labels: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _ends(labels: Ints32) -> Mask:
     """Labelled cells with another label above or below them, or nothing."""
     rows, cols = labels.shape
     out = np.empty((rows, cols), np.bool_)

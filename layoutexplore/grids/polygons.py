@@ -16,9 +16,10 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from numba import njit
-from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
+
+from layoutexplore.grids.arrays import Floats, Ints32, Mask
 
 Point = tuple[float, float]
 """World point (x, y) in metres."""
@@ -38,7 +39,7 @@ def polygons_of(geometry: BaseGeometry) -> list[Polygon]:
 
 
 def fill(
-    target: NDArray[np.int32],
+    target: Ints32,
     geometry: BaseGeometry,
     value: int,
     resolution: float,
@@ -70,7 +71,7 @@ def fill(
             _fill(edges[:, [1, 0, 3, 2]].copy(), target, value, True, True)
 
 
-def _edges(polygon: Polygon, resolution: float, origin: Point) -> NDArray[np.float64]:
+def _edges(polygon: Polygon, resolution: float, origin: Point) -> Floats:
     """Edges float64 (n, 4) as (u0, v0, u1, v1) in cells, so that whole numbers are the centres of cells."""
     rings = [polygon.exterior, *polygon.interiors]
     pieces = []
@@ -82,9 +83,7 @@ def _edges(polygon: Polygon, resolution: float, origin: Point) -> NDArray[np.flo
 
 
 @njit(cache=True, nogil=True)
-def _fill(
-    edges: NDArray[np.float64], target: NDArray[np.int32], value: int, transposed: bool, thin: bool
-) -> None:
+def _fill(edges: Floats, target: Ints32, value: int, transposed: bool, thin: bool) -> None:
     """Even-odd scan along the lines v = 0, 1, ...; transposed: only the thin crossings, of the columns."""
     lines, cells = target.shape
     if transposed:
@@ -124,7 +123,7 @@ def _fill(
                 target[line, max(first, 0) : max(min(last, cells - 1) + 1, 0)] = value
 
 
-def seal_diagonals(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def seal_diagonals(occupied: Mask) -> Mask:
     """A copy in which no two solid cells touch at a corner only: one of the free cells beside it is filled.
 
     Args:
@@ -141,7 +140,7 @@ def seal_diagonals(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 @njit(cache=True, nogil=True)
-def _solid_sides(solid: NDArray[np.bool_], r: int, c: int) -> int:
+def _solid_sides(solid: Mask, r: int, c: int) -> int:
     """How many of the four neighbours are solid; outside the grid counts as solid."""
     rows, cols = solid.shape
     up, down = r + 1 >= rows or solid[r + 1, c], r == 0 or solid[r - 1, c]
@@ -150,7 +149,7 @@ def _solid_sides(solid: NDArray[np.bool_], r: int, c: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _seal_pass(solid: NDArray[np.bool_]) -> int:
+def _seal_pass(solid: Mask) -> int:
     """Fill the free cell of each checkerboard that has more solid neighbours; how many were filled."""
     rows, cols = solid.shape
     filled = 0
@@ -168,9 +167,7 @@ def _seal_pass(solid: NDArray[np.bool_]) -> int:
     return filled
 
 
-def resample_solid(
-    occupied: NDArray[np.bool_], ratios: Point, offset: Point, shape: tuple[int, int]
-) -> NDArray[np.bool_]:
+def resample_solid(occupied: Mask, ratios: Point, offset: Point, shape: tuple[int, int]) -> Mask:
     """Solid cells of a raster at another resolution, by the same rule as `fill` with `sealed`.
 
     A cell is solid where its centre lies in a solid cell of the source, or outside of it; a run of solid
@@ -191,9 +188,7 @@ def resample_solid(
 
 
 @njit(cache=True, nogil=True)
-def _resample_lines(
-    source: NDArray[np.bool_], ratios: Point, corner: Point, target: NDArray[np.bool_], transposed: bool
-) -> None:
+def _resample_lines(source: Mask, ratios: Point, corner: Point, target: Mask, transposed: bool) -> None:
     """Along every centre line: copy the centres (first pass only), then mark the runs that hold no centre."""
     (ratio, line_ratio), (x, y) = ratios, corner
     lines, cells = target.shape

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from layoutexplore.grids.arrays import Cells
 
 _STEEPEST = 1.0 - 1e-9
 
@@ -59,7 +60,7 @@ def steps(dx: float, dy: float, x_leads: bool, cols: int) -> tuple[np.uint64, np
 
 
 @njit(cache=True, nogil=True)
-def is_free_line(cells: NDArray[np.int8], row: int, col: int, to_row: int, to_col: int) -> bool:
+def is_free_line(cells: Cells, row: int, col: int, to_row: int, to_col: int) -> bool:
     """Whether the line from one cell's centre to another's runs through free cells only, the first one aside.
 
     At a corner it steps to the next column first, so that the way back may run through other cells.

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
 from layoutexplore.files import write_atomically
+from layoutexplore.grids.arrays import Bytes, Cells, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.image_map import grid_from_image
 
@@ -54,7 +55,7 @@ def load_grid(path: str | Path, *, resolution: float | None = None) -> Occupancy
     )
 
 
-def read_image(path: Path, *, luma: bool = False) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+def read_image(path: Path, *, luma: bool = False) -> tuple[Bytes, Mask]:
     """Grey levels uint8 (h, w) and which pixels are not opaque, bool (h, w), of an image of any kind.
 
     Args:
@@ -76,7 +77,7 @@ def read_image(path: Path, *, luma: bool = False) -> tuple[NDArray[np.uint8], ND
     return np.rint(pixels @ weights).astype(np.uint8), transparent
 
 
-def read_pixels(path: Path) -> NDArray[np.uint8]:
+def read_pixels(path: Path) -> Bytes:
     """The pixels uint8 (h, w) or (h, w, channels) of an image file as they are stored.
 
     Raises:
@@ -209,7 +210,7 @@ def save_grid(grid: OccupancyGrid, path: str | Path, *, mode: str = "trinary") -
     write_atomically(path, yaml.safe_dump(text, sort_keys=False, default_flow_style=None).encode())
 
 
-def _to_pixels(cells: NDArray[np.int8], mode: str) -> NDArray[np.uint8]:
+def _to_pixels(cells: Cells, mode: str) -> Bytes:
     if mode == "raw":
         return np.where(cells == UNKNOWN, 255, cells).astype(np.uint8)
     if mode == "scale":
@@ -220,7 +221,7 @@ def _to_pixels(cells: NDArray[np.int8], mode: str) -> NDArray[np.uint8]:
     return np.where(free, 254, np.where(occupied, 0, 205)).astype(np.uint8)
 
 
-def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
+def encode_png(image: Bytes | NDArray[np.uint16]) -> bytes:
     """A picture (h, w) grey or (h, w, 3) RGB as a PNG file's content, packed as small as it goes."""
     pixels = image if image.ndim == 2 else image[:, :, ::-1]
     _, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 9])

@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Ints, Ints32, Mask
+
 
 @njit(cache=True, nogil=True)
 def run_end(line: NDArray[Any], c: int, value: Any) -> int:
@@ -33,7 +35,7 @@ def run_end(line: NDArray[Any], c: int, value: Any) -> int:
 
 
 @njit(cache=True, nogil=True)
-def find_runs(cells: NDArray[Any], background: Any) -> NDArray[np.int32]:
+def find_runs(cells: NDArray[Any], background: Any) -> Ints32:
     """The runs of equal cells along the rows: int32 (n, 3) as row, first column and column behind the last.
 
     Args:
@@ -62,7 +64,7 @@ def find_runs(cells: NDArray[Any], background: Any) -> NDArray[np.int32]:
     return runs[:n]
 
 
-def run_lengths(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+def run_lengths(mask: Mask) -> Ints:
     """The lengths int64 (n,) in cells of the runs of true cells along the rows of a mask, in raster order.
 
     Example:

@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.layout.canonical import Orientation, T
 
@@ -36,14 +37,14 @@ class Turned:
         orientation: That was applied to the part.
     """
 
-    cells: NDArray[np.int8]
+    cells: Cells
     angle: float
     corner: tuple[int, int]
     shape: tuple[int, int]
     orientation: Orientation = field(default_factory=Orientation)
 
 
-def main_direction(profile: NDArray[np.float64]) -> float:
+def main_direction(profile: Floats) -> float:
     """Angle in radians in (-pi/4, pi/4] by which the walls are turned against the axes; 0 for a flat profile.
 
     Args:
@@ -63,7 +64,7 @@ def main_direction(profile: NDArray[np.float64]) -> float:
 
 
 @njit("int8[:,::1](int8[:,::1], float64, int64, int64)", cache=True, nogil=True)
-def _turn(cells: NDArray[np.int8], angle: float, rows: int, cols: int) -> NDArray[np.int8]:
+def _turn(cells: Cells, angle: float, rows: int, cols: int) -> Cells:
     """The cells turned by an angle around their middle, int8 (rows, cols)."""
     c, s = np.cos(angle), np.sin(angle)
     r0, c0 = 0.5 * (cells.shape[0] - 1), 0.5 * (cells.shape[1] - 1)
@@ -101,7 +102,7 @@ def _turn_back(labels: NDArray[Any], angle: float, rows: int, cols: int, out: ND
 
 
 @njit("boolean[:,::1](int8[:,::1])", cache=True, nogil=True)
-def _surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
+def _surfaces(cells: Cells) -> Mask:
     """`surfaces` of contiguous cells, in two passes a row that the compiler takes many cells at once."""
     rows, cols = cells.shape
     out = np.empty((rows, cols), np.bool_)
@@ -116,13 +117,13 @@ def _surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
     return out
 
 
-def surfaces(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
+def surfaces(cells: Cells) -> Mask:
     """Bool (rows, cols): occupied cells with a free 8-neighbour; a solid block counts by its sides only."""
     return np.asarray(_surfaces(np.ascontiguousarray(cells)))
 
 
 def turn(
-    cells: NDArray[np.int8], angle: float, corner: tuple[int, int], orientation: Orientation | None = None
+    cells: Cells, angle: float, corner: tuple[int, int], orientation: Orientation | None = None
 ) -> Turned:
     """Turn a trinary part of a grid so that the direction `angle` runs along its rows.
 

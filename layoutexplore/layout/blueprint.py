@@ -14,9 +14,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError, MissingExtraError, require
+from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, read_pixels
 
@@ -61,7 +61,7 @@ def load_blueprint(
     *,
     resolution: float = DEFAULT_RESOLUTION,
     config: BlueprintConfig | None = None,
-    templates: Sequence[NDArray[np.uint8]] = (),
+    templates: Sequence[Bytes] = (),
 ) -> OccupancyGrid:
     """Read a blueprint or evacuation plan as an occupancy grid; transparent pixels are paper.
 
@@ -76,7 +76,7 @@ def load_blueprint(
         raise MapError(f"{path}: {error}") from error
 
 
-def _on_paper(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _on_paper(pixels: Bytes) -> Bytes:
     """RGB uint8 (h, w, 3) of grey or BGR pixels, those with an alpha channel laid on white."""
     channels = np.atleast_3d(pixels)
     colour = channels[..., : 1 if channels.shape[2] < 3 else 3]
@@ -87,11 +87,7 @@ def _on_paper(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def grid_from_blueprint(
-    image: NDArray[np.uint8],
-    resolution: float,
-    *,
-    config: BlueprintConfig | None = None,
-    templates: Sequence[NDArray[np.uint8]] = (),
+    image: Bytes, resolution: float, *, config: BlueprintConfig | None = None, templates: Sequence[Bytes] = ()
 ) -> OccupancyGrid:
     """The walls and the indoor space of a plan.
 
@@ -126,7 +122,7 @@ def grid_from_blueprint(
     return OccupancyGrid(np.ascontiguousarray(cells[::-1]), resolution, Pose(0.0, 0.0, 0.0))
 
 
-def find_words(image: NDArray[np.uint8], config: BlueprintConfig) -> list[tuple[int, int, int, int]]:
+def find_words(image: Bytes, config: BlueprintConfig) -> list[tuple[int, int, int, int]]:
     """Boxes (top, left, height, width) in pixels of the words of a picture, by Tesseract.
 
     Raises:
@@ -156,7 +152,7 @@ def find_words(image: NDArray[np.uint8], config: BlueprintConfig) -> list[tuple[
 
 
 def _templates_found(
-    image: NDArray[np.uint8], templates: Sequence[NDArray[np.uint8]], least: float
+    image: Bytes, templates: Sequence[Bytes], least: float
 ) -> list[tuple[int, int, int, int]]:
     boxes = []
     for template in templates:
@@ -168,13 +164,13 @@ def _templates_found(
     return boxes
 
 
-def _dark(image: NDArray[np.uint8], config: BlueprintConfig) -> NDArray[np.bool_]:
+def _dark(image: Bytes, config: BlueprintConfig) -> Mask:
     """Dark pixels without colour, bool (h, w)."""
     high, low = image.max(axis=2).astype(np.int16), image.min(axis=2).astype(np.int16)
     return np.asarray((high < config.darkness) & (high - low < config.saturation))
 
 
-def _without_symbols(ink: NDArray[np.bool_], resolution: float, config: BlueprintConfig) -> NDArray[np.bool_]:
+def _without_symbols(ink: Mask, resolution: float, config: BlueprintConfig) -> Mask:
     """The marks without thin strokes and without small separate ones, bool (h, w)."""
     width = max(round(config.wall_width / resolution), 1)
     thick = cv2.morphologyEx(ink.astype(np.uint8), cv2.MORPH_OPEN, np.ones((width, width), np.uint8))
@@ -185,7 +181,7 @@ def _without_symbols(ink: NDArray[np.bool_], resolution: float, config: Blueprin
     return np.asarray(large[part])
 
 
-def _outside(walls: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+def _outside(walls: Mask, reach: int) -> Mask:
     """What the picture's border reaches once gaps of walls up to twice `reach` pixels are closed, bool."""
     padded = np.pad(walls, reach + 1).astype(np.uint8)
     square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)

@@ -17,6 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.grids.polygons import Point
@@ -57,9 +58,9 @@ class Inversion:
     orientation: Orientation
     size: tuple[float, float]
     origin: Pose
-    directions: NDArray[np.float64]
+    directions: Floats
 
-    def points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, points: Floats) -> Floats:
         """World points float64 (n, 2) of points of the oriented grid."""
         x, y = points[:, ::-1].T if self.orientation.swap else points.T
         width, height = self.size
@@ -67,7 +68,7 @@ class Inversion:
         y = height - y if self.orientation.mirror_rows else y
         return to_world(np.stack([x, y], axis=1), self.origin)
 
-    def angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    def angles(self, angles: Floats) -> Floats:
         """Directions float64 (n,) in the world, in [0, pi), of directions in the oriented grid."""
         return angles_to_world(self.orientation.invert_angles(angles), self.origin)
 
@@ -87,7 +88,7 @@ class Inversion:
         return list((shapely.reverse(moved) if self.mirrors else moved).tolist())
 
     @cached_property
-    def rank(self) -> NDArray[np.int64]:
+    def rank(self) -> Ints:
         """int64 (k,): the new index of each direction, for directions rise."""
         return ranks(self.angles(self.directions))
 
@@ -151,7 +152,7 @@ class InvertedDetails(Details):
         return tuple(self.inversion.face(face) for face in self.oriented.faces)
 
     @property
-    def cell_scores(self) -> NDArray[np.float32] | None:
+    def cell_scores(self) -> Floats32 | None:
         """ROSE's score of the occupied cells."""
         scores = self.oriented.cell_scores
         return None if scores is None else self.inversion.orientation.invert(scores)
@@ -198,7 +199,7 @@ class Orientation:
         code = -1 if self.mirror_rows and self.mirror_cols else int(self.mirror_cols)
         return np.asarray(cv2.flip(_plain(cells), code)).view(cells.dtype)
 
-    def invert_angles(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    def invert_angles(self, angles: Floats) -> Floats:
         """Directions (n,) in this orientation as directions in the grid, radians in [0, pi)."""
         if self.swap:
             angles = np.pi / 2 - angles
@@ -214,7 +215,7 @@ def _plain(cells: NDArray[T]) -> Any:
     return cells.view(np.uint8) if cells.dtype == np.bool_ else cells
 
 
-def canonical_orientation(cells: NDArray[np.int8]) -> Orientation:
+def canonical_orientation(cells: Cells) -> Orientation:
     """The orientation in which the cells are wider than high, most free ones low and left of the middle."""
     free = (cells == FREE).view(np.uint8)
     high, wide = (np.arange(1 - n, n, 2) for n in cells.shape)  # twice the distance from the middle
@@ -227,7 +228,7 @@ def canonical_orientation(cells: NDArray[np.int8]) -> Orientation:
     return Orientation(mirror_rows=bool(rows @ high > 0), mirror_cols=bool(cols @ wide > 0), swap=bool(swap))
 
 
-def trinary_part(cells: NDArray[np.int8]) -> tuple[NDArray[np.int8], tuple[int, int]]:
+def trinary_part(cells: Cells) -> tuple[Cells, tuple[int, int]]:
     """The known part of a grid as -1, 0 and 100 (above 50 is occupied, 1 to 50 unknown), and its corner.
 
     Args:

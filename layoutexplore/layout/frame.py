@@ -7,12 +7,12 @@ origin.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 
 
-def to_world(points: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:
+def to_world(points: Floats, origin: Pose) -> Floats:
     """World points float64 (n, 2) of local points (n, 2).
 
     Example:
@@ -25,7 +25,7 @@ def to_world(points: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:
     return np.asarray(points @ np.array([[c, s], [-s, c]]) + np.array((origin.x, origin.y)))
 
 
-def undirected(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+def undirected(angles: Floats) -> Floats:
     """Angles of undirected lines, brought into [0, pi) radians.
 
     Example:
@@ -36,7 +36,7 @@ def undirected(angles: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(turned < np.pi, turned, 0.0)  # what is hardly below 0 is rounded up to pi
 
 
-def ranks(values: NDArray[np.float64]) -> NDArray[np.int64]:
+def ranks(values: Floats) -> Ints:
     """The place int64 (n,) of each value (n,) among all of them, rising; equal ones as they come.
 
     Example:
@@ -48,12 +48,12 @@ def ranks(values: NDArray[np.float64]) -> NDArray[np.int64]:
     return out
 
 
-def angles_to_world(angles: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:
+def angles_to_world(angles: Floats, origin: Pose) -> Floats:
     """Directions in radians in [0, pi) of the world frame, given directions in the local frame."""
     return undirected(angles + origin.theta)
 
 
-def angles_to_local(angles: NDArray[np.float64], origin: Pose) -> NDArray[np.float64]:
+def angles_to_local(angles: Floats, origin: Pose) -> Floats:
     """Directions in radians in [0, pi) of the local frame, given directions in the world frame.
 
     Example:

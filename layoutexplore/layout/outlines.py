@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.outlines import trace_rings
 from layoutexplore.layout.lines.face_clusters import renumber
@@ -14,7 +14,7 @@ from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Details, Layout, LayoutRoom
 
 
-def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
+def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
     """The outline of each label, in cells: x = column, y = row, cell (r, c) covering [c, c + 1] x [r, r + 1].
 
     Of a label in several 4-connected parts the largest part is outlined.
@@ -34,7 +34,7 @@ def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
     points = corners[:, ::-1].astype(np.float64)
     twice = np.cumsum(points[:, 0] * np.roll(points[:, 1], -1) - points[:, 1] * np.roll(points[:, 0], -1))
     shells: dict[int, tuple[float, int]] = {}
-    holes: dict[int, list[NDArray[np.float64]]] = {}
+    holes: dict[int, list[Floats]] = {}
     for ring, (begin, end, owner) in enumerate(
         zip(starts[:-1].tolist(), starts[1:].tolist(), owners.tolist(), strict=True)
     ):
@@ -60,7 +60,7 @@ def label_polygons(labels: NDArray[np.int32]) -> dict[int, shapely.Polygon]:
     return dict(zip(names, outlines.tolist(), strict=True))
 
 
-def _with_holes(outer: shapely.Polygon, holes: list[NDArray[np.float64]]) -> shapely.Polygon:
+def _with_holes(outer: shapely.Polygon, holes: list[Floats]) -> shapely.Polygon:
     """A shell with those of the label's holes that lie in it."""
     # the cell to the left of a ring's first side belongs to the label
     beside = np.array([_left_cell(hole) for hole in holes])
@@ -68,7 +68,7 @@ def _with_holes(outer: shapely.Polygon, holes: list[NDArray[np.float64]]) -> sha
     return shapely.Polygon(outer.exterior, [hole for hole, inside in zip(holes, own, strict=True) if inside])
 
 
-def _left_cell(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+def _left_cell(ring: Floats) -> Floats:
     """Centre of the cell to the left of the first side of a ring."""
     along = np.sign(ring[1] - ring[0])
     return np.asarray(ring[0] + 0.5 * along + 0.5 * np.array([-along[1], along[0]]))
@@ -86,23 +86,20 @@ def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
 def cell_polygons_to_world(polygons: list[shapely.Polygon], grid: OccupancyGrid) -> list[shapely.Polygon]:
     """Polygons in cells (x = column, y = row) as such in the grid's world frame, in metres."""
 
-    def place(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    def place(xy: Floats) -> Floats:
         return grid.cells_to_world(xy[:, ::-1] - 0.5)
 
     moved: list[shapely.Polygon] = shapely.transform(np.array(polygons, object), place).tolist()
     return moved
 
 
-def number_rooms(labels: NDArray[np.int32]) -> NDArray[np.int32]:
+def number_rooms(labels: Ints32) -> Ints32:
     """Renumber labels 1, 2, ... in the order of their first cell in raster order."""
     return renumber(np.asarray(labels, np.int32).ravel(), 1).reshape(labels.shape)
 
 
 def rooms_of_labels(
-    labels: NDArray[np.int32],
-    grid: OccupancyGrid,
-    footprint: NDArray[np.int32] | None = None,
-    details: Details | None = None,
+    labels: Ints32, grid: OccupancyGrid, footprint: Ints32 | None = None, details: Details | None = None
 ) -> tuple[LayoutRoom, ...]:
     """Rooms with polygons from labelled cells.
 
@@ -135,9 +132,7 @@ def rooms_of_labels(
 
 
 @njit(cache=True, nogil=True)
-def _count_cells(
-    labels: NDArray[np.int32], cells: NDArray[np.int8], count: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
+def _count_cells(labels: Ints32, cells: Cells, count: int) -> tuple[Ints, Ints, Mask, Mask]:
     """By label: cells, known ones, whether a free one is beside an unknown one, and one on the border."""
     rows, cols = labels.shape
     total, seen = np.zeros(count, np.int64), np.zeros(count, np.int64)
@@ -170,7 +165,7 @@ def _count_cells(
     return total, seen, frontier, border
 
 
-def layout_of_labels(name: str, grid: OccupancyGrid, labels: NDArray[np.int32], timer: StageTimer) -> Layout:
+def layout_of_labels(name: str, grid: OccupancyGrid, labels: Ints32, timer: StageTimer) -> Layout:
     """The layout of a method that only labels cells."""
     numbered = number_rooms(labels)
     with timer("outlines"):

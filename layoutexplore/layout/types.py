@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Floats, Floats32, Ints32
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.polygons import Point
 
@@ -52,7 +52,7 @@ class Wall:
     angle: float
     start: Point
     end: Point
-    segments: NDArray[np.int32]
+    segments: Ints32
     line: int = -1
 
     @property
@@ -137,7 +137,7 @@ class Details:
         return ()
 
     @property
-    def cell_scores(self) -> NDArray[np.float32] | None:
+    def cell_scores(self) -> Floats32 | None:
         """float32 (rows, cols) in 0..1, ROSE's score of the occupied cells."""
         return None
 
@@ -150,10 +150,10 @@ class Details:
 class ScoreDetails(Details):
     """The details of a method that only scores cells."""
 
-    scores: NDArray[np.float32]
+    scores: Floats32
 
     @property
-    def cell_scores(self) -> NDArray[np.float32]:
+    def cell_scores(self) -> Floats32:
         """As they were given."""
         return self.scores
 
@@ -211,11 +211,11 @@ class Layout:
 
     method: str
     clean_grid: OccupancyGrid
-    labels: NDArray[np.int32]
+    labels: Ints32
     rooms: tuple[LayoutRoom, ...] = ()
-    directions: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    directions: Floats = field(default_factory=lambda: np.zeros(0))
     structure_score: float = float("nan")
-    segments: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4)))
+    segments: Floats = field(default_factory=lambda: np.zeros((0, 4)))
     walls: tuple[Wall, ...] = ()
     timings: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
@@ -232,7 +232,7 @@ class Layout:
         return self.details.faces
 
     @property
-    def cell_scores(self) -> NDArray[np.float32] | None:
+    def cell_scores(self) -> Floats32 | None:
         """float32 (rows, cols) in 0..1, ROSE's score of the occupied cells; None without scores."""
         return self.details.cell_scores
 
@@ -241,7 +241,7 @@ class Layout:
         """Time of all stages together."""
         return float(sum(self.timings.values()))
 
-    def room_labels(self, grid: OccupancyGrid | None = None) -> NDArray[np.int32]:
+    def room_labels(self, grid: OccupancyGrid | None = None) -> Ints32:
         """Room ids int32 (rows, cols) on the cells of a grid that are not occupied, 0 for none.
 
         Args:

@@ -26,7 +26,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
 
 STRAIGHT = 5741
 DIAGONAL = 8119
@@ -43,10 +44,10 @@ _FREE_ENTRY, _USED, _WAITING, _OVERFLOW = range(4)  # What the numbers of a queu
 class _Grid(NamedTuple):
     """What a search reads and writes per cell of the padded grid, flat (n,)."""
 
-    moves: NDArray[np.uint8]
+    moves: Bytes
     """The moves out of a cell, as bits."""
-    distance: NDArray[np.int32]
-    scheduled: NDArray[np.uint8]
+    distance: Ints32
+    scheduled: Bytes
     """The moves that will be, or have been, followed out of a cell at its present distance: what arrives at
     the same distance by another way adds only those that are missing, so that ties do not multiply."""
     cols: int
@@ -55,11 +56,11 @@ class _Grid(NamedTuple):
 class _Queue(NamedTuple):
     """Dial's queue: each bucket is a chain of entries, and so are the entries that are free again."""
 
-    heads: NDArray[np.int32]
+    heads: Ints32
     """First entry of each bucket of the ring, -1 if there is none; their number is a power of two."""
-    items: NDArray[np.int64]
+    items: Ints
     """The cell of each entry times eight, plus its diagonal move."""
-    links: NDArray[np.int32]
+    links: Ints32
     """The next entry of the chain, -1 at its end."""
 
 
@@ -125,7 +126,7 @@ class Search:
             kept = _threads.memory = _Memory((self.moves.shape[0], self.moves.shape[1]))
         return kept
 
-    def spread(self, source: int, stops: NDArray[np.int64]) -> int:
+    def spread(self, source: int, stops: Ints) -> int:
         """Search from a padded flat cell; with `stops`, until all of those are settled.
 
         Returns:
@@ -140,13 +141,13 @@ class Search:
             return min(self._search(source, stops, True), FAR - 1)
         return min(settled, self.origin + _SPAN - 1)
 
-    def lengths_to(self, source: int, stops: NDArray[np.int64]) -> NDArray[np.int64]:
+    def lengths_to(self, source: int, stops: Ints) -> Ints:
         """The distances to the stops alone, int64 (n,), `FAR` where there is no way."""
         settled = self.spread(source, stops)
         lengths = self.distance[stops].astype(np.int64)
         return np.where(lengths > settled, FAR, lengths - self.origin)
 
-    def _search(self, source: int, stops: NDArray[np.int64], clear: bool) -> int:
+    def _search(self, source: int, stops: Ints, clear: bool) -> int:
         if clear:
             self.distance[:] = FAR
         memory = self.memory
@@ -171,7 +172,7 @@ class Workspace(Search):
         super().__init__(shape)
         self.world = np.zeros(self.moves.shape, np.uint8)
 
-    def load(self, traversable: NDArray[np.bool_]) -> None:
+    def load(self, traversable: Mask) -> None:
         """Take a mask bool (rows, cols) as the grid to search."""
         self.world[1:-1, 1:-1] = traversable
         find_moves(self.world, self.moves, 0, 0)
@@ -180,7 +181,7 @@ class Workspace(Search):
 _threads = threading.local()
 
 
-def workspace(traversable: NDArray[np.bool_]) -> Workspace:
+def workspace(traversable: Mask) -> Workspace:
     """This thread's workspace for a mask bool (rows, cols), loaded with it."""
     rows, cols = traversable.shape
     kept: Workspace | None = getattr(_threads, "kept", None)
@@ -191,7 +192,7 @@ def workspace(traversable: NDArray[np.bool_]) -> Workspace:
 
 
 @njit(cache=True, nogil=True)
-def find_moves(world: NDArray[np.uint8], moves: NDArray[np.uint8], row: int, col: int) -> None:
+def find_moves(world: Bytes, moves: Bytes, row: int, col: int) -> None:
     """Write the moves out of each inner cell of a padded mask of 0 and 1, traversable or not.
 
     The mask is a window of the padded grid that `moves` is of; its corner lies at (row, col) there.
@@ -214,7 +215,7 @@ def find_moves(world: NDArray[np.uint8], moves: NDArray[np.uint8], row: int, col
 
 
 @njit(cache=True, nogil=True)
-def _push(queue: _Queue, state: NDArray[np.int64], cell: int, move: int, distance: int) -> None:
+def _push(queue: _Queue, state: Ints, cell: int, move: int, distance: int) -> None:
     """Queue a cell from which a diagonal move, and the two runs beside it, go on."""
     entry = state[_FREE_ENTRY]
     if entry >= 0:
@@ -236,9 +237,7 @@ def _push(queue: _Queue, state: NDArray[np.int64], cell: int, move: int, distanc
 
 
 @njit(cache=True, nogil=True)
-def _run(
-    grid: _Grid, queue: _Queue, state: NDArray[np.int64], cell: int, here: int, direction: _Direction
-) -> None:
+def _run(grid: _Grid, queue: _Queue, state: Ints, cell: int, here: int, direction: _Direction) -> None:
     """Go straight until a wall or a cell reached as well without; queue the corners that force a turn."""
     moves, distance, scheduled = grid.moves, grid.distance, grid.scheduled
     ahead = 1 << direction.move
@@ -282,9 +281,7 @@ def _runs_beside(move: int, cols: int) -> tuple[_Direction, _Direction]:
 
 
 @njit(cache=True, nogil=True)
-def _step(
-    grid: _Grid, queue: _Queue, state: NDArray[np.int64], target: int, there: int, move: int, follow: int
-) -> None:
+def _step(grid: _Grid, queue: _Queue, state: Ints, target: int, there: int, move: int, follow: int) -> None:
     """Arrive at a cell by a diagonal move; queue it if its distance, or a move to follow, is new."""
     distance, scheduled = grid.distance, grid.scheduled
     at = np.uint64(target)
@@ -299,7 +296,7 @@ def _step(
 
 
 @njit(cache=True, nogil=True)
-def _begin(grid: _Grid, queue: _Queue, source: int, origin: int) -> NDArray[np.int64]:
+def _begin(grid: _Grid, queue: _Queue, source: int, origin: int) -> Ints:
     """Queue the four diagonal moves out of the source; the queue's state."""
     queue.heads[:] = -1
     state = np.array([-1, 0, 0, 0])
@@ -311,7 +308,7 @@ def _begin(grid: _Grid, queue: _Queue, source: int, origin: int) -> NDArray[np.i
 
 
 @njit(cache=True, nogil=True)
-def _spread(grid: _Grid, queue: _Queue, source: int, stops: NDArray[np.int64], origin: int) -> int:
+def _spread(grid: _Grid, queue: _Queue, source: int, stops: Ints, origin: int) -> int:
     """Lower the distances from `origin` on; return up to where they are exact.
 
     It is `_QUEUE_FULL` when the queue's memory is too small, and `_TOO_FAR` when cells lie too far from an
@@ -359,17 +356,13 @@ def _spread(grid: _Grid, queue: _Queue, source: int, stops: NDArray[np.int64], o
 
 
 @njit(cache=True, nogil=True)
-def _search(
-    grid: tuple[Any, ...], queue: tuple[Any, ...], source: int, stops: NDArray[np.int64], origin: int
-) -> int:
+def _search(grid: tuple[Any, ...], queue: tuple[Any, ...], source: int, stops: Ints, origin: int) -> int:
     """`_spread` with plain tuples, whose types numba finds faster than those of named ones."""
     return _spread(_Grid(*grid), _Queue(*queue), source, stops, origin)
 
 
 @njit(cache=True, nogil=True)
-def to_metres(
-    distance: NDArray[np.int32], origin: float, metres: float, settled: int, lengths: NDArray[np.float32]
-) -> None:
+def to_metres(distance: Ints32, origin: float, metres: float, settled: int, lengths: Floats32) -> None:
     """Write padded flat distances as metres (rows, cols); beyond what is settled they are infinite."""
     rows, cols = lengths.shape
     for r in range(rows):

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Mask
 from layoutexplore.grids.morphology import check_mask
 from layoutexplore.planning.canonical_search import DIAGONAL, FAR, STRAIGHT, workspace
 from layoutexplore.planning.shortest_paths import check_cells, entrances, flat_indices
@@ -39,9 +40,7 @@ class DistanceCache:
         self._units = np.empty((0, 0), np.int64)
         self.searches = 0
 
-    def lengths(
-        self, traversable: NDArray[np.bool_], cells: NDArray[np.integer], resolution: float
-    ) -> NDArray[np.float32]:
+    def lengths(self, traversable: Mask, cells: NDArray[np.integer], resolution: float) -> Floats32:
         """The same as `layoutexplore.planning.shortest_paths.distance_matrix`: float32 (n, n) in metres."""
         world = check_mask(traversable)
         wanted = check_cells(cells, world.shape)
@@ -53,7 +52,7 @@ class DistanceCache:
             self._units[np.ix_(rows, rows)] = units
         return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
-    def _adapt(self, world: NDArray[np.bool_]) -> None:
+    def _adapt(self, world: Mask) -> None:
         """Forget the lengths that may differ on this map, and remember it."""
         if world.shape != self._mask.shape:
             self._cells, self._units = np.empty((0, 2), np.int64), np.empty((0, 0), np.int64)
@@ -70,7 +69,7 @@ class DistanceCache:
             self._units[touched] = _UNKNOWN
         np.fill_diagonal(self._units, 0)
 
-    def _rows(self, wanted: NDArray[np.int64], cols: int) -> NDArray[np.int64]:
+    def _rows(self, wanted: Ints, cols: int) -> Ints:
         """The rows int64 (n,) of places in the cache, which are added where they are new."""
         keys, asked = self._cells @ np.array([cols, 1]), wanted @ np.array([cols, 1])
         if len(keys) + len(asked) > _MOST_PLACES:
@@ -87,7 +86,7 @@ class DistanceCache:
             self._cells = np.array([divmod(key, cols) for key in known], np.int64)
         return rows
 
-    def _search(self, world: NDArray[np.bool_], places: NDArray[np.int64], units: NDArray[np.int64]) -> None:
+    def _search(self, world: Mask, places: Ints, units: Ints) -> None:
         """Fill the unknown entries of units int64 (n, n) in place."""
         space = workspace(world)
         flat = flat_indices(places, space)
@@ -110,7 +109,7 @@ class DistanceCache:
 
 
 @njit(cache=True, nogil=True)
-def _take_over(world: NDArray[np.uint8], mask: NDArray[np.uint8]) -> NDArray[np.int64]:
+def _take_over(world: Bytes, mask: Bytes) -> Ints:
     """Make a mask (n,) like the world (n,); the cells where it was not. Eight cells are compared at once."""
     whole = world.size // 8
     new, old = world[: 8 * whole].view(np.uint64), mask[: 8 * whole].view(np.uint64)
@@ -128,7 +127,7 @@ def _take_over(world: NDArray[np.uint8], mask: NDArray[np.uint8]) -> NDArray[np.
 
 
 @njit(cache=True, nogil=True)
-def nearest_change(places: NDArray[np.int64], changes: NDArray[np.int64], cols: int) -> NDArray[np.int64]:
+def nearest_change(places: Ints, changes: Ints, cols: int) -> Ints:
     """Length int64 (n,) without walls from each place (n, 2) to the nearest changed cell, flat (m,)."""
     nearest = np.empty(len(places), np.int64)
     # Half words, of which many fit a register; lengths that do not fit come out shorter, and a length too
@@ -147,7 +146,7 @@ def nearest_change(places: NDArray[np.int64], changes: NDArray[np.int64], cols: 
 
 
 @njit(cache=True, nogil=True)
-def next_source(units: NDArray[np.int64], first: int) -> int:
+def next_source(units: Ints, first: int) -> int:
     """The place with the most unknown lengths, of equals the one farthest from `first`; -1 if none is."""
     source, most = -1, 0
     for k in range(len(units)):

@@ -19,6 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.planning.tours import move_stretch, open_tour
 
 _GAIN = 1e-6
@@ -31,7 +32,7 @@ _UNCONNECTED = 1e6
 
 def latency_tour(
     distances: NDArray[np.floating], weights: NDArray[np.floating], patience: float = 1.0
-) -> NDArray[np.int64]:
+) -> Ints:
     """The order in which to visit all places, starting at place 0.
 
     Args:
@@ -87,7 +88,7 @@ def latency_cost(
 
 
 @njit(cache=True, nogil=True)
-def _greedy(distances: NDArray[np.float64], shares: NDArray[np.float64]) -> NDArray[np.int64]:
+def _greedy(distances: Floats, shares: Floats) -> Ints:
     """int64 (n + 1,): from place 0 always on to where the most weight waits per metre."""
     count = len(distances)
     tour = np.zeros(count, np.int64)
@@ -108,9 +109,7 @@ def _greedy(distances: NDArray[np.float64], shares: NDArray[np.float64]) -> NDAr
 
 
 @njit(cache=True, nogil=True)
-def _improve(
-    distances: NDArray[np.float64], shares: NDArray[np.float64], patience: float, tour: NDArray[np.int64]
-) -> float:
+def _improve(distances: Floats, shares: Floats, patience: float, tour: Ints) -> float:
     """Apply 2-opt and Or-opt in place until neither finds a cheaper tour; its cost."""
     sums = np.zeros((3, len(tour)))
     buffer = np.empty_like(tour)
@@ -125,13 +124,7 @@ def _improve(
 
 
 @njit(cache=True, nogil=True)
-def _sum_up(
-    distances: NDArray[np.float64],
-    shares: NDArray[np.float64],
-    patience: float,
-    tour: NDArray[np.int64],
-    sums: NDArray[np.float64],
-) -> float:
+def _sum_up(distances: Floats, shares: Floats, patience: float, tour: Ints, sums: Floats) -> float:
     """Fill the rows of sums: arrival times, and weights and latencies up to each place; the tour's cost."""
     for k in range(1, len(tour)):
         sums[0, k] = sums[0, k - 1] + distances[tour[k - 1], tour[k]]
@@ -143,9 +136,9 @@ def _sum_up(
 
 @njit(cache=True, nogil=True)
 def _append(
-    distances: NDArray[np.float64],
-    tour: NDArray[np.int64],
-    sums: NDArray[np.float64],
+    distances: Floats,
+    tour: Ints,
+    sums: Floats,
     end: tuple[int, float, float],
     first: int,
     last: int,
@@ -165,13 +158,7 @@ def _append(
 
 
 @njit(cache=True, nogil=True)
-def _two_opt(
-    distances: NDArray[np.float64],
-    patience: float,
-    tour: NDArray[np.int64],
-    sums: NDArray[np.float64],
-    cost: float,
-) -> bool:
+def _two_opt(distances: Floats, patience: float, tour: Ints, sums: Floats, cost: float) -> bool:
     """Reverse the first stretch whose reversal makes the tour cheaper; whether there was one."""
     count = len(tour)
     for i in range(1, count - 1):
@@ -186,14 +173,7 @@ def _two_opt(
 
 
 @njit(cache=True, nogil=True)
-def _or_opt(
-    distances: NDArray[np.float64],
-    patience: float,
-    tour: NDArray[np.int64],
-    sums: NDArray[np.float64],
-    cost: float,
-    buffer: NDArray[np.int64],
-) -> bool:
+def _or_opt(distances: Floats, patience: float, tour: Ints, sums: Floats, cost: float, buffer: Ints) -> bool:
     """Move the first stretch of up to three places that makes the tour cheaper; whether there was one."""
     count = len(tour)
     for size in range(1, _LONGEST_STRETCH + 1):

@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, check_resolution
 from layoutexplore.grids.morphology import check_mask
 from layoutexplore.planning.canonical_search import (
@@ -28,12 +29,8 @@ from layoutexplore.planning.canonical_search import (
 
 
 def geodesic_distances(
-    traversable: NDArray[np.bool_],
-    source: Cell,
-    resolution: float,
-    *,
-    stop_at: NDArray[np.int32] | None = None,
-) -> NDArray[np.float32]:
+    traversable: Mask, source: Cell, resolution: float, *, stop_at: Ints32 | None = None
+) -> Floats32:
     """Length of the shortest path from a cell to every cell.
 
     Args:
@@ -65,9 +62,7 @@ def geodesic_distances(
     return lengths
 
 
-def descend(
-    distances: NDArray[np.float32], traversable: NDArray[np.bool_], target: Cell
-) -> NDArray[np.int32]:
+def descend(distances: Floats32, traversable: Mask, target: Cell) -> Ints32:
     """The shortest path to a cell, walking down a distance field.
 
     Args:
@@ -102,9 +97,7 @@ def descend(
     return path
 
 
-def distances_between(
-    traversable: NDArray[np.bool_], source: Cell, cells: NDArray[np.int32], resolution: float
-) -> NDArray[np.float32]:
+def distances_between(traversable: Mask, source: Cell, cells: Ints32, resolution: float) -> Floats32:
     """Lengths of the shortest paths from a cell to some others; like `geodesic_distances`, without the field.
 
     Args:
@@ -127,7 +120,7 @@ def distances_between(
     return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
 
-def check_path(path: NDArray[np.integer], start: Cell) -> NDArray[np.int32]:
+def check_path(path: NDArray[np.integer], start: Cell) -> Ints32:
     """The path int (k, 2) as int32, if it leads from a cell from neighbour to neighbour.
 
     Raises:
@@ -146,9 +139,7 @@ def check_path(path: NDArray[np.integer], start: Cell) -> NDArray[np.int32]:
     return path.astype(np.int32)
 
 
-def distance_matrix(
-    traversable: NDArray[np.bool_], cells: NDArray[np.int32], resolution: float
-) -> NDArray[np.float32]:
+def distance_matrix(traversable: Mask, cells: Ints32, resolution: float) -> Floats32:
     """Shortest path lengths between all pairs of cells.
 
     Args:
@@ -188,7 +179,7 @@ def distance_matrix(
     return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
 
-def check_cells(cells: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.int64]:
+def check_cells(cells: ArrayLike, shape: tuple[int, ...]) -> Ints:
     """The cells as int64 (n, 2); raises `ConfigError` where one lies outside of a grid of that shape."""
     places = np.asarray(cells, np.int64).reshape(-1, 2)
     outside = ((places < 0) | (places >= np.array(shape))).any(axis=1)
@@ -198,12 +189,12 @@ def check_cells(cells: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.int64]:
     return places
 
 
-def flat_indices(places: NDArray[np.int64], space: Search) -> NDArray[np.int64]:
+def flat_indices(places: Ints, space: Search) -> Ints:
     """Padded flat indices (n,) of cells (n, 2)."""
     return (places[:, 0] + 1) * space.cols + places[:, 1] + 1
 
 
-def entrances(flat: NDArray[np.int64], space: Workspace) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def entrances(flat: Ints, space: Workspace) -> tuple[Ints, Ints]:
     """For each place the cells (n, 8) by which it is entered and the lengths (n, 8) of those moves.
 
     A traversable place is entered "by itself"; one that is not, by the moves that lead out of it, which no
@@ -230,10 +221,10 @@ def walk_down(
     origin: float,
     scale: float,
     farthest: float,
-    moves: NDArray[np.uint8],
+    moves: Bytes,
     row: int,
     col: int,
-) -> NDArray[np.int32]:
+) -> Ints32:
     """Cells (k, 2) from the source to (row, col), which has a length; empty when the field has no way down.
 
     Args:

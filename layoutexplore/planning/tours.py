@@ -12,13 +12,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Floats, Ints
 
 _GAIN = 1e-6
 """A move must save more than this many metres, so that rounding cannot make the search run in circles."""
 _LONGEST_STRETCH = 3
 
 
-def open_tour(distances: NDArray[np.floating]) -> NDArray[np.int64]:
+def open_tour(distances: NDArray[np.floating]) -> Ints:
     """The order in which to visit all places, starting at place 0.
 
     Args:
@@ -41,7 +42,7 @@ def open_tour(distances: NDArray[np.floating]) -> NDArray[np.int64]:
     return tour[1:]
 
 
-def improve_tour(distances: NDArray[np.floating], order: NDArray[np.integer]) -> NDArray[np.int64]:
+def improve_tour(distances: NDArray[np.floating], order: NDArray[np.integer]) -> Ints:
     """A tour at least as short as a given one, by 2-opt and Or-opt.
 
     Args:
@@ -67,7 +68,7 @@ def tour_length(distances: NDArray[np.floating], order: NDArray[np.integer]) -> 
     return float(np.asarray(distances, np.float64)[tour[:-1], tour[1:]].sum())
 
 
-def _checked(distances: NDArray[np.floating]) -> NDArray[np.float64]:
+def _checked(distances: NDArray[np.floating]) -> Floats:
     """The matrix as contiguous float64; unconnected pairs become longer than any tour over connected ones."""
     matrix = np.array(distances, np.float64, order="C")
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or len(matrix) == 0:
@@ -79,7 +80,7 @@ def _checked(distances: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 @njit(cache=True, nogil=True)
-def construct(distances: NDArray[np.float64]) -> NDArray[np.int64]:
+def construct(distances: Floats) -> Ints:
     """The tour int64 (n + 1,) from place 0 always on to the nearest place left, of equals the first.
 
     The matrix float64 (n + 1, n + 1) is finite.
@@ -101,7 +102,7 @@ def construct(distances: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 @njit(cache=True, nogil=True)
-def improve(distances: NDArray[np.float64], tour: NDArray[np.int64]) -> None:
+def improve(distances: Floats, tour: Ints) -> None:
     """Apply 2-opt and Or-opt to a tour int64 (n + 1,) in place until neither finds a shorter one."""
     buffer = np.empty_like(tour)
     while _two_opt(distances, tour) or _or_opt(distances, tour, buffer):
@@ -109,7 +110,7 @@ def improve(distances: NDArray[np.float64], tour: NDArray[np.int64]) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _two_opt(distances: NDArray[np.float64], tour: NDArray[np.int64]) -> bool:
+def _two_opt(distances: Floats, tour: Ints) -> bool:
     """One pass that reverses every stretch tour[i..j] whose reversal saves metres; whether there was one."""
     count = len(tour)
     improved = False
@@ -127,7 +128,7 @@ def _two_opt(distances: NDArray[np.float64], tour: NDArray[np.int64]) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _or_opt(distances: NDArray[np.float64], tour: NDArray[np.int64], buffer: NDArray[np.int64]) -> bool:
+def _or_opt(distances: Floats, tour: Ints, buffer: Ints) -> bool:
     """Move the first stretch of up to three places whose move saves metres; whether there was one."""
     count = len(tour)
     for size in range(1, _LONGEST_STRETCH + 1):
@@ -152,9 +153,7 @@ def _or_opt(distances: NDArray[np.float64], tour: NDArray[np.int64], buffer: NDA
 
 
 @njit(cache=True, nogil=True)
-def move_stretch(
-    tour: NDArray[np.int64], buffer: NDArray[np.int64], start: int, size: int, behind: int, backwards: bool
-) -> None:
+def move_stretch(tour: Ints, buffer: Ints, start: int, size: int, behind: int, backwards: bool) -> None:
     """Take tour[start : start + size] out and put it in behind position `behind`, which lies outside it."""
     n = 0
     for k in range(len(tour)):

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Cells, Floats32, Ints32, Mask
 from layoutexplore.grids.boxes import Box, union
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
 from layoutexplore.grids.morphology import inflate
@@ -34,10 +35,10 @@ class DistanceField:
     def __init__(self, search: Search, resolution: float, settled: int) -> None:
         self._search, self._number = search, search.count
         self._scale = resolution / STRAIGHT
-        self.units: NDArray[np.int32] = search.distance.reshape(search.moves.shape)
+        self.units: Ints32 = search.distance.reshape(search.moves.shape)
         self.settled = settled
 
-    def to_cells(self, cells: NDArray[np.integer]) -> NDArray[np.float32]:
+    def to_cells(self, cells: NDArray[np.integer]) -> Floats32:
         """Lengths float32 (n,) in metres to cells (n, 2) of the grid, inf where there is no path."""
         self._check()
         units = self.units[cells[:, 0] + 1, cells[:, 1] + 1]
@@ -45,19 +46,19 @@ class DistanceField:
         return np.where(units <= self.settled, lengths, np.float32(np.inf))
 
     @property
-    def reached(self) -> NDArray[np.bool_]:
+    def reached(self) -> Mask:
         """Bool (rows, cols): the cells that have a length."""
         self._check()
         return self.units[1:-1, 1:-1] <= self.settled
 
-    def metres(self) -> NDArray[np.float32]:
+    def metres(self) -> Floats32:
         """Lengths float32 (rows, cols) in metres to every cell, inf where there is no path."""
         self._check()
         lengths = np.empty((self.units.shape[0] - 2, self.units.shape[1] - 2), np.float32)
         to_metres(self._search.distance, float(self._search.origin), self._scale, self.settled, lengths)
         return lengths
 
-    def path_to(self, target: Cell) -> NDArray[np.int32]:
+    def path_to(self, target: Cell) -> Ints32:
         """The shortest path int32 (k, 2) to a cell, both ends included, as `shortest_paths.descend` finds it.
 
         Raises:
@@ -112,9 +113,7 @@ class Traversability:
         self._shut.append(cell)
         self.note((cell.row, cell.row + 1, cell.col, cell.col + 1))
 
-    def distances(
-        self, cells: NDArray[np.int8], source: Cell, *, stop_at: NDArray[np.int32] | None = None
-    ) -> DistanceField:
+    def distances(self, cells: Cells, source: Cell, *, stop_at: Ints32 | None = None) -> DistanceField:
         """Path lengths on the grid as it is now from a cell, which need not be traversable.
 
         Args:
@@ -134,13 +133,13 @@ class Traversability:
         settled = search.spread((row + 1) * search.cols + col + 1, stops)
         return DistanceField(search, self._resolution, settled)
 
-    def path(self, cells: NDArray[np.int8], source: Cell, goal: Cell) -> NDArray[np.int32]:
+    def path(self, cells: Cells, source: Cell, goal: Cell) -> Ints32:
         """The shortest path int32 (k, 2) from a cell to another on the grid as it is; empty without one."""
         goals = np.array([goal], np.int32)
         distances = self.distances(cells, source, stop_at=goals)
         return distances.path_to(goal) if np.isfinite(distances.to_cells(goals)).all() else goals[:0]
 
-    def _adapt(self, cells: NDArray[np.int8]) -> None:
+    def _adapt(self, cells: Cells) -> None:
         """Follow the changes of the grid."""
         box, self._changed = self._changed, _NOTHING
         if box[0] >= box[1]:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Cells, Floats32, Ints, Mask
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.predictors.seen_rooms import Regions
 
@@ -37,11 +37,11 @@ class BitMap:
         margin: Cells around the grid.
     """
 
-    code: NDArray[np.uint8]
+    code: Bytes
     margin: int
 
 
-def draw_bit_map(cells: NDArray[np.int8], regions: Regions, resolution: float, margin: float) -> BitMap:
+def draw_bit_map(cells: Cells, regions: Regions, resolution: float, margin: float) -> BitMap:
     """Draw what is known.
 
     Args:
@@ -68,20 +68,14 @@ def draw_bit_map(cells: NDArray[np.int8], regions: Regions, resolution: float, m
     return BitMap(code, border)
 
 
-def extended_walls(bit_map: BitMap) -> NDArray[np.bool_]:
+def extended_walls(bit_map: BitMap) -> Mask:
     """The unknown cells of the grid, without the margin, that continue a wall."""
     inner = slice(bit_map.margin, -bit_map.margin)
     return np.asarray(bit_map.code[inner, inner] & (ALONG_ROWS | ALONG_COLS) > 0)
 
 
 @njit(cache=True, nogil=True)
-def _draw(
-    cells: NDArray[np.int8],
-    door_width: NDArray[np.float32],
-    box: NDArray[np.int64],
-    margin: int,
-    code: NDArray[np.uint8],
-) -> None:
+def _draw(cells: Cells, door_width: Floats32, box: Ints, margin: int, code: Bytes) -> None:
     low, high = box[1], box[3]
     for r in range(box[0], box[2]):
         values, widths, bits = (
@@ -95,7 +89,7 @@ def _draw(
 
 
 @njit(cache=True, nogil=True)
-def _extend_walls(code: NDArray[np.uint8], box: NDArray[np.int64], shortest: int, reach: int) -> None:
+def _extend_walls(code: Bytes, box: Ints, shortest: int, reach: int) -> None:
     """Mark the unknown cells that continue a wall straight on, up to the next known cell."""
     first, last = box[1], min(box[3] + 1, code.shape[1])
     runs = np.zeros(code.shape[1], np.int64)
@@ -127,7 +121,7 @@ def _extend_walls(code: NDArray[np.uint8], box: NDArray[np.int64], shortest: int
 
 
 @njit(cache=True, nogil=True)
-def _extend(code: NDArray[np.uint8], r: int, c: int, dr: int, dc: int, reach: int, bit: int) -> None:
+def _extend(code: Bytes, r: int, c: int, dr: int, dc: int, reach: int, bit: int) -> None:
     for _ in range(reach):
         if not (0 <= r < code.shape[0] and 0 <= c < code.shape[1] and code[r, c] & UNKNOWN_BIT):
             return

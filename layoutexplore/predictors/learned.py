@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from layoutexplore.files import fingerprint
 from layoutexplore.frontiers.classes import LITTLE_LEFT, FrontierClasses
 from layoutexplore.frontiers.decision import Decision
+from layoutexplore.grids.arrays import Floats, Floats32, Ints32
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import load_forests
@@ -99,7 +100,7 @@ class LearnedRooms(RoomsOnGrid):
         return complete_regions(self._cells, self._regions, room_shapes(self._cells, candidates, probability))
 
     @cached_property
-    def inside(self) -> NDArray[np.float32]:
+    def inside(self) -> Floats32:
         """float32 (rows, cols): probability that an unknown cell belongs to a seen room next to it.
 
         0 where a cell is known. Estimated once and more coarsely than the rooms: strategies that look at
@@ -115,9 +116,7 @@ class LearnedRooms(RoomsOnGrid):
         np.maximum.at(
             squares, (at[:, 0], at[:, 1]), probability.astype(np.float32)
         )  # Of two rooms the likelier one counts.
-        chance: NDArray[np.float32] = squares.repeat(candidates.stride, 0).repeat(candidates.stride, 1)[
-            :rows, :cols
-        ]
+        chance: Floats32 = squares.repeat(candidates.stride, 0).repeat(candidates.stride, 1)[:rows, :cols]
         chance[self._cells != UNKNOWN] = 0.0
         return chance
 
@@ -179,7 +178,7 @@ class LearnedPredictor:
         return with_classes(decision, classes, self._completed(decision.grid, regions), confidence)
 
 
-def score_frontiers(features: NDArray[np.float32], forests: dict[str, Forest]) -> NDArray[np.float64]:
+def score_frontiers(features: Floats32, forests: dict[str, Forest]) -> Floats:
     """What the trees find float64 (3, k): log-odds of "closed" and "leftover", log of 1 + square metres left.
 
     Args:
@@ -189,9 +188,7 @@ def score_frontiers(features: NDArray[np.float32], forests: dict[str, Forest]) -
     return np.stack([forests[name].score(features) for name in ("closed", "leftover", "area")])
 
 
-def classify(
-    scores: NDArray[np.float64], rooms: NDArray[np.int32]
-) -> tuple[FrontierClasses, NDArray[np.float64]]:
+def classify(scores: Floats, rooms: Ints32) -> tuple[FrontierClasses, Floats]:
     """Classes and areas, and the probability that each class is right.
 
     Args:
@@ -208,9 +205,7 @@ def classify(
     return classes, np.where(is_closed, closed, 1.0 - closed)
 
 
-def classify_cells(
-    candidates: CandidateCells, resolution: float, forests: dict[str, Forest]
-) -> NDArray[np.float64]:
+def classify_cells(candidates: CandidateCells, resolution: float, forests: dict[str, Forest]) -> Floats:
     """Probability float64 (n,) that each cell belongs to the room of its region, estimated twice.
 
     Args:
@@ -222,7 +217,7 @@ def classify_cells(
     return forests["inside"].probability(add_first_estimate(candidates, first, resolution))
 
 
-def agreed(probability: NDArray[np.float64], log_odds: NDArray[np.floating]) -> NDArray[np.float64]:
+def agreed(probability: Floats, log_odds: NDArray[np.floating]) -> Floats:
     """The joint probability float64 (n,) of trees and network, by the mean of their log-odds.
 
     Args:

@@ -6,11 +6,11 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.classes import FrontierClasses, true_classes
 from layoutexplore.frontiers.decision import Decision, Truth
+from layoutexplore.grids.arrays import Mask
 from layoutexplore.predictors.protocol import GivenRooms, RoomLabels, with_classes
 
 FALSE_CLOSED_AREA = 0.3
@@ -40,7 +40,7 @@ class OraclePredictor:
         self._truth = truth
         rng = np.random.default_rng(np.frombuffer(truth.plan.content_hash.encode(), np.uint8))
         rooms = int(truth.raster.room_ids.max()) + 1
-        self._flipped: NDArray[np.bool_] = rng.random(rooms) < self.flip
+        self._flipped: Mask = rng.random(rooms) < self.flip
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with the true class and remaining area of every frontier."""

@@ -8,11 +8,11 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
 from layoutexplore.frontiers.decision import Decision, PredictedRooms
 from layoutexplore.frontiers.table import FrontierList
+from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.layout.outlines import layout_of_labels
 from layoutexplore.layout.timing import StageTimer
@@ -29,8 +29,8 @@ class RoomLabels:
         rest: The id that stands for the unseen rest of the building, 0 where there is none.
     """
 
-    room_ids: NDArray[np.int32]
-    passable: NDArray[np.bool_]
+    room_ids: Ints32
+    passable: Mask
     rest: int = 0
 
 
@@ -53,15 +53,15 @@ class RoomsOnGrid:
         raise NotImplementedError
 
     @property
-    def labels(self) -> NDArray[np.int32]:
+    def labels(self) -> Ints32:
         """int32 (rows, cols): the predicted room of each cell, seen or not, 0 for none."""
         ids, rest = self.rooms.room_ids, self.rooms.rest
         return np.where(ids == rest, np.int32(0), ids)
 
     @cached_property
-    def inside(self) -> NDArray[np.float32]:
+    def inside(self) -> Floats32:
         """float32 (rows, cols): 1 where an unknown cell is predicted to belong to a room, 0 elsewhere."""
-        hidden: NDArray[np.bool_] = (self.labels > 0) & (self._grid.cells == UNKNOWN)
+        hidden: Mask = (self.labels > 0) & (self._grid.cells == UNKNOWN)
         return hidden.astype(np.float32)
 
     @cached_property
@@ -109,10 +109,7 @@ def classes_in(rooms: RoomLabels, decision: Decision) -> FrontierClasses:
 
 
 def with_classes(
-    decision: Decision,
-    classes: FrontierClasses,
-    rooms: PredictedRooms,
-    confidence: NDArray[np.float64] | None = None,
+    decision: Decision, classes: FrontierClasses, rooms: PredictedRooms, confidence: Floats | None = None
 ) -> Decision:
     """The decision with predicted rooms, and with classes and areas written into its frontiers.
 

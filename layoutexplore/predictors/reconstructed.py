@@ -17,10 +17,10 @@ from typing import Any
 import cv2
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from layoutexplore.errors import unknown_name
 from layoutexplore.frontiers.decision import Decision
+from layoutexplore.grids.arrays import Cells, Ints32
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.grids.polygons import fill
@@ -88,7 +88,7 @@ class ReconstructedRooms(RoomsOnGrid):
         completed = complete_regions(cells, regions, _unknown_parts(reach, cells))
         return _opened(completed, cells, np.array(sorted(unbounded - {0}), np.int32))
 
-    def _painted(self) -> NDArray[np.int32]:
+    def _painted(self) -> Ints32:
         """int32 (rows, cols): the outline that holds each cell's centre, seen or not, 0 for none."""
         painted = np.zeros(self._grid.shape, np.int32)
         for k, polygon in self._outlines:
@@ -199,7 +199,7 @@ def _to_local(polygon: shapely.Polygon, origin: Pose) -> shapely.Polygon:
     return shapely.transform(polygon, lambda points: (points - (origin.x, origin.y)) @ turn)
 
 
-def _on_grid(layout: Layout, grid: OccupancyGrid) -> NDArray[np.int32]:
+def _on_grid(layout: Layout, grid: OccupancyGrid) -> Ints32:
     """The rooms that a layout gives the free cells of a grid, int32 (rows, cols), 0 for none."""
     labels = np.zeros(grid.shape, np.int32)
     rows, cols = np.nonzero(grid.cells == FREE)
@@ -209,7 +209,7 @@ def _on_grid(layout: Layout, grid: OccupancyGrid) -> NDArray[np.int32]:
     return labels
 
 
-def _owners(reach: NDArray[np.int32], seen: NDArray[np.int32]) -> NDArray[np.int32]:
+def _owners(reach: Ints32, seen: Ints32) -> Ints32:
     """int32 (outlines + 1,): the room that most seen cells of each outline belong to, 0 where none does."""
     both = (reach > 0) & (seen > 0)
     rooms = int(seen.max(initial=0)) + 1
@@ -218,7 +218,7 @@ def _owners(reach: NDArray[np.int32], seen: NDArray[np.int32]) -> NDArray[np.int
     return np.where(counts.any(axis=1), counts.argmax(axis=1), 0).astype(np.int32)
 
 
-def _unknown_parts(painted: NDArray[np.int32], cells: NDArray[np.int8]) -> dict[int, Shape]:
+def _unknown_parts(painted: Ints32, cells: Cells) -> dict[int, Shape]:
     """The window of each room that has unknown cells, with its mask."""
     shapes = {}
     hidden = np.where(cells == UNKNOWN, painted, 0)
@@ -230,7 +230,7 @@ def _unknown_parts(painted: NDArray[np.int32], cells: NDArray[np.int8]) -> dict[
     return shapes
 
 
-def _opened(rooms: RoomLabels, cells: NDArray[np.int8], unbounded: NDArray[np.int32]) -> RoomLabels:
+def _opened(rooms: RoomLabels, cells: Cells, unbounded: Ints32) -> RoomLabels:
     """Rooms without the walls that would close those which nothing bounds.
 
     Args:

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Ints, Ints32, Mask
 from layoutexplore.grids.grid import OCCUPIED, UNKNOWN
 from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.seen_rooms import Regions
@@ -33,10 +33,10 @@ class Shape:
 
     row: int
     col: int
-    mask: NDArray[np.bool_]
+    mask: Mask
 
 
-def complete_regions(cells: NDArray[np.int8], regions: Regions, shapes: Mapping[int, Shape]) -> RoomLabels:
+def complete_regions(cells: Cells, regions: Regions, shapes: Mapping[int, Shape]) -> RoomLabels:
     """The rooms that regions and their shapes make.
 
     What no room claims is one more room of its own, the unseen rest of the building; between it and what is
@@ -66,13 +66,7 @@ def complete_regions(cells: NDArray[np.int8], regions: Regions, shapes: Mapping[
 
 
 @njit(cache=True, nogil=True)
-def _spread_shapes(
-    cells: NDArray[np.int8],
-    labels: NDArray[np.int32],
-    windows: NDArray[np.int64],
-    masks: NDArray[np.bool_],
-    starts: NDArray[np.int64],
-) -> NDArray[np.int32]:
+def _spread_shapes(cells: Cells, labels: Ints32, windows: Ints, masks: Mask, starts: Ints) -> Ints32:
     """Flood the unknown cells of all shapes at once, each from its region: labels int32 (rows, cols)."""
     # Not `grids.flood.spread_in_place`: which cells are open differs from label to label.
     rows, cols = cells.shape

@@ -13,9 +13,9 @@ from functools import cached_property
 import cv2
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.flood import spread_in_place
@@ -41,26 +41,26 @@ class Regions:
         door_width: float32 (rows, cols), width in metres of the gap that a cell lies in, 0 elsewhere.
     """
 
-    labels: NDArray[np.int32]
+    labels: Ints32
     count: int
-    door_width: NDArray[np.float32]
+    door_width: Floats32
 
     @property
-    def boxes(self) -> NDArray[np.int64]:
+    def boxes(self) -> Ints:
         """int64 (count + 1, 5): number of cells, and their half-open box (row0, col0, row1, col1)."""
         return self._sums[0]
 
     @property
-    def doors(self) -> NDArray[np.float64]:
+    def doors(self) -> Floats:
         """float64 (count + 1,): cells of doors in each region, each divided by its door's width in metres."""
         return self._sums[1]
 
     @cached_property
-    def _sums(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def _sums(self) -> tuple[Ints, Floats]:
         return _sum_up(self.labels, self.door_width, self.count)
 
 
-def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
+def seen_regions(cells: Cells, resolution: float) -> Regions:
     """Divide the known free space into the seen parts of rooms.
 
     Args:
@@ -94,7 +94,7 @@ def seen_regions(cells: NDArray[np.int8], resolution: float) -> Regions:
     return Regions(labels, count, door_width)
 
 
-def find_doors(occupied: NDArray[np.bool_], resolution: float) -> NDArray[np.float32]:
+def find_doors(occupied: Mask, resolution: float) -> Floats32:
     """Gaps along rows and columns that may be doors: float32 (rows, cols), width in metres, 0 elsewhere.
 
     Where two gaps cross, the narrower one counts.
@@ -107,7 +107,7 @@ def find_doors(occupied: NDArray[np.bool_], resolution: float) -> NDArray[np.flo
 
 
 @njit(cache=True, nogil=True)
-def _paint(gaps: NDArray[np.int32], resolution: float, width: NDArray[np.float32]) -> None:
+def _paint(gaps: Ints32, resolution: float, width: Floats32) -> None:
     """Write the width of gaps in metres where none is or a wider one."""
     for k in range(len(gaps)):
         row, col, n = gaps[k, GAP.line], gaps[k, GAP.begin], gaps[k, GAP.width]
@@ -118,9 +118,7 @@ def _paint(gaps: NDArray[np.int32], resolution: float, width: NDArray[np.float32
 
 
 @njit(cache=True, nogil=True)
-def _sum_up(
-    labels: NDArray[np.int32], door_width: NDArray[np.float32], count: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _sum_up(labels: Ints32, door_width: Floats32, count: int) -> tuple[Ints, Floats]:
     """Boxes and doors of all regions."""
     boxes, doors = np.zeros((count + 1, 5), np.int64), np.zeros(count + 1)
     cols = labels.shape[1]
@@ -149,14 +147,14 @@ def _sum_up(
     return boxes, doors
 
 
-def home_regions(regions: Regions, frontiers: FrontierClusters) -> NDArray[np.int64]:
+def home_regions(regions: Regions, frontiers: FrontierClusters) -> Ints:
     """The region int64 (k,) that holds most cells of each frontier; the lowest of equals."""
     rows, cols = frontiers.cells.T
     return _most_common(regions.labels[rows, cols].astype(np.int64), frontiers.offsets)
 
 
 @njit(cache=True, nogil=True)
-def _most_common(owners: NDArray[np.int64], offsets: NDArray[np.int64]) -> NDArray[np.int64]:
+def _most_common(owners: Ints, offsets: Ints) -> Ints:
     """Per group the most common value, the lowest of equals."""
     out = np.zeros(len(offsets) - 1, np.int64)
     for k in range(len(out)):

@@ -12,9 +12,9 @@ from itertools import combinations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.decision import Decision
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
 from layoutexplore.predictors.bit_map import draw_bit_map, extended_walls
 from layoutexplore.predictors.protocol import RoomLabels, with_rooms
@@ -30,7 +30,7 @@ MOST_FACES, FACE_AREA = 9, (0.1, 60.0)
 _BLUR, _SIMPLER, _BESIDE = 0.1, 0.3, 0.2
 """Metres: blur before walls get a direction, tolerance of outlines, distance of a wall to a side it backs."""
 
-Outline = Callable[[NDArray[np.int32], float], NDArray[np.float64]]
+Outline = Callable[[Ints32, float], Floats]
 """(points (x, y) int32 (n, 2), main angle in radians) -> corners float64 (k, 2)."""
 
 
@@ -59,7 +59,7 @@ class ShapePredictor:
         return with_rooms(decision, self.name, self.rooms(decision)) if decision.frontiers else decision
 
 
-def main_angle(cells: NDArray[np.int8], resolution: float) -> float:
+def main_angle(cells: Cells, resolution: float) -> float:
     """Direction of the walls against the grid's columns in radians, in [-pi/4, pi/4].
 
     It is a quarter of the mean of four times the gradient's direction: quarter turns count as one.
@@ -73,17 +73,17 @@ def main_angle(cells: NDArray[np.int8], resolution: float) -> float:
     return float(np.angle(fourfold) / 4) if abs(fourfold) > 0 else 0.0
 
 
-def rectangle_outline(points: NDArray[np.int32], angle: float) -> NDArray[np.float64]:
+def rectangle_outline(points: Ints32, angle: float) -> Floats:
     """The corners of the smallest rectangle around points (x, y)."""
     return np.asarray(cv2.boxPoints(cv2.minAreaRect(points)), np.float64)
 
 
-def hull_outline(points: NDArray[np.int32], angle: float) -> NDArray[np.float64]:
+def hull_outline(points: Ints32, angle: float) -> Floats:
     """The corners of the convex hull of points (x, y)."""
     return np.asarray(cv2.convexHull(points).reshape(-1, 2), np.float64)
 
 
-def parallel_outline(points: NDArray[np.int32], angle: float) -> NDArray[np.float64]:
+def parallel_outline(points: Ints32, angle: float) -> Floats:
     """The corners of the rectangle around points (x, y) whose sides are parallel to the building's walls."""
     along = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     turned = points @ along.T
@@ -91,9 +91,7 @@ def parallel_outline(points: NDArray[np.int32], angle: float) -> NDArray[np.floa
     return np.asarray(np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)]) @ along)
 
 
-def draw_shapes(
-    cells: NDArray[np.int8], resolution: float, regions: Regions, outline: Outline
-) -> dict[int, Shape]:
+def draw_shapes(cells: Cells, resolution: float, regions: Regions, outline: Outline) -> dict[int, Shape]:
     """The shape of every region that borders the unknown."""
     angle, boxes = main_angle(cells, resolution), regions.boxes
     beside = cv2.dilate((cells == UNKNOWN).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
@@ -101,7 +99,7 @@ def draw_shapes(
     return {int(region): _draw(regions, boxes, int(region), outline, angle) for region in partial}
 
 
-def _draw(regions: Regions, boxes: NDArray[np.int64], region: int, outline: Outline, angle: float) -> Shape:
+def _draw(regions: Regions, boxes: Ints, region: int, outline: Outline, angle: float) -> Shape:
     """The shape that an outline around a region's cells encloses."""
     _, row0, col0, row1, col1 = boxes[region].tolist()
     rows, cols = np.nonzero(regions.labels[row0:row1, col0:col1] == region)
@@ -139,9 +137,7 @@ class FaceSubsetPredictor:
         return with_rooms(decision, self.name, self.rooms(decision)) if decision.frontiers else decision
 
 
-def _neighbouring_faces(
-    regions: Regions, faces: NDArray[np.int32], areas: NDArray[np.float64]
-) -> dict[int, list[int]]:
+def _neighbouring_faces(regions: Regions, faces: Ints32, areas: Floats) -> dict[int, list[int]]:
     """By region the faces that touch it, at most a line between them, the longest contact first."""
     found: dict[tuple[int, int], int] = {}
     for shift in (1, 2):
@@ -161,7 +157,7 @@ def _neighbouring_faces(
 
 
 def _best_subset(
-    grid: OccupancyGrid, regions: Regions, faces: NDArray[np.int32], region: int, candidates: list[int]
+    grid: OccupancyGrid, regions: Regions, faces: Ints32, region: int, candidates: list[int]
 ) -> Shape | None:
     """The union of the best faces and the lines between them; None where nothing beats the seen part."""
     cells, resolution = grid.cells, grid.resolution
@@ -182,13 +178,13 @@ def _best_subset(
     return None if best is None else Shape(int(window[0].start), int(window[1].start), best > 0)
 
 
-def _with_lines(part: NDArray[np.uint8], unknown: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _with_lines(part: Bytes, unknown: Mask) -> Bytes:
     """The part with the unknown lines inside it, a cell or two wide, filled."""
     closed = cv2.morphologyEx(part.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     return np.where(unknown, closed, part).astype(np.uint8)
 
 
-def _subset_score(part: NDArray[np.uint8], walls: NDArray[np.bool_], resolution: float) -> float:
+def _subset_score(part: Bytes, walls: Mask, resolution: float) -> float:
     """Walls seen on the sides, less what lacks to the convex hull, less the number of sides."""
     contours, _ = cv2.findContours(part, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if len(contours) != 1:

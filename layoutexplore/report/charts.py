@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
+from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.report.plots import agent_look
 
@@ -136,9 +136,7 @@ def predictor_looks(names: Sequence[str], main: str = "") -> dict[str, tuple[str
     return looks
 
 
-def calibration_chart(
-    confidence: NDArray[np.float64], right: NDArray[np.bool_], *, bins: int = 10
-) -> Scatter:
+def calibration_chart(confidence: Floats, right: Mask, *, bins: int = 10) -> Scatter:
     """Stated against observed probability of being right, a dot a bin from one half to 1.
 
     Its area is its share of all.
@@ -174,7 +172,7 @@ def _upper(share: float) -> float:
     return min(max(2 * (share - 0.5), 0.0), 1.0)
 
 
-def root_scatter(x: NDArray[np.float64], y: NDArray[np.float64], titles: Sequence[str]) -> Scatter:
+def root_scatter(x: Floats, y: Floats, titles: Sequence[str]) -> Scatter:
     """Pairs of areas as dots on axes that run with the square root, so that small ones are told apart."""
     top = max(float(max(x.max(initial=0), y.max(initial=0))), 1.0)
     stride = max(1, math.ceil(len(x) / MOST_DOTS))

@@ -9,11 +9,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
 from layoutexplore.evaluation.closed_doors import PairScore, Score
 from layoutexplore.files import write_atomically, write_csv
+from layoutexplore.grids.arrays import Bytes, Cells, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.closed_door_maps import Triple, read_cells
@@ -42,7 +42,7 @@ class Card:
     panels: tuple[Panel, ...]
 
 
-def draw_map(cells: NDArray[np.int8], new: NDArray[np.bool_], truth: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def draw_map(cells: Cells, new: Mask, truth: Mask) -> Bytes:
     """A map with a prediction, uint8 (rows, cols, 3) RGB.
 
     Args:
@@ -60,7 +60,7 @@ def draw_map(cells: NDArray[np.int8], new: NDArray[np.bool_], truth: NDArray[np.
     return image
 
 
-def draw_panels(triple: Triple, folder: Path) -> list[tuple[str, NDArray[np.uint8]]]:
+def draw_panels(triple: Triple, folder: Path) -> list[tuple[str, Bytes]]:
     """What was seen, the reference's answer, ours and the truth, each with its name.
 
     Cut to what the truth shows.
@@ -146,7 +146,7 @@ def _caption(name: str, score: PairScore) -> str:
     return f"{name}, IoU {answer.iou:.2f}" if answer else name
 
 
-def _smaller(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _smaller(image: Bytes) -> Bytes:
     """The picture at the size of the page; dark lines stay dark."""
     scale = min(1.0, SIDE / max(image.shape[:2]))
     thin = round(0.75 / scale)

@@ -13,6 +13,7 @@ from layoutexplore.benchmark.counterfactual import DecisiveDecision
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.drawing import palette
 from layoutexplore.errors import LayoutExploreError
+from layoutexplore.grids.arrays import Bytes, Ints, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
@@ -75,7 +76,7 @@ class DecisionPicture:
 
 
 def decision_picture(
-    row: Row, decision: DecisiveDecision, occupied: NDArray[np.bool_], resolution: float
+    row: Row, decision: DecisiveDecision, occupied: Mask, resolution: float
 ) -> DecisionPicture:
     """Draw a decisive decision.
 
@@ -140,7 +141,7 @@ def _area(area: float) -> str:
     return number(math.floor(10 * area) / 10 if area < 1 else area, 1)
 
 
-def _map(decision: DecisiveDecision, occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _map(decision: DecisiveDecision, occupied: Mask) -> Bytes:
     """The floor plan with what is known of it and the frontiers by class, uint8 (rows, cols, 3).
 
     Row 0 has the lowest y.
@@ -158,7 +159,7 @@ def _map(decision: DecisiveDecision, occupied: NDArray[np.bool_]) -> NDArray[np.
     return image
 
 
-def _cells_walked(decision: DecisiveDecision, goal: tuple[int, int], resolution: float) -> NDArray[np.int64]:
+def _cells_walked(decision: DecisiveDecision, goal: tuple[int, int], resolution: float) -> Ints:
     """Cells int64 (n, 2) of a path to a goal over what was known; a straight line where there is none."""
     corner = np.array(decision.corner)
     here, there = (Cell(*map(int, np.array(place) - corner)) for place in (decision.here, goal))
@@ -169,14 +170,14 @@ def _cells_walked(decision: DecisiveDecision, goal: tuple[int, int], resolution:
         try:
             distances = geodesic_distances(open_world, here, resolution)
             if np.isfinite(distances[there]):
-                steps: NDArray[np.int64] = descend(distances, open_world, there).astype(np.int64) + corner
+                steps: Ints = descend(distances, open_world, there).astype(np.int64) + corner
                 return steps
         except LayoutExploreError:
             continue
     return np.array([decision.here, goal], np.int64)
 
 
-def _path(cells: NDArray[np.int64], place: Place) -> str:
+def _path(cells: Ints, place: Place) -> str:
     kept = cells[::2].tolist() + cells[-1:].tolist()
     return "M" + " L".join(
         f"{x:.1f},{y:.1f}" for x, y in (place((float(row), float(col))) for row, col in kept)

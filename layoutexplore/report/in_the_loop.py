@@ -10,11 +10,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
 from layoutexplore.evaluation.in_the_loop import BASELINE, DRIVER, LoopScore
 from layoutexplore.files import write_atomically, write_csv
+from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.ros_map import encode_png
@@ -42,7 +42,7 @@ class BelievedRooms:
 
     predictor: str
     coverage: float
-    image: NDArray[np.uint8]
+    image: Bytes
 
     @property
     def uri(self) -> str:
@@ -50,7 +50,7 @@ class BelievedRooms:
         return png_uri(self.image)
 
 
-def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> NDArray[np.uint8]:
+def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
     """The known map with the predicted rooms, seen parts strong, hidden ones pale; frontiers by true class.
 
     Returns:

@@ -14,11 +14,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.drawing import palette
 from layoutexplore.evaluation.partial_rooms import Item, RoomScore, Scores, predicted_hidden
 from layoutexplore.files import write_atomically, write_csv
+from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.metrics.statistics import Interval
@@ -48,7 +48,7 @@ class RoomPicture:
     """A scored room and its picture, uint8 (h, w, 3) RGB."""
 
     score: RoomScore
-    image: NDArray[np.uint8]
+    image: Bytes
 
     @property
     def uri(self) -> str:
@@ -97,7 +97,7 @@ class Gallery:
         return [p for p in self._worst if (p.score.plan, p.score.room) not in taken]
 
 
-def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> NDArray[np.uint8]:
+def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> Bytes:
     """A half-seen room with its prediction, uint8 (h, w, 3) RGB, y up.
 
     The map as it was known; of the room what was seen, what is predicted rightly, wrongly, and not at all;

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.benchmark.analysis import Comparison, PooledCurve
 from layoutexplore.drawing import palette
+from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.report.templates import png_uri
 
 RATIO_LIMITS = (0.4, 2.0)
@@ -155,7 +155,7 @@ class TrackPicture:
     end: tuple[float, float]
 
 
-def floor_picture(occupied: NDArray[np.bool_]) -> str:
+def floor_picture(occupied: Mask) -> str:
     """The floor as a data URI: white where free, dark where a wall bounds it, pale elsewhere.
 
     The top row has the highest y.
@@ -168,7 +168,7 @@ def floor_picture(occupied: NDArray[np.bool_]) -> str:
     return png_uri(np.ascontiguousarray(grey[::-1]))
 
 
-def track_picture(track: NDArray[np.float64], frame: NDArray[np.float64], rows: int) -> TrackPicture:
+def track_picture(track: Floats, frame: Floats, rows: int) -> TrackPicture:
     """A track (n, 3) as pieces of even length whose colours run along the ramp.
 
     Args:
@@ -203,7 +203,7 @@ def _ramp(t: float) -> str:
     return palette.to_hex((int(r), int(g), int(b)))
 
 
-def _path(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:
+def _path(x: Floats, y: Floats) -> str:
     return "M" + " L".join(f"{a:.2f},{b:.2f}" for a, b in zip(x, y, strict=True))
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.drawing import palette
 from layoutexplore.evaluation.segmentation import MapScore, in_percent, summarise_segmentation
 from layoutexplore.files import write_atomically, write_csv
+from layoutexplore.grids.arrays import Bytes, Ints, Ints32
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.painted_rooms import Case, read_case
@@ -23,7 +23,7 @@ from layoutexplore.report.templates import png_uri, render
 UNCLAIMED, WALL, UNSEEN = (255, 255, 255), (30, 30, 36), (205, 208, 212)
 
 
-def comparison_picture(case: Case, labels: NDArray[np.int32], resolution: float) -> NDArray[np.uint8]:
+def comparison_picture(case: Case, labels: Ints32, resolution: float) -> Bytes:
     """Segments (left) and true rooms (right) of a map, uint8 RGB, y up.
 
     Matched segments wear their room's colour.
@@ -55,7 +55,7 @@ def comparison_picture(case: Case, labels: NDArray[np.int32], resolution: float)
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _matched(found: NDArray[np.int32], truth: NDArray[np.int32]) -> NDArray[np.int64]:
+def _matched(found: Ints32, truth: Ints32) -> Ints:
     """For each segment the room it is matched to, or a number of its own behind those of the rooms."""
     segments, rooms = int(found.max(initial=0)), int(truth.max(initial=0))
     names = np.arange(segments + 1, dtype=np.int64) + rooms
@@ -74,7 +74,7 @@ def _matched(found: NDArray[np.int32], truth: NDArray[np.int32]) -> NDArray[np.i
 
 def write_segmentation_report(
     out: Path,
-    results: Sequence[tuple[Case, MapScore, NDArray[np.int32]]],
+    results: Sequence[tuple[Case, MapScore, Ints32]],
     *,
     title: str,
     protocol: str,
@@ -121,7 +121,7 @@ def write_segmentation_report(
     return [out / "report.html", out / "results.csv"]
 
 
-def _smaller(picture: NDArray[np.uint8], width: int = 1000) -> NDArray[np.uint8]:
+def _smaller(picture: Bytes, width: int = 1000) -> Bytes:
     if picture.shape[1] <= width:
         return picture
     height = max(round(picture.shape[0] * width / picture.shape[1]), 1)

@@ -8,10 +8,8 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from layoutexplore.errors import require
+from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.metrics.statistics import Interval
 
@@ -77,7 +75,7 @@ def interval(value: Interval | None, digits: int = 2, *, sign: bool = False) -> 
     return f"{value.estimate:{spec}} ({value.low:{spec}}{between}{value.high:{spec}})"
 
 
-def png_uri(image: NDArray[np.uint8]) -> str:
+def png_uri(image: Bytes) -> str:
     """A picture uint8 (h, w) grey or (h, w, 3) RGB as a data URI."""
     return "data:image/png;base64," + base64.b64encode(encode_png(image)).decode()
 

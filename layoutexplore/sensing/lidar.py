@@ -26,9 +26,9 @@ from functools import lru_cache
 import cv2
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError, StartError, unknown_name
+from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Mask
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.rays import ray_frame, steps
 
@@ -92,7 +92,7 @@ class LidarConfig:
             return 2 * math.pi / self.beams
         return self.fov / (self.beams - 1) if self.beams > 1 else self.fov
 
-    def angles(self) -> NDArray[np.float64]:
+    def angles(self) -> Floats:
         """Angles float64 (beams,) of the beams relative to the robot's heading, in radians, increasing."""
         if self.beams == 1 and not self.full_turn:
             return np.array([self.angle_offset])
@@ -182,9 +182,7 @@ class Lidar:
         array([2.25], dtype=float32)
     """
 
-    def __init__(
-        self, config: LidarConfig, occupied: NDArray[np.bool_], resolution: float, origin: Pose
-    ) -> None:
+    def __init__(self, config: LidarConfig, occupied: Mask, resolution: float, origin: Pose) -> None:
         check_resolution(resolution)
         check_upright(origin)
         self.config = config
@@ -193,7 +191,7 @@ class Lidar:
         self.padded_clearance = clearance_field(occupied)
 
     @property
-    def clearance(self) -> NDArray[np.uint8]:
+    def clearance(self) -> Bytes:
         """uint8 (rows, cols): Chebyshev distance in cells to what is occupied or outside, at most 255."""
         return self.padded_clearance[1:-1, 1:-1]
 
@@ -203,7 +201,7 @@ class Lidar:
         rows, cols = self.padded_clearance.shape
         return rows - 2, cols - 2
 
-    def scan(self, pose: Pose, rng: np.random.Generator | None = None) -> NDArray[np.float32]:
+    def scan(self, pose: Pose, rng: np.random.Generator | None = None) -> Floats32:
         """The ranges seen from a pose.
 
         As in ROS (REP 117), a beam that meets nothing within the range is +inf ("no return") and one that
@@ -223,13 +221,11 @@ class Lidar:
         """
         return self._ranges(self.config, pose, rng)
 
-    def scan_full_turn(self, pose: Pose, rng: np.random.Generator | None = None) -> NDArray[np.float32]:
+    def scan_full_turn(self, pose: Pose, rng: np.random.Generator | None = None) -> Floats32:
         """Like `scan`, over 360 degrees with the same density of beams: the beams of `around(config)`."""
         return self._ranges(around(self.config), pose, rng)
 
-    def _ranges(
-        self, config: LidarConfig, pose: Pose, rng: np.random.Generator | None
-    ) -> NDArray[np.float32]:
+    def _ranges(self, config: LidarConfig, pose: Pose, rng: np.random.Generator | None) -> Floats32:
         x, y = position_in_cells(pose, self.resolution, self.origin)
         reach = config.range_max / self.resolution
         # The clearance has a border of a cell.
@@ -238,7 +234,7 @@ class Lidar:
         return _disturb(ranges, config, rng) if config.noisy else ranges
 
 
-def clearance_field(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def clearance_field(occupied: Mask) -> Bytes:
     """Chebyshev distance to the nearest occupied cell, with a border of zeros around it.
 
     The field of an array that is marked read-only is kept for as long as the array lives and shared.
@@ -262,10 +258,10 @@ def clearance_field(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return held[1]
 
 
-_shared_fields: dict[int, tuple[weakref.ref[NDArray[np.bool_]], NDArray[np.uint8]]] = {}
+_shared_fields: dict[int, tuple[weakref.ref[Mask], Bytes]] = {}
 
 
-def _clearance(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _clearance(occupied: Mask) -> Bytes:
     free = np.zeros((occupied.shape[0] + 2, occupied.shape[1] + 2), np.uint8)
     free[1:-1, 1:-1] = occupied == 0
     distance = cv2.distanceTransform(free, cv2.DIST_C, 3)
@@ -297,15 +293,13 @@ def position_in_cells(pose: Pose, resolution: float, origin: Pose) -> tuple[floa
 
 
 @lru_cache(maxsize=32)
-def beam_table(config: LidarConfig) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def beam_table(config: LidarConfig) -> tuple[Floats, Floats]:
     """Cosine and sine float64 (beams,) of the beams relative to the heading, kept between calls."""
     angles = config.angles()
     return np.cos(angles), np.sin(angles)
 
 
-def _disturb(
-    ranges: NDArray[np.float32], config: LidarConfig, rng: np.random.Generator | None
-) -> NDArray[np.float32]:
+def _disturb(ranges: Floats32, config: LidarConfig, rng: np.random.Generator | None) -> Floats32:
     """Add noise and dropouts; infinite ranges stay infinite."""
     if rng is None:
         raise ConfigError(f"lidar {config.name!r} has noise or dropouts: scan(pose, rng) needs a generator")
@@ -320,15 +314,15 @@ def _disturb(
 
 @njit(cache=True, nogil=True)
 def _cast(
-    clearance: NDArray[np.uint8],
+    clearance: Bytes,
     x: float,
     y: float,
     heading: float,
-    unit_x: NDArray[np.float64],
-    unit_y: NDArray[np.float64],
+    unit_x: Floats,
+    unit_y: Floats,
     range_max: float,
     scale: float,
-) -> NDArray[np.float32]:
+) -> Floats32:
     """`scale` times the cells to the first zero of `clearance`, whose border is zero, along each beam."""
     rows, cols = clearance.shape
     ranges = np.empty(unit_x.size, np.float32)

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints
 from layoutexplore.grids.rays import ray_frame, steps
 from layoutexplore.sensing.scan_kernels import Changes, FieldOfView, new_counters, set_cell, to_changes
 
@@ -28,9 +29,9 @@ class EvidenceGrid(NamedTuple):
         touched: uint8, the stamp of the last scan that has updated the cell.
     """
 
-    cells: NDArray[np.int8]
+    cells: Cells
     log_odds: NDArray[np.int16]
-    touched: NDArray[np.uint8]
+    touched: Bytes
 
 
 class LogOddsRule(NamedTuple):
@@ -45,9 +46,7 @@ class LogOddsRule(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _apply_thresholds(
-    cells: NDArray[np.int8], index: np.uint64, weight: int, rule: LogOddsRule, counters: NDArray[np.int64]
-) -> None:
+def _apply_thresholds(cells: Cells, index: np.uint64, weight: int, rule: LogOddsRule, counters: Ints) -> None:
     """Let a cell follow its evidence; between the thresholds it stays what it was."""
     row, col = np.int64(index) // cells.shape[1], np.int64(index) % cells.shape[1]
     if weight >= rule.occupied_above:
@@ -65,7 +64,7 @@ def update_log_odds(
     y: float,
     heading: float,
     view: FieldOfView,
-    ranges: NDArray[np.float64],
+    ranges: Floats,
     rule: LogOddsRule,
 ) -> Changes:
     """Update the log odds by one scan of ranges in cells; from outside of the grid nothing is updated.
@@ -120,7 +119,7 @@ def _update_crossed(
     ray: tuple[float, float, float, float],
     length: float,
     rule: LogOddsRule,
-    counters: NDArray[np.int64],
+    counters: Ints,
 ) -> None:
     """Count a miss in every cell without the stamp that a ray (x, y, dx, dy) of some length crosses.
 

@@ -14,9 +14,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grids.arrays import Bytes, Floats32
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
 from layoutexplore.sensing.lidar import (
@@ -170,7 +171,7 @@ class Mapper:
         return self.count(changes)
 
     def integrate(
-        self, pose: Pose, ranges: NDArray[np.float32], config: LidarConfig, *, full_turn: bool = False
+        self, pose: Pose, ranges: Floats32, config: LidarConfig, *, full_turn: bool = False
     ) -> ScanUpdate:
         """Weigh a scan as evidence; the grid's cells follow where the evidence crosses a threshold.
 
@@ -254,7 +255,7 @@ class Mapper:
             self._evidence = EvidenceGrid(cells, log_odds, np.zeros(cells.shape, np.uint8))
         return self._evidence
 
-    def _next_stamp(self, touched: NDArray[np.uint8]) -> int:
+    def _next_stamp(self, touched: Bytes) -> int:
         self._stamp += 1
         if self._stamp == 256:
             touched[:] = 0

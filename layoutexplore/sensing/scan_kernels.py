@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints
 from layoutexplore.grids.rays import ray_frame, steps
 
 Changes = tuple[int, int, int, int, int, int, int, int]
@@ -37,8 +37,8 @@ class FieldOfView(NamedTuple):
         half: The rays cover the half plane ahead, not all around; the first and the last run along its edge.
     """
 
-    unit_x: NDArray[np.float64]
-    unit_y: NDArray[np.float64]
+    unit_x: Floats
+    unit_y: Floats
     middle: float
     range_max: float
     dense: int
@@ -46,13 +46,13 @@ class FieldOfView(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def new_counters(cells: NDArray[np.int8]) -> NDArray[np.int64]:
+def new_counters(cells: Cells) -> Ints:
     """Counters int64 (8,) as `Changes`; the box is inside out, so that the first cell becomes it."""
     return np.array([0, 0, 0, 0, cells.shape[0], 0, cells.shape[1], 0])
 
 
 @njit(cache=True, nogil=True)
-def to_changes(counters: NDArray[np.int64]) -> Changes:
+def to_changes(counters: Ints) -> Changes:
     """What was counted."""
     if counters[ROW1] == 0:
         return 0, 0, 0, 0, 0, 0, 0, 0
@@ -62,14 +62,14 @@ def to_changes(counters: NDArray[np.int64]) -> Changes:
 
 
 @njit(cache=True, nogil=True)
-def _enclose(counters: NDArray[np.int64], row: int, col: int) -> None:
+def _enclose(counters: Ints, row: int, col: int) -> None:
     """Extend the box to a cell."""
     counters[ROW0], counters[ROW1] = min(counters[ROW0], row), max(counters[ROW1], row + 1)
     counters[COL0], counters[COL1] = min(counters[COL0], col), max(counters[COL1], col + 1)
 
 
 @njit(cache=True, nogil=True)
-def set_cell(cells: NDArray[np.int8], row: int, col: int, value: int, counters: NDArray[np.int64]) -> None:
+def set_cell(cells: Cells, row: int, col: int, value: int, counters: Ints) -> None:
     """Give a cell another value, 0 or 100."""
     old = cells[row, col]
     cells[row, col] = value
@@ -81,7 +81,7 @@ def set_cell(cells: NDArray[np.int8], row: int, col: int, value: int, counters: 
 
 
 @njit(cache=True, nogil=True)
-def _free_run(cells: NDArray[np.int8], row: int, col0: int, col1: int, counters: NDArray[np.int64]) -> None:
+def _free_run(cells: Cells, row: int, col0: int, col1: int, counters: Ints) -> None:
     """Make the unknown cells of a run along a row free."""
     run = cells[row, col0:col1]
     unknown = 0
@@ -102,13 +102,7 @@ def _free_run(cells: NDArray[np.int8], row: int, col0: int, col1: int, counters:
 
 @njit(cache=True, nogil=True)
 def _free_square(
-    cells: NDArray[np.int8],
-    x: float,
-    y: float,
-    ahead: float,
-    reach: int,
-    half: bool,
-    counters: NDArray[np.int64],
+    cells: Cells, x: float, y: float, ahead: float, reach: int, half: bool, counters: Ints
 ) -> None:
     """Free the cells within `reach` of (x, y); with `half`, those wholly in front (`ahead` in radians)."""
     ahead_x, ahead_y = math.cos(ahead), math.sin(ahead)
@@ -131,7 +125,7 @@ def _free_square(
 
 
 @njit(cache=True, nogil=True)
-def _hit(cells: NDArray[np.int8], true_index: np.uint64, counters: NDArray[np.int64]) -> None:
+def _hit(cells: Cells, true_index: np.uint64, counters: Ints) -> None:
     """Make a cell, by its index in the padded world, occupied; the border of the world is no cell."""
     rows, cols = cells.shape
     row, col = np.int64(true_index) // (cols + 2) - 1, np.int64(true_index) % (cols + 2) - 1
@@ -141,12 +135,7 @@ def _hit(cells: NDArray[np.int8], true_index: np.uint64, counters: NDArray[np.in
 
 @njit(cache=True, nogil=True)
 def update_occupancy(
-    clearance: NDArray[np.uint8],
-    cells: NDArray[np.int8],
-    x: float,
-    y: float,
-    heading: float,
-    view: FieldOfView,
+    clearance: Bytes, cells: Cells, x: float, y: float, heading: float, view: FieldOfView
 ) -> Changes:
     """Cast rays in the world: cells crossed become free unless occupied, the one that is hit occupied.
 
@@ -181,7 +170,7 @@ def update_occupancy(
 
 
 @njit(cache=True, nogil=True)
-def _count_free(counters: NDArray[np.int64], count: int, first: int, last: int, cols: int) -> None:
+def _count_free(counters: Ints, count: int, first: int, last: int, cols: int) -> None:
     """Count cells of a ray that became free, the first and the last of which are given by their index."""
     counters[NEW] += count
     counters[FREE_CHANGE] += count
@@ -191,12 +180,12 @@ def _count_free(counters: NDArray[np.int64], count: int, first: int, last: int, 
 
 @njit(cache=True, nogil=True)
 def _cast_rays(
-    clearance: NDArray[np.uint8],
-    cells: NDArray[np.int8],
+    clearance: Bytes,
+    cells: Cells,
     pose: tuple[float, float, float],
     view: FieldOfView,
     reach: int,
-    counters: NDArray[np.int64],
+    counters: Ints,
 ) -> None:
     """Cast the rays from `reach` cells on, those along the edge of the half plane from 0 on."""
     (x, y, heading), unit_x, unit_y = pose, view.unit_x, view.unit_y

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import Box
 
 
@@ -30,7 +31,7 @@ class TargetCoverage:
         (0.333, [0, 1, 1])
     """
 
-    def __init__(self, target: NDArray[np.bool_], rooms: NDArray[np.integer]) -> None:
+    def __init__(self, target: Mask, rooms: NDArray[np.integer]) -> None:
         self.unseen = target.copy()
         self.target_count = self.unseen_count = int(np.count_nonzero(target))
         self.rooms = np.ascontiguousarray(rooms, np.int32)
@@ -41,21 +42,14 @@ class TargetCoverage:
         """Seen cells over all cells of the target, 0..1."""
         return 1.0 - self.unseen_count / self.target_count
 
-    def update(self, cells: NDArray[np.int8], box: Box) -> None:
+    def update(self, cells: Cells, box: Box) -> None:
         """Count the target's cells that are known now, in the box of the grid int8 (rows, cols)."""
         self.unseen_count -= strike_seen(cells, self.unseen, self.rooms, self.unseen_in, *box)
 
 
 @njit(cache=True, nogil=True)
 def strike_seen(
-    cells: NDArray[np.int8],
-    unseen: NDArray[np.bool_],
-    rooms: NDArray[np.int32],
-    unseen_in: NDArray[np.int64],
-    row0: int,
-    row1: int,
-    col0: int,
-    col1: int,
+    cells: Cells, unseen: Mask, rooms: Ints32, unseen_in: Ints, row0: int, row1: int, col0: int, col1: int
 ) -> int:
     """How many unseen cells are known now; they leave `unseen` and the counts of their rooms."""
     count = 0

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.frontiers.decision import Agent, Decision, Predictor, Privileged
+from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.simulation.config import SimulationConfig
@@ -37,8 +37,8 @@ class Episode:
         notes: What the probe noted; None without one.
     """
 
-    curve: NDArray[np.float64]
-    track: NDArray[np.float64]
+    curve: Floats
+    track: Floats
     decision_ms: list[float] = field(repr=False)
     seconds: float = 0.0
     prediction_ms: list[float] = field(default_factory=list, repr=False)
@@ -54,7 +54,7 @@ class Probe(Protocol):
     def before(self, agent: Agent) -> None:
         """The agent is about to choose."""
 
-    def note(self, decision: Decision, choice: int | NDArray[np.int32], prediction_ms: float) -> None:
+    def note(self, decision: Decision, choice: int | Ints32, prediction_ms: float) -> None:
         """It has chosen."""
 
     def end(self) -> Any:
@@ -141,7 +141,7 @@ def play(
     return Episode(simulation.curve[:, :2], corners(simulation.track), took, seconds, predictions, notes)
 
 
-def corners(track: NDArray[np.float64]) -> NDArray[np.float64]:
+def corners(track: Floats) -> Floats:
     """The rows of a track (n, 3) at which the way bends, and its ends: the same line with fewer points.
 
     Example:

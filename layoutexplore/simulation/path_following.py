@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.decision import CellPath
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import Pose
 from layoutexplore.sensing.lidar import Lidar
@@ -54,17 +54,17 @@ _UNSEEN = 8
 class _Sensor(NamedTuple):
     """What scans need: the world, and what is seen of it."""
 
-    clearance: NDArray[np.uint8]
+    clearance: Bytes
     field_of_view: FieldOfView
 
 
 class _Maps(NamedTuple):
     """What scans change: the robot's grid, and what a `TargetCoverage` counts in it."""
 
-    cells: NDArray[np.int8]
-    unseen: NDArray[np.bool_]
-    rooms: NDArray[np.int32]
-    unseen_in: NDArray[np.int64]
+    cells: Cells
+    unseen: Mask
+    rooms: Ints32
+    unseen_in: Ints
     target_count: int
 
 
@@ -74,18 +74,18 @@ class _Task(NamedTuple):
     With -1 scans the caller makes them.
     """
 
-    path: NDArray[np.int32]
+    path: Ints32
     first: int
-    frontier: NDArray[np.int32]
+    frontier: Ints32
     scans: int
 
 
 class _Log(NamedTuple):
     """Written by the kernel: poses float64 (n, 3), a (distance, coverage) a scan, and totals int64 (9,)."""
 
-    track: NDArray[np.float64]
-    curve: NDArray[np.float64]
-    totals: NDArray[np.int64]
+    track: Floats
+    curve: Floats
+    totals: Ints
 
 
 class PathSegment(NamedTuple):
@@ -100,7 +100,7 @@ class PathSegment(NamedTuple):
 
     event: int
     reached: int
-    curve: NDArray[np.float64]
+    curve: Floats
     box: Box
 
 
@@ -144,13 +144,7 @@ class PathFollower:
         return PathEvent.SCAN_DUE if due else PathEvent.STEP_DUE
 
     def follow(
-        self,
-        robot: Robot,
-        mapper: Mapper,
-        path: CellPath,
-        first: int,
-        frontier: NDArray[np.int32],
-        scans: int,
+        self, robot: Robot, mapper: Mapper, path: CellPath, first: int, frontier: Ints32, scans: int
     ) -> PathSegment:
         """Follow a path until something happens, or to its end.
 
@@ -184,13 +178,7 @@ class PathFollower:
 
 @njit(cache=True, nogil=True)
 def _follow(
-    task: _Task,
-    state: NDArray[np.float64],
-    floor: Floor,
-    sensor: _Sensor,
-    rules: PathRules,
-    maps: _Maps,
-    log: _Log,
+    task: _Task, state: Floats, floor: Floor, sensor: _Sensor, rules: PathRules, maps: _Maps, log: _Log
 ) -> tuple[int, int, int, int]:
     """The event, the number of cells behind the robot, and the numbers of steps and scans."""
     path, points = task.path, _centres(task.path, task.first, floor)
@@ -227,7 +215,7 @@ def _follow(
 
 
 @njit(cache=True, nogil=True)
-def _centres(path: NDArray[np.int32], first: int, floor: Floor) -> NDArray[np.float64]:
+def _centres(path: Ints32, first: int, floor: Floor) -> Floats:
     """World points float64 (n, 2) of the centres of a path's cells; those before `first` stay empty."""
     points = np.empty((len(path), 2))
     for k in range(first, len(path)):
@@ -237,7 +225,7 @@ def _centres(path: NDArray[np.int32], first: int, floor: Floor) -> NDArray[np.fl
 
 
 @njit(cache=True, nogil=True)
-def _turn(state: NDArray[np.float64], heading: float) -> None:
+def _turn(state: Floats, heading: float) -> None:
     """Turn on the spot to a heading in -pi .. pi, the short way round, as `Robot.turn_to` does."""
     turn = heading - state[_HEADING]
     if turn > math.pi:
@@ -249,13 +237,7 @@ def _turn(state: NDArray[np.float64], heading: float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _scan(
-    state: NDArray[np.float64],
-    floor: Floor,
-    sensor: _Sensor,
-    maps: _Maps,
-    totals: NDArray[np.int64],
-) -> int:
+def _scan(state: Floats, floor: Floor, sensor: _Sensor, maps: _Maps, totals: Ints) -> int:
     """Scan from where the robot is: the grid and what is unseen follow. How many cells became occupied."""
     heading = state[_HEADING]
     x, y = (state[_X] - floor.x) / floor.resolution, (state[_Y] - floor.y) / floor.resolution

@@ -10,12 +10,11 @@ import math
 from enum import IntEnum
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
 from numba.extending import register_jitable
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.viewpoints import remaining_share
+from layoutexplore.grids.arrays import Cells, Ints32
 from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.simulation.config import SimulationConfig
 
@@ -59,7 +58,7 @@ class PathRules(NamedTuple):
     max_distance: float
     turn_cost: float
     coverage_goal: float
-    disc: NDArray[np.int32]
+    disc: Ints32
 
     @staticmethod
     def of(config: SimulationConfig, max_distance: float) -> PathRules:
@@ -94,12 +93,7 @@ def scan_heading(x: float, y: float, from_x: float, from_y: float) -> float:
 
 @register_jitable
 def event_after_scan(
-    rules: PathRules,
-    coverage: float,
-    cells: NDArray[np.int8],
-    new_occupied: int,
-    frontier: NDArray[np.int32],
-    ahead: NDArray[np.int32],
+    rules: PathRules, coverage: float, cells: Cells, new_occupied: int, frontier: Ints32, ahead: Ints32
 ) -> int:
     """What a scan on the way means for the rest of a path, the number of a `PathEvent`.
 
@@ -125,7 +119,7 @@ def event_after_scan(
 
 
 @njit(cache=True, nogil=True)
-def is_blocked(cells: NDArray[np.int8], path: NDArray[np.int32], offsets: NDArray[np.int32]) -> bool:
+def is_blocked(cells: Cells, path: Ints32, offsets: Ints32) -> bool:
     """Whether an occupied cell lies within the offsets int32 (n, 2) of a path's cells int32 (k, 2)."""
     rows, cols = cells.shape
     for k in range(len(path)):

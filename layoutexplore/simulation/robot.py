@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.errors import StartError
+from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.maps.floorplan import PlanRaster
@@ -89,7 +89,7 @@ class Floor(NamedTuple):
         resolution: Metres per cell.
     """
 
-    blocked: NDArray[np.bool_]
+    blocked: Mask
     x: float
     y: float
     resolution: float
@@ -104,11 +104,11 @@ class _Track:
         self.add(start)
 
     @property
-    def poses(self) -> NDArray[np.float64]:
+    def poses(self) -> Floats:
         """float64 (n, 3), as (x, y, theta); a view, to which nothing is added later."""
         return self._rows[: self._count]
 
-    def add(self, poses: Pose | NDArray[np.float64]) -> None:
+    def add(self, poses: Pose | Floats) -> None:
         """One pose, or float64 (n, 3)."""
         rows = np.asarray(poses, np.float64).reshape(-1, 3)
         end = self._count + len(rows)
@@ -144,12 +144,12 @@ class Robot:
         self._believed_track = _Track(start) if self._drifts else self._track
 
     @property
-    def track(self) -> NDArray[np.float64]:
+    def track(self) -> Floats:
         """float64 (n, 3): the true poses so far, as (x, y, theta)."""
         return self._track.poses
 
     @property
-    def believed_track(self) -> NDArray[np.float64]:
+    def believed_track(self) -> Floats:
         """float64 (n, 3): where it believed to be at each of them."""
         return self._believed_track.poses
 
@@ -192,7 +192,7 @@ class Robot:
         self.collisions += collided
         return share * length, collided
 
-    def arrive(self, track: NDArray[np.float64], pose: Pose, walked: float, turned: float) -> None:
+    def arrive(self, track: Floats, pose: Pose, walked: float, turned: float) -> None:
         """Be where a path has led (see `layoutexplore.simulation.path_following`), without odometry noise.
 
         Args:
@@ -205,7 +205,7 @@ class Robot:
         self.pose = self.believed = pose
         self.walked, self.turned = walked, turned
 
-    def touched(self, dx: float, dy: float) -> NDArray[np.int32]:
+    def touched(self, dx: float, dy: float) -> Ints32:
         """Cells int32 (n, 2) of the walls ahead of the robot in direction (dx, dy), in the believed frame."""
         raster = self._raster
         offset = self.pose.theta - self.believed.theta
@@ -231,7 +231,7 @@ class Robot:
 
 
 @njit(cache=True, nogil=True)
-def _free_share(blocked: NDArray[np.bool_], row: float, col: float, d_row: float, d_col: float) -> float:
+def _free_share(blocked: Mask, row: float, col: float, d_row: float, d_col: float) -> float:
     """The share 0..1 of a straight move (in cells) that is not blocked; samples lie 1/20 cell apart.
 
     A move that changes row and column between two samples needs both cells beside the diagonal to be free as
@@ -255,14 +255,7 @@ def _free_share(blocked: NDArray[np.bool_], row: float, col: float, d_row: float
 
 @njit(cache=True, nogil=True)
 def advance_along(
-    floor: Floor,
-    x: float,
-    y: float,
-    points: NDArray[np.float64],
-    walked: float,
-    pause: float,
-    end: float,
-    reached: NDArray[np.float64],
+    floor: Floor, x: float, y: float, points: Floats, walked: float, pause: float, end: float, reached: Floats
 ) -> tuple[int, float]:
     """Go straight from (x, y) to point after point, as long as nothing happens; only without odometry noise.
 

@@ -16,12 +16,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, CellPath, Choice, Decision, Predictor, Privileged, Truth
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import cells_in_view, facing, remaining_share
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import load_plan
@@ -211,12 +211,12 @@ class Simulation:
         return self.state.coverage.share
 
     @property
-    def seen(self) -> NDArray[np.bool_]:
+    def seen(self) -> Mask:
         """Bool (rows, cols): the part of the target area that has been seen."""
         return self.truth.target & ~self.state.coverage.unseen
 
     @property
-    def unseen_in(self) -> NDArray[np.int64]:
+    def unseen_in(self) -> Ints:
         """int64 (rooms + 1,): cells of the target area not seen yet, by room (0: in none)."""
         return self.state.coverage.unseen_in
 
@@ -236,12 +236,12 @@ class Simulation:
         return self.state.max_distance
 
     @property
-    def track(self) -> NDArray[np.float64]:
+    def track(self) -> Floats:
         """float64 (n, 3): the true poses so far, as (x, y, theta)."""
         return self.robot.track.copy()
 
     @property
-    def curve(self) -> NDArray[np.float64]:
+    def curve(self) -> Floats:
         """float64 (n, 3): (distance in m, coverage 0..1, number of the scan), a row a scan."""
         return np.array(self.state.curve, np.float64)
 
@@ -304,7 +304,7 @@ class Simulation:
                     return False
         return not self.done
 
-    def _segment(self, path: CellPath, k: int, goal: NDArray[np.int32]) -> tuple[int, int]:
+    def _segment(self, path: CellPath, k: int, goal: Ints32) -> tuple[int, int]:
         """Follow a path from its cell k on until something happens: what did, and the next cell's number."""
         state = self.state
         if not state.follower.steps_itself:
@@ -321,7 +321,7 @@ class Simulation:
             self.on_scan(self)
         return segment.event, segment.reached
 
-    def _scan_on_the_way(self, ahead: CellPath, goal: NDArray[np.int32]) -> int:
+    def _scan_on_the_way(self, ahead: CellPath, goal: Ints32) -> int:
         """A scan that is due on a path of which these cells lie ahead: the event that it means."""
         state = self.state
         state.robot.turn_to(state.follower.scan_heading(state.robot))

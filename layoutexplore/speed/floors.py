@@ -6,8 +6,8 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Mask
 from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.maps.floorplan import FloorPlan
@@ -35,7 +35,7 @@ def plan_of(area: float) -> FloorPlan:
 
 
 @lru_cache(maxsize=4)
-def floor(rows: int, cols: int) -> NDArray[np.bool_]:
+def floor(rows: int, cols: int) -> Mask:
     """Occupied cells bool (rows, cols) of the plan, drawn as large as it fits, in one corner.
 
     The rest is solid.
@@ -49,7 +49,7 @@ def floor(rows: int, cols: int) -> NDArray[np.bool_]:
     return occupied
 
 
-def poses(occupied: NDArray[np.bool_], count: int) -> list[Pose]:
+def poses(occupied: Mask, count: int) -> list[Pose]:
     """Poses scattered over the largest area that a robot of 0.2 m can reach, off the cells' centres.
 
     Always the same.
@@ -69,14 +69,14 @@ def poses(occupied: NDArray[np.bool_], count: int) -> list[Pose]:
     ]
 
 
-def lidar(occupied: NDArray[np.bool_], beams: int, reach: int) -> Lidar:
+def lidar(occupied: Mask, beams: int, reach: int) -> Lidar:
     """A lidar all around with a range in cells."""
     config = LidarConfig(range_max=reach * RESOLUTION, fov=2 * math.pi, beams=beams)
     return Lidar(config, occupied, RESOLUTION, Pose(0.0, 0.0))
 
 
 @lru_cache(maxsize=2)
-def half_explored(rows: int, cols: int) -> NDArray[np.int8]:
+def half_explored(rows: int, cols: int) -> Cells:
     """Cells int8 (rows, cols) of a map that knows about half of the floor."""
     occupied = floor(rows, cols)
     sensor = lidar(occupied, 720, 80)

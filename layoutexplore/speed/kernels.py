@@ -8,11 +8,11 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from layoutexplore.frontiers.detection import FrontierDetector, find_frontiers
+from layoutexplore.grids.arrays import Ints, Ints32, Mask
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.grids.morphology import inflate
@@ -70,7 +70,7 @@ def mapping() -> Iterator[SpeedRow]:
     large[: small.shape[0], : small.shape[1]] = small
     places = poses(small, 100)
 
-    def explorer(occupied: NDArray[np.bool_]) -> Callable[[], None]:
+    def explorer(occupied: Mask) -> Callable[[], None]:
         sensor = lidar(occupied, 720, 80)
         mapper = Mapper(occupied.shape, RESOLUTION, Pose(0.0, 0.0))
         seen = mapper.grid.cells[: small.shape[0], : small.shape[1]]
@@ -146,7 +146,7 @@ def parts() -> Iterator[SpeedRow]:
     """The connected parts of what is half a metre from walls, beside cv2.connectedComponents."""
     mask = ~inflate(floor(700, 700), 0.5, RESOLUTION)
 
-    def reference() -> NDArray[np.int32]:
+    def reference() -> Ints32:
         return np.asarray(
             cv2.connectedComponents(mask.view(np.uint8), connectivity=4, ltype=cv2.CV_32S)[1], np.int32
         )
@@ -185,7 +185,7 @@ def geodesics() -> Iterator[SpeedRow]:
     )
 
 
-def _graph(traversable: NDArray[np.bool_]) -> tuple[Any, NDArray[np.int64]]:
+def _graph(traversable: Mask) -> tuple[Any, Ints]:
     """The octile graph without corner cutting of the traversable cells, and the node (rows, cols) of each."""
     index = np.cumsum(traversable.ravel()).reshape(traversable.shape) - 1
     rows, cols = traversable.shape

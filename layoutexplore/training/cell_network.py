@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
 
+from layoutexplore.grids.arrays import Floats32
 from layoutexplore.predictors.cell_model.network import LAYERS
 from layoutexplore.predictors.cell_model.network_input import PLANES, draw_planes, reoriented
 from layoutexplore.training.predictor_samples import CellNetworkSample
@@ -69,7 +69,7 @@ class TrainableCellNetwork(nn.Module):
         found: torch.Tensor = self.judge(layers["end"](low))
         return found
 
-    def weights(self) -> dict[str, NDArray[np.float32]]:
+    def weights(self) -> dict[str, Floats32]:
         """The weights as `CellNetwork` takes them."""
         return plain_weights({**self.layers, "judge": self.judge})
 
@@ -91,7 +91,7 @@ def train_cell_network(
     real: Sequence[CellNetworkSample],
     config: CellNetworkConfig,
     progress: StepProgress,
-) -> dict[str, NDArray[np.float32]]:
+) -> dict[str, Floats32]:
     """The weights of a network that goes on learning from all plans; the first one stays as it is."""
     network = TrainableCellNetwork()
     network.load_state_dict(first.state_dict())

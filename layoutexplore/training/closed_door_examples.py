@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
 from layoutexplore.maps.floorplan import FloorPlan
 
@@ -45,7 +45,7 @@ class Doorway:
     stop: int
 
 
-def find_doorways(cells: NDArray[np.int8], resolution: float) -> list[Doorway]:
+def find_doorways(cells: Cells, resolution: float) -> list[Doorway]:
     """The narrow passages of the free space along rows and columns."""
     # Not `list_gaps` of layout.merging.door_gaps: that asks for walls in line with a gap and knows no depth,
     # here a stack of equal runs is as deep as a wall, and no wall has to go on beside it.
@@ -56,7 +56,7 @@ def find_doorways(cells: NDArray[np.int8], resolution: float) -> list[Doorway]:
     return found
 
 
-def _passages(free: NDArray[np.bool_], resolution: float) -> list[tuple[int, int, int, int]]:
+def _passages(free: Mask, resolution: float) -> list[tuple[int, int, int, int]]:
     """Stacks of equal short runs between wider ones: first row, row after the last, first and last column."""
     step, astray = np.diff(free.astype(np.int8), axis=1), in_cells(0.15, resolution)
     open_stacks: list[list[int]] = []
@@ -80,7 +80,7 @@ def _passages(free: NDArray[np.bool_], resolution: float) -> list[tuple[int, int
     return found
 
 
-def _wider(free: NDArray[np.bool_], stack: list[int], resolution: float) -> bool:
+def _wider(free: Mask, stack: list[int], resolution: float) -> bool:
     """Whether the free space widens on both sides of a passage."""
     top, bottom, start, stop = stack
     beside, rim = in_cells(0.15, resolution), in_cells(0.2, resolution)
@@ -96,9 +96,7 @@ def _wider(free: NDArray[np.bool_], stack: list[int], resolution: float) -> bool
     return True
 
 
-def shut_rooms(
-    truth: NDArray[np.int8], resolution: float, rng: np.random.Generator
-) -> NDArray[np.int8] | None:
+def shut_rooms(truth: Cells, resolution: float, rng: np.random.Generator) -> Cells | None:
     """What is seen of a map when some of its doorways are shut; None where no room can be shut off.
 
     Args:
@@ -112,7 +110,7 @@ def shut_rooms(
     lines = lines[:_TRIED]
     whole = _largest(free)
     wanted = max(round(len(lines) * float(rng.uniform(0.02, 0.7))), 1)
-    shut: list[NDArray[np.bool_]] = []
+    shut: list[Mask] = []
     seen = whole
     for line in lines:
         rest = _largest(seen & ~line)
@@ -134,7 +132,7 @@ def shut_rooms(
     return cells
 
 
-def _is_room(lost: NDArray[np.bool_], resolution: float) -> bool:
+def _is_room(lost: Mask, resolution: float) -> bool:
     """Whether what is cut off is a room of a usual size and shape."""
     area = int(lost.sum()) * resolution**2
     if not _AREAS[0] <= area <= _AREAS[1]:
@@ -144,9 +142,7 @@ def _is_room(lost: NDArray[np.bool_], resolution: float) -> bool:
     return bool(part.sum() >= _FILL * (rows[-1] - rows[0] + 1) * (cols[-1] - cols[0] + 1))
 
 
-def _line(
-    shape: tuple[int, ...], doorway: Doorway, resolution: float, rng: np.random.Generator
-) -> NDArray[np.bool_]:
+def _line(shape: tuple[int, ...], doorway: Doorway, resolution: float, rng: np.random.Generator) -> Mask:
     """The cells of the line that shuts a doorway."""
     line = np.zeros(shape, np.bool_)
     turned = np.rot90(line, doorway.turns)
@@ -160,7 +156,7 @@ def _line(
     return line
 
 
-def _largest(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _largest(mask: Mask) -> Mask:
     """The largest part of a mask, over the four sides."""
     _, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
     if len(stats) == 1:
@@ -168,7 +164,7 @@ def _largest(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.asarray(labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax()))
 
 
-def plan_cells(plan: FloorPlan, resolution: float, rng: np.random.Generator) -> NDArray[np.int8]:
+def plan_cells(plan: FloorPlan, resolution: float, rng: np.random.Generator) -> Cells:
     """The map int8 (rows, cols) of a floor plan: its free space, shrunk at random, and its rim.
 
     Args:
@@ -186,8 +182,8 @@ def plan_cells(plan: FloorPlan, resolution: float, rng: np.random.Generator) -> 
 
 
 def add_outer_doors(
-    cells: NDArray[np.int8], truth: NDArray[np.int8], resolution: float, rng: np.random.Generator, count: int
-) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
+    cells: Cells, truth: Cells, resolution: float, rng: np.random.Generator, count: int
+) -> tuple[Cells, Cells]:
     """Doors to the outside, behind which only a few cells were ever seen: what a closed door may be as well.
 
     Args:

@@ -16,7 +16,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.closed_doors.candidates import rectangles
 from layoutexplore.closed_doors.doors import DOOR_FEATURES, ClosedDoor
@@ -26,6 +25,7 @@ from layoutexplore.closed_doors.prediction import find_closed_doors, turned_scen
 from layoutexplore.closed_doors.scene import Scene, integral
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.files import is_whole, read_arrays, write_arrays
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, in_cells
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.models.forest_files import save_forests
@@ -64,16 +64,14 @@ class ClosedDoorSamples:
         weight: float32 (m,), less for each where a door has many.
     """
 
-    edges: NDArray[np.float32]
-    is_door: NDArray[np.bool_]
-    boxes: NDArray[np.float32]
-    agreement: NDArray[np.float32]
-    weight: NDArray[np.float32]
+    edges: Floats32
+    is_door: Mask
+    boxes: Floats32
+    agreement: Floats32
+    weight: Floats32
 
 
-def collect(
-    cells: NDArray[np.int8], truth: NDArray[np.int8], resolution: float, rng: np.random.Generator
-) -> ClosedDoorSamples:
+def collect(cells: Cells, truth: Cells, resolution: float, rng: np.random.Generator) -> ClosedDoorSamples:
     """The edges of a map and the rectangles behind its doors, with what is true of them.
 
     Args:
@@ -84,13 +82,11 @@ def collect(
     """
     hidden = (truth == FREE) & (cells != FREE)
     _, rooms = cv2.connectedComponents(hidden.astype(np.uint8), connectivity=4)
-    edges: list[NDArray[np.float32]] = []
-    labels: list[NDArray[np.bool_]] = []
+    edges: list[Floats32] = []
+    labels: list[Mask] = []
     deep = round(_BEHIND / resolution) - 1
 
-    def classifier(
-        turns: int, found: NDArray[np.int64], features: NDArray[np.float32]
-    ) -> NDArray[np.float64]:
+    def classifier(turns: int, found: Ints, features: Floats32) -> Floats:
         behind = np.rot90(hidden, turns)
         is_door = np.array(
             [behind[max(row - deep, 0) : row + 1, a:b].mean() > 0.5 for row, a, b in found], np.bool_
@@ -118,13 +114,7 @@ def collect(
     return ClosedDoorSamples(np.concatenate(edges), np.concatenate(labels), boxes_, agreed_, weight_)
 
 
-def agreement_of(
-    scene: Scene,
-    door: ClosedDoor,
-    boxes: NDArray[np.int64],
-    hidden: NDArray[np.bool_],
-    rooms: NDArray[np.int32],
-) -> NDArray[np.float64]:
+def agreement_of(scene: Scene, door: ClosedDoor, boxes: Ints, hidden: Mask, rooms: Ints32) -> Floats:
     """Intersection over union float64 (n,) of each rectangle and the hidden room behind the door."""
     deep = in_cells(0.3, scene.resolution)
     behind = rooms[max(door.row - deep, 0) : door.row + 1, door.start : door.stop]
@@ -134,7 +124,7 @@ def agreement_of(
         return np.zeros(len(boxes))
     top, left, bottom, right = boxes.T
 
-    def inside(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def inside(mask: Mask) -> Ints:
         s = integral(mask)
         return np.asarray(s[bottom, right] - s[top, right] - s[bottom, left] + s[top, left], np.int64)
 
@@ -221,7 +211,7 @@ def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples |
     return samples
 
 
-def _maps(source: Source, rng: np.random.Generator) -> tuple[NDArray[np.int8], NDArray[np.int8]] | None:
+def _maps(source: Source, rng: np.random.Generator) -> tuple[Cells, Cells] | None:
     """What is seen, and the truth."""
     from layoutexplore.maps import load_plan
     from layoutexplore.maps.closed_door_maps import read_cells

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Ints32
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Pose, in_cells
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
@@ -32,9 +32,7 @@ LEAST = 10.0
 """A version with less free space is left out [m2]."""
 
 
-def explore_map(
-    cells: NDArray[np.int8], resolution: float, rng: np.random.Generator, *, dense: bool
-) -> NDArray[np.int8]:
+def explore_map(cells: Cells, resolution: float, rng: np.random.Generator, *, dense: bool) -> Cells:
     """A map as it may have been while it was explored: int8 (rows, cols), with fewer known cells.
 
     Args:
@@ -58,13 +56,7 @@ def explore_map(
 
 
 def explored_examples(
-    cells: NDArray[np.int8],
-    truth: NDArray[np.int32],
-    resolution: float,
-    *,
-    building: str,
-    kind: str,
-    rng: np.random.Generator,
+    cells: Cells, truth: Ints32, resolution: float, *, building: str, kind: str, rng: np.random.Generator
 ) -> list[Example]:
     """Examples of a map: explored `VERSIONS` times, furnished `FURNISHED` times; nearly empty ones left out.
 

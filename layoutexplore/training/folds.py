@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Floats
 
 Progress = Callable[[str, int, int], None]
 """(what is being done, how often it has been done, how often it will be) -> None."""
@@ -61,7 +62,7 @@ def check_folds(folds: int, buildings: Iterable[str]) -> None:
         )
 
 
-def building_weights(building: NDArray[np.str_]) -> NDArray[np.float64]:
+def building_weights(building: NDArray[np.str_]) -> Floats:
     """Weights float64 (n,) of samples, with the mean 1.
 
     The sum over a building grows with the square root of its number of samples.

@@ -18,6 +18,7 @@ from torch import nn
 from torch.nn import functional
 
 from layoutexplore.frontiers.classes import LITTLE_LEFT
+from layoutexplore.grids.arrays import Bytes, Floats, Mask
 from layoutexplore.predictors.frontier_model.network import LAYERS, MOST, WIDTHS
 from layoutexplore.predictors.frontier_model.network_input import KNOWN
 from layoutexplore.training.folds import building_weights
@@ -129,11 +130,11 @@ def train_frontier_network(
     return quantised_weights(network, batches.draw(CALIBRATED)[0])
 
 
-_Drawn = tuple[NDArray[np.uint8], np.bool_, np.float64, NDArray[np.uint8]]
+_Drawn = tuple[Bytes, np.bool_, np.float64, Bytes]
 """A crop, whether its frontier is closed, the area left, and the truth of its cells."""
 
 
-_Batch = tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64], NDArray[np.uint8]]
+_Batch = tuple[Bytes, Mask, Floats, Bytes]
 """The same of many: crops (n, SIDE, SIDE, PLANES), classes and areas (n,), truth (n, SIDE, SIDE)."""
 
 
@@ -220,14 +221,12 @@ def _losses(
     return loss, wrong[0]
 
 
-def _shares(crops: NDArray[np.uint8]) -> torch.Tensor:
+def _shares(crops: Bytes) -> torch.Tensor:
     """Crops as layers take them (n, PLANES, SIDE, SIDE), 0..1."""
     return torch.from_numpy(np.ascontiguousarray(crops)).permute(0, 3, 1, 2).float() / 255.0
 
 
-def quantised_weights(
-    network: TrainableFrontierNetwork, crops: NDArray[np.uint8]
-) -> dict[str, NDArray[np.generic]]:
+def quantised_weights(network: TrainableFrontierNetwork, crops: Bytes) -> dict[str, NDArray[np.generic]]:
     """Weights of a `FrontierNetwork`: every channel's as whole numbers up to 127, with scales.
 
     Args:

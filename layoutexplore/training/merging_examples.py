@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats, Ints32
 from layoutexplore.grids.grid import FREE
 from layoutexplore.layout.alignment import turn_back
 from layoutexplore.layout.merging.graph_tables import RegionGraph
@@ -30,14 +30,14 @@ class Example:
     """
 
     graph: RegionGraph
-    rooms: NDArray[np.float64]
+    rooms: Floats
     building: str
     kind: str
 
 
 def make_example(
-    cells: NDArray[np.int8],
-    truth: NDArray[np.int32],
+    cells: Cells,
+    truth: Ints32,
     resolution: float,
     *,
     building: str,

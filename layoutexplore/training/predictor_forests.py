@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import LITTLE_LEFT
+from layoutexplore.grids.arrays import Floats, Floats32, Mask
 from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import save_forests
 from layoutexplore.predictors.cell_model import features as cell_features
@@ -86,7 +86,7 @@ def fit_cell_forests(
     rng = np.random.default_rng(0)
     chosen = [_some_of_each_region(part, config.region_cells, rng) for part in cells]
     fold = deal_folds([part.building for part in cells], config.inner_folds, "name")
-    judged: list[NDArray[np.float32]] = [part.candidates.features for part in cells]
+    judged: list[Floats32] = [part.candidates.features for part in cells]
     for k in range(config.inner_folds):
         others = [n for n, part in enumerate(cells) if fold[part.building] != k]
         if not others or len(others) == len(cells):
@@ -109,24 +109,20 @@ def fit_cell_forests(
     }
 
 
-def _some_of_each_region(part: CellSamples, most: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+def _some_of_each_region(part: CellSamples, most: int, rng: np.random.Generator) -> Mask:
     """Which cells bool (n,) to learn from: all of a small region, some of a large one."""
     count = np.bincount(part.candidates.region)[part.candidates.region]
     return rng.random(len(count)) * count < most
 
 
-def _fit_cells(
-    features: Sequence[NDArray[np.float32]],
-    inside: Sequence[NDArray[np.bool_]],
-    config: PredictorForestConfig,
-) -> Forest:
+def _fit_cells(features: Sequence[Floats32], inside: Sequence[Mask], config: PredictorForestConfig) -> Forest:
     boosting = BoostingConfig(
         trees=config.cell_trees, leaves=config.cell_leaves, rate=config.cell_rate, leaf_samples=50
     )
     return fit_forest(np.concatenate(features), np.concatenate(inside), boosting)
 
 
-def _frontier_weights(samples: PredictorSamples, generated_share: float) -> NDArray[np.float64]:
+def _frontier_weights(samples: PredictorSamples, generated_share: float) -> Floats:
     """Weights float64 (n,) of frontiers."""
     weights, generated = building_weights(samples.building), ~samples.real
     if generated.any() and samples.real.any():

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import FrontierClasses, true_classes
+from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Ints, Mask
 from layoutexplore.maps.floorplan import PlanRaster
 from layoutexplore.predictors.cell_model.features import CandidateCells, find_candidates
 from layoutexplore.predictors.cell_model.network_input import NetworkInput, make_network_input
@@ -43,7 +44,7 @@ class CellSamples:
     """
 
     candidates: CandidateCells
-    inside: NDArray[np.bool_]
+    inside: Mask
     resolution: float
     building: str
 
@@ -59,7 +60,7 @@ class CellNetworkSample:
     """
 
     scene: NetworkInput
-    inside: NDArray[np.bool_]
+    inside: Mask
     plan: str
 
 
@@ -75,10 +76,10 @@ class CropSamples:
         plan: Name of the floor plan.
     """
 
-    crops: NDArray[np.uint8]
-    closed: NDArray[np.bool_]
-    area: NDArray[np.float64]
-    truth: NDArray[np.uint8]
+    crops: Bytes
+    closed: Mask
+    area: Floats
+    truth: Bytes
     plan: str
 
 
@@ -95,11 +96,11 @@ class PredictorSamples:
         cells: One entry a decision.
     """
 
-    features: NDArray[np.float32]
-    closed: NDArray[np.bool_]
-    area: NDArray[np.float64]
+    features: Floats32
+    closed: Mask
+    area: Floats
     building: NDArray[np.str_]
-    real: NDArray[np.bool_]
+    real: Mask
     cells: list[CellSamples]
 
     def of_buildings(self, wanted: Callable[[str], bool]) -> PredictorSamples:
@@ -207,14 +208,14 @@ def _cell_samples(snapshot: Snapshot, regions: Regions, rng: np.random.Generator
     return CellSamples(kept, _are_inside(kept, regions, truth), grid.resolution, snapshot.plan)
 
 
-def _are_inside(candidates: CandidateCells, regions: Regions, truth: PlanRaster) -> NDArray[np.bool_]:
+def _are_inside(candidates: CandidateCells, regions: Regions, truth: PlanRaster) -> Mask:
     """Whether each candidate is floor of the room that its region is the seen part of."""
     room = seen_rooms(regions, truth)[candidates.region]
     rows, cols = candidates.cells.T
     return np.asarray(truth.free[rows, cols] & (truth.room_ids[rows, cols] == room) & (room > 0))
 
 
-def seen_rooms(regions: Regions, truth: PlanRaster) -> NDArray[np.int64]:
+def seen_rooms(regions: Regions, truth: PlanRaster) -> Ints:
     """The true room int64 (regions + 1,) that each region is mostly part of; 0 for none."""
     rooms = int(truth.room_ids.max()) + 1
     seen = regions.labels > 0

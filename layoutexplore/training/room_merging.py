@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats
 from layoutexplore.layout.merging.agglomeration import training_samples
 from layoutexplore.layout.merging.pair_features import FEATURES
 from layoutexplore.maps.painted_rooms import Case, read_case
@@ -119,9 +119,7 @@ def mean_forest(forests: Sequence[Forest]) -> Forest:
     )
 
 
-def _weights(
-    samples: list[NDArray[np.float64]], keys: list[tuple[str, str]], config: MergingTrainingConfig
-) -> NDArray[np.float64]:
+def _weights(samples: list[Floats], keys: list[tuple[str, str]], config: MergingTrainingConfig) -> Floats:
     totals: dict[tuple[str, str], float] = {}
     for part, key in zip(samples, keys, strict=True):
         totals[key] = totals.get(key, 0.0) + float(part[:, WEIGHT].sum())
@@ -139,7 +137,7 @@ def _weights(
     return np.asarray(weights * len(weights) / max(float(weights.sum()), 1e-9))
 
 
-def _quantised(table: NDArray[np.float64]) -> NDArray[np.float64]:
+def _quantised(table: Floats) -> Floats:
     """Samples with few different values of a feature, each that of the middle between two quantiles.
 
     Scikit-learn finds its bins in no time then; weighted ones of many values take it ten times as long as the
@@ -158,9 +156,7 @@ def _quantised(table: NDArray[np.float64]) -> NDArray[np.float64]:
     return table
 
 
-def _fit(
-    table: NDArray[np.float64], weights: NDArray[np.float64], config: MergingTrainingConfig, seed: int
-) -> Forest:
+def _fit(table: Floats, weights: Floats, config: MergingTrainingConfig, seed: int) -> Forest:
     boosting = BoostingConfig(
         trees=config.trees,
         leaves=config.leaves,

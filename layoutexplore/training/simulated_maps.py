@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import LayoutExploreError
+from layoutexplore.grids.arrays import Bytes, Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell, Pose, in_cells
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.maps.floorplan import FloorPlan
@@ -31,12 +31,8 @@ STOPS, NEIGHBOURHOODS = (6, 15, 40), (10, 25, 60, 150, 400)
 
 
 def furnish_cells(
-    occupied: NDArray[np.bool_],
-    rooms: NDArray[np.int32],
-    density: float,
-    resolution: float,
-    rng: np.random.Generator,
-) -> NDArray[np.bool_]:
+    occupied: Mask, rooms: Ints32, density: float, resolution: float, rng: np.random.Generator
+) -> Mask:
     """Add furniture: columns, cupboards, tables on four legs, rotated boxes; none reaches through a wall.
 
     The furniture of generated plans (`layoutexplore.maps.generator.furniture`) stands as people place it;
@@ -61,9 +57,7 @@ def furnish_cells(
     return out
 
 
-def _furniture(
-    shape: tuple[int, ...], place: Cell, resolution: float, rng: np.random.Generator
-) -> NDArray[np.uint8]:
+def _furniture(shape: tuple[int, ...], place: Cell, resolution: float, rng: np.random.Generator) -> Bytes:
     """One thing at a place: not 0 where it stands."""
 
     def cells_of(metres: float) -> int:
@@ -90,9 +84,7 @@ def _furniture(
     return canvas
 
 
-def see(
-    occupied: NDArray[np.bool_], rooms: NDArray[np.int32], origin: Pose, rng: np.random.Generator
-) -> NDArray[np.int8] | None:
+def see(occupied: Mask, rooms: Ints32, origin: Pose, rng: np.random.Generator) -> Cells | None:
     """The map of a building: whole, partly explored, or so with a noisy lidar; None where no robot fits."""
     kind = str(rng.choice(["whole", "explored", "explored", "noisy", "noisy"]))
     if kind == "whole":
@@ -117,9 +109,7 @@ def see(
     return mapper.grid.cells.copy() if (mapper.grid.cells == FREE).any() else None
 
 
-def choose_stops(
-    allowed: NDArray[np.bool_], resolution: float, rng: np.random.Generator
-) -> list[tuple[int, int]]:
+def choose_stops(allowed: Mask, resolution: float, rng: np.random.Generator) -> list[tuple[int, int]]:
     """Places to scan from, spread around a random start; none where there is hardly any space.
 
     Args:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from layoutexplore.files import is_whole, read_arrays, write_arrays
 from layoutexplore.frontiers.decision import Agent, Decision, KnownDistances
 from layoutexplore.frontiers.table import Frontier
+from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.predictors import make_predictor
@@ -129,9 +130,7 @@ def _load(path: Path, plan: FloorPlan, simulation: Simulation, seed: int) -> lis
     return snapshots
 
 
-def _frontier(
-    grid: OccupancyGrid, pose: Pose, cells: NDArray[np.int32], numbers: Sequence[float]
-) -> Frontier:
+def _frontier(grid: OccupancyGrid, pose: Pose, cells: Ints32, numbers: Sequence[float]) -> Frontier:
     x, y = grid.cells_to_world(cells.mean(axis=0))[0].tolist()
     row, col, path_length, visible = numbers
     return Frontier(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
+
+from layoutexplore.grids.arrays import Floats32
 
 StepProgress = Callable[[int, int, float], None]
 """(steps made, steps in all, mean loss of late) -> None."""
@@ -64,7 +64,7 @@ class Convolution(nn.Module):
         return functional.relu(self.norm(self.linear(values)))
 
 
-def plain_weights(layers: Mapping[str, nn.Module]) -> dict[str, NDArray[np.float32]]:
+def plain_weights(layers: Mapping[str, nn.Module]) -> dict[str, Floats32]:
     """The weights of layers as network files hold them (`layoutexplore.models.network_files`).
 
     Norms become part of the convolutions.
@@ -72,7 +72,7 @@ def plain_weights(layers: Mapping[str, nn.Module]) -> dict[str, NDArray[np.float
     Args:
         layers: Convolutions and linear layers (`Convolution`, `nn.Conv2d`, `nn.Linear`) by name.
     """
-    out: dict[str, NDArray[np.float32]] = {}
+    out: dict[str, Floats32] = {}
     for name, layer in layers.items():
         if isinstance(layer, Convolution):
             norm = layer.norm

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.maps.floorplan import Door
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.space_graph import OUTSIDE, TOLERANCE, AttemptError, Link, SpaceGraph
@@ -35,7 +35,7 @@ JAMB = 0.08
 """Least wall between a door and the crossing wall's face, m."""
 
 
-def wall_runs(a: Polygon, b: BaseGeometry) -> list[NDArray[np.float64]]:
+def wall_runs(a: Polygon, b: BaseGeometry) -> list[Floats]:
     """The runs, float64 (k, 2) each, of a's boundary along b, longest first (m).
 
     Example:
@@ -57,7 +57,7 @@ def _lines(geometry: BaseGeometry) -> list[LineString]:
     return [line for part in getattr(geometry, "geoms", ()) for line in _lines(part)]
 
 
-def _split_at_corners(points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _split_at_corners(points: Floats) -> list[Floats]:
     """Parts of a line between its corners."""
     steps = np.diff(points, axis=0)
     heading = np.arctan2(steps[:, 1], steps[:, 0])
@@ -66,7 +66,7 @@ def _split_at_corners(points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     return [points[i : j + 1] for i, j in zip([0, *cuts], [*cuts, len(points) - 1], strict=True)]
 
 
-def _length(points: NDArray[np.float64]) -> float:
+def _length(points: Floats) -> float:
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
@@ -103,7 +103,7 @@ def _span(
     config: DrawnConfig,
     rng: np.random.Generator,
     taken: Sequence[BaseGeometry],
-) -> NDArray[np.float64] | None:
+) -> Floats | None:
     """Both ends, float64 (2, 2), of the opening for a link; None where the wall has no room for it."""
     width = _wanted_width(link, config)
     shift = float(rng.choice([0.04, 0.12, 0.25]))
@@ -119,7 +119,7 @@ def _span(
     return None
 
 
-def _margins(run: NDArray[np.float64], outline: Polygon, config: DrawnConfig) -> tuple[float, float]:
+def _margins(run: Floats, outline: Polygon, config: DrawnConfig) -> tuple[float, float]:
     """Wall to leave at both ends of a run, m: half of the wall that crosses there, and a jamb."""
     at_facade = shapely.distance(outline.boundary, shapely.points(run[[0, -1]])) < 0.2
     first, last = np.where(at_facade, config.exterior_wall, config.interior_wall) / 2 + JAMB
@@ -132,7 +132,7 @@ def _wanted_width(link: Link, config: DrawnConfig) -> float:
     return max(config.door_width * factor, NARROWEST + 0.02)
 
 
-def _by_distance(runs: list[NDArray[np.float64]], link: Link) -> list[NDArray[np.float64]]:
+def _by_distance(runs: list[Floats], link: Link) -> list[Floats]:
     """Runs long enough for any door, nearest to the wanted place, or longest, first."""
     runs = [run for run in runs if _length(run) > NARROWEST + 2 * JAMB]
     if link.near is None:
@@ -142,8 +142,8 @@ def _by_distance(runs: list[NDArray[np.float64]], link: Link) -> list[NDArray[np
 
 
 def _on_run(
-    run: NDArray[np.float64], link: Link, width: float, margins: tuple[float, float], shift: float
-) -> NDArray[np.float64] | None:
+    run: Floats, link: Link, width: float, margins: tuple[float, float], shift: float
+) -> Floats | None:
     """The opening on one run of wall."""
     length = _length(run)
     clear = length - sum(margins)
@@ -165,9 +165,7 @@ def _on_run(
     return None
 
 
-def door_components(
-    rooms: Sequence[int], doors: Sequence[Door], shut: NDArray[np.bool_]
-) -> NDArray[np.int32]:
+def door_components(rooms: Sequence[int], doors: Sequence[Door], shut: Mask) -> Ints32:
     """Component number int32 (n,) of every room when only the doors that are not shut connect."""
     index = {room: k for k, room in enumerate(rooms)}
     pairs = [

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.floorplan import Door, Room
 from layoutexplore.maps.generator.construction import Built, rounded
 
@@ -142,7 +142,7 @@ def _without(
     return left if left.geom_type == "Polygon" and not left.is_empty else None
 
 
-def _edges(room: Polygon) -> NDArray[np.float64]:
+def _edges(room: Polygon) -> Floats:
     """Walls over 0.8 m, float64 (n, 4) as (x0, y0, x1, y1), counter-clockwise: the room is on their left."""
     ring = shapely.get_coordinates(shapely.geometry.polygon.orient(room).exterior)
     edges = np.hstack([ring[:-1], ring[1:]])
@@ -150,9 +150,7 @@ def _edges(room: Polygon) -> NDArray[np.float64]:
     return edges[long] if long.any() else edges
 
 
-def _draw_piece(
-    kind: Piece, room: Polygon, edges: NDArray[np.float64], rng: np.random.Generator
-) -> Polygon | None:
+def _draw_piece(kind: Piece, room: Polygon, edges: Floats, rng: np.random.Generator) -> Polygon | None:
     """A piece at a random place: at a wall, often in its corner, or somewhere in the room, tables in rows."""
     lengths = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
     k = int(rng.choice(len(edges), p=lengths / lengths.sum()))
@@ -171,7 +169,7 @@ def _draw_piece(
     return _rectangle(edges[k, :2] + along * at + inward * 0.03, along * kind.width, inward * kind.depth)
 
 
-def _in_rows(kind: Piece, near: NDArray[np.float64], edge: NDArray[np.float64]) -> Polygon:
+def _in_rows(kind: Piece, near: Floats, edge: Floats) -> Polygon:
     """A piece at the place closest to a point on a lattice along the room's longest wall: rows arise."""
     along = (edge[2:] - edge[:2]) / np.hypot(*(edge[2:] - edge[:2]))
     inward = np.array([-along[1], along[0]])
@@ -182,5 +180,5 @@ def _in_rows(kind: Piece, near: NDArray[np.float64], edge: NDArray[np.float64]) 
     return _rectangle(edge[:2] + along * u + inward * v, along * kind.width, inward * kind.depth)
 
 
-def _rectangle(corner: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64]) -> Polygon:
+def _rectangle(corner: Floats, u: Floats, v: Floats) -> Polygon:
     return Polygon([corner, corner + u, corner + u + v, corner + v])

@@ -14,9 +14,9 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import Polygon
 
+from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.generator import bays
 from layoutexplore.maps.generator.bands import draw_style, furnish_plots
 from layoutexplore.maps.generator.bays import Bay
@@ -144,7 +144,7 @@ def _hub(graph: SpaceGraph, faces: Sequence[Face], section: Section, rng: np.ran
 
 def _hull(faces: Sequence[Face], low: float, high: float) -> Polygon:
     """Convex hull of the stretches from y = low to y = high of all end faces."""
-    ends: list[NDArray[np.float64]] = [frame.points(np.array([[x, low], [x, high]])) for frame, x, _ in faces]
+    ends: list[Floats] = [frame.points(np.array([[x, low], [x, high]])) for frame, x, _ in faces]
     hull = shapely.MultiPoint(np.vstack(ends)).convex_hull
     if hull.geom_type != "Polygon":
         raise AttemptError("a hub without extent")

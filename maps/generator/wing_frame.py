@@ -15,8 +15,9 @@ from typing import Protocol
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import Polygon
+
+from layoutexplore.grids.arrays import Floats
 
 ARC_STEP = 0.6
 """Distance between the vertices of a curved wall along the centre line, m (3 mm off a circle of 15 m)."""
@@ -25,7 +26,7 @@ ARC_STEP = 0.6
 class WingFrame(Protocol):
     """Maps points of a wing's drawing into the world."""
 
-    def points(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, local: Floats) -> Floats:
         """World points float64 (n, 2) of local points float64 (n, 2), m."""
         ...
 
@@ -42,10 +43,10 @@ class Straight:
     y: float = 0.0
     heading: float = 0.0
 
-    def points(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, local: Floats) -> Floats:
         """World points float64 (n, 2) of local points float64 (n, 2), m."""
         c, s = math.cos(self.heading), math.sin(self.heading)
-        turned: NDArray[np.float64] = local @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y])
+        turned: Floats = local @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y])
         return turned
 
     def place(self, polygon: Polygon) -> Polygon:
@@ -77,7 +78,7 @@ class Arc:
     radius: float
     left: bool = True
 
-    def points(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, local: Floats) -> Floats:
         """World points float64 (n, 2) of local points float64 (n, 2), m."""
         sign = 1.0 if self.left else -1.0
         angle = local[:, 0] / self.radius
@@ -96,9 +97,9 @@ class Arc:
         return Straight(float(point[0]), float(point[1]), self.start.heading + (turn if self.left else -turn))
 
 
-def _densify(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+def _densify(ring: Floats) -> Floats:
     """The closed ring with a vertex at every multiple of `ARC_STEP` in x, shared with its neighbours."""
-    parts: list[NDArray[np.float64]] = []
+    parts: list[Floats] = []
     for a, b in pairwise(ring):
         low, high = sorted((a[0], b[0]))
         marks = np.arange(math.floor(low / ARC_STEP) + 1, math.ceil(high / ARC_STEP)) * ARC_STEP

@@ -143,8 +143,7 @@ def test_failed_runs_are_listed(folder: ResultsFolder) -> None:
         error="Boom: <b>no</b>",
     )
     html = render(
-        "benchmark.html",
-        **report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest")),
+        "benchmark.html", **report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
     )
     assert "Failed runs" in html and "Boom: &lt;b&gt;no&lt;/b&gt;" in html and "<b>1</b>failed" in html
 

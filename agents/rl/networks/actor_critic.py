@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
@@ -21,6 +20,7 @@ from torch.nn import functional
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.agents.rl.networks.encoders import make_encoder
 from layoutexplore.agents.rl.networks.frontier_batch import FrontierBatch, Reader
+from layoutexplore.grids.arrays import Floats32, Ints, Mask
 
 _NEVER = -1e8
 """The logit of an action that is not allowed."""
@@ -69,8 +69,8 @@ class Actor(nn.Module):
         return functional.log_softmax(self.logits(batch).masked_fill(~masks, _NEVER), dim=1)
 
     def draw(
-        self, observation: Mapping[str, NDArray[Any]], masks: NDArray[np.bool_], gumbel: Tensor
-    ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        self, observation: Mapping[str, NDArray[Any]], masks: Mask, gumbel: Tensor
+    ) -> tuple[Ints, Floats32]:
         """Actions (batch,) drawn with given random numbers, and the logarithms of their probabilities.
 
         Args:

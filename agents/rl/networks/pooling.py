@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import torch
 from numba import njit
-from numpy.typing import NDArray
 from torch import Tensor
+
+from layoutexplore.grids.arrays import Floats32, Ints, Ints32
 
 
 def pool(tokens: Tensor, counts: Tensor) -> Tensor:
@@ -82,12 +83,7 @@ class _Spread(torch.autograd.Function):
 
 
 @njit(cache=True, nogil=True)
-def _pool(
-    tokens: NDArray[np.float32],
-    counts: NDArray[np.int64],
-    pooled: NDArray[np.float32],
-    best: NDArray[np.int32],
-) -> None:
+def _pool(tokens: Floats32, counts: Ints, pooled: Floats32, best: Ints32) -> None:
     """Means and greatest values (batch, 2 * width) of tokens (n, width), and whose those are (-1: none)."""
     width, k = tokens.shape[1], 0
     for b in range(counts.size):
@@ -108,12 +104,7 @@ def _pool(
 
 
 @njit(cache=True, nogil=True)
-def _unpool(
-    gradient: NDArray[np.float32],
-    counts: NDArray[np.int64],
-    best: NDArray[np.int32],
-    found: NDArray[np.float32],
-) -> None:
+def _unpool(gradient: Floats32, counts: Ints, best: Ints32, found: Floats32) -> None:
     """The gradient (n, width) of the tokens from that (batch, 2 * width) of what `_pool` finds."""
     width, k = found.shape[1], 0
     for b in range(counts.size):
@@ -128,7 +119,7 @@ def _unpool(
 
 
 @njit(cache=True, nogil=True)
-def _gather(gradient: NDArray[np.float32], counts: NDArray[np.int64], found: NDArray[np.float32]) -> None:
+def _gather(gradient: Floats32, counts: Ints, found: Floats32) -> None:
     """Sums (batch, width) of each decision's rows (n, width)."""
     k = 0
     for b in range(counts.size):

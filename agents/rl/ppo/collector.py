@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.ppo.rollout import Rollout
 from layoutexplore.agents.rl.vector import VectorAdapter
+from layoutexplore.grids.arrays import Floats32, Mask
 
 Ends = dict[tuple[int, int], dict[str, Any]]
 """The infos of the episodes that ended, by step and environment."""
@@ -38,7 +39,7 @@ class Collector:
         env: VectorAdapter,
         rollout: Rollout,
         seen: dict[str, NDArray[Any]],
-        starts: NDArray[np.bool_],
+        starts: Mask,
         on_decisions: Callable[[int], bool],
     ) -> None:
         self._actor, self._env, self._rollout, self._on_decisions = actor, env, rollout, on_decisions
@@ -77,8 +78,8 @@ class Collector:
         step: int,
         group: int,
         observation: dict[str, NDArray[Any]],
-        rewards: NDArray[np.float32],
-        dones: NDArray[np.bool_],
+        rewards: Floats32,
+        dones: Mask,
         infos: list[dict[str, Any]],
     ) -> int:
         """Keep what came of it; the number of decisions."""

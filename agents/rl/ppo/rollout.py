@@ -11,6 +11,7 @@ from sb3_contrib.common.maskable.buffers import MaskableDictRolloutBuffer
 from torch import Tensor
 
 from layoutexplore.agents.rl.networks.frontier_batch import FrontierBatch, Reader
+from layoutexplore.grids.arrays import Floats32, Ints, Mask
 
 
 class TrainingBatch(NamedTuple):
@@ -43,12 +44,7 @@ class Rollout(MaskableDictRolloutBuffer):
     """The buffer of stable-baselines3, whose rows are written in any order; arrays are (steps, envs, ...)."""
 
     def put(
-        self,
-        step: int,
-        rows: slice,
-        observation: dict[str, NDArray[Any]],
-        masks: NDArray[np.bool_],
-        starts: NDArray[np.bool_],
+        self, step: int, rows: slice, observation: dict[str, NDArray[Any]], masks: Mask, starts: Mask
     ) -> None:
         """What some environments show at a step, and whether episodes begin there."""
         for name, array in observation.items():
@@ -56,9 +52,7 @@ class Rollout(MaskableDictRolloutBuffer):
         self.action_masks[step, rows] = masks
         self.episode_starts[step, rows] = starts
 
-    def put_actions(
-        self, step: int, rows: slice, actions: NDArray[np.int64], log_probs: NDArray[np.float32]
-    ) -> None:
+    def put_actions(self, step: int, rows: slice, actions: Ints, log_probs: Floats32) -> None:
         """What was done there, with the logarithms of the probabilities."""
         self.actions[step, rows, 0], self.log_probs[step, rows] = actions, log_probs
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import shapely
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.layout.frame import angles_to_world, ranks, to_world
@@ -41,7 +41,7 @@ def assemble(
     grid: OccupancyGrid,
     model: WallModel,
     faces: FaceModel,
-    room: NDArray[np.int64],
+    room: Ints,
     timer: StageTimer,
     warnings: tuple[str, ...] = (),
 ) -> Layout:
@@ -84,11 +84,11 @@ class FaceDetails(Details):
 
     model: WallModel
     face_model: FaceModel
-    room: NDArray[np.int64]
+    room: Ints
     origin: Pose
 
     @property
-    def cell_scores(self) -> NDArray[np.float32] | None:
+    def cell_scores(self) -> Floats32 | None:
         """As the method found them."""
         return self.model.cell_scores
 
@@ -168,9 +168,7 @@ def polygons_to_world(polygons: list[shapely.Polygon], origin: Pose) -> list[sha
 
 
 @njit(cache=True, nogil=True)
-def _label_free(
-    painted: NDArray[np.int32], cells: NDArray[np.int8], of_cell: NDArray[np.int32], labels: NDArray[np.int32]
-) -> None:
+def _label_free(painted: Ints32, cells: Cells, of_cell: Ints32, labels: Ints32) -> None:
     """Write the room of the face that holds each free cell; other cells keep what they have."""
     for row in range(painted.shape[0]):
         for col in range(painted.shape[1]):
@@ -230,12 +228,12 @@ def place_walls(
     )
 
 
-def clean_grid(grid: OccupancyGrid, structure: NDArray[np.bool_]) -> OccupancyGrid:
+def clean_grid(grid: OccupancyGrid, structure: Mask) -> OccupancyGrid:
     """The grid with occupied cells that are not structure turned free."""
     return freed(grid, true_cells((grid.cells == OCCUPIED) & ~structure))
 
 
-def freed(grid: OccupancyGrid, clutter: NDArray[np.int64]) -> OccupancyGrid:
+def freed(grid: OccupancyGrid, clutter: Ints) -> OccupancyGrid:
     """The grid with some cells, given by their flat indices, turned free."""
     cells = grid.cells.copy()
     cells.reshape(-1)[clutter] = FREE

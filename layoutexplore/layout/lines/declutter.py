@@ -22,6 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Floats, Floats32, Ints, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.frame import undirected
 
@@ -77,9 +78,9 @@ class Directions:
         profile: float64 (n,), cumulative amplitude for wall directions 0 <= angle < pi at equal steps.
     """
 
-    directions: NDArray[np.float64]
+    directions: Floats
     score: float
-    profile: NDArray[np.float64]
+    profile: Floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,10 +91,10 @@ class Structure(Directions):
         cell_scores: float32 (rows, cols), score of the occupied cells over the largest one; 0 elsewhere.
     """
 
-    cell_scores: NDArray[np.float32]
+    cell_scores: Floats32
 
 
-def find_directions(occupied: NDArray[np.bool_], resolution: float, config: DeclutterConfig) -> Directions:
+def find_directions(occupied: Mask, resolution: float, config: DeclutterConfig) -> Directions:
     """What `find_structure` finds, without the cells' scores.
 
     Args:
@@ -113,7 +114,7 @@ def find_directions(occupied: NDArray[np.bool_], resolution: float, config: Decl
     return Directions(directions=directions, score=score, profile=profile)
 
 
-def find_structure(occupied: NDArray[np.bool_], resolution: float, config: DeclutterConfig) -> Structure:
+def find_structure(occupied: Mask, resolution: float, config: DeclutterConfig) -> Structure:
     """Directions, structure score and cell scores of a map's occupied cells.
 
     Args:
@@ -143,7 +144,7 @@ def _steps(config: DeclutterConfig) -> int:
     return round(180 / config.angle_step)
 
 
-def _fast_side(crop: NDArray[np.bool_]) -> int:
+def _fast_side(crop: Mask) -> int:
     """Side of the square that occupied cells are padded to: even, and fast to transform."""
     side = int(scipy.fft.next_fast_len(max(*crop.shape, 8), real=True))
     return side + side % 2
@@ -161,7 +162,7 @@ def _reach(side: int, resolution: float, config: DeclutterConfig) -> int:
     return min(math.ceil(_radii(side, resolution, config)[1]) + 2, side // 2)
 
 
-def wall_surface(grid: OccupancyGrid, depth: float) -> NDArray[np.bool_]:
+def wall_surface(grid: OccupancyGrid, depth: float) -> Mask:
     """Occupied cells within `depth` metres of free space, bool (rows, cols): of solid masses, the surface.
 
     Args:
@@ -175,7 +176,7 @@ def wall_surface(grid: OccupancyGrid, depth: float) -> NDArray[np.bool_]:
     return np.asarray(occupied & near.view(np.bool_))
 
 
-def bounding_box(mask: NDArray[np.bool_]) -> tuple[slice, slice] | None:
+def bounding_box(mask: Mask) -> tuple[slice, slice] | None:
     """The smallest box (rows, cols) that holds every true cell; None when there is none."""
     rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
@@ -183,9 +184,7 @@ def bounding_box(mask: NDArray[np.bool_]) -> tuple[slice, slice] | None:
     return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
 
 
-def dominant_directions(
-    profile: NDArray[np.float64], config: DeclutterConfig
-) -> tuple[NDArray[np.float64], float]:
+def dominant_directions(profile: Floats, config: DeclutterConfig) -> tuple[Floats, float]:
     """Peaks of the circular profile and the structure score W (equations 1 and 2).
 
     Returns:
@@ -208,9 +207,7 @@ def dominant_directions(
 
 
 @njit(cache=True, nogil=True)
-def circular_peaks(
-    profile: NDArray[np.float64], least: float
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def circular_peaks(profile: Floats, least: float) -> tuple[Ints, Floats]:
     """Peaks of a circular profile, rising, with prominences of `least` or more; of a flat top, its middle.
 
     A peak's prominence is its height above the higher of the two lowest points on the ways, left and right,
@@ -246,7 +243,7 @@ def circular_peaks(
 @lru_cache(maxsize=8)
 def _polar_maps(
     side: int, steps: int, radius_min: float, radius_max: float, reach: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+) -> tuple[Floats32, Floats32]:
     """Sampling positions (cols, rows) float32 (steps, radii) among the frequencies, by wall direction."""
     normal = np.arange(steps) * np.pi / steps + np.pi / 2
     radii = np.arange(radius_min, radius_max + 1e-9)
@@ -259,7 +256,7 @@ def _polar_maps(
 
 def _angle_profile(
     spectrum: NDArray[np.complex64], side: int, resolution: float, config: DeclutterConfig
-) -> NDArray[np.float64]:
+) -> Floats:
     """Cumulative amplitude by wall direction: the spectrum unfolded about its centre, summed over the radius.
 
     Args:
@@ -279,9 +276,7 @@ def _angle_profile(
     return np.asarray(polar.sum(axis=1, dtype=np.float64))
 
 
-def _ridges_only(
-    spectrum: NDArray[np.complex64], side: int, directions: NDArray[np.float64], width: float
-) -> NDArray[np.float32]:
+def _ridges_only(spectrum: NDArray[np.complex64], side: int, directions: Floats, width: float) -> Floats32:
     """Inverse transform of bands of `width` frequencies through the centre, normal to each wall direction."""
     kept = np.zeros_like(spectrum)
     half = width / 2
@@ -303,13 +298,13 @@ def _ridges_only(
     return np.asarray(scipy.fft.irfft2(kept, s=(side, side)))
 
 
-def _band(centre: NDArray[np.float64], half: float, side: int) -> NDArray[np.float64]:
+def _band(centre: Floats, half: float, side: int) -> Floats:
     """Whole numbers (n, m) around each centre that cover centre +- half."""
     reach = min(int(np.ceil(half)) + 1, side)
     return np.asarray(np.rint(centre)[:, None] + np.arange(-reach, reach + 1))
 
 
-def mixture_threshold(scores: NDArray[np.float32], *, bins: int = 256, iterations: int = 200) -> float:
+def mixture_threshold(scores: Floats32, *, bins: int = 256, iterations: int = 200) -> float:
     """The score at which two Gaussians fitted to the scores cross (ROSE, section III-C).
 
     Expectation maximisation on the histogram, started from the two halves split at the mean; the crossing
@@ -340,9 +335,7 @@ def mixture_threshold(scores: NDArray[np.float32], *, bins: int = 256, iteration
     return float(x[between[0]]) if len(between) else 0.0
 
 
-def _maximise(
-    counts: NDArray[np.int64], x: NDArray[np.float64], high: NDArray[np.float64], floor: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _maximise(counts: Ints, x: Floats, high: Floats, floor: float) -> tuple[Floats, Floats]:
     """Weighted densities (2, bins) and means (2,) of two Gaussians, by each bin's share in the high one."""
     weights = counts * np.stack((1 - high, high))
     mass = np.maximum(weights.sum(axis=1), 1e-9)

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats, Ints, Mask
 from layoutexplore.grids.components import components
 from layoutexplore.layout.lines.faces import Arrangement
 from layoutexplore.layout.lines.walls import sums
@@ -32,18 +33,18 @@ class FaceGraph:
         covered: float64 (p,), metres of it that seen wall covers.
     """
 
-    first: NDArray[np.int64]
-    second: NDArray[np.int64]
-    length: NDArray[np.float64]
-    covered: NDArray[np.float64]
+    first: Ints
+    second: Ints
+    length: Floats
+    covered: Floats
 
     @property
-    def weight(self) -> NDArray[np.float64]:
+    def weight(self) -> Floats:
         """float64 (p,): covered share of the common boundary."""
         return self.covered / np.maximum(self.length, 1e-9)
 
 
-def dissolve(arrangement: Arrangement, open_edge: NDArray[np.bool_]) -> tuple[NDArray[np.int64], int]:
+def dissolve(arrangement: Arrangement, open_edge: Mask) -> tuple[Ints, int]:
     """Unite the faces on both sides of the open edges, bool (e,).
 
     Returns:
@@ -55,9 +56,7 @@ def dissolve(arrangement: Arrangement, open_edge: NDArray[np.bool_]) -> tuple[ND
     return group, int(group.max()) + 1 if len(group) else 0
 
 
-def face_graph(
-    arrangement: Arrangement, covered: NDArray[np.float64], group: NDArray[np.int64], count: int
-) -> FaceGraph:
+def face_graph(arrangement: Arrangement, covered: Floats, group: Ints, count: int) -> FaceGraph:
     """Pairs of different groups with a common edge; `covered` float64 (e,) in metres, `group` int64 (f,)."""
     left, right = arrangement.sides.T
     between = (left >= 0) & (right >= 0)
@@ -75,9 +74,7 @@ def face_graph(
     )
 
 
-def cluster_faces(
-    graph: FaceGraph, inside: NDArray[np.bool_], sigma: float, affinity_min: float
-) -> NDArray[np.int64]:
+def cluster_faces(graph: FaceGraph, inside: Mask, sigma: float, affinity_min: float) -> Ints:
     """Room of each face, int64 (count,), -1 for faces that are not inside.
 
     Args:
@@ -118,9 +115,7 @@ def _renumber(group: NDArray[Any], first: int) -> NDArray[Any]:
     return out
 
 
-def merge_small(
-    room: NDArray[np.int64], graph: FaceGraph, area: NDArray[np.float64], least: float
-) -> NDArray[np.int64]:
+def merge_small(room: Ints, graph: FaceGraph, area: Floats, least: float) -> Ints:
     """Give rooms of less than `least` m2 to the neighbour with the longest open boundary, smallest first.
 
     Args:
@@ -145,7 +140,7 @@ def merge_small(
         room = renumber(room)
 
 
-def _most_open_neighbour(room: NDArray[np.int64], graph: FaceGraph, victim: int) -> int:
+def _most_open_neighbour(room: Ints, graph: FaceGraph, victim: int) -> int:
     a, b = room[graph.first], room[graph.second]
     other = np.where(a == victim, b, np.where(b == victim, a, -1))
     usable = (other >= 0) & (other != victim)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.frame import extent
 from layoutexplore.layout.lines.face_clusters import (
@@ -85,12 +85,12 @@ class WallModel:
     """
 
     clean_grid: OccupancyGrid
-    segments: NDArray[np.float64]
+    segments: Floats
     aligned: AlignedSegments
     walls: WallGroups
     lines: WallGroups
     structure_score: float = float("nan")
-    cell_scores: NDArray[np.float32] | None = None
+    cell_scores: Floats32 | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,24 +114,24 @@ class FaceModel:
     """
 
     arrangement: Arrangement
-    covered: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    dropped: NDArray[np.bool_]
-    group: NDArray[np.int64]
+    covered: Floats
+    weight: Floats
+    dropped: Mask
+    group: Ints
     graph: FaceGraph
-    inside_share: NDArray[np.float64]
-    known_share: NDArray[np.float64]
-    free_area: NDArray[np.float64]
-    painted: NDArray[np.int32]
-    region: NDArray[np.uint8]
-    kind: NDArray[np.int64]
-    at_border: NDArray[np.bool_]
+    inside_share: Floats
+    known_share: Floats
+    free_area: Floats
+    painted: Ints32
+    region: Bytes
+    kind: Ints
+    at_border: Mask
 
     def __len__(self) -> int:
         return len(self.inside_share)
 
 
-def seen_region(grid: OccupancyGrid, least: float) -> NDArray[np.uint8]:
+def seen_region(grid: OccupancyGrid, least: float) -> Bytes:
     """uint8 (rows, cols), 1 inside the outer contours of the free space (holes count as inside).
 
     Args:
@@ -164,9 +164,7 @@ def build_faces(grid: OccupancyGrid, model: WallModel, config: FaceConfig, timer
         return face_model(grid, arrangement, covered, weight, group, region, config)
 
 
-def open_edges(
-    arrangement: Arrangement, model: WallModel, config: FaceConfig
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+def open_edges(arrangement: Arrangement, model: WallModel, config: FaceConfig) -> tuple[Floats, Floats, Mask]:
     """Covered metres of each edge (e,), covered share of each line (m + 4,), and whether an edge is open."""
     covered, weight = line_weights(arrangement, model)
     share = covered / np.maximum(arrangement.edge_length, 1e-9)
@@ -177,10 +175,10 @@ def open_edges(
 def face_model(
     grid: OccupancyGrid,
     arrangement: Arrangement,
-    covered: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    group: NDArray[np.int64],
-    region: NDArray[np.uint8],
+    covered: Floats,
+    weight: Floats,
+    group: Ints,
+    region: Bytes,
     config: FaceConfig,
 ) -> FaceModel:
     """Everything about faces, unions of cells of an arrangement; `region` is 1 inside the seen contour."""
@@ -209,13 +207,13 @@ def face_model(
     )
 
 
-def find_rooms(faces: FaceModel, config: FaceConfig) -> NDArray[np.int64]:
+def find_rooms(faces: FaceModel, config: FaceConfig) -> Ints:
     """Room of each face int64 (n,), numbered from 0, -1 for none."""
     room = cluster_faces(faces.graph, faces.kind > 0, config.sigma, config.affinity)
     return merge_small(room, faces.graph, faces.free_area, config.room_area)
 
 
-def with_lines(lines: WallGroups, direction: NDArray[np.int64], offset: NDArray[np.float64]) -> WallGroups:
+def with_lines(lines: WallGroups, direction: Ints, offset: Floats) -> WallGroups:
     """The lines and those of direction (n,) and offset (n,) not among them; no segment covers these."""
     known = set(zip(lines.direction.tolist(), lines.offset.tolist(), strict=True))
     new = sorted(set(zip(direction.tolist(), offset.tolist(), strict=True)) - known)
@@ -230,7 +228,7 @@ def with_lines(lines: WallGroups, direction: NDArray[np.int64], offset: NDArray[
     )
 
 
-def _box(grid: OccupancyGrid, segments: NDArray[np.float64], margin: float) -> Bounds:
+def _box(grid: OccupancyGrid, segments: Floats, margin: float) -> Bounds:
     width, height = extent(grid)
     x, y = segments[:, ::2], segments[:, 1::2]
     return (
@@ -241,9 +239,7 @@ def _box(grid: OccupancyGrid, segments: NDArray[np.float64], margin: float) -> B
     )
 
 
-def line_weights(
-    arrangement: Arrangement, model: WallModel
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def line_weights(arrangement: Arrangement, model: WallModel) -> tuple[Floats, Floats]:
     """Covered metres of each edge (e,) and covered share of each line (m + 4,)."""
     lines: LineSet = arrangement.lines
     count = len(model.lines)
@@ -262,9 +258,7 @@ def line_weights(
     return np.minimum(covered, arrangement.edge_length), np.minimum(weight, 1.0)
 
 
-def _kinds(
-    graph: FaceGraph, external: NDArray[np.bool_], at_border: NDArray[np.bool_], partial_weight: float
-) -> NDArray[np.int64]:
+def _kinds(graph: FaceGraph, external: Mask, at_border: Mask, partial_weight: float) -> Ints:
     """External 0, partial 1 (open towards an external face or the border of the box), internal 2."""
     kind = np.where(at_border, 1, 2)
     opens = graph.weight < partial_weight
@@ -274,7 +268,7 @@ def _kinds(
     return kind
 
 
-def _at_border(arrangement: Arrangement, group: NDArray[np.int64], count: int) -> NDArray[np.bool_]:
+def _at_border(arrangement: Arrangement, group: Ints, count: int) -> Mask:
     sides = arrangement.sides[(arrangement.sides < 0).any(axis=1)].max(axis=1)
     touched = np.zeros(count, np.bool_)
     touched[group[sides[sides >= 0]]] = True
@@ -282,9 +276,7 @@ def _at_border(arrangement: Arrangement, group: NDArray[np.int64], count: int) -
 
 
 @njit(cache=True, nogil=True)
-def _count_cells(
-    painted: NDArray[np.int32], region: NDArray[np.uint8], cells: NDArray[np.int8], count: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _count_cells(painted: Ints32, region: Bytes, cells: Cells, count: int) -> tuple[Ints, Ints, Ints, Ints]:
     """By cell of the arrangement, int64 (count,): grid cells, those of the region, known and free ones."""
     total, inside = np.zeros(count, np.int64), np.zeros(count, np.int64)
     known, free = np.zeros(count, np.int64), np.zeros(count, np.int64)

@@ -8,12 +8,12 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats, Ints, Ints32
 from layoutexplore.layout.lines.faces import Arrangement
 
 
-def paint_faces(arrangement: Arrangement, shape: tuple[int, int], resolution: float) -> NDArray[np.int32]:
+def paint_faces(arrangement: Arrangement, shape: tuple[int, int], resolution: float) -> Ints32:
     """The one face that holds each cell's centre, int32 (rows, cols); -1 outside the box."""
     corners, offsets = arrangement.rings()
     image = np.full(shape, -1, np.int32)
@@ -22,7 +22,7 @@ def paint_faces(arrangement: Arrangement, shape: tuple[int, int], resolution: fl
 
 
 @njit(cache=True, nogil=True)
-def _paint_convex(corners: NDArray[np.float64], offsets: NDArray[np.int64], image: NDArray[np.int32]) -> None:
+def _paint_convex(corners: Floats, offsets: Ints, image: Ints32) -> None:
     """Fill convex rings, counter-clockwise, corners (n, 2) as (col, row), row by row between two edges."""
     rows, cols = image.shape
     left = np.empty(rows, np.int64)
@@ -53,7 +53,7 @@ def _paint_convex(corners: NDArray[np.float64], offsets: NDArray[np.int64], imag
                 image[row, col] = face
 
 
-def outline(arrangement: Arrangement, group: NDArray[np.int64], count: int) -> list[shapely.Polygon]:
+def outline(arrangement: Arrangement, group: Ints, count: int) -> list[shapely.Polygon]:
     """Polygons of the groups 0 ... count - 1 in local metres, with their holes, without needless corners.
 
     Args:
@@ -62,8 +62,8 @@ def outline(arrangement: Arrangement, group: NDArray[np.int64], count: int) -> l
         count: Number of groups.
     """
     rings, owner, area = _boundary_rings(arrangement, group)
-    shells: list[NDArray[np.float64] | None] = [None] * count
-    holes: list[list[NDArray[np.float64]]] = [[] for _ in range(count)]
+    shells: list[Floats | None] = [None] * count
+    holes: list[list[Floats]] = [[] for _ in range(count)]
     best = np.zeros(count)
     for ring, index, size in zip(rings, owner, area, strict=True):
         if size <= 0:
@@ -92,9 +92,7 @@ def _mended(polygon: shapely.Polygon) -> shapely.Polygon:
     return max(polygons, key=lambda p: p.area, default=shapely.Polygon())
 
 
-def _boundary_rings(
-    arrangement: Arrangement, group: NDArray[np.int64]
-) -> tuple[list[NDArray[np.float64]], NDArray[np.int64], NDArray[np.float64]]:
+def _boundary_rings(arrangement: Arrangement, group: Ints) -> tuple[list[Floats], Ints, Floats]:
     """Closed boundaries of all groups: corners (n, 2), the group each bounds on its left, and signed area."""
     of_half = np.where(arrangement.face >= 0, group[arrangement.face], -1)
     twin = np.arange(len(of_half)) ^ 1
@@ -120,7 +118,7 @@ def _boundary_rings(
     return rings, np.array(owner, np.int64), _signed_areas(rings)
 
 
-def _signed_areas(rings: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _signed_areas(rings: list[Floats]) -> Floats:
     """Area of each ring of corners (n, 2), above 0 where it runs counter-clockwise."""
     if not rings:
         return np.zeros(0)

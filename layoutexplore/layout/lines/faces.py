@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.layout.lines.segments import AlignedSegments
 from layoutexplore.layout.lines.walls import sums
 
@@ -36,16 +36,16 @@ class LineSet:
         box: The box.
     """
 
-    angle: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    start: NDArray[np.float64]
-    end: NDArray[np.float64]
+    angle: Floats
+    offset: Floats
+    start: Floats
+    end: Floats
     box: Bounds
 
     def __len__(self) -> int:
         return len(self.angle)
 
-    def ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def ends(self) -> tuple[Floats, Floats]:
         """Both ends float64 (n, 2) of every line; those of a line that misses the box are a point near it."""
         x0, y0, x1, y1 = self.box
         beside = 0.5 * ((x0 + x1) * np.cos(self.angle) + (y0 + y1) * np.sin(self.angle))
@@ -53,9 +53,7 @@ class LineSet:
         start, end = (np.where(missed, beside, at) for at in (self.start, self.end))
         return self.points(start), self.points(end)
 
-    def points(
-        self, coordinate: NDArray[np.float64], line: NDArray[np.int64] | None = None
-    ) -> NDArray[np.float64]:
+    def points(self, coordinate: Floats, line: Ints | None = None) -> Floats:
         """Points float64 (m, 2) at coordinates (m,) along lines int64 (m,) (all lines in turn by default)."""
         angle, offset = (self.angle, self.offset) if line is None else (self.angle[line], self.offset[line])
         c, s = np.cos(angle), np.sin(angle)
@@ -77,29 +75,29 @@ class Arrangement:
         lines: The lines.
     """
 
-    vertices: NDArray[np.float64]
-    edges: NDArray[np.int64]
-    line: NDArray[np.int64]
-    span: NDArray[np.float64]
-    following: NDArray[np.int64]
-    face: NDArray[np.int64]
-    area: NDArray[np.float64]
+    vertices: Floats
+    edges: Ints
+    line: Ints
+    span: Floats
+    following: Ints
+    face: Ints
+    area: Floats
     lines: LineSet
 
     def __len__(self) -> int:
         return len(self.area)
 
     @property
-    def sides(self) -> NDArray[np.int64]:
+    def sides(self) -> Ints:
         """int64 (e, 2): the faces to the left and to the right of each edge, -1 outside the box."""
         return self.face.reshape(-1, 2)
 
     @property
-    def edge_length(self) -> NDArray[np.float64]:
+    def edge_length(self) -> Floats:
         """float64 (e,), in metres."""
         return self.span[:, 1] - self.span[:, 0]
 
-    def rings(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def rings(self) -> tuple[Floats, Ints]:
         """Corners float64 (n, 2) of all bounded faces, counter-clockwise, and offsets int64 (f + 1,).
 
         Faces of an arrangement of lines are convex: sorting their half-edges by direction walks around them.
@@ -111,7 +109,7 @@ class Arrangement:
         return self.vertices[self.edges.reshape(-1)[inner]], offsets
 
 
-def clip_lines(angle: NDArray[np.float64], offset: NDArray[np.float64], box: Bounds) -> LineSet:
+def clip_lines(angle: Floats, offset: Floats, box: Bounds) -> LineSet:
     """Clip lines (n,) to a box and add its four sides.
 
     Of parallel lines that lie closer than 2 `SNAP` all become the first: with a third line they would share a
@@ -137,7 +135,7 @@ def clip_lines(angle: NDArray[np.float64], offset: NDArray[np.float64], box: Bou
     return LineSet(angle=angle, offset=offset, start=start, end=end, box=box)
 
 
-def _united(angle: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
+def _united(angle: Floats, offset: Floats) -> Floats:
     """The offsets (n,), those of parallel lines that hardly differ made equal."""
     order = np.lexsort((offset, angle))
     near = (np.diff(angle[order]) == 0) & (np.diff(offset[order]) <= 2 * SNAP)
@@ -175,9 +173,7 @@ def arrange(lines: LineSet) -> Arrangement:
     )
 
 
-def _edges(
-    lines: LineSet,
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+def _edges(lines: LineSet) -> tuple[Floats, Ints, Ints, Floats]:
     """Vertices (v, 2), edges (e, 2), the edges' lines (e,) and coordinates along them (e, 2)."""
     n = len(lines)
     x0, y0, x1, y1 = lines.box
@@ -214,7 +210,7 @@ def _edges(
     return points, edges, on_line[step], np.stack((along[step], along[step + 1]), axis=1)
 
 
-def _next_half_edges(origin: NDArray[np.int64], angle: NDArray[np.float64]) -> NDArray[np.int64]:
+def _next_half_edges(origin: Ints, angle: Floats) -> Ints:
     """The half-edge after each one around the face on its left: at its end, clockwise next to its twin."""
     order = np.lexsort((angle, origin))
     place = np.empty(len(order), np.int64)
@@ -237,13 +233,11 @@ class LineCoverage:
         stride: Metres between the coordinates of one line and the next.
     """
 
-    position: NDArray[np.float64]
-    covered: NDArray[np.float64]
+    position: Floats
+    covered: Floats
     stride: float
 
-    def between(
-        self, line: NDArray[np.int64], start: NDArray[np.float64], end: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def between(self, line: Ints, start: Floats, end: Floats) -> Floats:
         """Covered metres float64 (n,) of the stretches start (n,) to end (n,) of lines (n,)."""
         if not len(self.position):
             return np.zeros(len(line))
@@ -253,7 +247,7 @@ class LineCoverage:
         )
 
 
-def cover_lines(segments: AlignedSegments, line: NDArray[np.int64], stride: float) -> LineCoverage:
+def cover_lines(segments: AlignedSegments, line: Ints, stride: float) -> LineCoverage:
     """The union of the segments' projections on the lines they were given, int64 (n,)."""
     base = (line + 0.5) * stride
     start, end = base + segments.start, base + segments.end

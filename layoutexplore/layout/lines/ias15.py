@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Floats, Ints, Mask
 from layoutexplore.grids.components import components
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.canonical import in_canonical_orientation
@@ -116,11 +116,7 @@ def ias15(grid: OccupancyGrid, config: Ias15Config) -> Layout:
 
 
 def _wall_model(
-    grid: OccupancyGrid,
-    walls: NDArray[np.bool_],
-    segments: NDArray[np.float64],
-    config: Ias15Config,
-    timer: StageTimer,
+    grid: OccupancyGrid, walls: Mask, segments: Floats, config: Ias15Config, timer: StageTimer
 ) -> WallModel | None:
     with timer("walls"):
         directions, member = mean_shift_directions(
@@ -140,8 +136,8 @@ def _wall_model(
 
 
 def mean_shift_directions(
-    angles: NDArray[np.float64], bandwidth: float, merge_angle: float, *, tolerance: float = 1e-5
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    angles: Floats, bandwidth: float, merge_angle: float, *, tolerance: float = 1e-5
+) -> tuple[Floats, Ints]:
     """Modes of undirected angles by mean shift with the kernel (1 - u)^2, u = (1 - cos d) / bandwidth.
 
     Args:
@@ -173,12 +169,8 @@ def mean_shift_directions(
 
 
 def _select(
-    segments: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    member: NDArray[np.int64],
-    resolution: float,
-    config: Ias15Config,
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    segments: Floats, directions: Floats, member: Ints, resolution: float, config: Ias15Config
+) -> tuple[Floats, Ints, Ints]:
     """Drop directions of a few tiny segments and, on demand, all that are not near the axes.
 
     Returns:
@@ -198,9 +190,7 @@ def _select(
     return directions[good], kept, rank[member[kept]]
 
 
-def without_islands(
-    walls: NDArray[np.bool_], resolution: float, gap: float, size: float
-) -> NDArray[np.bool_]:
+def without_islands(walls: Mask, resolution: float, gap: float, size: float) -> Mask:
     """The occupied cells without isolated groups that fit into a box of `size` metres.
 
     Args:
@@ -225,7 +215,7 @@ def without_islands(
 
 
 def _closing_lines(
-    grid: OccupancyGrid, model: WallModel, faces: FaceModel, room: NDArray[np.int64]
+    grid: OccupancyGrid, model: WallModel, faces: FaceModel, room: Ints
 ) -> list[tuple[int, float]]:
     """Lines (direction, offset) that close the rooms which only the box bounds.
 

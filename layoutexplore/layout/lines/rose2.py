@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Floats, Ints, Mask
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.layout.canonical import in_canonical_orientation
 from layoutexplore.layout.frame import undirected
@@ -120,8 +120,8 @@ def with_perpendicular(structure: S) -> S:
 
 
 def clean_map(
-    occupied: NDArray[np.bool_], structure: Structure, grid: OccupancyGrid, config: Rose2Config
-) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    occupied: Mask, structure: Structure, grid: OccupancyGrid, config: Rose2Config
+) -> tuple[Mask, Floats]:
     """The cells of the clean map bool (rows, cols), and their segments float64 (n, 4).
 
     The level starts low and rises until the segments are no denser than walls can be: clutter makes many
@@ -138,8 +138,8 @@ def clean_map(
 
 
 def chain_walls(
-    segments: NDArray[np.float64], structure: Directions, config: Rose2Config
-) -> tuple[AlignedSegments, NDArray[np.int64], WallGroups, WallGroups] | None:
+    segments: Floats, structure: Directions, config: Rose2Config
+) -> tuple[AlignedSegments, Ints, WallGroups, WallGroups] | None:
     """Aligned segments, their rows in `segments`, walls and representative lines; None without a wall."""
     if not len(structure.directions) or not len(segments):
         return None
@@ -153,8 +153,8 @@ def chain_walls(
 def find_wall_model(
     grid: OccupancyGrid,
     structure: Structure,
-    mask: NDArray[np.bool_],
-    segments: NDArray[np.float64],
+    mask: Mask,
+    segments: Floats,
     config: Rose2Config,
     timer: StageTimer,
 ) -> WallModel | None:

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Bytes, Floats, Ints, Mask
 from layoutexplore.layout.frame import undirected
 
 
@@ -55,22 +55,22 @@ class AlignedSegments:
         end: float64 (n,), larger coordinate along the direction.
     """
 
-    directions: NDArray[np.float64]
-    direction: NDArray[np.int64]
-    offset: NDArray[np.float64]
-    start: NDArray[np.float64]
-    end: NDArray[np.float64]
+    directions: Floats
+    direction: Ints
+    offset: Floats
+    start: Floats
+    end: Floats
 
     def __len__(self) -> int:
         return len(self.direction)
 
     @property
-    def length(self) -> NDArray[np.float64]:
+    def length(self) -> Floats:
         """float64 (n,), in metres."""
         return self.end - self.start
 
 
-def find_segments(mask: NDArray[np.bool_], resolution: float, config: SegmentConfig) -> NDArray[np.float64]:
+def find_segments(mask: Mask, resolution: float, config: SegmentConfig) -> Floats:
     """Segments float64 (n, 4) as (x0, y0, x1, y1) through the centres of cells, in metres of the local frame.
 
     Args:
@@ -92,7 +92,7 @@ def find_segments(mask: NDArray[np.bool_], resolution: float, config: SegmentCon
     return np.asarray((found + 0.5) * resolution, np.float64)
 
 
-def _hough(image: NDArray[np.uint8], resolution: float, config: SegmentConfig) -> NDArray[np.int64]:
+def _hough(image: Bytes, resolution: float, config: SegmentConfig) -> Ints:
     """Segments int64 (n, 4) as column and row of both ends."""
     found = cv2.HoughLinesP(
         image,
@@ -105,12 +105,12 @@ def _hough(image: NDArray[np.uint8], resolution: float, config: SegmentConfig) -
     return np.zeros((0, 4), np.int64) if found is None else found.reshape(-1, 4).astype(np.int64)
 
 
-def segment_angles(segments: NDArray[np.float64]) -> NDArray[np.float64]:
+def segment_angles(segments: Floats) -> Floats:
     """Directions float64 (n,) of segments (n, 4), radians in [0, pi)."""
     return undirected(np.arctan2(segments[:, 3] - segments[:, 1], segments[:, 2] - segments[:, 0]))
 
 
-def angle_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def angle_between(a: Floats, b: Floats) -> Floats:
     """Angle between undirected lines of directions a and b, radians in [0, pi / 2].
 
     Example:
@@ -120,9 +120,7 @@ def angle_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.
     return np.abs(np.mod(a - b + np.pi / 2, np.pi) - np.pi / 2)
 
 
-def align(
-    segments: NDArray[np.float64], directions: NDArray[np.float64], max_deviation: float
-) -> tuple[AlignedSegments, NDArray[np.int64]]:
+def align(segments: Floats, directions: Floats, max_deviation: float) -> tuple[AlignedSegments, Ints]:
     """Give each segment its nearest direction.
 
     Args:
@@ -139,9 +137,7 @@ def align(
     return project(segments[kept], directions, nearest[kept]), kept
 
 
-def project(
-    segments: NDArray[np.float64], directions: NDArray[np.float64], direction: NDArray[np.int64]
-) -> AlignedSegments:
+def project(segments: Floats, directions: Floats, direction: Ints) -> AlignedSegments:
     """Project segments (n, 4) on the directions they were given, int64 (n,)."""
     c, s = np.cos(directions)[direction], np.sin(directions)[direction]
     x0, y0, x1, y1 = segments.T

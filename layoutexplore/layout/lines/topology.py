@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.grids.components import components, split_labels
 from layoutexplore.grids.grid import FREE, OccupancyGrid
 from layoutexplore.layout.lines.face_clusters import merge_small, renumber
@@ -71,10 +71,10 @@ def split_rooms(
     grid: OccupancyGrid,
     model: WallModel,
     faces: FaceModel,
-    room: NDArray[np.int64],
+    room: Ints,
     options: TopologyConfig,
     config: FaceConfig,
-) -> tuple[WallModel, FaceModel, NDArray[np.int64]]:
+) -> tuple[WallModel, FaceModel, Ints]:
     """Split the rooms whose free space falls into parts.
 
     Args:
@@ -103,8 +103,8 @@ def _find_cuts(
     grid: OccupancyGrid,
     model: WallModel,
     faces: FaceModel,
-    room: NDArray[np.int64],
-    open_cells: NDArray[np.int64],
+    room: Ints,
+    open_cells: Ints,
     options: TopologyConfig,
 ) -> list[Cut]:
     # Only the open cells are looked at: they are a small part of most grids.
@@ -132,12 +132,7 @@ def _find_cuts(
 
 
 def _best_cut(
-    room: int,
-    model: WallModel,
-    points: NDArray[np.float64],
-    part_of: NDArray[np.int64],
-    parts: NDArray[np.int64],
-    overlap: float,
+    room: int, model: WallModel, points: Floats, part_of: Ints, parts: Ints, overlap: float
 ) -> Cut | None:
     """The line that separates a room's parts: a representative one, else in the widest gap, if one does."""
     inside = np.isin(part_of, parts)
@@ -166,9 +161,7 @@ def _best_cut(
     return best or fallback
 
 
-def quantile_extent(
-    values: NDArray[np.float64], rank: NDArray[np.int64], count: int, share: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def quantile_extent(values: Floats, rank: Ints, count: int, share: float) -> tuple[Floats, Floats]:
     """The quantiles `share` and 1 - `share`, float64 (count,), of the values of each rank; no rank is empty.
 
     Example:
@@ -184,13 +177,8 @@ def quantile_extent(
 
 
 def _apply(
-    grid: OccupancyGrid,
-    model: WallModel,
-    faces: FaceModel,
-    room: NDArray[np.int64],
-    cuts: list[Cut],
-    config: FaceConfig,
-) -> tuple[WallModel, FaceModel, NDArray[np.int64]]:
+    grid: OccupancyGrid, model: WallModel, faces: FaceModel, room: Ints, cuts: list[Cut], config: FaceConfig
+) -> tuple[WallModel, FaceModel, Ints]:
     added = np.array([c.direction for c in cuts], np.int64), np.array([c.offset for c in cuts])
     model = replace(model, lines=with_lines(model.lines, *added))
     arrangement = arrange_lines(grid, model, config.margin)
@@ -211,13 +199,13 @@ def _apply(
     return model, faces, merge_small(renumber(room), faces.graph, faces.free_area, config.room_area)
 
 
-def _centres(arrangement: Arrangement) -> NDArray[np.float64]:
+def _centres(arrangement: Arrangement) -> Floats:
     """A point float64 (f, 2) inside each cell: the mean of its corners."""
     corners, offsets = arrangement.rings()
     return np.asarray(np.add.reduceat(corners, offsets[:-1]) / np.diff(offsets)[:, None])
 
 
-def _parents(fine: Arrangement, coarse: Arrangement) -> NDArray[np.int64]:
+def _parents(fine: Arrangement, coarse: Arrangement) -> Ints:
     """The coarse arrangement's cell that holds each of the fine one, by the sides of all coarse lines."""
     lines = coarse.lines
     normal = np.stack((-np.sin(lines.angle), np.cos(lines.angle)))
@@ -229,9 +217,7 @@ def _parents(fine: Arrangement, coarse: Arrangement) -> NDArray[np.int64]:
     return owner[key[len(coarse) :]]
 
 
-def _connected(
-    arrangement: Arrangement, group: NDArray[np.int64], of_cell: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _connected(arrangement: Arrangement, group: Ints, of_cell: Ints) -> tuple[Ints, Ints]:
     """Faces and rooms that are connected: groups split by room, rooms into their components; both (f,)."""
     left, right = arrangement.sides.T
     inner = (left >= 0) & (right >= 0)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.grids.components import join, number_sets
 from layoutexplore.layout.lines.segments import AlignedSegments
 
@@ -30,12 +30,12 @@ class WallGroups:
         length: float64 (m,), summed length of the segments.
     """
 
-    group: NDArray[np.int64]
-    direction: NDArray[np.int64]
-    offset: NDArray[np.float64]
-    start: NDArray[np.float64]
-    end: NDArray[np.float64]
-    length: NDArray[np.float64]
+    group: Ints
+    direction: Ints
+    offset: Floats
+    start: Floats
+    end: Floats
+    length: Floats
 
     def __len__(self) -> int:
         return len(self.direction)
@@ -56,14 +56,8 @@ def find_walls(segments: AlignedSegments, gap: float) -> WallGroups:
     nogil=True,
 )
 def _chains(
-    order: NDArray[np.int64],
-    key: NDArray[np.float64],
-    offset: NDArray[np.float64],
-    start: NDArray[np.float64],
-    end: NDArray[np.float64],
-    gap: float,
-    gap_squared: float,
-) -> NDArray[np.int64]:
+    order: Ints, key: Floats, offset: Floats, start: Floats, end: Floats, gap: float, gap_squared: float
+) -> Ints:
     """Chain of each segment; `order` sorts `key`, which rises with the direction, then with the offset."""
     parent = np.arange(len(order)).astype(np.int32)
     for n in range(len(order)):
@@ -89,9 +83,7 @@ def merge_walls(segments: AlignedSegments, walls: WallGroups, distance: float) -
 
 
 @njit("int64[::1](int64[::1], int64[::1], float64[::1], float64)", cache=True, nogil=True)
-def _lines_of_walls(
-    heaviest: NDArray[np.int64], by_key: NDArray[np.int64], key: NDArray[np.float64], distance: float
-) -> NDArray[np.int64]:
+def _lines_of_walls(heaviest: Ints, by_key: Ints, key: Floats, distance: float) -> Ints:
     """Line of each wall; `heaviest` sorts the walls by falling length, `by_key` by the rising `key`."""
     count = len(heaviest)
     place = np.empty(count, np.int64)
@@ -122,7 +114,7 @@ def chain_lines(segments: AlignedSegments, distance: float) -> WallGroups:
     return summarise(segments, group)
 
 
-def summarise(segments: AlignedSegments, group: NDArray[np.int64]) -> WallGroups:
+def summarise(segments: AlignedSegments, group: Ints) -> WallGroups:
     """The groups' directions, offsets and extents, given each segment's group (0 ... m - 1, none empty)."""
     count = int(group.max()) + 1 if len(group) else 0
     direction, start, end, length = _extents(group, count, segments.direction, segments.start, segments.end)
@@ -138,12 +130,8 @@ def summarise(segments: AlignedSegments, group: NDArray[np.int64]) -> WallGroups
 
 @njit(cache=True, nogil=True)
 def _extents(
-    group: NDArray[np.int64],
-    count: int,
-    direction: NDArray[np.int64],
-    start: NDArray[np.float64],
-    end: NDArray[np.float64],
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    group: Ints, count: int, direction: Ints, start: Floats, end: Floats
+) -> tuple[Ints, Floats, Floats, Floats]:
     """Direction, start, end and summed length of each group."""
     directions, lengths = np.zeros(count, np.int64), np.zeros(count)
     starts, ends = np.full(count, np.inf), np.full(count, -np.inf)
@@ -155,9 +143,7 @@ def _extents(
     return directions, starts, ends, lengths
 
 
-def grouped_median(
-    values: NDArray[np.float64], weights: NDArray[np.float64], group: NDArray[np.int64], count: int
-) -> NDArray[np.float64]:
+def grouped_median(values: Floats, weights: Floats, group: Ints, count: int) -> Floats:
     """Weighted lower median float64 (count,) of the values of each group; no group is empty.
 
     Example:
@@ -169,13 +155,7 @@ def grouped_median(
 
 
 @njit(cache=True, nogil=True)
-def _medians(
-    order: NDArray[np.int64],
-    values: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    group: NDArray[np.int64],
-    count: int,
-) -> NDArray[np.float64]:
+def _medians(order: Ints, values: Floats, weights: Floats, group: Ints, count: int) -> Floats:
     """The medians; `order` sorts by group first and value then."""
     total = np.zeros(count)
     for n in order:
@@ -194,6 +174,6 @@ def _medians(
     return out
 
 
-def sums(index: NDArray[np.int64], weights: NDArray[np.float64], count: int = 0) -> NDArray[np.float64]:
+def sums(index: Ints, weights: Floats, count: int = 0) -> Floats:
     """Sum of the weights (n,) of each index (n,), float64 (count or more,)."""
     return np.asarray(np.bincount(index, weights, count), np.float64)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats32, Ints32, Mask
 from layoutexplore.grids.bitsets import set_bits, true_cells
 from layoutexplore.grids.flood import spread_in_place
 from layoutexplore.layout.merging.contact_table import LineStrips, RegionMaps, WallBits, contact_table
@@ -27,12 +27,12 @@ WALL_THICKNESS = 0.5
 
 
 def region_graph(
-    labels: NDArray[np.int32],
+    labels: Ints32,
     *,
-    free: NDArray[np.bool_],
-    clutter: NDArray[np.bool_],
-    wall: NDArray[np.bool_],
-    distance: NDArray[np.float32],
+    free: Mask,
+    clutter: Mask,
+    wall: Mask,
+    distance: Floats32,
     gaps: DoorGaps,
     lines: LineEvidence,
     resolution: float,

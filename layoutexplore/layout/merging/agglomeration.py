@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.grids.components import root_of
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph, add_edge, add_node
 from layoutexplore.layout.merging.pair_features import FEATURES, GraphTables, describe_map, describe_pairs
@@ -34,15 +34,13 @@ NO_REST = Rest()
 
 
 @njit(cache=True, nogil=True)
-def _same_room(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+def _same_room(a: Floats, b: Floats) -> bool:
     """Whether most of two regions lies in one true room."""
     return int(a.argmax()) == int(b.argmax())
 
 
 @njit(cache=True, nogil=True)
-def _add_sample(
-    x: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64], sample: NDArray[np.float64]
-) -> None:
+def _add_sample(x: Floats, a: Floats, b: Floats, sample: Floats) -> None:
     """Write features, answer and weight of a pair of regions, given what each has in the true rooms.
 
     Room 0 is none: two regions in no room are one, but that teaches little.
@@ -55,7 +53,7 @@ def _add_sample(
 
 
 @njit(cache=True, nogil=True)
-def _unite(best: int, ends: NDArray[np.int32], tables: GraphTables) -> None:
+def _unite(best: int, ends: Ints32, tables: GraphTables) -> None:
     """Add the second region of a contact to the first one."""
     a, b = ends[best, 0], ends[best, 1]
     add_node(tables.nodes[a], tables.nodes[b])
@@ -65,14 +63,7 @@ def _unite(best: int, ends: NDArray[np.int32], tables: GraphTables) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _move_contacts(
-    a: int,
-    b: int,
-    ends: NDArray[np.int32],
-    edges: NDArray[np.float64],
-    slots: NDArray[np.int32],
-    gone: NDArray[np.bool_],
-) -> None:
+def _move_contacts(a: int, b: int, ends: Ints32, edges: Floats, slots: Ints32, gone: Mask) -> None:
     """Give the contacts of region b to region a, adding up those with one neighbour."""
     slots[a, b] = slots[b, a] = -1
     for n in range(1, len(slots)):
@@ -91,13 +82,7 @@ def _move_contacts(
 
 
 @njit(cache=True, nogil=True)
-def _stale_contacts(
-    a: int,
-    edges: NDArray[np.float64],
-    slots: NDArray[np.int32],
-    gone: NDArray[np.bool_],
-    out: NDArray[np.int32],
-) -> int:
+def _stale_contacts(a: int, edges: Floats, slots: Ints32, gone: Mask, out: Ints32) -> int:
     """Write the contacts of region a that are to be asked about again to `out`, rising, and return how many.
 
     Those that were refused before region a grew are among them.
@@ -114,7 +99,7 @@ def _stale_contacts(
 
 
 @njit(cache=True, nogil=True)
-def _surest(odds: NDArray[np.float64], gone: NDArray[np.bool_]) -> int:
+def _surest(odds: Floats, gone: Mask) -> int:
     """The first of the contacts with the highest odds, -1 when all are gone.
 
     A plain search: a heap would have to forget the odds of every contact that moves.
@@ -127,13 +112,7 @@ def _surest(odds: NDArray[np.float64], gone: NDArray[np.bool_]) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _surest_of_rest(
-    odds: NDArray[np.float64],
-    gone: NDArray[np.bool_],
-    ends: NDArray[np.int32],
-    nodes: NDArray[np.float64],
-    rest: Rest,
-) -> int:
+def _surest_of_rest(odds: Floats, gone: Mask, ends: Ints32, nodes: Floats, rest: Rest) -> int:
     """The same among the contacts of regions that are too small (areas in cells)."""
     best, best_odds = -1, -1e9
     for e in range(len(odds)):
@@ -145,7 +124,7 @@ def _surest_of_rest(
 
 
 @njit(cache=True, nogil=True)
-def _slots(ends: NDArray[np.int32], count: int) -> NDArray[np.int32]:
+def _slots(ends: Ints32, count: int) -> Ints32:
     """int32 (count, count): row of the contact of two regions, -1 for none."""
     slots = np.full((count, count), -1, np.int32)
     for e in range(len(ends)):
@@ -155,15 +134,15 @@ def _slots(ends: NDArray[np.int32], count: int) -> NDArray[np.int32]:
 
 @njit(cache=True, nogil=True)
 def _agglomerate(
-    ends: NDArray[np.int32],
+    ends: Ints32,
     tables: GraphTables,
     resolution: float,
     forest: Numbers,
     level: float,
     rest: Rest,
-    truth: NDArray[np.float64],
-    samples: NDArray[np.float64],
-) -> tuple[NDArray[np.int32], int]:
+    truth: Floats,
+    samples: Floats,
+) -> tuple[Ints32, int]:
     """Merge in place; with `truth` (k + 1, rooms + 1) only where it is right, each pair asked about a sample.
 
     Returns the region that each one ends up in, and how many samples were written.
@@ -215,9 +194,7 @@ def _agglomerate(
     return into, written
 
 
-def merge_regions(
-    graph: RegionGraph, forest: Forest, *, level: float = 0.0, rest: Rest = NO_REST
-) -> NDArray[np.int32]:
+def merge_regions(graph: RegionGraph, forest: Forest, *, level: float = 0.0, rest: Rest = NO_REST) -> Ints32:
     """Which regions become one.
 
     Args:
@@ -242,7 +219,7 @@ def _tables(graph: RegionGraph) -> GraphTables:
     return GraphTables(graph.nodes.copy(), graph.edges.copy(), graph.rooms.copy())
 
 
-def training_samples(graph: RegionGraph, forest: Forest, rooms: NDArray[np.float64]) -> NDArray[np.float64]:
+def training_samples(graph: RegionGraph, forest: Forest, rooms: Floats) -> Floats:
     """Samples for training: merge as the forest would, but only where it is right.
 
     Args:

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, Words
 from layoutexplore.grids.bitsets import count_bits, set_bits, true_cells
 from layoutexplore.layout.alignment import surfaces
 
@@ -58,20 +58,14 @@ class AxisLines(NamedTuple):
         sums: int32 (k, length + 1), covered cells of each line before each of its cells.
     """
 
-    offsets: NDArray[np.int64]
-    sums: NDArray[np.int32]
+    offsets: Ints
+    sums: Ints32
 
 
 @njit(cache=True, nogil=True)
 def _scores(
-    rows: NDArray[np.int64],
-    cols: NDArray[np.int64],
-    thick: NDArray[np.uint64],
-    length: int,
-    half: int,
-    near: int,
-    near_least: float,
-) -> NDArray[np.int64]:
+    rows: Ints, cols: Ints, thick: Words, length: int, half: int, near: int, near_least: float
+) -> Ints:
     """The wall in line with each occupied cell, 0 next to too little; `thick` are bits, `length` a row."""
     score = np.zeros(len(rows), np.int64)
     for n in range(len(rows)):
@@ -81,13 +75,11 @@ def _scores(
     return score
 
 
-def _walls(
-    scores: Sequence[NDArray[np.int64]], count: int, resolution: float, config: AxisLineConfig
-) -> list[NDArray[np.bool_]]:
+def _walls(scores: Sequence[Ints], count: int, resolution: float, config: AxisLineConfig) -> list[Mask]:
     """Which cells are walls along the rows, and which along the columns; `count` are on surfaces."""
     least, best = config.support / resolution, [int(score.max(initial=0)) for score in scores]
 
-    def above(level: float) -> list[NDArray[np.bool_]]:
+    def above(level: float) -> list[Mask]:
         return [score >= max(level * top, least) for score, top in zip(scores, best, strict=True)]
 
     share = np.count_nonzero(np.logical_or(*above(config.level))) / max(count, 1)
@@ -95,7 +87,7 @@ def _walls(
 
 
 @njit(cache=True, nogil=True)
-def _offsets(profile: NDArray[np.float64], slack: int, reach: int, least: float) -> NDArray[np.int64]:
+def _offsets(profile: Floats, slack: int, reach: int, least: float) -> Ints:
     """Rows of the lines: the row with most wall within `slack` first, none within `reach` of another."""
     # where sums are equal the row with more wall itself, then the first: lines lie on walls, not beside them
     n = len(profile)
@@ -122,14 +114,7 @@ def _offsets(profile: NDArray[np.float64], slack: int, reach: int, least: float)
 
 
 @njit(cache=True, nogil=True)
-def _coverage(
-    rows: NDArray[np.int64],
-    cols: NDArray[np.int64],
-    length: int,
-    offsets: NDArray[np.int64],
-    reach: int,
-    joint: int,
-) -> NDArray[np.int32]:
+def _coverage(rows: Ints, cols: Ints, length: int, offsets: Ints, reach: int, joint: int) -> Ints32:
     """int32 (lines, length + 1): covered cells of each line before each column, gaps up to 2 `joint` too."""
     covered = np.zeros((len(offsets), length), np.bool_)
     for n in range(len(rows)):
@@ -152,11 +137,7 @@ def _coverage(
 
 
 def _lines(
-    rows: NDArray[np.int64],
-    cols: NDArray[np.int64],
-    shape: tuple[int, int],
-    resolution: float,
-    config: AxisLineConfig,
+    rows: Ints, cols: Ints, shape: tuple[int, int], resolution: float, config: AxisLineConfig
 ) -> AxisLines:
     """The lines along the rows.
 
@@ -177,7 +158,7 @@ def _lines(
 
 
 def find_lines(
-    cells: NDArray[np.int8], wall: NDArray[np.bool_], resolution: float, config: AxisLineConfig
+    cells: Cells, wall: Mask, resolution: float, config: AxisLineConfig
 ) -> tuple[AxisLines, AxisLines]:
     """The lines along the rows of a grid and those along its columns.
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask, Words
 from layoutexplore.grids.bitsets import count_bits
 from layoutexplore.layout.merging.door_gaps import GAP
 from layoutexplore.layout.merging.graph_tables import EDGE, find_edge
@@ -26,12 +26,12 @@ class RegionMaps(NamedTuple):
         gap: int32, row of the table of door gaps for the cells of one, 0 elsewhere.
     """
 
-    labels: NDArray[np.int32]
-    spread: NDArray[np.int32]
-    free: NDArray[np.bool_]
-    wall: NDArray[np.bool_]
-    distance: NDArray[np.float32]
-    gap: NDArray[np.int32]
+    labels: Ints32
+    spread: Ints32
+    free: Mask
+    wall: Mask
+    distance: Floats32
+    gap: Ints32
 
 
 class WallBits(NamedTuple):
@@ -44,8 +44,8 @@ class WallBits(NamedTuple):
         far: The longer one.
     """
 
-    along_rows: NDArray[np.uint64]
-    along_cols: NDArray[np.uint64]
+    along_rows: Words
+    along_cols: Words
     near: int
     far: int
 
@@ -53,12 +53,12 @@ class WallBits(NamedTuple):
 class LineStrips(NamedTuple):
     """The arrays of a `LineEvidence`, and in how many cells a line lies near a contact."""
 
-    row_strip: NDArray[np.int32]
-    col_strip: NDArray[np.int32]
-    face: NDArray[np.int32]
-    room: NDArray[np.int32]
-    above: NDArray[np.float64]
-    right: NDArray[np.float64]
+    row_strip: Ints32
+    col_strip: Ints32
+    face: Ints32
+    room: Ints32
+    above: Floats
+    right: Floats
     reach: int
 
 
@@ -71,9 +71,7 @@ class Side(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _add_walls(
-    edge: NDArray[np.float64], walls: NDArray[np.uint64], cols: int, r: int, c: int, near: int, far: int
-) -> None:
+def _add_walls(edge: Floats, walls: Words, cols: int, r: int, c: int, near: int, far: int) -> None:
     """Add the walls in line with a contact between cells (r, c) and (r + 1, c); outside the grid is none.
 
     A wall counts in the row that has more of it: it may lie on either side of the contact.
@@ -89,7 +87,7 @@ def _add_walls(
 
 
 @njit(cache=True, nogil=True)
-def _add_lines(edge: NDArray[np.float64], side: Side, lines: LineStrips) -> None:
+def _add_lines(edge: Floats, side: Side, lines: LineStrips) -> None:
     """Add what the lines say of a side: faces and rooms of the strips `reach` before and behind it."""
     r, c, reach = side.row, side.col, lines.reach
     covered = 0.0
@@ -111,9 +109,7 @@ def _add_lines(edge: NDArray[np.float64], side: Side, lines: LineStrips) -> None
 
 
 @njit(cache=True, nogil=True)
-def _add_contact(
-    edge: NDArray[np.float64], side: Side, maps: RegionMaps, gaps: NDArray[np.float64], walls: WallBits
-) -> None:
+def _add_contact(edge: Floats, side: Side, maps: RegionMaps, gaps: Floats, walls: WallBits) -> None:
     """Add a side to a contact; `gaps` are the door gaps in metres."""
     r, c = side.row, side.col
     rr, cc = (r + 1, c) if side.above else (r, c + 1)
@@ -136,13 +132,8 @@ def _add_contact(
 
 @njit(cache=True, nogil=True)
 def contact_table(
-    maps: RegionMaps,
-    changes: NDArray[np.int64],
-    gaps: NDArray[np.float64],
-    walls: WallBits,
-    lines: LineStrips,
-    nodes: NDArray[np.float64],
-) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    maps: RegionMaps, changes: Ints, gaps: Floats, walls: WallBits, lines: LineStrips, nodes: Floats
+) -> tuple[Ints32, Floats]:
     """The ends and the rows of all contacts, as they are first met; adds their sides to the nodes.
 
     `changes` are the flat indices of `label_changes`, rising.

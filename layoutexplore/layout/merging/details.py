@@ -14,8 +14,8 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats32, Ints, Ints32
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid
 from layoutexplore.layout.alignment import surfaces
 from layoutexplore.layout.lines.assemble import FaceDetails
@@ -55,13 +55,13 @@ class MergingDetails(Details):
     """
 
     clean_grid: OccupancyGrid
-    clutter: NDArray[np.int64]
-    labels: NDArray[np.int32]
+    clutter: Ints
+    labels: Ints32
     model: WallModel | None
     config: FaceConfig
 
     @cached_property
-    def cell_scores(self) -> NDArray[np.float32]:
+    def cell_scores(self) -> Floats32:
         """ROSE's score of the surfaces of everything occupied, clutter too; 0 elsewhere."""
         cells = self.clean_grid.cells.copy()
         cells.reshape(-1)[self.clutter] = OCCUPIED
@@ -89,9 +89,7 @@ class MergingDetails(Details):
         return self._found.faces_of(room)
 
 
-def with_room_lines(
-    grid: OccupancyGrid, model: WallModel, labels: NDArray[np.int32], distance: float
-) -> WallModel:
+def with_room_lines(grid: OccupancyGrid, model: WallModel, labels: Ints32, distance: float) -> WallModel:
     """The lines, and the sides of each room's smallest box that lie farther than this from all others.
 
     Args:
@@ -128,9 +126,7 @@ def with_room_lines(
     return replace(model, lines=with_lines(model.lines, *new))
 
 
-def faces_of_labels(
-    grid: OccupancyGrid, model: WallModel, labels: NDArray[np.int32], config: FaceConfig
-) -> FaceDetails:
+def faces_of_labels(grid: OccupancyGrid, model: WallModel, labels: Ints32, config: FaceConfig) -> FaceDetails:
     """The faces of a map's lines, each in the room that most of its labelled cells have.
 
     Args:
@@ -160,9 +156,7 @@ def faces_of_labels(
 
 
 @njit("int64[::1](int32[:,::1], int32[:,::1], int64, int64, float64)", cache=True, nogil=True)
-def _owners(
-    painted: NDArray[np.int32], labels: NDArray[np.int32], count: int, rooms: int, least: float
-) -> NDArray[np.int64]:
+def _owners(painted: Ints32, labels: Ints32, count: int, rooms: int, least: float) -> Ints:
     """The commonest label of each cell of the arrangement; 0 where less than `least` of it is labelled."""
     # column 0 counts cells without a label: a cell of the arrangement outside of all rooms has no owner
     total = np.zeros(count, np.int64)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.runs import run_end
 
 LONGEST_RUN = 5.0
@@ -84,12 +84,12 @@ class DoorGaps:
         table: int32 (n, columns of `GAP`), the gaps along the rows first; row 0 is empty.
     """
 
-    gap: NDArray[np.int32]
-    table: NDArray[np.int32]
+    gap: Ints32
+    table: Ints32
 
 
 @njit(cache=True, nogil=True)
-def _run_length(blocked: NDArray[np.bool_], r: int, c: int, step: int, slack: int, longest: int) -> int:
+def _run_length(blocked: Mask, r: int, c: int, step: int, slack: int, longest: int) -> int:
     """Cells in line from (r, c) on that are blocked, at most `slack` rows aside."""
     n = 0
     first, last = max(r - slack, 0), min(r + slack + 1, blocked.shape[0])
@@ -106,7 +106,7 @@ def _run_length(blocked: NDArray[np.bool_], r: int, c: int, step: int, slack: in
 
 
 @njit(cache=True, nogil=True)
-def _widens(blocked: NDArray[np.bool_], r: int, c: int, step: int, reach: int, wanted: int) -> bool:
+def _widens(blocked: Mask, r: int, c: int, step: int, reach: int, wanted: int) -> bool:
     """Whether cells above (`step` 1) or below (-1) are free up to a run as long as wanted in `reach` rows.
 
     The border of the grid blocks: a gap in its first or last row leads nowhere.
@@ -127,7 +127,7 @@ def _widens(blocked: NDArray[np.bool_], r: int, c: int, step: int, reach: int, w
 
 
 @njit(cache=True, nogil=True)
-def _gaps_along_rows(blocked: NDArray[np.bool_], sizes: GapSizes) -> NDArray[np.int32]:
+def _gaps_along_rows(blocked: Mask, sizes: GapSizes) -> Ints32:
     """The gaps int32 (n, columns of `GAP`) between blocked cells of one row, in raster order."""
     rows, cols = blocked.shape
     # a gap and the blocked cell before it
@@ -156,8 +156,8 @@ def _gaps_along_rows(blocked: NDArray[np.bool_], sizes: GapSizes) -> NDArray[np.
 
 
 def list_gaps(
-    blocked: NDArray[np.bool_], resolution: float, config: DoorGapConfig, longest: float = LONGEST_RUN
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    blocked: Mask, resolution: float, config: DoorGapConfig, longest: float = LONGEST_RUN
+) -> tuple[Ints32, Ints32]:
     """The gaps int32 (n, columns of `GAP`) along the rows and those along the columns.
 
     Args:
@@ -174,7 +174,7 @@ def list_gaps(
 
 
 @njit(cache=True, nogil=True)
-def _mark(table: NDArray[np.int32], first: int, last: int, gap: NDArray[np.int32]) -> None:
+def _mark(table: Ints32, first: int, last: int, gap: Ints32) -> None:
     """Write the numbers of gaps first <= k < last of the table to their cells; of two the narrower counts.
 
     The first of equal ones stays, so gaps along the rows go before those along the columns.
@@ -186,7 +186,7 @@ def _mark(table: NDArray[np.int32], first: int, last: int, gap: NDArray[np.int32
                 gap[line, c] = k
 
 
-def find_door_gaps(blocked: NDArray[np.bool_], resolution: float, config: DoorGapConfig) -> DoorGaps:
+def find_door_gaps(blocked: Mask, resolution: float, config: DoorGapConfig) -> DoorGaps:
     """Gaps along rows and columns that may part rooms.
 
     Args:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from layoutexplore.grids.arrays import Floats, Ints32
 
 
 class NodeColumns(NamedTuple):
@@ -100,15 +100,15 @@ class RegionGraph:
         resolution: Metres a cell.
     """
 
-    nodes: NDArray[np.float64]
-    ends: NDArray[np.int32]
-    edges: NDArray[np.float64]
-    rooms: NDArray[np.float64]
+    nodes: Floats
+    ends: Ints32
+    edges: Floats
+    rooms: Floats
     resolution: float
 
 
 @njit(cache=True, nogil=True)
-def add_node(whole: NDArray[np.float64], part: NDArray[np.float64]) -> None:
+def add_node(whole: Floats, part: Floats) -> None:
     """Add a region to another one (rows of the table); the sides between them still count."""
     for column in (NODE.area, NODE.space, NODE.clutter, NODE.sides, NODE.open_end, NODE.wall_sides):
         whole[column] += part[column]
@@ -120,7 +120,7 @@ def add_node(whole: NDArray[np.float64], part: NDArray[np.float64]) -> None:
 
 
 @njit(cache=True, nogil=True)
-def add_edge(whole: NDArray[np.float64], part: NDArray[np.float64]) -> None:
+def add_edge(whole: Floats, part: Floats) -> None:
     """Add a contact to another one between the same two regions (rows of the table)."""
     widest = max(whole[EDGE.clearance], part[EDGE.clearance])
     whole += part
@@ -129,9 +129,7 @@ def add_edge(whole: NDArray[np.float64], part: NDArray[np.float64]) -> None:
 
 
 @njit(cache=True, nogil=True)
-def find_edge(
-    a: int, b: int, ends: NDArray[np.int32], heads: NDArray[np.int32], links: NDArray[np.int32]
-) -> int:
+def find_edge(a: int, b: int, ends: Ints32, heads: Ints32, links: Ints32) -> int:
     """Row of contact (a, b) with a < b in the chain of a, or -1.
 
     A chain holds the contacts of one lower end: `heads[a]` is its last row, `links[e]` the one before `e`, -1

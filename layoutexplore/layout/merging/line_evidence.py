@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.components import join, number_sets
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.layout.lines.face_clusters import FaceGraph, cluster_faces
@@ -55,18 +55,16 @@ class LineEvidence:
         right: float64 (row strips, col strips), and to the strip on the right.
     """
 
-    row_strip: NDArray[np.int32]
-    col_strip: NDArray[np.int32]
-    face: NDArray[np.int32]
-    room: NDArray[np.int32]
-    above: NDArray[np.float64]
-    right: NDArray[np.float64]
+    row_strip: Ints32
+    col_strip: Ints32
+    face: Ints32
+    room: Ints32
+    above: Floats
+    right: Floats
 
 
 @njit(cache=True, nogil=True)
-def _edges(
-    sums: NDArray[np.int32], bounds: NDArray[np.int64], line_weight: float, edge_weight: float
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _edges(sums: Ints32, bounds: Ints, line_weight: float, edge_weight: float) -> tuple[Floats, Mask]:
     """Covered share (lines, strips) of the edges between bounds (strips + 1,); and whether they are open."""
     lines, strips = len(sums), len(bounds) - 1
     share, opened = np.empty((lines, strips)), np.empty((lines, strips), np.bool_)
@@ -80,9 +78,7 @@ def _edges(
 
 
 @njit(cache=True, nogil=True)
-def _known(
-    cells: NDArray[np.int8], row_bounds: NDArray[np.int64], col_bounds: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _known(cells: Cells, row_bounds: Ints, col_bounds: Ints) -> Ints:
     """int64 (row strips, col strips): known cells of each crossing of strips."""
     out = np.zeros((len(row_bounds) - 1, len(col_bounds) - 1), np.int64)
     for n in range(len(row_bounds) - 1):
@@ -96,7 +92,7 @@ def _known(
 
 
 @njit(cache=True, nogil=True)
-def _crossing_faces(above_open: NDArray[np.bool_], right_open: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _crossing_faces(above_open: Mask, right_open: Mask) -> Ints:
     """Face of each crossing (row strips, col strips), joined over the open edges (lines, strips)."""
     rows, cols = len(above_open) + 1, len(right_open) + 1
     parent = np.arange(rows * cols).astype(np.int32)
@@ -111,12 +107,8 @@ def _crossing_faces(above_open: NDArray[np.bool_], right_open: NDArray[np.bool_]
 
 @njit(cache=True, nogil=True)
 def _face_sides(
-    face: NDArray[np.int64],
-    above: NDArray[np.float64],
-    right: NDArray[np.float64],
-    row_bounds: NDArray[np.int64],
-    col_bounds: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    face: Ints, above: Floats, right: Floats, row_bounds: Ints, col_bounds: Ints
+) -> tuple[Ints, Floats, Floats]:
     """The pairs of faces (p, 2) that touch, rising, the length of their common sides and its covered part."""
     rows, cols = face.shape
     count = face.max() + 1
@@ -151,13 +143,7 @@ def _face_sides(
 
 
 @njit(cache=True, nogil=True)
-def _seen_faces(
-    face: NDArray[np.int64],
-    known: NDArray[np.int64],
-    row_bounds: NDArray[np.int64],
-    col_bounds: NDArray[np.int64],
-    least: float,
-) -> NDArray[np.bool_]:
+def _seen_faces(face: Ints, known: Ints, row_bounds: Ints, col_bounds: Ints, least: float) -> Mask:
     """Faces of which at least this share is known."""
     total, seen = np.zeros(face.max() + 1), np.zeros(face.max() + 1)
     for n in range(face.shape[0]):
@@ -168,7 +154,7 @@ def _seen_faces(
 
 
 def find_evidence(
-    cells: NDArray[np.int8], wall: NDArray[np.bool_], resolution: float, config: EvidenceConfig | None = None
+    cells: Cells, wall: Mask, resolution: float, config: EvidenceConfig | None = None
 ) -> LineEvidence:
     """Lines, faces and rooms of a grid whose walls run along rows and columns.
 
@@ -202,14 +188,14 @@ def find_evidence(
 
 @njit(cache=True, nogil=True)
 def _count(
-    labels: NDArray[np.int32],
-    free: NDArray[np.bool_],
-    row_strip: NDArray[np.int32],
-    col_strip: NDArray[np.int32],
-    room: NDArray[np.int32],
-    row_weight: NDArray[np.float64],
-    col_weight: NDArray[np.float64],
-    out: NDArray[np.float64],
+    labels: Ints32,
+    free: Mask,
+    row_strip: Ints32,
+    col_strip: Ints32,
+    room: Ints32,
+    row_weight: Floats,
+    col_weight: Floats,
+    out: Floats,
 ) -> None:
     """Add to `out` what each region has in each room; of the weights of row and column the less counts."""
     for r in range(labels.shape[0]):
@@ -219,20 +205,15 @@ def _count(
                 out[labels[r, c], of_row[col_strip[c]]] += min(weight, col_weight[c])
 
 
-def _weights(strip: NDArray[np.int32], beside: int) -> NDArray[np.float64]:
+def _weights(strip: Ints32, beside: int) -> Floats:
     """float64 (n,): 1, and `BESIDE_LINE` for rows or columns less than so many cells beside a line."""
     padded = np.pad(strip, beside, mode="edge")
     return np.where(padded[: len(strip)] == padded[2 * beside :], 1.0, BESIDE_LINE)
 
 
 def count_rooms(
-    labels: NDArray[np.int32],
-    free: NDArray[np.bool_],
-    evidence: LineEvidence,
-    count: int | None = None,
-    *,
-    beside: int = 0,
-) -> NDArray[np.float64]:
+    labels: Ints32, free: Mask, evidence: LineEvidence, count: int | None = None, *, beside: int = 0
+) -> Floats:
     """float64 (k + 1, rooms + 1): known free cells of each region in each room of the lines, 0 for none.
 
     Args:

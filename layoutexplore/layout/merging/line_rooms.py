@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.grids.components import join, root_of
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
 
@@ -23,13 +23,7 @@ from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
     cache=True,
     nogil=True,
 )
-def _split(
-    nodes: NDArray[np.float64],
-    ends: NDArray[np.int32],
-    edges: NDArray[np.float64],
-    rooms: NDArray[np.float64],
-    share: float,
-) -> NDArray[np.float64]:
+def _split(nodes: Floats, ends: Ints32, edges: Floats, rooms: Floats, share: float) -> Floats:
     """The table of rooms (k + 1, parts + 1), a column for each part that wide passes hold together."""
     count = len(nodes)
     # the room most of a region lies in; 0 for none, and of equal ones the first

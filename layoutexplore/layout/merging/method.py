@@ -26,9 +26,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Cells, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.flood import grow_in_place, spread_in_place
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -124,15 +124,15 @@ class Oversegmentation:
     """
 
     turned: Turned
-    labels: NDArray[np.int32]
-    clutter: NDArray[np.bool_]
+    labels: Ints32
+    clutter: Mask
     graph: RegionGraph
-    part: NDArray[np.int32]
+    part: Ints32
     structure: Directions
 
 
 def find_regions(
-    cells: NDArray[np.int8], resolution: float, config: MergingConfig, timer: StageTimer
+    cells: Cells, resolution: float, config: MergingConfig, timer: StageTimer
 ) -> Oversegmentation:
     """Cut the free space of a grid into regions, no region in two rooms.
 
@@ -183,7 +183,7 @@ def find_regions(
 
 def merge_into_rooms(
     regions: Oversegmentation, grid: OccupancyGrid, config: MergingConfig, forest: Forest
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+) -> tuple[Ints32, Ints32]:
     """Room labels int32 of the grid's cells that are not occupied, and the rooms' footprints.
 
     A footprint is a room with its furniture and half its walls.
@@ -203,9 +203,7 @@ def merge_into_rooms(
 
 
 @njit(cache=True, nogil=True)
-def _meet_regions(
-    regions: NDArray[np.int32], cells: NDArray[np.int8], count: int
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def _meet_regions(regions: Ints32, cells: Cells, count: int) -> tuple[Ints32, Ints]:
     """The regions as their first cells come in raster order; and the free cells of each, int64 (count,)."""
     rows, cols = regions.shape
     order = np.empty(count, np.int32)
@@ -231,13 +229,7 @@ def _meet_regions(
 
 
 @njit("int32[:,::1](int32[:,::1], int32[::1], int8[:,::1], float64, float64)", cache=True, nogil=True)
-def _number_large(
-    regions: NDArray[np.int32],
-    into: NDArray[np.int32],
-    cells: NDArray[np.int8],
-    cell_area: float,
-    room_area: float,
-) -> NDArray[np.int32]:
+def _number_large(regions: Ints32, into: Ints32, cells: Cells, cell_area: float, room_area: float) -> Ints32:
     """Turn regions into rooms in place, without the small ones, numbered in raster order.
 
     Returns the rooms without occupied cells.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.layout.merging.graph_tables import NODE
 
 
 @njit("boolean[:,::1](int32[:,::1], boolean[:,::1])", cache=True, nogil=True)
-def label_changes(spread: NDArray[np.int32], wall: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def label_changes(spread: Ints32, wall: Mask) -> Mask:
     """Cells whose right or upper neighbour belongs elsewhere; a region ends where it was spread into walls.
 
     What lies outside the grid is elsewhere for the cells of a region.
@@ -38,14 +38,7 @@ def label_changes(spread: NDArray[np.int32], wall: NDArray[np.bool_]) -> NDArray
 
 
 @njit(cache=True, nogil=True)
-def _add_run(
-    node: NDArray[np.float64],
-    free: NDArray[np.bool_],
-    clutter: NDArray[np.bool_],
-    r: int,
-    begin: int,
-    end: int,
-) -> None:
+def _add_run(node: Floats, free: Mask, clutter: Mask, r: int, begin: int, end: int) -> None:
     """Add the cells begin <= c < end of row r to a region."""
     known = furniture = 0
     for c in range(begin, end):
@@ -61,7 +54,7 @@ def _add_run(
 
 
 @njit(cache=True, nogil=True)
-def add_side(nodes: NDArray[np.float64], label: int, other: int, blocked: bool) -> None:
+def add_side(nodes: Floats, label: int, other: int, blocked: bool) -> None:
     """Add a side of a cell of a region; behind it lies another region, or a wall, or nothing seen."""
     if label > 0:
         nodes[label, NODE.sides] += 1
@@ -71,13 +64,8 @@ def add_side(nodes: NDArray[np.float64], label: int, other: int, blocked: bool) 
 
 @njit(cache=True, nogil=True)
 def node_table(
-    labels: NDArray[np.int32],
-    changes: NDArray[np.int64],
-    free: NDArray[np.bool_],
-    clutter: NDArray[np.bool_],
-    heights: NDArray[np.int32],
-    count: int,
-) -> NDArray[np.float64]:
+    labels: Ints32, changes: Ints, free: Mask, clutter: Mask, heights: Ints32, count: int
+) -> Floats:
     """The table of `count` regions, without the sides but those on the left and lower border of the grid.
 
     `changes` are the flat indices of `label_changes`, rising; `heights` the bits of the distances.

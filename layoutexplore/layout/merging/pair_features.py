@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE
 
 
@@ -79,9 +79,9 @@ F = PairFeatures(*range(len(FEATURES)))
 class GraphTables(NamedTuple):
     """Tables of a `RegionGraph` for kernels, float64 (k + 1, ...), (m, ...) and (k + 1, r + 1)."""
 
-    nodes: NDArray[np.float64]
-    edges: NDArray[np.float64]
-    rooms: NDArray[np.float64]
+    nodes: Floats
+    edges: Floats
+    rooms: Floats
 
 
 @njit(cache=True, nogil=True)
@@ -91,7 +91,7 @@ def _aspect(rows: float, cols: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _smaller(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+def _smaller(a: Floats, b: Floats) -> bool:
     """Whether region a is the small one; of equal ones it is, so that a pair has one order."""
     return bool(
         a[NODE.area] < b[NODE.area] or (a[NODE.area] == b[NODE.area] and a[NODE.space] <= b[NODE.space])
@@ -99,13 +99,7 @@ def _smaller(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _contact_features(
-    s: NDArray[np.float64],
-    t: NDArray[np.float64],
-    e: NDArray[np.float64],
-    resolution: float,
-    out: NDArray[np.float64],
-) -> None:
+def _contact_features(s: Floats, t: Floats, e: Floats, resolution: float, out: Floats) -> None:
     """What the contact of a small and a large region is like."""
     n = max(e[EDGE.open], 1.0)
     out[F.openness] = e[EDGE.open] / max(e[EDGE.open] + e[EDGE.through], 1.0)
@@ -135,20 +129,14 @@ def _contact_features(
 
 
 @njit(cache=True, nogil=True)
-def _ways_out(node: NDArray[np.float64], e: NDArray[np.float64]) -> float:
+def _ways_out(node: Floats, e: Floats) -> float:
     """Sides of a region towards others, at least those of the contact."""
     others = node[NODE.sides] - node[NODE.wall_sides] - node[NODE.open_end]
     return float(max(others, e[EDGE.open], 1.0))
 
 
 @njit(cache=True, nogil=True)
-def _shape_features(
-    s: NDArray[np.float64],
-    t: NDArray[np.float64],
-    e: NDArray[np.float64],
-    resolution: float,
-    out: NDArray[np.float64],
-) -> None:
+def _shape_features(s: Floats, t: Floats, e: Floats, resolution: float, out: Floats) -> None:
     """What the shapes of a small and a large region and of their union are like, by their bounding boxes."""
     hs, ws = s[NODE.row1] - s[NODE.row0], s[NODE.col1] - s[NODE.col0]
     ht, wt = t[NODE.row1] - t[NODE.row0], t[NODE.col1] - t[NODE.col0]
@@ -172,9 +160,7 @@ def _shape_features(
 
 
 @njit(cache=True, nogil=True)
-def _own_features(
-    s: NDArray[np.float64], t: NDArray[np.float64], resolution: float, out: NDArray[np.float64]
-) -> None:
+def _own_features(s: Floats, t: Floats, resolution: float, out: Floats) -> None:
     """What a small and a large region are like, each by itself."""
     out[F.log_area_small] = np.log(max(s[NODE.area], 1.0) * resolution**2)
     out[F.log_area_large] = np.log(max(t[NODE.area], 1.0) * resolution**2)
@@ -189,9 +175,7 @@ def _own_features(
 
 
 @njit(cache=True, nogil=True)
-def _room_features(
-    a: NDArray[np.float64], b: NDArray[np.float64], size: NDArray[np.float64], out: NDArray[np.float64]
-) -> None:
+def _room_features(a: Floats, b: Floats, size: Floats, out: Floats) -> None:
     """What the rooms of the lines say of a small and a large region; `size` (r + 1,) is each room's.
 
     A region fits a room by intersection over union.
@@ -216,7 +200,7 @@ def _room_features(
 
 
 @njit(cache=True, nogil=True)
-def describe_map(nodes: NDArray[np.float64], resolution: float, out: NDArray[np.float64]) -> None:
+def describe_map(nodes: Floats, resolution: float, out: Floats) -> None:
     """Write what is typical of a map to every row of `out` (n, features).
 
     That is clutter and unknown borders over its space, and its regions' mean radius by area.
@@ -230,12 +214,7 @@ def describe_map(nodes: NDArray[np.float64], resolution: float, out: NDArray[np.
 
 @njit(cache=True, nogil=True)
 def describe_pairs(
-    pairs: NDArray[np.int32],
-    ends: NDArray[np.int32],
-    tables: GraphTables,
-    resolution: float,
-    size: NDArray[np.float64],
-    out: NDArray[np.float64],
+    pairs: Ints32, ends: Ints32, tables: GraphTables, resolution: float, size: Floats, out: Floats
 ) -> None:
     """Write the features of some contacts, but not those of the map, to `out` (len(pairs), features)."""
     for n in range(len(pairs)):

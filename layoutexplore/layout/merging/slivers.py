@@ -12,17 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.grids.components import root_of
-from layoutexplore.layout.merging.graph_tables import (
-    EDGE,
-    NODE,
-    RegionGraph,
-    add_edge,
-    add_node,
-    find_edge,
-)
+from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph, add_edge, add_node, find_edge
 
 
 class HalfEdges(NamedTuple):
@@ -36,13 +29,13 @@ class HalfEdges(NamedTuple):
         links: int32 (2 m,), the half-edge behind each.
     """
 
-    first: NDArray[np.int32]
-    last: NDArray[np.int32]
-    links: NDArray[np.int32]
+    first: Ints32
+    last: Ints32
+    links: Ints32
 
 
 @njit(cache=True, nogil=True)
-def _half_edges(ends: NDArray[np.int32], edges: NDArray[np.float64], count: int) -> HalfEdges:
+def _half_edges(ends: Ints32, edges: Floats, count: int) -> HalfEdges:
     """The chains of `count` regions."""
     first, last = np.full(count, -1, np.int32), np.full(count, -1, np.int32)
     links = np.full(2 * len(ends), -1, np.int32)
@@ -59,13 +52,7 @@ def _half_edges(ends: NDArray[np.int32], edges: NDArray[np.float64], count: int)
 
 @njit(cache=True, nogil=True)
 def _widest_neighbour(
-    k: int,
-    parent: NDArray[np.int32],
-    ends: NDArray[np.int32],
-    edges: NDArray[np.float64],
-    halves: HalfEdges,
-    contact: NDArray[np.float64],
-    near: NDArray[np.int32],
+    k: int, parent: Ints32, ends: Ints32, edges: Floats, halves: HalfEdges, contact: Floats, near: Ints32
 ) -> int:
     """The region that one opens to most widely, of equal ones over most sides, then the first met; 0 if none.
 
@@ -95,9 +82,7 @@ def _widest_neighbour(
 
 
 @njit(cache=True, nogil=True)
-def _unite(
-    nodes: NDArray[np.float64], ends: NDArray[np.int32], edges: NDArray[np.float64], limit: float
-) -> NDArray[np.int32]:
+def _unite(nodes: Floats, ends: Ints32, edges: Floats, limit: float) -> Ints32:
     """The region each region ends up in, 0 for a sliver that is open to nothing."""
     count = len(nodes)
     parent = np.arange(count).astype(np.int32)
@@ -123,7 +108,7 @@ def _unite(
 
 
 @njit(cache=True, nogil=True)
-def _is_open(k: int, parent: NDArray[np.int32], ends: NDArray[np.int32], halves: HalfEdges) -> bool:
+def _is_open(k: int, parent: Ints32, ends: Ints32, halves: HalfEdges) -> bool:
     """Whether a region is open to another one than itself."""
     h = halves.first[k]
     while h >= 0:
@@ -134,9 +119,7 @@ def _is_open(k: int, parent: NDArray[np.int32], ends: NDArray[np.int32], halves:
 
 
 @njit(cache=True, nogil=True)
-def _coarsen(
-    nodes: NDArray[np.float64], ends: NDArray[np.int32], edges: NDArray[np.float64], into: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
+def _coarsen(nodes: Floats, ends: Ints32, edges: Floats, into: Ints32) -> tuple[Floats, Ints32, Floats]:
     """Add up nodes and edges; numbers `into` from 1 without gaps, in place, 0 for what is left out."""
     # only a region that stands for others ends up in itself
     count = 1
@@ -180,7 +163,7 @@ def _coarsen(
     return out, new_ends[:m].copy(), new_edges[:m].copy()
 
 
-def absorb_slivers(graph: RegionGraph, area: float) -> tuple[RegionGraph, NDArray[np.int32]]:
+def absorb_slivers(graph: RegionGraph, area: float) -> tuple[RegionGraph, Ints32]:
     """Let small regions join their widest neighbour.
 
     Args:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.components import join_runs
 from layoutexplore.grids.runs import find_runs
 
 
 @njit("boolean[:,::1](uint8[:,::1], boolean[:,::1], float64, float64, float64)", cache=True, nogil=True)
-def _structural(
-    solid: NDArray[np.uint8], occupied: NDArray[np.bool_], resolution: float, area: float, length: float
-) -> NDArray[np.bool_]:
+def _structural(solid: Bytes, occupied: Mask, resolution: float, area: float, length: float) -> Mask:
     """The solid cells of the components, over eight neighbours, that are large or long enough."""
     runs = find_runs(solid, np.uint8(0))
     number = join_runs(runs, solid, 1)
@@ -38,8 +36,8 @@ def _structural(
 
 
 def structural_components(
-    occupied: NDArray[np.bool_], doors: NDArray[np.bool_], resolution: float, *, area: float, length: float
-) -> NDArray[np.bool_]:
+    occupied: Mask, doors: Mask, resolution: float, *, area: float, length: float
+) -> Mask:
     """Obstacles and door gaps that are structure: bool (rows, cols); other components are small and float.
 
     Args:

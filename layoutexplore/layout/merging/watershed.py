@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.components import root_of
 from layoutexplore.grids.grid import FREE, UNKNOWN
@@ -19,7 +20,7 @@ HIGHEST = 65535
 
 
 @njit(cache=True, nogil=True)
-def _highest_first(levels: NDArray[np.uint16], inside: NDArray[np.int64]) -> NDArray[np.int32]:
+def _highest_first(levels: NDArray[np.uint16], inside: Ints) -> Ints32:
     """The cells inside, the highest first, equal ones in raster order: a counting sort."""
     top = 0
     for i in inside:
@@ -37,7 +38,7 @@ def _highest_first(levels: NDArray[np.uint16], inside: NDArray[np.int64]) -> NDA
 
 
 @njit(cache=True, nogil=True)
-def _only_label(labels: NDArray[np.int32], i: int, cols: int) -> int:
+def _only_label(labels: Ints32, i: int, cols: int) -> int:
     """The label of a cell's straight neighbours, as nearly everywhere; 0 if any neighbour has another one."""
     below, left, right, above = labels[i - cols], labels[i - 1], labels[i + 1], labels[i + cols]
     a, b, c, d = labels[i - cols - 1], labels[i - cols + 1], labels[i + cols - 1], labels[i + cols + 1]
@@ -55,9 +56,9 @@ def _meet(
     i: int,
     cols: int,
     levels: NDArray[np.uint16],
-    labels: NDArray[np.int32],
-    parent: NDArray[np.int32],
-    peak: NDArray[np.int32],
+    labels: Ints32,
+    parent: Ints32,
+    peak: Ints32,
     share: float,
     wide: int,
 ) -> int:
@@ -87,12 +88,12 @@ def _meet(
 
 @njit(cache=True, nogil=True)
 def _fill(
-    order: NDArray[np.int32],
+    order: Ints32,
     levels: NDArray[np.uint16],
     cols: int,
-    labels: NDArray[np.int32],
-    parent: NDArray[np.int32],
-    peak: NDArray[np.int32],
+    labels: Ints32,
+    parent: Ints32,
+    peak: Ints32,
     share: float,
     wide: int,
 ) -> int:
@@ -119,9 +120,7 @@ def _fill(
 
 
 @njit("int32[:,::1](float32[:,::1], int64[::1], float64, int64)", cache=True, nogil=True)
-def _flood(
-    distance: NDArray[np.float32], inside: NDArray[np.int64], share: float, wide: int
-) -> NDArray[np.int32]:
+def _flood(distance: Floats32, inside: Ints, share: float, wide: int) -> Ints32:
     """Basins of distances with a border of zeros, flooded from the highest down, in `STEPS` a cell.
 
     Where two basins meet at height h they become one if h is at least `wide`, or `share` of the lower peak.
@@ -156,9 +155,7 @@ def _flood(
     return labels.reshape(rows, cols)[1:-1, 1:-1].copy()
 
 
-def watershed_basins(
-    blocked: NDArray[np.bool_], resolution: float, *, share: float, wide: float
-) -> NDArray[np.int32]:
+def watershed_basins(blocked: Mask, resolution: float, *, share: float, wide: float) -> Ints32:
     """Basins of the distance to the obstacles.
 
     Args:
@@ -176,7 +173,7 @@ def watershed_basins(
     return np.asarray(_flood(np.ascontiguousarray(distance), inside, share, round(wide / resolution * STEPS)))
 
 
-def closed_space(cells: NDArray[np.int8], resolution: float, radius: float) -> NDArray[np.bool_]:
+def closed_space(cells: Cells, resolution: float, radius: float) -> Mask:
     """Free cells, and the unknown cells in the chinks between them: the morphological closing by a disc.
 
     Args:

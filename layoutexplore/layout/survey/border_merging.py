@@ -6,7 +6,8 @@ import heapq
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from layoutexplore.grids.arrays import Ints, Ints32
 
 
 class Borders:
@@ -18,7 +19,7 @@ class Borders:
         perimeter: The sum of each region's shares.
     """
 
-    def __init__(self, labels: NDArray[np.int32]) -> None:
+    def __init__(self, labels: Ints32) -> None:
         count = int(labels.max(initial=0)) + 1
         self.area: list[int] = np.bincount(labels.ravel(), minlength=count).tolist()
         self.shares: list[dict[int, int]] = [{} for _ in range(count)]
@@ -47,7 +48,7 @@ class Borders:
 
 
 @njit(cache=True, nogil=True)
-def _border_cells(padded: NDArray[np.int32], count: int) -> NDArray[np.int64]:
+def _border_cells(padded: Ints32, count: int) -> Ints:
     """Rows (label, other, cells of the other with an 8-neighbour of the label), rising; a cell counts once.
 
     `padded` are the labels with a border of zeros.
@@ -134,7 +135,7 @@ def _crossroads(borders: Borders, region: int) -> bool:
     return len(sizes) > 2 and (shares.get(0, 0) + sum(sizes[:2])) < 0.95 * borders.perimeter[region]
 
 
-def merge_by_borders(labels: NDArray[np.int32], resolution: float, *, merge_area: float) -> NDArray[np.int32]:
+def merge_by_borders(labels: Ints32, resolution: float, *, merge_area: float) -> Ints32:
     """Merge regions until no rule applies, always the smallest first to which one does; ties by label.
 
     Regions without a target wait outside the queue until a merge changes something around them.

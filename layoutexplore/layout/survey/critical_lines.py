@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
 
 BUCKET = 16
 """Side of a bucket: how fast a search is, not what it finds."""
 
 
 @njit(cache=True, nogil=True)
-def _fill_buckets(
-    cells: NDArray[np.int32], rows: int, cols: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _fill_buckets(cells: Ints32, rows: int, cols: int) -> tuple[Ints, Ints]:
     """First entry of each bucket, row by row and one more, and the cells' indices bucket by bucket."""
     high, wide = rows // BUCKET + 1, cols // BUCKET + 1
     first = np.zeros(high * wide + 1, np.int64)
@@ -35,14 +34,7 @@ def _fill_buckets(
 
 @njit(cache=True, nogil=True)
 def _nearest(
-    cells: NDArray[np.int32],
-    first: NDArray[np.int64],
-    order: NDArray[np.int64],
-    size: tuple[int, int],
-    r: int,
-    c: int,
-    away: int,
-    apart: int,
+    cells: Ints32, first: Ints, order: Ints, size: tuple[int, int], r: int, c: int, away: int, apart: int
 ) -> int:
     """The cell nearest to (r, c) that is farther than `apart` from cell `away`, -1 if there is none.
 
@@ -76,9 +68,7 @@ def _nearest(
 
 
 @njit("int64[:,::1](int32[:,::1], int32[:,::1], uint8[:,::1])", cache=True, nogil=True)
-def _basis_points(
-    points: NDArray[np.int32], walls: NDArray[np.int32], distance: NDArray[np.uint8]
-) -> NDArray[np.int64]:
+def _basis_points(points: Ints32, walls: Ints32, distance: Bytes) -> Ints:
     """Indices (n, 2) of each point's two basis points, -1 for none; the second depends on the first."""
     size = distance.shape
     first, order = _fill_buckets(walls, size[0], size[1])
@@ -96,14 +86,7 @@ def _basis_points(
     cache=True,
     nogil=True,
 )
-def _beaten(
-    points: NDArray[np.int32],
-    angle: NDArray[np.float64],
-    length: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    rows: int,
-    cols: int,
-) -> NDArray[np.bool_]:
+def _beaten(points: Ints32, angle: Floats, length: Floats, radius: Floats, rows: int, cols: int) -> Mask:
     """Points with a rival within their radius whose angle is wider, or as wide and whose line is shorter.
 
     All are compared, the beaten ones too: the order of the points does not matter.
@@ -128,9 +111,7 @@ def _beaten(
     return out
 
 
-def critical_lines(
-    points: NDArray[np.int32], walls: NDArray[np.int32], distance: NDArray[np.uint8], spacing: float
-) -> NDArray[np.int32]:
+def critical_lines(points: Ints32, walls: Ints32, distance: Bytes, spacing: float) -> Ints32:
     """The lines that cut the free space: int32 (n, 3, 2), a critical point and its two basis points.
 
     The first basis point is the nearest cell of the walls, the second the nearest that is farther from the

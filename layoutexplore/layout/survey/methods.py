@@ -15,9 +15,9 @@ from typing import Any, cast
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Bytes, Floats, Ints32, Mask
 from layoutexplore.grids.flood import grow_labels
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.layout.canonical import in_canonical_orientation
@@ -71,10 +71,10 @@ class DistanceConfig:
             raise ConfigError("area_min must be at least 0 and below area_max")
 
 
-Contours = Sequence[NDArray[np.int32]]
+Contours = Sequence[Ints32]
 
 
-def regions_with_areas(mask: NDArray[np.uint8]) -> tuple[Contours, list[int], NDArray[np.float64]]:
+def regions_with_areas(mask: Bytes) -> tuple[Contours, list[int], Floats]:
     """Outer contours of the regions of a mask and the areas of their polygons less those of their holes.
 
     Args:
@@ -95,15 +95,13 @@ def regions_with_areas(mask: NDArray[np.uint8]) -> tuple[Contours, list[int], ND
     return cast(Contours, contours), outer.tolist(), net[outer]
 
 
-def morphological_labels(
-    free: NDArray[np.bool_], resolution: float, config: MorphologicalConfig
-) -> NDArray[np.int32]:
+def morphological_labels(free: Mask, resolution: float, config: MorphologicalConfig) -> Ints32:
     """Rooms of the morphological method, int32 (rows, cols), 0 where no seed gets or nothing is free."""
     left = free.astype(np.uint8)
     seeds = np.zeros(free.shape, np.int32)
     kernel, label = np.ones((3, 3), np.uint8), 0
     for _ in range(math.ceil(config.depth / resolution)):
-        left = cast("NDArray[np.uint8]", cv2.erode(left, kernel))
+        left = cast("Bytes", cv2.erode(left, kernel))
         contours, outer, areas = regions_with_areas(left)
         if not outer:
             break
@@ -116,11 +114,11 @@ def morphological_labels(
     return grow_labels(seeds, free)
 
 
-def distance_labels(free: NDArray[np.bool_], resolution: float, config: DistanceConfig) -> NDArray[np.int32]:
+def distance_labels(free: Mask, resolution: float, config: DistanceConfig) -> Ints32:
     """Rooms of the distance method, int32 (rows, cols), 0 outside the free space and where no seed gets."""
     eroded = cv2.erode(free.astype(np.uint8), np.ones((3, 3), np.uint8))
     distance = np.minimum(np.rint(cv2.distanceTransform(eroded, cv2.DIST_L2, 5)), 255).astype(np.uint8)
-    best: list[NDArray[np.int32]] = []
+    best: list[Ints32] = []
     for threshold in range(int(distance.max(initial=0)), 0, -1):
         contours, outer, areas = regions_with_areas((distance > threshold).astype(np.uint8))
         metres = areas * resolution**2
@@ -136,7 +134,7 @@ def distance_labels(free: NDArray[np.bool_], resolution: float, config: Distance
     return grow_labels(seeds, free)
 
 
-def _run(name: str, labelling: Callable[..., NDArray[np.int32]]) -> Callable[[OccupancyGrid, Any], Layout]:
+def _run(name: str, labelling: Callable[..., Ints32]) -> Callable[[OccupancyGrid, Any], Layout]:
     """A method that labels the free cells of a grid in its canonical orientation."""
 
     @in_canonical_orientation

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.flood import grow_labels
 from layoutexplore.layout.survey.border_merging import merge_by_borders
 from layoutexplore.layout.survey.critical_lines import critical_lines
@@ -46,13 +46,13 @@ class VoronoiConfig:
             )
 
 
-def voronoi_labels(free: NDArray[np.bool_], resolution: float, config: VoronoiConfig) -> NDArray[np.int32]:
+def voronoi_labels(free: Mask, resolution: float, config: VoronoiConfig) -> Ints32:
     """Rooms of the Voronoi method, int32 (rows, cols), 0 outside the free space."""
     regions = grow_labels(voronoi_regions(free, resolution, config), free)
     return merge_by_borders(regions, resolution, merge_area=config.merge_area)
 
 
-def voronoi_regions(free: NDArray[np.bool_], resolution: float, config: VoronoiConfig) -> NDArray[np.int32]:
+def voronoi_regions(free: Mask, resolution: float, config: VoronoiConfig) -> Ints32:
     """What the critical lines leave of the free space, int32 (rows, cols): regions from 1, 0 elsewhere."""
     cells = cv2.distanceTransform(np.pad(free, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
     distance = np.ascontiguousarray(np.minimum(np.rint(cells), 255).astype(np.uint8))

@@ -12,10 +12,11 @@ from typing import Any, cast
 import cv2
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from layoutexplore.grids.arrays import Bytes, Floats, Ints32, Mask
 
 
-def contour_cells(free: NDArray[np.bool_]) -> NDArray[np.int32]:
+def contour_cells(free: Mask) -> Ints32:
     """Cells int32 (n, 2) as (row, col) along the contours of a mask and of its holes, each once."""
     contours, _ = cv2.findContours(free.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if not contours:
@@ -25,9 +26,7 @@ def contour_cells(free: NDArray[np.bool_]) -> NDArray[np.int32]:
     return np.ascontiguousarray(cells[np.sort(first)], np.int32)
 
 
-def voronoi_graph(
-    free: NDArray[np.bool_], sites: NDArray[np.int32], *, passes: int = 100
-) -> NDArray[np.uint8]:
+def voronoi_graph(free: Mask, sites: Ints32, *, passes: int = 100) -> Bytes:
     """Cells of the pruned Voronoi graph, uint8 (rows, cols).
 
     Edges are drawn whose ends both lie in the opened and twice eroded free space; then ends of spurs are
@@ -42,14 +41,12 @@ def voronoi_graph(
     square = np.ones((3, 3), np.uint8)
     inner = cv2.erode(cv2.morphologyEx(image, cv2.MORPH_OPEN, square), square, iterations=2)[1:-1, 1:-1]
     graph = np.zeros((free.shape[0] + 2, free.shape[1] + 2), np.uint8)
-    _draw_edges(
-        voronoi_edges(sites, free.shape), np.ascontiguousarray(cast("NDArray[np.uint8]", inner)), graph
-    )
+    _draw_edges(voronoi_edges(sites, free.shape), np.ascontiguousarray(cast("Bytes", inner)), graph)
     _prune(graph, passes)
     return np.ascontiguousarray(graph[1:-1, 1:-1])
 
 
-def voronoi_edges(sites: NDArray[np.int32], shape: tuple[int, int]) -> NDArray[np.float64]:
+def voronoi_edges(sites: Ints32, shape: tuple[int, int]) -> Floats:
     """Finite edges float64 (n, 4) of the sites' Voronoi diagram, as the rows and columns of their ends."""
     rows, cols = shape
     if len(sites) < 3:
@@ -68,7 +65,7 @@ def voronoi_edges(sites: NDArray[np.int32], shape: tuple[int, int]) -> NDArray[n
     return np.concatenate((centres[order[twins] // 3], centres[order[twins + 1] // 3]), axis=1)
 
 
-def _circumcentres(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _circumcentres(corners: Floats) -> Floats:
     """Centres (row, col) float64 (n, 2) of circles through corners (x, y) (n, 3, 2); NaN where flat."""
     a = corners[:, 0]
     (bx, by), (cx, cy) = (corners[:, 1] - a).T, (corners[:, 2] - a).T
@@ -80,7 +77,7 @@ def _circumcentres(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @njit("void(float64[:,::1], uint8[:,::1], uint8[:,::1])", cache=True, nogil=True)
-def _draw_edges(edges: NDArray[np.float64], inner: NDArray[np.uint8], graph: NDArray[np.uint8]) -> None:
+def _draw_edges(edges: Floats, inner: Bytes, graph: Bytes) -> None:
     """Draw edges with both ends inside, lines of 8-connected cells, into a graph with a border of a cell."""
     rows, cols = inner.shape
     for k in range(len(edges)):
@@ -102,7 +99,7 @@ def _draw_edges(edges: NDArray[np.float64], inner: NDArray[np.uint8], graph: NDA
 
 
 @njit(cache=True, nogil=True)
-def _degree(graph: NDArray[np.uint8], r: int, c: int) -> int:
+def _degree(graph: Bytes, r: int, c: int) -> int:
     """Neighbours of a cell in the graph."""
     count = 0
     for rr in range(r - 1, r + 2):
@@ -112,7 +109,7 @@ def _degree(graph: NDArray[np.uint8], r: int, c: int) -> int:
 
 
 @njit("void(uint8[:,::1], int64)", cache=True, nogil=True)
-def _prune(graph: NDArray[np.uint8], passes: int) -> None:
+def _prune(graph: Bytes, passes: int) -> None:
     """Delete ends of spurs in raster order, pass by pass, up to nodes (cells of three neighbours or more)."""
     rows, cols = graph.shape
     # cells that are no nodes, in raster order; a cell deleted makes the next one an end in the same pass
@@ -138,9 +135,7 @@ def _prune(graph: NDArray[np.uint8], passes: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _take_neighbourhood(
-    left: NDArray[np.uint8], members: NDArray[np.int32], r: int, c: int, wanted: int, iterations: int
-) -> int:
+def _take_neighbourhood(left: Bytes, members: Ints32, r: int, c: int, wanted: int, iterations: int) -> int:
     """Move cells around one of the graph from `left` to `members`, ring by ring, until more than wanted.
 
     Returns how many there are; the last ring is always whole.
@@ -167,9 +162,7 @@ def _take_neighbourhood(
 
 
 @njit("int32[:,::1](uint8[:,::1], uint8[:,::1], int64, int64)", cache=True, nogil=True)
-def _critical_points(
-    graph: NDArray[np.uint8], distance: NDArray[np.uint8], neighbourhood: int, iterations: int
-) -> NDArray[np.int32]:
+def _critical_points(graph: Bytes, distance: Bytes, neighbourhood: int, iterations: int) -> Ints32:
     """`critical_points` of contiguous arrays."""
     rows, cols = graph.shape
     # every cell is in one stretch only: what one has taken begins none
@@ -195,9 +188,7 @@ def _critical_points(
     return points[:count].copy()
 
 
-def critical_points(
-    graph: NDArray[np.uint8], distance: NDArray[np.uint8], neighbourhood: int, iterations: int
-) -> NDArray[np.int32]:
+def critical_points(graph: Bytes, distance: Bytes, neighbourhood: int, iterations: int) -> Ints32:
     """The narrowest cell of each stretch of the graph, int32 (n, 2) as (row, col); ties go to the first met.
 
     Args:

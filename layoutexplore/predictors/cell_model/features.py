@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.predictors.bit_map import (
     ALONG_COLS,
     ALONG_ROWS,
@@ -61,9 +62,9 @@ NEAR, WIDE = 3, 7
 class _Known(NamedTuple):
     """What is known: the code and margin of a bit map, and the labels of regions int32 (rows, cols)."""
 
-    code: NDArray[np.uint8]
+    code: Bytes
     margin: int
-    labels: NDArray[np.int32]
+    labels: Ints32
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,20 +81,20 @@ class CandidateCells:
         boxes: int64 (regions + 1, 5), of `Regions`.
     """
 
-    cells: NDArray[np.int32]
-    region: NDArray[np.int32]
-    rank: NDArray[np.int32]
-    features: NDArray[np.float32]
+    cells: Ints32
+    region: Ints32
+    rank: Ints32
+    features: Floats32
     stride: int
-    boxes: NDArray[np.int64]
+    boxes: Ints
 
 
 def find_candidates(
-    cells: NDArray[np.int8],
+    cells: Cells,
     regions: Regions,
     resolution: float,
     *,
-    wanted: NDArray[np.bool_] | None = None,
+    wanted: Mask | None = None,
     spacing: float = STRIDE,
     reach: float = REACH,
 ) -> CandidateCells:
@@ -110,7 +111,7 @@ def find_candidates(
     stride = max(round(spacing / resolution), 1)
     bit_map = draw_bit_map(cells, regions, resolution, SIGHT + resolution)
     owner, way, crossed = _reach(bit_map.code, bit_map.margin, regions.labels, round(reach / resolution))
-    first: NDArray[np.int32] = _one_each(owner[0], bit_map.margin, cells.shape, stride)
+    first: Ints32 = _one_each(owner[0], bit_map.margin, cells.shape, stride)
     found, rank = np.concatenate([first, first]), np.repeat(np.array([0, 1], np.int32), len(first))
     at = rank, found[:, 0] + bit_map.margin, found[:, 1] + bit_map.margin
     kept = (owner[at] > 0) & ((rank == 0) | (way[at] <= way[0][at[1:]] + round(RIVAL / resolution)))
@@ -132,9 +133,7 @@ def find_candidates(
     return CandidateCells(found, region, rank, features, stride, regions.boxes)
 
 
-def add_first_estimate(
-    candidates: CandidateCells, inside: NDArray[np.float64], resolution: float
-) -> NDArray[np.float32]:
+def add_first_estimate(candidates: CandidateCells, inside: Floats, resolution: float) -> Floats32:
     """The features of the candidates with those that tell of a first estimate.
 
     Args:
@@ -163,7 +162,7 @@ def add_first_estimate(
 
 
 @njit(cache=True, nogil=True)
-def _one_each(owner: NDArray[np.int32], margin: int, shape: tuple[int, int], size: int) -> NDArray[np.int32]:
+def _one_each(owner: Ints32, margin: int, shape: tuple[int, int], size: int) -> Ints32:
     """Of every lattice cell that holds cells with an owner the one next to its middle: int32 (n, 2)."""
     out = np.empty(((shape[0] // size + 1) * (shape[1] // size + 1), 2), np.int32)
     count = 0
@@ -181,13 +180,7 @@ def _one_each(owner: NDArray[np.int32], margin: int, shape: tuple[int, int], siz
 
 
 @njit(cache=True, nogil=True)
-def _own_mean(
-    owner: NDArray[np.int32],
-    judged: NDArray[np.float32],
-    region: NDArray[np.int32],
-    at: NDArray[np.int32],
-    reach: int,
-) -> NDArray[np.float32]:
+def _own_mean(owner: Ints32, judged: Floats32, region: Ints32, at: Ints32, reach: int) -> Floats32:
     """Mean estimate float32 (n,) of the lattice cells within `reach` that the same region may own."""
     out = np.zeros(len(at), np.float32)
     for k in range(len(at)):
@@ -203,7 +196,7 @@ def _own_mean(
     return out
 
 
-def _grown_boxes(candidates: CandidateCells, inside: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _grown_boxes(candidates: CandidateCells, inside: Mask) -> Floats:
     """Per candidate float64 (n, 4): sides of the grown box, and how far the candidate lies outside of it.
 
     The box is that of the region with all cells that the first estimate puts inside. The first of either pair
@@ -219,9 +212,7 @@ def _grown_boxes(candidates: CandidateCells, inside: NDArray[np.bool_]) -> NDArr
 
 
 @njit(cache=True, nogil=True)
-def _grow_boxes(
-    boxes: NDArray[np.int64], region: NDArray[np.int32], cells: NDArray[np.int32]
-) -> NDArray[np.int64]:
+def _grow_boxes(boxes: Ints, region: Ints32, cells: Ints32) -> Ints:
     """Boxes that also hold some cells of each region."""
     grown = boxes.copy()
     for k in range(len(region)):
@@ -231,7 +222,7 @@ def _grow_boxes(
     return grown
 
 
-def _first_axis(candidates: CandidateCells) -> NDArray[np.int64]:
+def _first_axis(candidates: CandidateCells) -> Ints:
     """0 where a candidate lies further outside of its region's box along the rows, 1 along the columns."""
     box = candidates.boxes[candidates.region]
     over = np.maximum(np.maximum(box[:, 1:3] - candidates.cells, candidates.cells - box[:, 3:5] + 1), 0)
@@ -258,8 +249,8 @@ def _typical_room(bit_map: BitMap, regions: Regions, resolution: float) -> tuple
 
 @njit(cache=True, nogil=True)
 def _reach(
-    code: NDArray[np.uint8], margin: int, labels: NDArray[np.int32], depth: int
-) -> tuple[NDArray[np.int32], NDArray[np.int16], NDArray[np.int16]]:
+    code: Bytes, margin: int, labels: Ints32, depth: int
+) -> tuple[Ints32, NDArray[np.int16], NDArray[np.int16]]:
     """Flood the unknown from all regions: owner, path length, and number of continued walls crossed.
 
     Each is (2, rows, cols): for the region that comes first, and for the second.
@@ -307,7 +298,7 @@ def _reach(
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _place(flat: NDArray[np.uint8], owner: NDArray[np.int32], k: int, region: int) -> int:
+def _place(flat: Bytes, owner: Ints32, k: int, region: int) -> int:
     """Make a region the first or the second owner of an unknown cell; which of them, or -1."""
     if not flat[k] & UNKNOWN_BIT or owner[0, k] == region:
         return -1
@@ -321,14 +312,7 @@ def _place(flat: NDArray[np.uint8], owner: NDArray[np.int32], k: int, region: in
 
 
 @njit(cache=True, nogil=True)
-def _describe(
-    known: _Known,
-    boxes: NDArray[np.int64],
-    found: NDArray[np.int32],
-    region: NDArray[np.int32],
-    reach: int,
-    out: NDArray[np.float32],
-) -> None:
+def _describe(known: _Known, boxes: Ints, found: Ints32, region: Ints32, reach: int, out: Floats32) -> None:
     """Where each cell lies to the box of its region, and what is first known in the eight directions."""
     seen = np.zeros(4, np.float32)
     for k in range(len(found)):
@@ -361,12 +345,7 @@ def _describe(
 
 @njit(cache=True, nogil=True)
 def _look(
-    known: _Known,
-    cell: tuple[int, int],
-    step: tuple[int, int],
-    region: int,
-    reach: int,
-    out: NDArray[np.float32],
+    known: _Known, cell: tuple[int, int], step: tuple[int, int], region: int, reach: int, out: Floats32
 ) -> None:
     """Steps to the first known cell, its kind, lines crossed, steps to the first line.
 

@@ -7,8 +7,8 @@ It sees what the trees see of each lattice cell, and what they see of all lattic
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Floats32
 from layoutexplore.models.convolution import convolve
 from layoutexplore.models.network_files import Layers, Weights
 from layoutexplore.predictors.cell_model.network_input import PLANES, NetworkInput, Planes, draw_planes
@@ -39,7 +39,7 @@ class CellNetwork:
     def __init__(self, weights: Weights) -> None:
         self._weights = {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}
 
-    def score(self, scene: NetworkInput) -> NDArray[np.float32]:
+    def score(self, scene: NetworkInput) -> Floats32:
         """Log-odds float32 (n,) that each lattice cell of the input belongs to its region's room."""
         if len(scene.lattice_cells) == 0:
             return np.zeros(0, np.float32)
@@ -47,7 +47,7 @@ class CellNetwork:
         row, col = scene.lattice_cells[:, 0] - planes.row, scene.lattice_cells[:, 1] - planes.col
         return self._forward(planes)[row, col, scene.rank]
 
-    def _forward(self, planes: Planes) -> NDArray[np.float32]:
+    def _forward(self, planes: Planes) -> Floats32:
         """Log-odds float32 (rows, cols, 2) for the two ranks of every lattice cell."""
         full = self._layer("at_full", self._layer("show", planes.values))
         half = self._layer("at_half", self._layer("to_half", full))
@@ -59,7 +59,7 @@ class CellNetwork:
             low = self._layer(name, np.concatenate([larger, skipped], axis=2))
         return self._layer("judge", self._layer("end", low), last=True)
 
-    def _layer(self, name: str, values: NDArray[np.float32], last: bool = False) -> NDArray[np.float32]:
+    def _layer(self, name: str, values: Floats32, last: bool = False) -> Floats32:
         """One convolution of values (rows, cols, channels), padded with zeros."""
         _, _, side, stride = LAYERS[name]
         found = convolve(values, self._weights[f"{name}.weight"], side, stride)

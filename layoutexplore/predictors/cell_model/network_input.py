@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32
 from layoutexplore.predictors.bit_map import (
     ALONG_COLS,
     ALONG_ROWS,
@@ -81,12 +82,12 @@ class NetworkInput:
     labels: NDArray[np.int16]
     lattice_cells: NDArray[np.int16]
     region: NDArray[np.int16]
-    rank: NDArray[np.int8]
+    rank: Cells
     features: NDArray[np.float16]
 
 
 def make_network_input(
-    cells: NDArray[np.int8], regions: Regions, candidates: CandidateCells, resolution: float
+    cells: Cells, regions: Regions, candidates: CandidateCells, resolution: float
 ) -> NetworkInput:
     """A decision in places.
 
@@ -147,10 +148,10 @@ class Planes:
         asked: int64 (m,), the entries of the scene that lie in it.
     """
 
-    values: NDArray[np.float32]
+    values: Floats32
     row: int
     col: int
-    asked: NDArray[np.int64]
+    asked: Ints
 
 
 def draw_planes(scene: NetworkInput, corner: tuple[int, int] | None = None, size: int = 0) -> Planes:
@@ -186,14 +187,14 @@ def draw_planes(scene: NetworkInput, corner: tuple[int, int] | None = None, size
     return Planes(values, row, col, asked)
 
 
-def _shown(features: NDArray[np.float16]) -> NDArray[np.float32]:
+def _shown(features: NDArray[np.float16]) -> Floats32:
     """Features float32 (n, SHOWN) as they are shown."""
     numbers = np.clip(features[:, _NUMBERED].astype(np.float32) / _DIVISORS, 0.0, _MOST)
     kinds = features[:, _KINDED, None] == np.array(_KINDS, np.float16)
     return np.hstack([numbers, kinds.reshape(len(features), len(_KINDED) * len(_KINDS)).astype(np.float32)])
 
 
-def _mark_same(owner: NDArray[np.int32], planes: NDArray[np.float32]) -> None:
+def _mark_same(owner: Ints32, planes: Floats32) -> None:
     """Mark where the lattice cell above, below, to the left or to the right has the same region."""
     rows = (owner[1:] == owner[:-1]) & (owner[1:] > 0)
     cols = (owner[:, 1:] == owner[:, :-1]) & (owner[:, 1:] > 0)

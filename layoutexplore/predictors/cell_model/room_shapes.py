@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Mask
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.predictors.cell_model.features import CandidateCells
 from layoutexplore.predictors.room_completion import Shape
@@ -44,13 +45,11 @@ class Window(NamedTuple):
     region: int
     row: int
     col: int
-    chance: NDArray[np.float64]
-    classified: NDArray[np.bool_]
+    chance: Floats
+    classified: Mask
 
 
-def room_shapes(
-    cells: NDArray[np.int8], candidates: CandidateCells, probability: NDArray[np.float64]
-) -> dict[int, Shape]:
+def room_shapes(cells: Cells, candidates: CandidateCells, probability: Floats) -> dict[int, Shape]:
     """By region the unknown cells that belong to its room; the likelier one of two rooms has a cell.
 
     Args:
@@ -104,7 +103,7 @@ def straightened(window: Window) -> Window:
     return window._replace(chance=np.where(window.classified, odds / (1.0 + odds), 0.0))
 
 
-def best_rectangle(chance: NDArray[np.float64], classified: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+def best_rectangle(chance: Floats, classified: Mask) -> tuple[int, int, int, int]:
     """The rectangle of the greatest expected overlap with a room, found by moving one side at a time.
 
     Args:
@@ -134,7 +133,7 @@ def best_rectangle(chance: NDArray[np.float64], classified: NDArray[np.bool_]) -
 
 @njit(cache=True, nogil=True)
 def _climb(
-    chances: NDArray[np.float64], counts: NDArray[np.float64], row0: int, row1: int, col0: int, col1: int
+    chances: Floats, counts: Floats, row0: int, row1: int, col0: int, col1: int
 ) -> tuple[float, int, int, int, int]:
     """Move the sides of a rectangle until none has a better place; its expected overlap and its sides.
 
@@ -163,7 +162,7 @@ def _climb(
     return best, sides[0], sides[1], sides[2], sides[3]
 
 
-def _windows(candidates: CandidateCells, probability: NDArray[np.float64]) -> Iterator[Window]:
+def _windows(candidates: CandidateCells, probability: Floats) -> Iterator[Window]:
     """The lattice cells near each region, with a rim of one that is not classified."""
     places = candidates.cells // candidates.stride
     order = np.argsort(candidates.region, kind="stable")
@@ -179,7 +178,7 @@ def _windows(candidates: CandidateCells, probability: NDArray[np.float64]) -> It
         yield Window(int(candidates.region[part[0]]), int(first[0]), int(first[1]), chance, classified)
 
 
-def _interpolate(window: Window, stride: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _interpolate(window: Window, stride: int) -> tuple[Floats32, Mask]:
     """Probability of each cell, linear between the centres of lattice cells, and whether that is known.
 
     Lattice cells that were not classified take the mean of their classified neighbours.

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Ints, Ints32
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, WALL_BIT, BitMap
 from layoutexplore.predictors.frontier_model.feature_kernels import (
     AHEAD,
@@ -83,14 +83,14 @@ class Lengths(NamedTuple):
     near_end: int
     near_door: int
     unit: int
-    depths: NDArray[np.int64]
+    depths: Ints
 
 
 class Clusters(NamedTuple):
     """The cells of frontiers int32 (n, 2), and int64 (k + 1,) where in them each frontier begins."""
 
-    members: NDArray[np.int32]
-    offsets: NDArray[np.int64]
+    members: Ints32
+    offsets: Ints
 
 
 class FeatureCache:
@@ -111,7 +111,7 @@ class FeatureCache:
 
     def compute(
         self, bit_map: BitMap, frontiers: FrontierClusters, resolution: float
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.int32]]:
+    ) -> tuple[Floats32, Floats, Ints32]:
         """Compute the local features of each frontier, or take those that are still valid.
 
         Returns:
@@ -144,12 +144,8 @@ class FeatureCache:
         return features, frames, touched
 
     def _still_valid(
-        self,
-        bit_map: BitMap,
-        keys: Sequence[bytes],
-        clusters: Clusters,
-        resolution: float,
-    ) -> NDArray[np.int64]:
+        self, bit_map: BitMap, keys: Sequence[bytes], clusters: Clusters, resolution: float
+    ) -> Ints:
         """Per frontier int64 (k,) where it was found the last time with the same surroundings, or -1."""
         if (
             self._bit_map is None
@@ -168,7 +164,7 @@ class FeatureCache:
 
 
 @njit(cache=True, nogil=True)
-def changed_blocks(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def changed_blocks(before: Bytes, after: Bytes) -> Bytes:
     """Not 0 in blocks that hold a cell that differs."""
     changed = np.zeros(((before.shape[0] - 1) // BLOCK + 1, (before.shape[1] - 1) // BLOCK + 1), np.uint8)
     for r in range(before.shape[0]):
@@ -184,12 +180,7 @@ def changed_blocks(before: NDArray[np.uint8], after: NDArray[np.uint8]) -> NDArr
 
 
 @njit(cache=True, nogil=True)
-def _forget_changed(
-    changes: NDArray[np.int32],
-    clusters: Clusters,
-    reach: int,
-    old: NDArray[np.int64],
-) -> None:
+def _forget_changed(changes: Ints32, clusters: Clusters, reach: int, old: Ints) -> None:
     """Set to -1 what has a changed block within `reach` blocks."""
     for k in range(len(old)):
         if old[k] < 0:
@@ -206,15 +197,15 @@ def _forget_changed(
 
 @njit(cache=True, nogil=True)
 def compute_local_features(
-    code: NDArray[np.uint8],
+    code: Bytes,
     clusters: Clusters,
-    wanted: NDArray[np.int64],
+    wanted: Ints,
     lengths: Lengths,
-    barriers: NDArray[np.int64],
+    barriers: Ints,
     scratch: FloodScratch,
     mark: int,
-    out: NDArray[np.float32],
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    out: Floats32,
+) -> tuple[Floats, Ints32]:
     """Compute `LOCAL_FEATURES` of the wanted frontiers, in cells, into `out` float32 (wanted, features).
 
     Marks up to `mark` + wanted * barriers are used. Returns the frames float64 (wanted, 8) and the free cells
@@ -251,13 +242,7 @@ def compute_local_features(
 
 
 @njit(cache=True, nogil=True)
-def _shape(
-    code: NDArray[np.uint8],
-    cluster: NDArray[np.int32],
-    frame: NDArray[np.float64],
-    near: int,
-    out: NDArray[np.float32],
-) -> None:
+def _shape(code: Bytes, cluster: Ints32, frame: Floats, near: int, out: Floats32) -> None:
     """Size, extents, slant, sides, and the distance to a wall from the ends on either side."""
     # In the order of `_SHAPE`.
     ahead = cluster[:, 0] * frame[FORWARD] + cluster[:, 1] * frame[FORWARD + 1]
@@ -284,6 +269,6 @@ _FACTORS = np.array(
 )  # fmt: skip
 
 
-def _scale(out: NDArray[np.float32], resolution: float) -> None:
+def _scale(out: Floats32, resolution: float) -> None:
     """From cells to metres and square metres."""
     out *= np.float32(resolution) ** _FACTORS.astype(np.float32)

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Ints, Ints32
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
 
 RAYS = 16
@@ -39,12 +39,12 @@ class FloodScratch(NamedTuple):
         queue: The cells of a flood, in the order in which it takes them.
     """
 
-    stamp: NDArray[np.int32]
-    queue: NDArray[np.int32]
+    stamp: Ints32
+    queue: Ints32
 
 
 @njit(cache=True, nogil=True)
-def frontier_frame(code: NDArray[np.uint8], members: NDArray[np.int32]) -> NDArray[np.float64]:
+def frontier_frame(code: Bytes, members: Ints32) -> Floats:
     """The frame of a frontier int32 (n, 2).
 
     Returns:
@@ -81,9 +81,7 @@ def frontier_frame(code: NDArray[np.uint8], members: NDArray[np.int32]) -> NDArr
 
 
 @njit(cache=True, nogil=True)
-def cast_rays(
-    code: NDArray[np.uint8], frame: NDArray[np.float64], reach: int, out: NDArray[np.float32]
-) -> None:
+def cast_rays(code: Bytes, frame: Floats, reach: int, out: Floats32) -> None:
     """Per ray: length of the first unknown run, what ends it, distance to a wall, unknown cells before it.
 
     What ends it: 0 wall, 1 free, 2 nothing within reach, 3 there is no unknown on the ray. Lengths in cells.
@@ -115,11 +113,7 @@ def cast_rays(
 
 @njit(cache=True, nogil=True)
 def _start_flood(
-    code: NDArray[np.uint8],
-    barrier: int,
-    members: NDArray[np.int32],
-    scratch: FloodScratch,
-    mark: int,
+    code: Bytes, barrier: int, members: Ints32, scratch: FloodScratch, mark: int
 ) -> tuple[int, int, int]:
     """Queue the unknown cells beside a frontier that no barrier takes.
 
@@ -145,7 +139,7 @@ def _start_flood(
 
 
 @njit(cache=True, nogil=True)
-def _thin_out(touched: NDArray[np.int32]) -> None:
+def _thin_out(touched: Ints32) -> None:
     """Keep every other cell."""
     for j in range(TOUCHED // 2):
         touched[j] = touched[2 * j]
@@ -154,14 +148,14 @@ def _thin_out(touched: NDArray[np.int32]) -> None:
 
 @njit(cache=True, nogil=True)
 def flood_unknown(
-    code: NDArray[np.uint8],
+    code: Bytes,
     barrier: int,
-    members: NDArray[np.int32],
-    depths: NDArray[np.int64],
+    members: Ints32,
+    depths: Ints,
     scratch: FloodScratch,
     mark: int,
-    out: NDArray[np.float32],
-    touched: NDArray[np.int32],
+    out: Floats32,
+    touched: Ints32,
 ) -> int:
     """Flood the unknown behind a frontier, ring by ring, not into cells with one of the bits of a barrier.
 
@@ -226,14 +220,14 @@ def flood_unknown(
 
 @njit(cache=True, nogil=True)
 def _bits_on_lines(
-    code: NDArray[np.uint8],
+    code: Bytes,
     along_rows: bool,
     row: int,
     col: int,
     lines: tuple[int, int, int],
     cells: tuple[int, int, int],
     other: int,
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+) -> tuple[Ints32, Ints32]:
     """Count the cells with the bit of a wall, and with one of the other bits, on lines along rows or columns.
 
     `lines` and `cells` say where, from (row, col), the lines and the cells of each begin, the step (1 or -1),
@@ -262,9 +256,7 @@ def _bits_on_lines(
 
 
 @njit(cache=True, nogil=True)
-def walls_in_line(
-    code: NDArray[np.uint8], frame: NDArray[np.float64], unit: int, out: NDArray[np.float32]
-) -> None:
+def walls_in_line(code: Bytes, frame: Floats, unit: int, out: Floats32) -> None:
     """The longest walls across the frontier's path, and beside it.
 
     `AHEAD` slices of `unit` cells forward: most wall cells on a line across the path within `ASIDE` units to
@@ -292,13 +284,7 @@ def walls_in_line(
 
 
 @njit(cache=True, nogil=True)
-def doors_near(
-    code: NDArray[np.uint8],
-    members: NDArray[np.int32],
-    frame: NDArray[np.float64],
-    reach: int,
-    out: NDArray[np.float32],
-) -> None:
+def doors_near(code: Bytes, members: Ints32, frame: Floats, reach: int, out: Floats32) -> None:
     """Share of the frontier in doors, distance of its middle to the nearest door, door cells near it."""
     inside = 0
     for i in range(len(members)):

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32
 from layoutexplore.grids.grid import FREE
 from layoutexplore.predictors.bit_map import BitMap, draw_bit_map
 from layoutexplore.predictors.frontier_model.feature_cache import (
@@ -77,19 +77,19 @@ class Surroundings:
         touched: int32 (k, barriers, TOUCHED), free cells of the bit map that floods touch.
     """
 
-    cells: NDArray[np.int8]
+    cells: Cells
     frontiers: FrontierClusters
     regions: Regions
-    homes: NDArray[np.int64]
+    homes: Ints
     resolution: float
     bit_map: BitMap
-    local_features: NDArray[np.float32]
-    frames: NDArray[np.float64]
-    touched: NDArray[np.int32]
+    local_features: Floats32
+    frames: Floats
+    touched: Ints32
 
 
 def look_around(
-    cells: NDArray[np.int8],
+    cells: Cells,
     frontiers: FrontierClusters,
     regions: Regions,
     resolution: float,
@@ -111,7 +111,7 @@ def look_around(
     )
 
 
-def frontier_features(around: Surroundings, visible: NDArray[np.float64]) -> NDArray[np.float32]:
+def frontier_features(around: Surroundings, visible: Floats) -> Floats32:
     """Features float32 (k, len(FEATURES)) of k frontiers.
 
     Args:
@@ -138,14 +138,7 @@ def frontier_features(around: Surroundings, visible: NDArray[np.float64]) -> NDA
 
 
 @njit(cache=True, nogil=True)
-def _contacts(
-    touched: NDArray[np.int32],
-    cols: int,
-    margin: int,
-    labels: NDArray[np.int32],
-    home: NDArray[np.int64],
-    out: NDArray[np.float32],
-) -> None:
+def _contacts(touched: Ints32, cols: int, margin: int, labels: Ints32, home: Ints, out: Floats32) -> None:
     """Per flood the share of touched free cells in other regions, and the number of these regions."""
     seen = np.zeros(TOUCHED, np.int32)
     for k in range(len(touched)):
@@ -172,12 +165,12 @@ def _contacts(
 @njit(cache=True, nogil=True)
 def _region_features(
     clusters: Clusters,
-    home: NDArray[np.int64],
-    frames: NDArray[np.float64],
-    grids: tuple[NDArray[np.int32], NDArray[np.float32]],
-    sums: tuple[NDArray[np.int64], NDArray[np.float64]],
+    home: Ints,
+    frames: Floats,
+    grids: tuple[Ints32, Floats32],
+    sums: tuple[Ints, Floats],
     resolution: float,
-    out: NDArray[np.float32],
+    out: Floats32,
 ) -> None:
     """The region that holds each frontier, and what finished rooms are like: written to `out` by `_AT`.
 

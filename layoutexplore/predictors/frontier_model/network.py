@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Floats32
 from layoutexplore.models.convolution import neighbourhoods
 from layoutexplore.models.network_files import Layers, Weights, shapes_of
 from layoutexplore.predictors.frontier_model.network_input import PLANES, SIDE
@@ -58,9 +58,9 @@ class FrontierNetwork:
             )
             for name in LAYERS
         }
-        self._known: dict[bytes, NDArray[np.float32]] = {}
+        self._known: dict[bytes, Floats32] = {}
 
-    def score(self, crops: NDArray[np.uint8]) -> NDArray[np.float32]:
+    def score(self, crops: Bytes) -> Floats32:
         """Score k frontiers.
 
         Args:
@@ -77,7 +77,7 @@ class FrontierNetwork:
         self._known = {key: known[key] for key in keys}
         return np.array([known[key] for key in keys], np.float32).reshape(len(keys), 3)
 
-    def _score(self, crops: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _score(self, crops: Floats32) -> Floats32:
         """The mean scores of crops and mirrored crops."""
         values = np.concatenate([crops, crops[:, :, ::-1]])
         for name, (_, _, side, stride) in LAYERS.items():
@@ -89,12 +89,12 @@ class FrontierNetwork:
             else:
                 _quantise(values, scale, bias)
                 values = values.reshape(*shown.shape[:-1], -1)
-        both: NDArray[np.float32] = (values[: len(crops)] + values[len(crops) :]) / np.float32(2)
+        both: Floats32 = (values[: len(crops)] + values[len(crops) :]) / np.float32(2)
         return both
 
 
 @njit(cache=True, nogil=True)
-def _quantise(values: NDArray[np.float32], scale: NDArray[np.float32], bias: NDArray[np.float32]) -> None:
+def _quantise(values: Floats32, scale: Floats32, bias: Floats32) -> None:
     """Make whole numbers 0..MOST of the sums (cells, channels) of a layer."""
     for square in range(values.shape[0]):
         for k in range(values.shape[1]):

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
 from layoutexplore.predictors.frontier_model.feature_cache import Clusters
 from layoutexplore.predictors.frontier_model.features import Surroundings
@@ -47,7 +47,7 @@ ROOM_BEHIND, OTHER_ROOM, DOORWAY, SOLID, KNOWN = range(5)
 """Classes of `draw_truth`: floor of the room behind the frontier, of another, of none, no floor, known."""
 
 
-def draw_crops(around: Surroundings, wanted: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
+def draw_crops(around: Surroundings, wanted: Ints | None = None) -> Bytes:
     """The crops uint8 (k, SIDE, SIDE, PLANES) of k frontiers.
 
     Rows go from behind to ahead, columns from one side to the other.
@@ -67,9 +67,7 @@ def draw_crops(around: Surroundings, wanted: NDArray[np.int64] | None = None) ->
     return out
 
 
-def draw_truth(
-    around: Surroundings, behind: NDArray[np.int32], room_ids: NDArray[np.int32], free: NDArray[np.bool_]
-) -> NDArray[np.uint8]:
+def draw_truth(around: Surroundings, behind: Ints32, room_ids: Ints32, free: Mask) -> Bytes:
     """What the unknown in the crops of k frontiers is in truth: uint8 (k, SIDE, SIDE).
 
     The grid cell in the middle of a crop's cell decides.
@@ -95,7 +93,7 @@ def draw_truth(
     return out
 
 
-def _bounds(before: int, resolution: float) -> NDArray[np.int64]:
+def _bounds(before: int, resolution: float) -> Ints:
     """First grid cell int64 (SIDE + 1,) of each cell of a crop along one side.
 
     So many come before the one with grid cell 0 in its middle.
@@ -107,14 +105,14 @@ def _bounds(before: int, resolution: float) -> NDArray[np.int64]:
 
 @njit(cache=True, nogil=True)
 def _draw(
-    grids: tuple[NDArray[np.uint8], int, NDArray[np.int32]],
+    grids: tuple[Bytes, int, Ints32],
     clusters: Clusters,
-    wanted: NDArray[np.int64],
-    frames: NDArray[np.float64],
-    homes: NDArray[np.int64],
-    ahead: NDArray[np.int64],
-    aside: NDArray[np.int64],
-    out: NDArray[np.uint8],
+    wanted: Ints,
+    frames: Floats,
+    homes: Ints,
+    ahead: Ints,
+    aside: Ints,
+    out: Bytes,
 ) -> None:
     """Draw the wanted frontiers' crops.
 
@@ -145,7 +143,7 @@ def _draw(
 
 
 @njit(cache=True, nogil=True)
-def _crop_cell_of(bounds: NDArray[np.int64]) -> NDArray[np.int64]:
+def _crop_cell_of(bounds: Ints) -> Ints:
     """The crop's cell of each grid cell from the first bound up to the last."""
     found = np.zeros(bounds[-1] - bounds[0], np.int64)
     for k in range(len(bounds) - 1):
@@ -155,14 +153,14 @@ def _crop_cell_of(bounds: NDArray[np.int64]) -> NDArray[np.int64]:
 
 @njit(cache=True, nogil=True)
 def _draw_crop(
-    flat: tuple[NDArray[np.uint8], NDArray[np.int32]],
+    flat: tuple[Bytes, Ints32],
     first: tuple[int, int],
     forward: tuple[int, int],
     sideways: tuple[int, int],
     home: int,
-    ahead: NDArray[np.int64],
-    aside: NDArray[np.int64],
-    out: NDArray[np.uint8],
+    ahead: Ints,
+    aside: Ints,
+    out: Bytes,
 ) -> None:
     """Count the grid cells of each cell of a crop; one that is smaller than a grid cell has one.
 

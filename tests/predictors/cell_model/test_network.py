@@ -14,9 +14,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.models.network_files import load_weights, save_weights, shapes_of
 from layoutexplore.predictors.cell_model.features import FEATURES
 from layoutexplore.predictors.cell_model.network import LAYERS, CellNetwork
-from layoutexplore.predictors.cell_model.network_input import (
-    draw_planes,
-)
+from layoutexplore.predictors.cell_model.network_input import draw_planes
 from tests.predictors.cell_model.cases import half_seen, random_weights, scene_of
 
 

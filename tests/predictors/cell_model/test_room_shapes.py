@@ -59,10 +59,7 @@ def test_no_threshold_overlaps_more(values: list[float]) -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(
-    chance=arrays(np.float64, (6, 7), elements=st.floats(0.0, 0.99)),
-    classified=arrays(np.bool_, (6, 7)),
-)
+@given(chance=arrays(np.float64, (6, 7), elements=st.floats(0.0, 0.99)), classified=arrays(np.bool_, (6, 7)))
 def test_no_single_side_of_the_best_rectangle_can_be_moved_to_a_better_place(
     chance: NDArray[np.float64], classified: NDArray[np.bool_]
 ) -> None:

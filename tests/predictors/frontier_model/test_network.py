@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError
 from layoutexplore.models.network_files import load_weights, save_weights
 from layoutexplore.predictors.frontier_model.network import LAYERS, MOST, SHAPES, FrontierNetwork
-from layoutexplore.predictors.frontier_model.network_input import (
-    SIDE,
-)
+from layoutexplore.predictors.frontier_model.network_input import SIDE
 from tests.predictors.frontier_model.cases import network_of, random_weights, random_windows
 
 
