@@ -12,6 +12,7 @@ import typer
 from layoutexplore.files import check_places, write_json
 
 if TYPE_CHECKING:
+    from layoutexplore.evaluation.closed_doors import PairScore
     from layoutexplore.training.closed_doors import ClosedDoorSamples, Source
 
 COLUMNS = ("before", "free_iou", "iou", "iqm", "iqm_low", "iqm_high", "precision", "recall")
@@ -28,6 +29,15 @@ HELP = (
 )
 
 
+Plans = Annotated[
+    list[str] | None,
+    typer.Option(help="With --folds: floor plans to train on besides (name, file or folder)."),
+]
+Cache = Annotated[
+    Path | None, typer.Option(help="With --folds: keeps what is learnt from; a stopped run goes on.")
+]
+
+
 def closed_doors(
     folder: Annotated[
         Path, typer.Argument(help="Folder with NAME_k_doors_IN.png, NAME_k_doors_OUT.png and NAME_GT.png.")
@@ -40,13 +50,8 @@ def closed_doors(
     folds: Annotated[
         int, typer.Option(min=0, help="Train anew without each of so many groups of buildings; 0: shipped.")
     ] = 0,
-    plans: Annotated[
-        list[str] | None,
-        typer.Option(help="With --folds: floor plans to train on besides (name, file or folder)."),
-    ] = None,
-    cache: Annotated[
-        Path | None, typer.Option(help="With --folds: keeps what is learnt from; a stopped run goes on.")
-    ] = None,
+    plans: Plans = None,
+    cache: Cache = None,
     report: Annotated[bool, typer.Option(help="Also write report.html with a picture of every map.")] = True,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write every number into this file.")
@@ -77,8 +82,7 @@ def closed_doors(
         results = evaluate(triples, resolution=resolution, out=out, jobs=jobs)
     for triple, score in zip(triples, results, strict=True):
         scores.append(score)
-        theirs = f"  reference {score.reference.iou:.3f}" if score.reference else ""
-        typer.echo(f"{triple.name}: never seen {score.hidden_m2:.0f} m2, IoU {score.ours.iou:.3f}{theirs}")
+        typer.echo(f"{triple.name}: {_line(score)}")
     summary = summarise_closed_doors(scores)
     _print(summary)
     note = f"every building was held out, in {folds} groups" if folds else NOTE
@@ -90,6 +94,11 @@ def closed_doors(
     if json_file is not None:
         write_json(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
         typer.echo(f"written: {json_file}")
+
+
+def _line(score: PairScore) -> str:
+    theirs = f"  reference {score.reference.iou:.3f}" if score.reference else ""
+    return f"never seen {score.hidden_m2:.0f} m2, IoU {score.ours.iou:.3f}{theirs}"
 
 
 def _learn_from(
