@@ -6,10 +6,11 @@ Importing a module registers its agents; `make_agent` builds one from its name a
 from __future__ import annotations
 
 from layoutexplore.agents import greedy, mapex, policy, published, room_aware, tour, waiting
-from layoutexplore.agents.base import agent_names, describe_agents, make_agent
+from layoutexplore.agents.base import AGENTS, agent_names, describe_agents, make_agent, register_agent
 from layoutexplore.agents.omniscient import agent as clairvoyant
 
 __all__ = [
+    "AGENTS",
     "agent_names",
     "clairvoyant",
     "describe_agents",
@@ -18,6 +19,7 @@ __all__ = [
     "mapex",
     "policy",
     "published",
+    "register_agent",
     "room_aware",
     "tour",
     "waiting",

@@ -6,14 +6,13 @@ they mean and which values make sense. A preset is a further name for the same a
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, TypeVar
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision
-from layoutexplore.options import Options, format_spec, format_value, parse_spec
+from layoutexplore.options import Options
+from layoutexplore.plugins.registry import Description, Registry
 
 OptionsT = TypeVar("OptionsT", bound=Options)
 
@@ -25,6 +24,9 @@ class Heuristic(Generic[OptionsT]):
         name: What it is called in results.
         options: Its parameters.
     """
+
+    remembers = False
+    """Whether a choice depends on more than the decision; a saved run asks agents that do from the start."""
 
     def __init__(self, name: str, options: OptionsT) -> None:
         self.name = name
@@ -45,56 +47,56 @@ class Heuristic(Generic[OptionsT]):
         return f"<{type(self).__name__} {self.name}>"
 
 
-class AgentDescription(NamedTuple):
-    """A row of the table of agents: name, what it does, and its parameters as (key, default, meaning)."""
+def _accept(name: str, made: Any) -> Agent:
+    """A user's own agent, with a name where it has none.
 
-    name: str
-    summary: str
-    parameters: tuple[tuple[str, str, str], ...]
+    Raises:
+        ConfigError: It cannot be reset or asked.
+    """
+    for method in ("reset(seed)", "act(decision)"):
+        if not callable(getattr(made, method.partition("(")[0], None)):
+            raise ConfigError(f"agent {name!r} is a {type(made).__name__}, which has no {method}")
+    if not isinstance(getattr(made, "name", None), str):
+        made.name = name
+    agent: Agent = made
+    return agent
 
 
-@dataclass(frozen=True)
-class _Entry:
-    summary: str
-    build: Callable[[str, Any], Agent]
-    defaults: Options
-
-
-_entries: dict[str, _Entry] = {}
+AGENTS: Registry[Agent] = Registry("agent", "layoutexplore.agents", _accept, module="layoutexplore.agents")
+"""Every agent and preset by name."""
 
 
 def register(name: str, summary: str, build: Callable[[str, OptionsT], Agent], defaults: OptionsT) -> None:
-    """Make an agent known by name.
+    """Make an agent that ships known by name; arguments and errors as `register_agent`."""
+    AGENTS.ship(name, summary, build, defaults)
+
+
+def register_agent(name: str, doc: str, build: Callable[..., Any], options: Any = None) -> None:
+    """Make an agent of your own known by name.
 
     Args:
         name: Lower-case words joined by "-".
-        summary: What it does, in one line.
-        build: Called with the full name and the options; may import what is heavy.
-        defaults: The options it has unless told otherwise.
+        doc: What it does, in one line.
+        build: Called with the full name and the options; may import what is heavy. Without options, a class
+            or function whose own parameters, all with defaults, are the options.
+        options: The options it has unless told otherwise: a child of `layoutexplore.options.Options`.
 
     Raises:
-        ConfigError: The name is taken by something else. (The same thing again changes nothing: a module may
-            be imported under two names, as test collectors do.)
+        ConfigError: The name is taken by something else.
     """
-    if name in _entries:
-        if (_entries[name].build.__qualname__, str(_entries[name].defaults)) != (
-            build.__qualname__,
-            str(defaults),
-        ):
-            raise ConfigError(f"there is an agent {name!r} already")
-        return
-    _entries[name] = _Entry(summary, build, defaults)
+    AGENTS.register(name, doc, build, options)
 
 
 def make_agent(spec: str) -> Agent:
-    """An agent from `NAME` or `NAME:key=value,key=value`.
+    """An agent from `NAME`, `NAME:key=value,key=value`, `FILE.py:CLASS` or `package.module:CLASS`.
 
-    Its `name` is the spec in a canonical form: parameters in a fixed order, those that have their default
-    left out.
+    The `name` of one that ships is the spec in a canonical form: parameters in a fixed order, those that have
+    their default left out.
 
     Raises:
         UnknownNameError: No agent has that name, or it has no such parameter; the closest ones are suggested.
         ConfigError: The spec is not of that form, or a value makes no sense.
+        OwnCodeError: A user's own agent cannot be loaded.
 
     Example:
         >>> from layoutexplore.agents import make_agent
@@ -103,23 +105,14 @@ def make_agent(spec: str) -> Agent:
         >>> make_agent("nearest:min_size=1").name
         'nearest'
     """
-    name, options = parse_spec("agent", spec, {name: entry.defaults for name, entry in _entries.items()})
-    entry = _entries[name]
-    return entry.build(format_spec(name, options, entry.defaults), options)
+    return AGENTS.make(spec)
 
 
 def agent_names() -> list[str]:
     """The names of all agents and presets, sorted."""
-    return sorted(_entries)
+    return sorted(AGENTS.names())
 
 
-def describe_agents() -> list[AgentDescription]:
+def describe_agents() -> list[Description]:
     """All agents in the order of their registration, with their parameters, for help pages and tables."""
-    return [
-        AgentDescription(name, entry.summary, _parameters(entry.defaults)) for name, entry in _entries.items()
-    ]
-
-
-def _parameters(defaults: Options) -> tuple[tuple[str, str, str], ...]:
-    fields = dataclasses.fields(defaults)
-    return tuple((f.name, format_value(getattr(defaults, f.name)), f.metadata["text"]) for f in fields)
+    return AGENTS.describe()

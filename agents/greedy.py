@@ -121,6 +121,8 @@ def best_index(scores: Scores, path_lengths: Floats) -> int:
 class Random(Heuristic[Options]):
     """Any frontier with the same probability."""
 
+    remembers = True
+
     def __init__(self, name: str, options: Options) -> None:
         super().__init__(name, options)
         self.reset(0)

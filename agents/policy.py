@@ -10,13 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import safetensors.numpy
+import numpy as np
 
 from layoutexplore.agents.base import register
 from layoutexplore.agents.rl.card import PolicySpec, find_policy, read_spec
 from layoutexplore.agents.rl.linear import LinearPolicy, PolicyAgent
-from layoutexplore.errors import ResultsError, require
+from layoutexplore.errors import require
 from layoutexplore.files import fingerprint
+from layoutexplore.files.tensors import read_tensors
 from layoutexplore.frontiers.decision import Agent
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.options import Options, option
@@ -42,12 +43,9 @@ def load_policy(name: str, policy: str) -> PolicyAgent:
 
 
 def _linear_weights(path: Path, spec: PolicySpec) -> Mapping[str, Floats32]:
-    weights = safetensors.numpy.load_file(path)
     shapes = {"direct.weight": (1, len(spec.frontier_features)), "tour_weight": ()}
-    for name, shape in shapes.items():
-        if name not in weights or weights[name].shape != shape:
-            raise ResultsError(f"{path}: the weights do not fit its card: {name} must have the shape {shape}")
-    return weights
+    weights, _ = read_tensors(path, shapes, what="policy")
+    return {name: np.asarray(weights[name], np.float32) for name in shapes}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ Gymnasium.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -26,6 +27,7 @@ from layoutexplore.frontiers.decision import Predictor
 from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.grid import Pose
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN, distance_to_coverage
+from layoutexplore.options import check_kind
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 
@@ -72,6 +74,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         viewer: Viewer,
         watches_rooms: bool = False,
     ) -> None:
+        check_kind("randomisation", randomisation, Randomisation, optional=True)
         self.config = config
         self.render_mode = viewer.mode
         self.progress = 1.0
@@ -205,8 +208,23 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         }
 
 
+def whole_action(action: Any) -> int:
+    """An action of a `Discrete` space; a flag or a fraction is none.
+
+    Raises:
+        ConfigError: It is no whole number.
+    """
+    try:
+        if isinstance(action, (bool, np.bool_)) or getattr(action, "dtype", None) == np.bool_:
+            raise TypeError
+        return operator.index(action)
+    except TypeError:
+        raise ConfigError(f"an action is a whole number, got {action!r}") from None
+
+
 def configure(simulation: SimulationConfig | None, **overrides: Any) -> SimulationConfig:
     """The configuration of an environment's simulations: overrides that are None change nothing."""
+    check_kind("simulation", simulation, SimulationConfig, optional=True)
     changes = {name: value for name, value in overrides.items() if value is not None}
     return replace(simulation or SimulationConfig(), **changes)
 
@@ -221,7 +239,10 @@ def _start(value: Any) -> Pose | None:
     """A start from the options of `reset`: (x, y) or (x, y, theta)."""
     if value is None:
         return None
-    numbers = tuple(float(v) for v in value)
+    try:
+        numbers = tuple(float(v) for v in value)
+    except (TypeError, ValueError):
+        numbers = ()
     if len(numbers) not in (2, 3):
         raise StartError(f"a start is (x, y) or (x, y, theta), got {value!r}")
     return Pose(*numbers)

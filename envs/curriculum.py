@@ -18,7 +18,7 @@ import numpy as np
 from layoutexplore.envs.plans import load
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.options import NON_NEGATIVE, SHARE, Rule, check
+from layoutexplore.options import NON_NEGATIVE, SHARE, Rule, check, check_kind
 from layoutexplore.sensing.lidar import sensor
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise
@@ -78,6 +78,7 @@ class PlanSampler:
         from layoutexplore.maps.generator import FAMILIES
         from layoutexplore.maps.generator.config import LIMITS
 
+        check_kind("families", self.families, Mapping)
         for family, weight in self.families.items():
             if family not in FAMILIES:
                 raise unknown_name("family", family, FAMILIES)
@@ -91,7 +92,8 @@ class PlanSampler:
             if least > greatest:
                 raise ConfigError(f"{name}: the least value comes first, got {(least, greatest)!r}")
         seeds = Rule(kind=int, low=0, high=2**31)
-        check(self, seeds=seeds, shipped_share=SHARE, first_area=NON_NEGATIVE, growth=SHARE)
+        first_area, names = Rule(low=0.0, high=1e6), Rule(kind=str, count=-1)
+        check(self, seeds=seeds, shipped_share=SHARE, first_area=first_area, growth=SHARE, shipped=names)
         if self.shipped_share > 0 and not self.shipped:
             raise ConfigError("shipped: name plans or splits to draw from, or set shipped_share to 0")
         object.__setattr__(self, "_names", _shipped_names(self.shipped) if self.shipped_share > 0 else ())
@@ -140,11 +142,9 @@ class Randomisation:
     robot_radius: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
+        check(self, sensors=Rule(kind=str, count=-1))
         for name in self.sensors:
             sensor(name)
-        for name in ("range_noise", "dropout", "drift"):
-            if not getattr(self, name):
-                raise ConfigError(f"{name}: list at least one value")
         check(
             self,
             range_noise=Rule(count=-1, low=0.0, high=10.0),
@@ -152,6 +152,9 @@ class Randomisation:
             drift=Rule(count=-1, low=0.0, high=1.0),
             robot_radius=Rule(count=-1, low=0.01, high=2.0),
         )
+        for name in ("range_noise", "dropout", "drift"):
+            if not getattr(self, name):
+                raise ConfigError(f"{name}: list at least one value")
 
     def draw(self, rng: np.random.Generator, config: SimulationConfig) -> SimulationConfig:
         """The configuration of an episode."""

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
-import operator
 from typing import Any, cast
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from layoutexplore.envs.base import ExplorationEnv, configure
+from layoutexplore.envs.base import ExplorationEnv, configure, whole_action
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.observation import Observation, ObservationConfig, Observer
 from layoutexplore.envs.plans import PlanSpec
@@ -20,7 +19,7 @@ from layoutexplore.envs.viewer import Viewer
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Predictor
 from layoutexplore.grids.arrays import Cells, Mask
-from layoutexplore.options import COUNT
+from layoutexplore.options import COUNT, NON_NEGATIVE, check_kind
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 
@@ -64,7 +63,12 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `privileged` | (8,) | what only the floor plan tells, for the critic; only with `privileged=True` |
 
     Channels: `free` (share of the pixel), `occupied`, `frontier`, `trail` (where the robot has been),
-    `predicted_room`, `predicted_wall`, `closed_room`.
+    `predicted_room` (unknown cells of a predicted room), `predicted_wall` (unknown cells at the outline of
+    one), `closed_room` (unknown cells of a room with a closed frontier). By default the rooms are *sketched*:
+    with `predictor="layout"` the seen part of each room, grown from its frontiers by the area predicted
+    behind them, walls that continue first. `ObservationConfig(rooms="completed")` shows the rooms that the
+    predictor's network completes instead, for 30 to 200 ms a decision. The channels differ, `frontiers` and
+    `robot` do not.
 
     | Column of `frontiers` | Content |
     |---|---|
@@ -171,6 +175,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         render_mode: str | None = None,
         render_size: tuple[int, int] = (960, 720),
     ) -> None:
+        check_kind("observation", observation, ObservationConfig, optional=True)
         super().__init__(
             plan,
             configure(simulation, sensor=sensor, resolution=resolution, robot_radius=robot_radius),
@@ -185,12 +190,8 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         self.observation_space = self.observation_config.space
         self.action_space = spaces.Discrete(self.observation_config.max_frontiers + 1)
         self._privileged: PrivilegedView | None = None
-        if not (math.isfinite(invalid_penalty) and invalid_penalty >= 0):
-            raise ConfigError(
-                f"invalid_penalty must be a finite number of 0 or more, got {invalid_penalty!r}"
-            )
-        COUNT.convert("max_invalid_actions", max_invalid_actions)
-        self._invalid_penalty, self._max_invalid_actions = float(invalid_penalty), max_invalid_actions
+        self._invalid_penalty = float(NON_NEGATIVE.convert("invalid_penalty", invalid_penalty))
+        self._max_invalid_actions = COUNT.convert("max_invalid_actions", max_invalid_actions)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -210,7 +211,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
             ConfigError: The action is no whole number or outside the action space.
         """
         self._check_running()
-        choice, simulation = _index(action), self.simulation
+        choice, simulation = whole_action(action), self.simulation
         stop = self.observation_config.max_frontiers
         if not 0 <= choice <= stop:
             raise ConfigError(f"action {choice} is outside of Discrete({stop + 1})")
@@ -232,7 +233,13 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         return super().info_types | counts | {"action_mask": mask}
 
     def action_masks(self) -> Mask:
-        """Which actions are valid, bool (max_frontiers + 1,)."""
+        """Which actions are valid, bool (max_frontiers + 1,).
+
+        Raises:
+            ResetNeeded: There was no `reset`.
+        """
+        if self._simulation is None:
+            raise ResetNeeded("no action is valid before reset(): call it first")
         return self._mask.astype(np.bool_)
 
     def _count_invalid(self) -> float:
@@ -255,10 +262,3 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         if self.render_mode == "human":
             self.render()
         return observation, info
-
-
-def _index(action: Any) -> int:
-    try:
-        return operator.index(action)
-    except TypeError:
-        raise ConfigError(f"an action is a whole number, got {action!r}") from None

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from layoutexplore.envs.base import ExplorationEnv, configure
+from layoutexplore.envs.base import ExplorationEnv, configure, whole_action
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.egocentric_maps import CHANNELS, Trail, draw_local_map
 from layoutexplore.envs.observation import Observation
@@ -19,7 +19,7 @@ from layoutexplore.envs.rewards import Reward
 from layoutexplore.envs.viewer import Viewer
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Floats32
-from layoutexplore.options import COUNT, POSITIVE, Rule, check
+from layoutexplore.options import Rule, check, check_kind
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 
@@ -69,13 +69,13 @@ class MotionConfig:
     def __post_init__(self) -> None:
         check(
             self,
-            forward=POSITIVE,
-            turn=POSITIVE,
-            local_size=Rule(kind=int, low=8),
-            local_span=POSITIVE,
-            scan_beams=COUNT,
-            length_scale=POSITIVE,
-            area_scale=POSITIVE,
+            forward=Rule(low=1e-3, high=100.0),
+            turn=Rule(above=0.0, high=2 * math.pi),
+            local_size=Rule(kind=int, low=8, high=2048),
+            local_span=Rule(above=0.0, high=500.0),
+            scan_beams=Rule(kind=int, low=1, high=100_000),
+            length_scale=Rule(low=1e-6, high=1e6),
+            area_scale=Rule(low=1e-6, high=1e6),
         )
 
     @property
@@ -203,7 +203,8 @@ class MotionEnv(ExplorationEnv[Any]):
             reward_function=reward,
             viewer=Viewer(render_mode, render_size, self.metadata["render_fps"], frontiers=False),
         )
-        if actions not in ACTIONS:
+        check_kind("motion", motion, MotionConfig, optional=True)
+        if not isinstance(actions, str) or actions not in ACTIONS:
             raise ConfigError(f"actions must be one of {', '.join(ACTIONS)}, got {actions!r}")
         self.motion = motion or MotionConfig()
         self._max_steps = Rule(kind=int, low=1, optional=True).convert("max_steps", max_steps)
@@ -260,11 +261,11 @@ class MotionEnv(ExplorationEnv[Any]):
     def _move(self, action: Any) -> tuple[float, float]:
         """Metres forward and radians to the left."""
         if self._primitives is not None:
-            number = int(action)
+            number = whole_action(action)
             if not 0 <= number < len(self._primitives):
                 raise ConfigError(f"action {number} is outside of Discrete({len(self._primitives)})")
             return self._primitives[number]
-        ahead, left = (float(v) for v in np.asarray(action).reshape(2))
+        ahead, left = _pair(action)
         if not (-1.0 <= ahead <= 1.0 and -1.0 <= left <= 1.0):
             raise ConfigError(f"action ({ahead}, {left}) is outside of Box(-1, 1)")
         return self.motion.forward * (1.0 + ahead) / 2, self.motion.turn * left
@@ -314,3 +315,14 @@ class MotionEnv(ExplorationEnv[Any]):
         )
         robot: Floats32 = np.minimum(np.maximum(np.array(values, np.float32), _LOW), _HIGH)
         return robot
+
+
+def _pair(action: Any) -> tuple[float, float]:
+    """The two numbers of a continuous action."""
+    try:
+        numbers = np.asarray(action)
+        if numbers.shape != (2,) or numbers.dtype.kind not in "fiu":
+            raise ValueError
+        return float(numbers[0]), float(numbers[1])
+    except (ValueError, TypeError):
+        raise ConfigError(f"an action is two numbers from -1 to 1, got {action!r}") from None

@@ -29,9 +29,9 @@ from layoutexplore.envs.egocentric_maps import (
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import FrontierTable
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
-from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32
-from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
-from layoutexplore.options import COUNT, POSITIVE, Rule, check
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints32, Mask
+from layoutexplore.grids.grid import OccupancyGrid
+from layoutexplore.options import FLAG, Rule, check, check_kind
 
 Observation = dict[str, NDArray[np.generic]]
 """Arrays by name."""
@@ -87,6 +87,9 @@ metres that may be travelled.
 """
 
 
+_PIXELS, _SCALE = Rule(kind=int, low=8, high=2048), Rule(low=1e-6, high=1e6)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ObservationConfig:
     """What `LayoutExplore/Frontier-v0` shows of a decision.
@@ -102,6 +105,10 @@ class ObservationConfig:
         global_min_span: Its least side in metres; it grows with what is known.
         layout_channels: Whether the maps have the channels of the predicted layout (zero without a
             predictor).
+        rooms: Which rooms these channels show. "sketched" (a millisecond): the predictor's classes and areas
+            drawn as rooms, `layoutexplore.predictors.room_sketch` for `layout`, its own rooms for predictors
+            that have them at once. "completed": the rooms of `layoutexplore evaluate partial-rooms`; with
+            `layout` a network completes them, which takes 30 to 200 ms a decision.
         detour: Whether to compute the columns `detour` and `tour_rank`: the distances between all frontiers
             and a tour, a millisecond or two a decision. Without it the columns are zero.
         tour: How the tour behind these columns weighs path lengths and areas.
@@ -123,6 +130,7 @@ class ObservationConfig:
     global_size: int = 84
     global_min_span: float = 20.0
     layout_channels: bool = True
+    rooms: str = "sketched"
     detour: bool = False
     tour: TourConfig = field(default_factory=TourConfig)
     privileged: bool = False
@@ -132,14 +140,17 @@ class ObservationConfig:
     def __post_init__(self) -> None:
         check(
             self,
-            max_frontiers=COUNT,
-            local_size=Rule(kind=int, low=8),
-            local_span=POSITIVE,
-            global_size=Rule(kind=int, low=8),
-            global_min_span=POSITIVE,
-            length_scale=POSITIVE,
-            area_scale=POSITIVE,
+            max_frontiers=Rule(kind=int, low=1, high=10_000),
+            local_size=_PIXELS,
+            local_span=Rule(above=0.0, high=500.0),
+            global_size=_PIXELS,
+            global_min_span=Rule(above=0.0, high=1e5),
+            rooms=Rule(kind=str, choices=("sketched", "completed")),
+            length_scale=_SCALE,
+            area_scale=_SCALE,
+            **dict.fromkeys(("local_map", "global_map", "layout_channels", "detour", "privileged"), FLAG),
         )
+        check_kind("tour", self.tour, TourConfig)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -239,26 +250,53 @@ class Observer:
         """The trail, the frontiers and what the layout predicts, as bits."""
         self._follow(decision)
         layout = decision.rooms is not None and self.config.layout_channels
-        marks = self._trail.marks | layout_marks(decision) if layout else self._trail.marks.copy()
+        marks = self._trail.marks.copy()
+        if layout:
+            marks |= layout_marks(decision, self.config.rooms)
         if decision.frontiers:
             cells = np.concatenate([frontier.cells for frontier in decision.frontiers])
             marks[cells[:, 0], cells[:, 1]] |= map_images.FRONTIER
         return marks
 
 
-def layout_marks(decision: Decision) -> Bytes:
-    """What the layout predicts of the cells that are not known, as bits uint8 (rows, cols)."""
-    assert decision.rooms is not None
-    labels = decision.rooms.labels
-    closed = {
-        frontier.room for frontier in decision.frontiers if frontier.is_closed and frontier.room is not None
-    }
-    outline = np.zeros(labels.shape, np.bool_)
-    outline[:-1] |= labels[:-1] != labels[1:]
-    outline[:, :-1] |= labels[:, :-1] != labels[:, 1:]
-    marks = np.where(labels > 0, map_images.ROOM, 0) | np.where(outline, map_images.WALL, 0)
-    marks |= np.where(np.isin(labels, sorted(closed)), map_images.CLOSED, 0)
-    return np.where(decision.grid.cells == UNKNOWN, marks, 0).astype(np.uint8)
+def layout_marks(decision: Decision, rooms: str = "sketched") -> Bytes:
+    """What the layout predicts of the cells that are not known, as bits uint8 (rows, cols).
+
+    Args:
+        decision: A decision with predicted rooms.
+        rooms: "sketched" or "completed" (see `ObservationConfig`).
+    """
+    predicted = decision.rooms
+    assert predicted is not None
+    # Rooms of a predictor of one's own may know no sketch.
+    sketched = rooms == "sketched" and hasattr(predicted, "sketch")
+    labels = predicted.sketch if sketched else predicted.labels
+    closed = np.zeros(int(labels.max(initial=0)) + 1, np.bool_)
+    for frontier in decision.frontiers:
+        if frontier.is_closed and frontier.room is not None and 0 < frontier.room < len(closed):
+            closed[frontier.room] = True
+    marks = np.zeros(labels.shape, np.uint8)
+    _mark_rooms(decision.grid.cells, labels, closed, marks)
+    return marks
+
+
+@njit(cache=True, nogil=True)
+def _mark_rooms(cells: Cells, labels: Ints32, closed: Mask, marks: Bytes) -> None:
+    """Mark unknown cells of rooms, of closed rooms, and those whose room ends towards the next row or column.
+
+    The outline lies on the cell of the lower row or column, whichever side of it is a room.
+    """
+    rows, cols = cells.shape
+    for r in range(rows):
+        for c in range(cols):
+            if cells[r, c] != -1:
+                continue
+            label, bits = labels[r, c], 0
+            if label > 0:
+                bits = map_images.ROOM | (map_images.CLOSED if closed[label] else 0)
+            if (r + 1 < rows and labels[r + 1, c] != label) or (c + 1 < cols and labels[r, c + 1] != label):
+                bits |= map_images.WALL
+            marks[r, c] = bits
 
 
 def action_mask(decision: Decision, max_frontiers: int) -> Cells:

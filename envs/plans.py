@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -11,6 +11,7 @@ import numpy as np
 from layoutexplore.errors import ConfigError
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import cached_plan
+from layoutexplore.options import check_kind
 
 OnePlan = FloorPlan | str | Path
 """A floor plan, or the name or path of one."""
@@ -50,10 +51,11 @@ class PlanSource:
 
     def draw(self, rng: np.random.Generator, progress: float = 1.0) -> tuple[int, FloorPlan]:
         """A plan, and its index among those given (0 of a callable); a `Curriculum` gets the progress."""
-        if isinstance(self._function, Curriculum):
-            return 0, self._function.draw(rng, progress)
         if self._function is not None:
-            return 0, self._function(rng)
+            curriculum = isinstance(self._function, Curriculum)
+            drawn = self._function.draw(rng, progress) if curriculum else self._function(rng)
+            check_kind("what a plan sampler draws", drawn, FloorPlan)
+            return 0, drawn
         index = int(rng.integers(len(self._plans)))
         return index, load(self._plans[index])
 
@@ -70,7 +72,7 @@ def _expand(spec: OnePlan | Sequence[OnePlan]) -> list[FloorPlan | str]:
         from layoutexplore.maps import expand_plans
 
         return list(expand_plans(str(spec)))
-    if not isinstance(spec, Iterable):
+    if not isinstance(spec, Iterable) or isinstance(spec, (bytes, Mapping)):
         raise ConfigError(
             f"a plan is a FloorPlan, a name, a path, a sequence of these or a function, got {spec!r}"
         )

@@ -22,8 +22,11 @@ from layoutexplore.envs.vector_buffers import Arrays
 from layoutexplore.envs.vector_workers import LocalWorkers, ProcessWorkers, Workers, WorkerSetup
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.grids.arrays import Floats, Mask
-from layoutexplore.options import COUNT
+from layoutexplore.options import COUNT, Rule
 from layoutexplore.processes import usable_cores
+
+MOST_ENVIRONMENTS = 65_536
+"""So many environments a vector may hold; memory ends it sooner."""
 
 BACKENDS = ("serial", "threads", "processes")
 """Who steps the environments: this thread, a few threads, or worker processes."""
@@ -84,6 +87,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         )
         self.closed = False
         self.metadata = template.metadata | {"autoreset_mode": self._mode}
+        self.autoreset_mode = self._mode
         self.render_mode = template.render_mode
         self.single_observation_space = template.observation_space
         self.single_action_space = template.action_space
@@ -250,8 +254,8 @@ def _make(environment: type[ExplorationEnv[Any]], options: dict[str, Any]) -> Ex
 
 def _grouped(count: int, backend: str | None, workers: int | None) -> tuple[Sequence[tuple[int, int]], str]:
     """Half-open ranges of environments, one for each worker, and the backend."""
-    COUNT.convert("num_envs", count)
-    COUNT.convert("workers", 1 if workers is None else workers)
+    Rule(kind=int, low=1, high=MOST_ENVIRONMENTS).convert("num_envs", count)
+    Rule(kind=int, low=1, high=1024).convert("workers", 1 if workers is None else workers)
     available = usable_cores() if workers is None else workers
     if backend is None:
         backend = "processes" if count > 1 and available > 1 else "serial"

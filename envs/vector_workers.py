@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.vector_buffers import Buffers, EnvironmentGroup
 from layoutexplore.errors import WorkerError
+from layoutexplore.plugins.transport import OwnCode, pack_own_code
 from layoutexplore.processes import single_threaded
 
 Make = Callable[[], ExplorationEnv[Any]]
@@ -171,7 +172,8 @@ class ProcessWorkers:
         self._processes: list[Any] = []
         self._pipes: list[Connection] = []
         self._waiting = [False] * len(groups)
-        settings = cloudpickle.dumps((make, groups[-1][1], autoreset, limit))
+        made = partial(_make_with, pack_own_code(), make)
+        settings = cloudpickle.dumps((made, groups[-1][1], autoreset, limit))
         try:
             with single_threaded(), _blank_main():
                 for k, group in enumerate(groups):
@@ -289,6 +291,12 @@ def _blank_main() -> Iterator[None]:
 def _array(block: Any, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
     count = int(np.prod(shape))
     return np.frombuffer(block, np.uint8)[: count * dtype.itemsize].view(dtype).reshape(shape)
+
+
+def _make_with(code: OwnCode, make: Make) -> ExplorationEnv[Any]:
+    """An environment, in a process where what its user has registered elsewhere is known as well."""
+    with code.installed():
+        return make()
 
 
 def _work(pipe: Connection, settings: bytes, blocks: list[Any], group: tuple[int, int]) -> None:

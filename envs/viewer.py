@@ -12,6 +12,7 @@ from layoutexplore.drawing.pictures import draw_state
 from layoutexplore.errors import ConfigError, MissingExtraError, require
 from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.grid import FREE, OCCUPIED
+from layoutexplore.options import Rule
 from layoutexplore.simulation.simulation import Simulation
 
 RENDER_MODES = ("human", "rgb_array", "ansi")
@@ -39,12 +40,9 @@ class Viewer:
     """
 
     def __init__(self, mode: str | None, size: tuple[int, int], fps: int, *, frontiers: bool) -> None:
-        if mode is not None and mode not in RENDER_MODES:
+        if mode is not None and (not isinstance(mode, str) or mode not in RENDER_MODES):
             raise ConfigError(f"render_mode must be one of {', '.join(RENDER_MODES)} or None, got {mode!r}")
-        if len(size) != 2 or not all(isinstance(side, (int, np.integer)) and side >= 1 for side in size):
-            raise ConfigError(
-                f"render_size must be a width and a height in pixels, 1 or more each, got {size!r}"
-            )
+        size = Rule(kind=int, low=1, high=16_384, count=2).convert("render_size", size)
         self.mode, self.size, self._fps, self._frontiers = mode, size, fps, frontiers
         self._window: Any = None
         if mode == "human":

@@ -10,14 +10,19 @@ import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from layoutexplore.processes.kernel_cache import keep_kernels_somewhere
+
+__version__ = "0.2.0"
 
 # In a checkout, envs/, agents/ and maps/ lie beside this folder; an installed wheel has them inside it.
 _checkout = Path(__file__).resolve().parent.parent
 if (_checkout / "pyproject.toml").is_file() and str(_checkout) not in __path__:
     __path__.append(str(_checkout))
+keep_kernels_somewhere(Path(__file__).resolve().parent)
 
 if TYPE_CHECKING:
+    from layoutexplore.agents.base import make_agent as make_agent
+    from layoutexplore.agents.base import register_agent as register_agent
     from layoutexplore.drawing.layouts import draw_layout as draw_layout
     from layoutexplore.errors import LayoutExploreError as LayoutExploreError
     from layoutexplore.frontiers.decision import STOP as STOP
@@ -29,11 +34,15 @@ if TYPE_CHECKING:
     from layoutexplore.grids.ros_map import save_grid as save_grid
     from layoutexplore.layout.export import layout_to_geojson as layout_to_geojson
     from layoutexplore.layout.pipeline import reconstruct as reconstruct
+    from layoutexplore.layout.pipeline import register_layout as register_layout
     from layoutexplore.layout.types import Layout as Layout
     from layoutexplore.maps.floorplan import FloorPlan as FloorPlan
     from layoutexplore.maps.geojson import save_plan as save_plan
     from layoutexplore.maps.library import load_plan as load_plan
+    from layoutexplore.predictors import register_predictor as register_predictor
     from layoutexplore.simulation.config import SimulationConfig as SimulationConfig
+    from layoutexplore.simulation.saved_run import load_simulation as load_simulation
+    from layoutexplore.simulation.saved_run import save_simulation as save_simulation
     from layoutexplore.simulation.simulation import Simulation as Simulation
 
 _HOMES = {
@@ -49,7 +58,13 @@ _HOMES = {
     "layout_to_geojson": "layout.export",
     "load_grid": "grids.ros_map",
     "load_plan": "maps.library",
+    "make_agent": "agents",
+    "load_simulation": "simulation.saved_run",
+    "save_simulation": "simulation.saved_run",
     "reconstruct": "layout.pipeline",
+    "register_agent": "agents.base",
+    "register_layout": "layout.pipeline",
+    "register_predictor": "predictors",
     "save_grid": "grids.ros_map",
     "save_plan": "maps.geojson",
     "Simulation": "simulation.simulation",

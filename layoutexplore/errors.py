@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import reprlib
 from collections.abc import Iterable
 from types import ModuleType
+from typing import Any
 
 
 class LayoutExploreError(Exception):
@@ -19,6 +21,10 @@ class LayoutExploreError(Exception):
 
 class MapError(LayoutExploreError, ValueError):
     """A grid or floor plan cannot be read, written or used: broken file, no free space, bad resolution."""
+
+
+class MapWarning(UserWarning):
+    """A grid or floor plan was read, but not everything in it could be taken at its word."""
 
 
 class ConfigError(LayoutExploreError, ValueError):
@@ -45,8 +51,43 @@ class WorkerError(LayoutExploreError, RuntimeError):
     """A worker process of a vector environment died or does not answer."""
 
 
+class OwnCodeError(LayoutExploreError, RuntimeError):
+    """A user's own agent, predictor or layout method fails; the message ends with its traceback."""
+
+
 class MissingExtraError(LayoutExploreError, ImportError):
     """An optional dependency is not installed; the message names the pip line that brings it."""
+
+
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 3, 120, 120
+_SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = _SHORT.maxset = 8
+_LONGEST, _LONGEST_CAUSE = 300, 500
+
+
+def shortened(value: Any) -> str:
+    """A value as a message shows it: like `repr`, but of a length that can be read, however large it is.
+
+    Example:
+        >>> shortened([1, "x"]), len(shortened(["x" * 10_000] * 10_000)) <= 320
+        ("[1, 'x']", True)
+    """
+    try:
+        text = _SHORT.repr(value)
+    except Exception:  # whole numbers of thousands of digits, and objects that cannot show themselves
+        return f"a value of type {type(value).__name__} that is too large to show"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+def cause(error: BaseException) -> str:
+    """What an error says, for the message of another: on one line, of a length that can be read.
+
+    Example:
+        >>> cause(ValueError(" no  room")), len(cause(TypeError("x" * 9000)))
+        ('no room', 503)
+    """
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= _LONGEST_CAUSE else f"{text[:_LONGEST_CAUSE]}..."
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownNameError:
@@ -62,9 +103,9 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownNameError
         "unknown sensor 'stagee': did you mean 'stage'? Known: indoor, stage"
     """
     names = sorted(known)
-    close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    close = difflib.get_close_matches(name[:100], names, n=3, cutoff=0.5)
     hint = f": did you mean {' or '.join(repr(c) for c in close)}? Known" if close else "; known"
-    return UnknownNameError(f"unknown {kind} {name!r}{hint}: {', '.join(names)}")
+    return UnknownNameError(f"unknown {kind} {shortened(name)}{hint}: {', '.join(names)}")
 
 
 def require(module: str, extra: str) -> ModuleType:

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.errors import ConfigError, cause, shortened, unknown_name
 
 T = TypeVar("T")
 
@@ -84,7 +84,7 @@ class Rule:
             good = isinstance(value, (tuple, list)) and self.count in (-1, len(value))
             good = good and all(map(self._allows, value))
         if not good:
-            raise ConfigError(f"{name} must be {self}, got {value!r}")
+            raise ConfigError(f"{name} must be {self}, got {shortened(value)}")
         values = (value,) if self.count is None else value
         for text in values if self.choices else ():
             if text not in self.choices:
@@ -97,8 +97,32 @@ class Rule:
             return isinstance(value, (bool, np.bool_) if self.kind is bool else self.kind)
         if isinstance(value, bool) or not isinstance(value, Integral if self.kind is int else Real):
             return False
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:
+            return False
         return math.isfinite(number) and self.low <= number <= self.high and self.above < number < self.below
+
+
+def check_kind(name: str, value: object, *kinds: type, optional: bool = False) -> None:
+    """See whether an argument is of one of these types, or None where it may be left out.
+
+    Args:
+        name: Of the argument.
+        value: What was given.
+        kinds: The types.
+        optional: Whether None is allowed.
+
+    Raises:
+        ConfigError: It is not.
+
+    Example:
+        >>> check_kind("seed", 3, int)
+    """
+    if isinstance(value, kinds) or (optional and value is None):
+        return
+    words = [f"a {kind.__name__}" for kind in kinds] + ["None"] * optional
+    raise ConfigError(f"{name} must be {' or '.join(words)}, got {shortened(value)}")
 
 
 COUNT = Rule(kind=int, low=1)
@@ -106,6 +130,7 @@ POSITIVE = Rule(above=0.0)
 NON_NEGATIVE = Rule(low=0.0)
 SHARE = Rule(low=0.0, high=1.0)
 FLAG = Rule(kind=bool)
+SEED = Rule(kind=int, low=0)
 
 
 def rule_like(default: Any) -> Rule:
@@ -138,7 +163,7 @@ def check(config: object, prefix: str = "", /, **rules: Rule) -> None:
 def check_keys(table: Any, known: Iterable[str], where: str) -> None:
     """Raise `ConfigError` unless it is a table with known keys only; the closest known ones are suggested."""
     if not isinstance(table, Mapping):
-        raise ConfigError(f"expected a table in {where}, got {table!r}")
+        raise ConfigError(f"expected a table in {where}, got {shortened(table)}")
     known = list(known)
     for key in table:
         if key not in known:
@@ -167,7 +192,7 @@ def from_table(kind: type[T], table: Any, where: str) -> T:
     except ConfigError as error:
         raise type(error)(f"{where}: {error}") from error
     except TypeError as error:
-        raise ConfigError(f"{where}: {error}") from error
+        raise ConfigError(f"{where}: {cause(error)}") from error
 
 
 def option(
@@ -224,15 +249,33 @@ def parse_spec(what: str, spec: str, known: Mapping[str, Options]) -> tuple[str,
     name, colon, text = spec.strip().partition(":")
     if name not in known:
         raise unknown_name(what, name, known)
-    if not colon:
-        return name, known[name]
+    return name, parse_options(what, spec, name, text if colon else None, known[name])
+
+
+def parse_options(what: str, spec: str, name: str, text: str | None, defaults: Any) -> Any:
+    """Options from what stands behind `NAME:`, each of the type of its default.
+
+    Args:
+        what: What is chosen, for messages.
+        spec: The whole text, for messages.
+        name: The name in it.
+        text: What stands behind its colon; None without one.
+        defaults: The options there are: a frozen dataclass whose every field has a default.
+
+    Raises:
+        UnknownNameError: There is no such parameter; the closest ones are suggested.
+        ConfigError: The text is not of that form, or a value makes no sense.
+    """
+    if text is None:
+        return defaults
     if not text.strip():
         form = f"write {name!r} or NAME:key=value,key=value"
         raise ConfigError(f"{what} {spec!r}: nothing follows the colon; {form}")
-    fields = {field.name: field for field in dataclasses.fields(known[name])}
-    first = next((key for key, field in fields.items() if field.metadata["positional"]), "")
+    fields = {field.name: field for field in dataclasses.fields(defaults)}
+    first = next((key for key, field in fields.items() if field.metadata.get("positional")), "")
     whole = bool(first) and fields[first].metadata["whole"]
-    items = [text] if whole else text.split(",")
+    # Semicolons do as well, so that parameters can stand inside another text's; behind a colon they are its.
+    items = [text] if whole else (text if ":" in text else text.replace(";", ",")).split(",")
     if whole or (first and items[0].partition("=")[0].strip() not in fields):
         items[0] = f"{first}={items[0]}"
     values: dict[str, Value] = {}
@@ -241,9 +284,9 @@ def parse_spec(what: str, spec: str, known: Mapping[str, Options]) -> tuple[str,
             if not fields:
                 raise ConfigError(f"{what} {spec!r}: it has no parameters")
             raise unknown_name(f"parameter of {what} {name!r}", key, fields)
-        values[key] = read_value(f"{what} {spec!r}: {key}", getattr(known[name], key), value)
+        values[key] = read_value(f"{what} {spec!r}: {key}", getattr(defaults, key), value)
     try:
-        return name, dataclasses.replace(known[name], **values)
+        return dataclasses.replace(defaults, **values)
     except ConfigError as error:
         raise ConfigError(f"{what} {spec!r}: {error}") from None
 
@@ -269,11 +312,11 @@ def split_pairs(where: str, items: Iterable[str]) -> dict[str, str]:
     return pairs
 
 
-def format_spec(name: str, options: Options, defaults: Options) -> str:
+def format_spec(name: str, options: Any, defaults: Any) -> str:
     """The text that `parse_spec` reads: parameters in their order, those that have their default left out."""
-    fields = sorted(dataclasses.fields(options), key=lambda field: not field.metadata["positional"])
+    fields = sorted(dataclasses.fields(options), key=lambda field: not field.metadata.get("positional"))
     changed = [
-        ("" if field.metadata["positional"] else f"{field.name}=")
+        ("" if field.metadata.get("positional") else f"{field.name}=")
         + format_value(getattr(options, field.name))
         for field in fields
         if getattr(options, field.name) != getattr(defaults, field.name)
@@ -295,9 +338,11 @@ def read_value(name: str, like: Value, text: str) -> Value:
         ConfigError: The text is no such value; the message begins with `name`.
     """
     kind = type(like)
+    if kind not in _ONE:
+        raise ConfigError(f"{name} cannot be written in a text: it is no flag, number or word")
     try:
         if kind is bool:
             return {"true": True, "false": False}[text.lower()]
         return kind(text)
     except (ValueError, KeyError):
-        raise ConfigError(f"{name} must be {_ONE[kind]}, got {text!r}") from None
+        raise ConfigError(f"{name} must be {_ONE[kind]}, got {shortened(text)}") from None

@@ -24,11 +24,13 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, shortened
+from layoutexplore.files.limits import limits
 from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.polygons import Point, fill, polygons_of, seal_diagonals
 from layoutexplore.maps.raster import PlanRaster, resample
+from layoutexplore.maps.sizes import MOST_METRES, check_plan
 
 __all__ = ["Door", "FloorPlan", "PlanRaster", "Room"]
 
@@ -120,6 +122,10 @@ class FloorPlan:
         # What can be computed again does not travel to other processes.
         return {**self.__dict__, "_cache": {}}
 
+    @property
+    def _shown(self) -> str:
+        return f"plan {shortened(self.name)}"
+
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
         """(min x, min y, max x, max y) in metres of everything in the plan."""
@@ -164,7 +170,7 @@ class FloorPlan:
         """
         chosen = set(ids)
         if missing := sorted(chosen - set(range(len(self.doors)))):
-            raise MapError(f"plan {self.name!r} has doors 0..{len(self.doors) - 1}: no door {missing[0]}")
+            raise MapError(f"{self._shown} has doors 0..{len(self.doors) - 1}: no door {missing[0]}")
         doors = (
             dataclasses.replace(door, is_open=door.is_open and k not in chosen)
             for k, door in enumerate(self.doors)
@@ -187,9 +193,7 @@ class FloorPlan:
             (0.0, 0.0, 6.0, 6.0)
         """
         if not (math.isfinite(x) and math.isfinite(y) and x > 0 and y > 0):
-            raise MapError(
-                f"plan {self.name!r} can be stretched by finite factors above 0, got {x!r} and {y!r}"
-            )
+            raise MapError(f"{self._shown} can be stretched by finite factors above 0, got {x!r} and {y!r}")
         factors = np.array([x, y])
 
         def stretch(shape: BaseGeometry) -> Any:
@@ -248,9 +252,9 @@ class FloorPlan:
         row0 = math.floor((y0 - border) / resolution + 1e-6)
         cols = math.ceil((x1 + border) / resolution - 1e-6) - col0
         rows = math.ceil((y1 + border) / resolution - 1e-6) - row0
-        if rows * cols > 400_000_000:
+        if rows * cols > max(400_000_000, limits().image_pixels):
             raise MapError(
-                f"plan {self.name!r} would need {rows} x {cols} cells at {resolution:g} m: "
+                f"{self._shown} would need {rows} x {cols} cells at {resolution:g} m: "
                 "choose a coarser resolution"
             )
         origin = Pose(col0 * resolution, row0 * resolution, 0.0)
@@ -259,7 +263,7 @@ class FloorPlan:
         occupied = seal_diagonals(occupied)
         room_ids[occupied] = 0
         if occupied.all():
-            raise MapError(f"plan {self.name!r} has no free space at a resolution of {resolution:g} m")
+            raise MapError(f"{self._shown} has no free space at a resolution of {resolution:g} m")
         return PlanRaster(occupied, room_ids, resolution, origin)
 
 
@@ -311,35 +315,37 @@ def _check(plan: FloorPlan) -> None:
     """Raise `MapError` where a plan contradicts itself, naming the plan and the part."""
     if not plan.name:
         raise MapError("a floor plan needs a name")
+    check_plan(plan._shown, plan.rooms, plan.doors)
     ids = [room.id for room in plan.rooms]
-    if len(set(ids)) < len(ids) or any(not isinstance(i, int) or i < 1 for i in ids):
-        raise MapError(f"plan {plan.name!r}: room ids must be different whole numbers from 1, got {ids}")
+    if len(set(ids)) < len(ids) or not all(isinstance(i, int) and 0 < i < 2**31 for i in ids):
+        raise MapError(
+            f"{plan._shown}: room ids must be different whole numbers from 1, got {shortened(ids)}"
+        )
     for room in plan.rooms:
         _check_shape(plan, room.polygon, f"room {room.id}", empty=False)
     for what in ("walls", "furniture", "passages"):
         _check_shape(plan, getattr(plan, what), what, empty=True)
     for k, door in enumerate(plan.doors):
-        if not all(math.isfinite(v) for v in (*door.start, *door.end)) or door.width == 0:
+        if not all(abs(v) <= MOST_METRES for v in (*door.start, *door.end)) or door.width == 0:
             raise MapError(
-                f"plan {plan.name!r}, door {k}: needs two different finite ends, "
-                f"got {door.start} and {door.end}"
+                f"{plan._shown}, door {k}: needs two different finite ends, got {door.start} and {door.end}"
             )
         if unknown := set(door.rooms) - {0, *ids}:
-            raise MapError(f"plan {plan.name!r}, door {k}: there is no room {min(unknown)}")
+            raise MapError(f"{plan._shown}, door {k}: there is no room {min(unknown)}")
     if plan.source is None and not plan.rooms and plan.passages.is_empty:
-        raise MapError(f"plan {plan.name!r} has no free space: it needs rooms or passages")
+        raise MapError(f"{plan._shown} has no free space: it needs rooms or passages")
 
 
 def _check_shape(plan: FloorPlan, shape: Any, what: str, *, empty: bool) -> None:
     if not isinstance(shape, BaseGeometry):
-        raise MapError(f"plan {plan.name!r}, {what}: must be a shapely geometry, got {type(shape).__name__}")
+        raise MapError(f"{plan._shown}, {what}: must be a shapely geometry, got {type(shape).__name__}")
     if shape.is_empty:
         if not empty:
-            raise MapError(f"plan {plan.name!r}, {what}: the polygon is empty")
+            raise MapError(f"{plan._shown}, {what}: the polygon is empty")
         return
     if not polygons_of(shape):
-        raise MapError(f"plan {plan.name!r}, {what}: must be polygons, got {shape.geom_type}")
-    if not np.isfinite(shapely.get_coordinates(shape)).all():
-        raise MapError(f"plan {plan.name!r}, {what}: a coordinate is not a finite number")
+        raise MapError(f"{plan._shown}, {what}: must be polygons, got {shape.geom_type}")
+    if not (np.abs(shapely.get_coordinates(shape)) <= MOST_METRES).all():
+        raise MapError(f"{plan._shown}, {what}: a coordinate is not a finite number, or too large")
     if not all(polygon.is_valid for polygon in polygons_of(shape)):
-        raise MapError(f"plan {plan.name!r}, {what}: {shapely.is_valid_reason(shape)}")
+        raise MapError(f"{plan._shown}, {what}: {shapely.is_valid_reason(shape)}")

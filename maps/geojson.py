@@ -5,12 +5,14 @@ property `kind` says what it is: "room" (Polygon; id, label), "door" (LineString
 "walls", "furniture" and "passages" (Polygon or MultiPolygon, at most one of each). Coordinates are metres, x
 right and y up. The geometry of a plan survives a round trip bit by bit; a plan that was born as an image is
 written with the exact outlines of its cells.
+
+The file that `layoutexplore layout` writes is such a plan, too; its faces and lines are passed over. Programs
+that save every polygon as a MultiPolygon do no harm.
 """
 
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +21,19 @@ import shapely
 from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import MapError
-from layoutexplore.files import write_atomically
+from layoutexplore.errors import MapError, shortened
+from layoutexplore.files import read_json, write_atomically
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
-from layoutexplore.maps.json_plan import read_json
+from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines
+from layoutexplore.options import check_kind
 
 FORMAT, VERSION = "layoutexplore floor plan", 1
 SOLIDS = ("walls", "furniture", "passages")
+LAYOUT_KINDS = ("face", "line", "wall")
+"""What the file of a layout holds besides the parts of a floor plan."""
 _POLYGONS = ("Polygon", "MultiPolygon")
+_LONGEST_NAME = 1000
 
 
 def save_plan(plan: FloorPlan, path: str | Path) -> None:
@@ -36,6 +42,8 @@ def save_plan(plan: FloorPlan, path: str | Path) -> None:
     Raises:
         MapError: The file cannot be written.
     """
+    check_kind("plan", plan, FloorPlan)
+    check_kind("path", path, str, Path)
     features = [_feature(room.polygon, kind="room", id=room.id, label=room.label) for room in plan.rooms]
     for door in plan.doors:
         line = shapely.LineString([door.start, door.end])
@@ -75,7 +83,8 @@ def load_geojson(path: Path) -> FloorPlan:
     if not isinstance(features, list) or data.get("type") != "FeatureCollection":
         raise MapError(f"{path}: must be a GeoJSON FeatureCollection")
     if data.get("units", "m") != "m":
-        raise MapError(f"{path}: units must be 'm', got {data['units']!r}")
+        raise MapError(f"{path}: units must be 'm', got {shortened(data['units'])}")
+    check_count(str(path), "features", len(features))
     rooms: list[Room] = []
     doors: list[Door] = []
     solids: dict[str, BaseGeometry] = {}
@@ -84,17 +93,42 @@ def load_geojson(path: Path) -> FloorPlan:
     metadata = data.get("metadata", {})
     if not isinstance(metadata, dict):
         raise MapError(f"{path}: metadata must be an object of strings")
+    check_outlines(str(path), [*(room.polygon for room in rooms), *solids.values()])
     try:
         return FloorPlan(
-            name=str(data.get("name") or path.stem),
-            building=str(data.get("building") or ""),
+            name=_text(data, "name", str(path)) or path.stem,
+            building=_text(data, "building", str(path)),
             rooms=tuple(rooms),
             doors=tuple(doors),
-            metadata={str(key): str(value) for key, value in metadata.items()},
+            metadata={str(key): _short(value) for key, value in metadata.items()},
             **solids,
         )
     except MapError as error:
         raise MapError(f"{path}: {error}") from error
+
+
+def is_own_format(data: Any) -> bool:
+    """Whether a FeatureCollection is a plan of this format or a layout, and not of another program."""
+    if not isinstance(data, dict) or not isinstance(features := data.get("features"), list):
+        return True  # `load_geojson` says what is wrong with it
+    if "format" in data or "layout" in data or not features:
+        return True
+    properties = [f.get("properties") for f in features if isinstance(f, dict)]
+    return any(isinstance(p, dict) and "kind" in p for p in properties)
+
+
+def _text(data: dict[str, Any], key: str, where: str) -> str:
+    """A name, which may be a number; empty where there is none."""
+    value = data.get(key) or ""
+    if not isinstance(value, (str, int, float)) or len(str(value)) > _LONGEST_NAME:
+        raise MapError(
+            f"{where}: {key} must be a text of at most {_LONGEST_NAME} characters, got {shortened(value)}"
+        )
+    return str(value)
+
+
+def _short(value: Any) -> str:
+    return value if isinstance(value, str) else shortened(value)
 
 
 def _read_feature(
@@ -105,6 +139,8 @@ def _read_feature(
     if not isinstance(properties, dict):
         raise MapError(f"{where}: must be a Feature with properties")
     kind = properties.get("kind")
+    if not isinstance(kind, str):
+        raise MapError(f"{where}: kind must be a text, got {shortened(kind)}")
     if kind == "room":
         geometry = _geometry(feature, f"{where} (room)", ("Polygon",))
         rooms.append(
@@ -120,14 +156,17 @@ def _read_feature(
         if kind in solids:
             raise MapError(f"{where}: there is more than one feature of kind {kind!r}")
         solids[kind] = _geometry(feature, f"{where} ({kind})", _POLYGONS)
-    else:
-        raise MapError(f"{where}: kind must be one of room, door, {', '.join(SOLIDS)}; got {kind!r}")
+    elif kind not in LAYOUT_KINDS:
+        raise MapError(
+            f"{where}: kind must be one of room, door, {', '.join(SOLIDS)}; got {shortened(kind)} (a file of "
+            "another program: name its columns, as in --column room=NAME)"
+        )
 
 
 def _label(properties: dict[str, Any], where: str) -> str:
     label = properties.get("label", "")
     if not isinstance(label, str):
-        raise MapError(f"{where} (room): label must be a string, got {label!r}")
+        raise MapError(f"{where} (room): label must be a string, got {shortened(label)}")
     return label
 
 
@@ -137,42 +176,46 @@ def _door(feature: dict[str, Any], properties: dict[str, Any], where: str) -> Do
         raise MapError(f"{where}: must be a line of two points, has {len(line.coords)}")
     rooms = properties.get("rooms", [0, 0])
     if not isinstance(rooms, list) or len(rooms) != 2:
-        raise MapError(f"{where}: rooms must be two room ids, got {rooms!r}")
+        raise MapError(f"{where}: rooms must be two room ids, got {shortened(rooms)}")
     is_open = properties.get("open", True)
     if not isinstance(is_open, bool):
-        raise MapError(f"{where}: open must be true or false, got {is_open!r}")
+        raise MapError(f"{where}: open must be true or false, got {shortened(is_open)}")
     start, end = line.coords
     pair = _whole(rooms[0], f"{where}: rooms"), _whole(rooms[1], f"{where}: rooms")
     return Door(start=start, end=end, rooms=pair, is_open=is_open)
 
 
 def _whole(value: Any, where: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise MapError(f"{where} must be a whole number, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**31:
+        raise MapError(f"{where} must be a whole number below 2**31, got {shortened(value)}")
     return value
+
+
+def _single(data: Any, kinds: tuple[str, ...]) -> Any:
+    """A geometry; where it is the only part of a multi-geometry, the part."""
+    if not isinstance(data, dict):
+        return data
+    parts = data.get("coordinates")
+    name = str(data.get("type")).removeprefix("Multi")
+    if name not in kinds or name == data.get("type") or not isinstance(parts, list) or len(parts) != 1:
+        return data
+    return {"type": name, "coordinates": parts[0]}
 
 
 def _geometry(feature: dict[str, Any], where: str, kinds: tuple[str, ...]) -> Any:
     """The feature's geometry, checked to be finite, valid and of one of the kinds."""
-    data = feature.get("geometry")
+    data = _single(feature.get("geometry"), kinds)
     kind = data.get("type") if isinstance(data, dict) else None
-    if kind not in kinds:
-        raise MapError(f"{where}: geometry must be a {' or '.join(kinds)}, got {kind!r}")
+    if not isinstance(kind, str) or kind not in kinds:
+        raise MapError(f"{where}: geometry must be a {' or '.join(kinds)}, got {shortened(kind)}")
     try:
         with np.errstate(invalid="ignore"):  # shapely warns about NaN; it is reported below
             geometry = shape(data)
-    except (
-        TypeError,
-        ValueError,
-        KeyError,
-        IndexError,
-        AttributeError,
-        shapely.errors.ShapelyError,
-    ) as error:
-        raise MapError(f"{where}: broken coordinates: {error}") from error
+    except Exception as error:  # shapely's own, and those of coordinates that are no lists of numbers
+        raise MapError(f"{where}: broken coordinates: {shortened(str(error))}") from error
     if geometry.is_empty:
         raise MapError(f"{where}: the geometry is empty")
-    if geometry.has_z or not all(math.isfinite(value) for value in shapely.get_coordinates(geometry).ravel()):
+    if geometry.has_z or not (np.abs(shapely.get_coordinates(geometry)) <= MOST_METRES).all():
         raise MapError(f"{where}: coordinates must be pairs of finite numbers")
     if not geometry.is_valid:
         raise MapError(f"{where}: {shapely.is_valid_reason(geometry)}")

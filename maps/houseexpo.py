@@ -9,7 +9,6 @@ doors. Without one, the whole contour is a single room.
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +16,24 @@ import shapely
 from shapely import LineString, Point, Polygon
 
 from layoutexplore.errors import MapError
+from layoutexplore.files import read_json
+from layoutexplore.files.schema import Items, Number, Record, TableOf
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
-from layoutexplore.maps.json_plan import read_json
+from layoutexplore.maps.sizes import MOST_METRES, check_outlines, check_plan, check_work
 
 OUTER_WALL = 0.2
 """Metres of wall that are drawn around the contour."""
 
 SIDECARS = ("label_data", "output_record_points", "output_segmentation_data")
 _SMOOTHING = 0.03
+
+_COORDINATE = Number(low=-MOST_METRES, high=MOST_METRES)
+_POINT = Items(_COORDINATE, 2, 2)
+_OUTLINE = Items(_POINT, 3)
+_PLAN = Record({"verts": _OUTLINE}, {"room_category": TableOf(Items(Items(_COORDINATE)))})
+_BESIDE = Record({}, {"areas": Items(_OUTLINE), "door": Items(Items(_POINT, 2, 2))})
+"""What a plan must hold, and a file beside it."""
 
 
 def load_houseexpo(path: Path) -> FloorPlan:
@@ -38,18 +46,21 @@ def load_houseexpo(path: Path) -> FloorPlan:
     for part in SIDECARS:
         stem = stem.removesuffix(f".{part}")
     main = path.with_name(f"{stem}.json")
-    data = _read(main if main.is_file() else path)
-    contour = _polygon(data.get("verts"), f"{main if main.is_file() else path}: verts")
-    boxes = _label_boxes(data.get("room_category"))
-    extra = next(
-        (_read(side) for part in SIDECARS if (side := main.with_name(f"{stem}.{part}.json")).is_file()), {}
-    )
-    rooms = _rooms(extra.get("areas") or [], contour, boxes, main)
-    doors = _doors(extra.get("door") or [], rooms, main)
+    source = main if main.is_file() else path
+    data = read_json(source, _PLAN)
+    sides = (main.with_name(f"{stem}.{part}.json") for part in SIDECARS)
+    beside = next((side for side in sides if side.is_file()), None)
+    extra = read_json(beside, _BESIDE) if beside else {}
+    areas, doors = extra.get("areas", []), extra.get("door", [])
+    boxes = _label_boxes(data.get("room_category", {}))
+    _check_sizes(str(source), areas, doors, boxes)
+    contour = _polygon(data["verts"], f"{source}: verts")
+    rooms = _rooms(areas, contour, boxes, main)
+    openings = _doors(doors, rooms)
     return FloorPlan(
         name=stem,
         rooms=rooms,
-        doors=doors,
+        doors=openings,
         walls=contour.buffer(OUTER_WALL, join_style="mitre").difference(contour),
         passages=contour.difference(shapely.union_all([room.polygon for room in rooms])),
         metadata={
@@ -59,31 +70,28 @@ def load_houseexpo(path: Path) -> FloorPlan:
     )
 
 
-def _read(path: Path) -> dict[str, Any]:
-    data = read_json(path)
-    if not isinstance(data, dict):
-        raise MapError(f"{path}: a HouseExpo plan is a JSON object with 'verts', got a {type(data).__name__}")
-    return data
+def _check_sizes(where: str, areas: list[Any], doors: list[Any], boxes: dict[str, list[Polygon]]) -> None:
+    """Every area is cut by those before it, and compared with every box and door."""
+    count = sum(map(len, boxes.values()))
+    check_plan(where, [*areas, *boxes.values()], doors)
+    corners = sum(map(len, areas)) + 4
+    check_work(where, "rooms, labels and doors", (len(areas) + 1 + len(doors)) * (corners + 100 * count))
+    check_outlines(f"{where}: areas", areas)
 
 
 def _polygon(points: Any, where: str) -> Polygon:
-    try:
-        pairs = [(float(x), float(y)) for x, y in points]
-    except (TypeError, ValueError):
-        raise MapError(f"{where}: must be a list of [x, y] in metres") from None
-    if len(pairs) < 3 or not all(math.isfinite(v) for pair in pairs for v in pair):
-        raise MapError(f"{where}: needs at least 3 finite points")
-    parts = polygons_of(Polygon(pairs).buffer(0))
+    check_outlines(where, [points])
+    parts = polygons_of(Polygon(points).buffer(0))
     if not parts:
         raise MapError(f"{where}: the contour has no area")
     return max(parts, key=lambda part: part.area)
 
 
-def _label_boxes(categories: Any) -> dict[str, list[Polygon]]:
+def _label_boxes(categories: dict[str, Any]) -> dict[str, list[Polygon]]:
     """Label -> boxes; entries that are no boxes are left out, they only name rooms."""
     found: dict[str, list[Polygon]] = {}
-    for name, boxes in categories.items() if isinstance(categories, dict) else ():
-        usable = [shapely.box(*box) for box in boxes if len(box) == 4 and all(math.isfinite(v) for v in box)]
+    for name, boxes in categories.items():
+        usable = [shapely.box(*box) for box in boxes if len(box) == 4]
         if usable:
             found[str(name).replace("_", " ").lower()] = usable
     return found
@@ -113,14 +121,11 @@ def _label(shape: Polygon, boxes: dict[str, list[Polygon]]) -> str:
     return best if best and fits[best] >= 0.5 else ""
 
 
-def _doors(entries: list[Any], rooms: tuple[Room, ...], path: Path) -> tuple[Door, ...]:
+def _doors(entries: list[Any], rooms: tuple[Room, ...]) -> tuple[Door, ...]:
     """Doors between the two rooms nearest to each segment's middle."""
     doors = []
-    for number, entry in enumerate(entries):
-        try:
-            (x0, y0), (x1, y1) = ((float(x), float(y)) for x, y in entry)
-        except (TypeError, ValueError):
-            raise MapError(f"{path}: door {number} must be two points [x, y], got {entry!r}") from None
+    for entry in entries:
+        (x0, y0), (x1, y1) = ((float(x), float(y)) for x, y in entry)
         middle: Point = LineString([(x0, y0), (x1, y1)]).interpolate(0.5, normalized=True)
         near = sorted(rooms, key=lambda room: room.polygon.distance(middle))[:2]
         ids = sorted(room.id for room in near if room.polygon.distance(middle) < 0.5)

@@ -16,10 +16,12 @@ import cv2
 import numpy as np
 
 from layoutexplore.errors import MapError
+from layoutexplore.files.images import read_levels
 from layoutexplore.grids.arrays import Ints32, Mask
-from layoutexplore.grids.ros_map import read_image, read_pixels
+from layoutexplore.grids.ros_map import read_image
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
+from layoutexplore.maps.sizes import check_raster
 from layoutexplore.maps.tracing import plan_from_raster
 
 RESOLUTION = 0.05
@@ -44,6 +46,7 @@ def load_kth(path: Path) -> FloorPlan:
     rooms = np.where(free, rooms[::-1], 0).astype(np.int32)
     if not rooms.any():
         raise MapError(f"{rooms_path}: no room lies in free space")
+    check_raster(str(rooms_path), ~free, rooms)
     source = PlanRaster(~_indoor(free, rooms), rooms, RESOLUTION)
     return plan_from_raster(
         source,
@@ -54,8 +57,8 @@ def load_kth(path: Path) -> FloorPlan:
 
 
 def read_room_ids(path: Path) -> Ints32:
-    """Room numbers int32 (h, w) of an image with a grey level or a colour a room; 0 or black is none."""
-    pixels = read_pixels(path)
+    """Room numbers int32 (h, w) of an image with a level of 8 or 16 bits or a colour a room; 0 is none."""
+    pixels = read_levels(path)
     if pixels.ndim == 2:
         return pixels.astype(np.int32)
     colours = pixels[..., :3].astype(np.int32) @ np.array([1, 256, 65536])

@@ -7,35 +7,50 @@ The plans that ship lie in `plans/`, one GeoJSON each, and `plans/splits.json` l
 from __future__ import annotations
 
 import functools
-import json
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
-from layoutexplore.errors import MapError, unknown_name
+from shapely.errors import GEOSException
+
+from layoutexplore.errors import MapError, cause, unknown_name
+from layoutexplore.files import read_json
+from layoutexplore.files.schema import Items, TableOf, Text
 from layoutexplore.grids.grid import check_resolution
 from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, YAML_SUFFIXES
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.geojson import load_geojson
+from layoutexplore.maps.formats.building_files import building_format, floors_of, split_level
+from layoutexplore.maps.formats.foreign_geojson import load_foreign_geojson
+from layoutexplore.maps.geojson import is_own_format, load_geojson
 from layoutexplore.maps.houseexpo import SIDECARS, load_houseexpo
-from layoutexplore.maps.image import load_image
+from layoutexplore.maps.image import LABELS_ENDING, load_image, rooms_beside
 from layoutexplore.maps.kth import load_kth
 from layoutexplore.maps.school_xml import load_school_xml
+from layoutexplore.options import check_kind
 
 PLAN_FOLDER = Path(__file__).parent / "plans"
-SUFFIXES = (".geojson", ".json", ".xml", *YAML_SUFFIXES, *IMAGE_SUFFIXES)
+SUFFIXES = (".geojson", ".json", ".xml", ".osm", *YAML_SUFFIXES, *IMAGE_SUFFIXES)
+
+_SPLITS = TableOf(Items(Text()))
+
+MOST_SEEDS = 100_000
+"""So many generated floor plans FAMILY:FIRST-LAST may name."""
 
 _SEEDS = re.compile(r"([a-z_]+):(\d+)(?:-(\d+))?")
 
 
-def load_plan(path_or_name: str | Path, *, resolution: float | None = None) -> FloorPlan:
+def load_plan(
+    path_or_name: str | Path, *, resolution: float | None = None, columns: Mapping[str, str] | None = None
+) -> FloorPlan:
     """A floor plan by the name of a shipped one, as "FAMILY:SEED" of the generator, or from a file.
 
     Args:
         path_or_name: Name, FAMILY:SEED, or the path of our GeoJSON, a school XML, a KTH ID_occ.png, a
-            HouseExpo JSON, a ROS map's YAML or a plain image.
+            HouseExpo JSON, a ROS map's YAML or a plain image; or FILE#LEVEL, a floor of an IMDF folder, an
+            OpenStreetMap file or an Open-RMF building.
         resolution: Metres a pixel of a plain image; 0.05 is assumed when None. Other formats have a scale.
+        columns: Names of properties in a GeoJSON of another program, as for `load_foreign_geojson`.
 
     Raises:
         UnknownNameError: No plan of that name; the closest ones are suggested.
@@ -43,6 +58,7 @@ def load_plan(path_or_name: str | Path, *, resolution: float | None = None) -> F
     """
     if resolution is not None:
         check_resolution(resolution)
+    check_kind("a floor plan", path_or_name, str, Path)
     text = str(path_or_name)
     if text in plan_names():
         return load_geojson(PLAN_FOLDER / f"{text}.geojson")
@@ -50,20 +66,33 @@ def load_plan(path_or_name: str | Path, *, resolution: float | None = None) -> F
         from layoutexplore.maps.generator import generate
 
         return generate(match[1], int(match[2]))
-    path = Path(text)
+    path, level = split_level(text)
     if not path.exists():
         raise _missing(text)
-    if path.is_dir():
+    known = building_format(path)
+    if level and not known:
+        raise MapError(f"{path}: has one floor only, so that #{level} names none")
+    if path.is_dir() and not known:
         raise MapError(f"{path}: is a folder; name one of the floor plans inside it")
-    return _loader(path, resolution)(path)
+    try:
+        return known.load(path, level) if known else _loader(path, resolution, columns)(path)
+    except GEOSException as error:
+        raise MapError(
+            f"{text}: its outlines cannot be put together: {cause(error)}; look for points that are "
+            "nearly the same, and outlines that touch themselves"
+        ) from error
 
 
-def _loader(path: Path, resolution: float | None) -> Callable[[Path], FloorPlan]:
+def _loader(
+    path: Path, resolution: float | None, columns: Mapping[str, str] | None
+) -> Callable[[Path], FloorPlan]:
     """The reader for a file, recognised by its ending and, for JSON, by what is inside."""
     suffix = path.suffix.lower()
     if suffix == ".xml":
         return load_school_xml
     if suffix == ".geojson" or (suffix == ".json" and _json_kind(path) == "geojson"):
+        if columns or not is_own_format(read_json(path)):
+            return lambda path: load_foreign_geojson(path, columns)
         return load_geojson
     if suffix == ".json":
         return load_houseexpo
@@ -74,11 +103,21 @@ def _loader(path: Path, resolution: float | None) -> Callable[[Path], FloorPlan]
     raise MapError(f"{path}: no known format of floor plans; known endings: {', '.join(SUFFIXES)}")
 
 
+def shows_rooms(source: str | Path) -> bool:
+    """Whether a file tells of rooms, itself or by another beside it; a map or a picture alone does not."""
+    path, _ = split_level(str(source))
+    if building_format(path):
+        return True
+    if path.suffix.lower() not in (*IMAGE_SUFFIXES, *YAML_SUFFIXES):
+        return True
+    return _is_kth(path) or rooms_beside(path) is not None or path.stem.endswith(LABELS_ENDING)
+
+
 def _json_kind(path: Path) -> str:
     """What a JSON file is: "geojson", "houseexpo", or empty for neither."""
     try:
-        data = json.loads(path.read_bytes())
-    except (ValueError, OSError):
+        data = read_json(path)
+    except MapError:
         return ""
     if not isinstance(data, dict):
         return ""
@@ -94,7 +133,7 @@ def _is_kth(path: Path) -> bool:
 
 def _missing(text: str) -> Exception:
     """The error for something that is neither a name nor a file."""
-    if "/" in text or "\\" in text or Path(text).suffix.lower() in SUFFIXES:
+    if "/" in text or "\\" in text or split_level(text)[0].suffix.lower() in SUFFIXES:
         return MapError(f"{text}: there is no such file")
     from layoutexplore.maps.generator import FAMILIES
 
@@ -107,7 +146,7 @@ def splits() -> dict[str, tuple[str, ...]]:
     index = PLAN_FOLDER / "splits.json"
     if not index.is_file():
         return {}
-    return {split: tuple(names) for split, names in json.loads(index.read_text(encoding="utf-8")).items()}
+    return {split: tuple(names) for split, names in read_json(index, _SPLITS).items()}
 
 
 @cache
@@ -139,6 +178,7 @@ def expand_plans(spec: str | Path) -> list[str]:
         UnknownNameError: No plan, split or family of that name.
         MapError: No such file, or a folder without floor plans.
     """
+    check_kind("a floor plan", spec, str, Path)
     text = str(spec)
     if text in splits():
         return plan_names(text)
@@ -146,9 +186,11 @@ def expand_plans(spec: str | Path) -> list[str]:
         return [text]
     if match := _SEEDS.fullmatch(text):
         return _expand_seeds(match[1], int(match[2]), int(match[3] or match[2]))
-    path = Path(text)
+    path, level = split_level(text)
+    if building_format(path) and path.exists():
+        return [text] if level else floors_of(path)
     if path.is_dir():
-        found = [str(file) for file in sorted(path.rglob("*")) if _is_plan(file)]
+        found = _plans_in(path)
         if not found:
             raise MapError(f"{path}: no floor plan inside this folder")
         return found
@@ -157,11 +199,24 @@ def expand_plans(spec: str | Path) -> list[str]:
     return [text]
 
 
+def _plans_in(folder: Path) -> list[str]:
+    """The floor plans of a folder, every floor of those that hold several."""
+    found = []
+    for path in sorted(folder.rglob("*")):
+        if building_format(path):
+            found += floors_of(path)
+        elif building_format(path.parent) is None and _is_plan(path):
+            found.append(str(path))
+    return found
+
+
 def _expand_seeds(family: str, first: int, last: int) -> list[str]:
     from layoutexplore.maps.generator import FAMILIES
 
     if family not in FAMILIES:
         raise unknown_name("family", family, FAMILIES)
+    if last - first >= MOST_SEEDS:
+        raise MapError(f"{family}:{first}-{last}: at most {MOST_SEEDS} floor plans at once")
     if last < first:
         raise MapError(f"{family}:{first}-{last}: the last seed is smaller than the first")
     return [f"{family}:{seed}" for seed in range(first, last + 1)]
@@ -175,8 +230,9 @@ def _is_plan(path: Path) -> bool:
     if suffix == ".json":
         return not path.stem.endswith(SIDECARS) and _json_kind(path) != ""
     if suffix in IMAGE_SUFFIXES:
-        part_of_ros_map = any(path.with_suffix(ending).is_file() for ending in YAML_SUFFIXES)
-        return not path.stem.endswith(("_rooms", "_gt")) and not part_of_ros_map
+        part_of_another = any(path.with_suffix(ending).is_file() for ending in (".geojson", *YAML_SUFFIXES))
+        of_layout = path.with_name(f"{path.stem.rpartition('_')[0]}_layout.geojson").is_file()
+        return not (path.stem.endswith(("_rooms", "_gt")) or part_of_another or of_layout)
     return not (suffix == ".xml" and path.stem.endswith("_gt"))
 
 
@@ -190,13 +246,15 @@ def find_plans(specs: Iterable[str]) -> list[str]:
     found: dict[str, None] = {}
     for spec in specs:
         for source in expand_plans(spec):
-            found[str(Path(source).resolve()) if Path(source).exists() else source] = None
+            path, level = split_level(source)
+            here = f"{path.resolve()}#{level}" if level else str(path.resolve())
+            found[here if path.exists() else source] = None
     return list(found)
 
 
 def cached_plan(source: str | Path) -> FloorPlan:
     """Like `load_plan`; the last plans stay in memory, and a file that has changed since is read again."""
-    path = Path(source)
+    path, _ = split_level(str(source))
     return _cached(str(source), path.stat().st_mtime_ns if path.exists() else 0)
 
 

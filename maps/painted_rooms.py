@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import MapError
+from layoutexplore.files.images import read_pixels
 from layoutexplore.grids.arrays import Bytes, Ints32, Mask
 from layoutexplore.grids.grid import OccupancyGrid
-from layoutexplore.grids.ros_map import load_grid, read_image, read_pixels
+from layoutexplore.grids.ros_map import load_grid, read_image
 from layoutexplore.maps.buildings import building_of
 
 TRUTH_SUFFIX = "_gt"

@@ -13,12 +13,13 @@ import cv2
 import numpy as np
 import shapely
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, shortened
 from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.grids.outlines import trace_mask
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.maps.sizes import check_count, check_raster, windows
 
 DOORWAY_AREA = 4.0
 """Square metres up to which a gap between two rooms counts as a doorway; larger ones are passages."""
@@ -37,6 +38,7 @@ def plan_from_raster(
     building: str = "",
     labels: Mapping[int, str] | None = None,
     metadata: Mapping[str, str] | None = None,
+    oblique: bool = False,
 ) -> FloorPlan:
     """A floor plan whose truth is a raster.
 
@@ -48,10 +50,14 @@ def plan_from_raster(
         building: The building's name; the plan's name when empty.
         labels: Room id -> label.
         metadata: Where it comes from.
+        oblique: Doors where rooms touch may lie in any direction, not only along rows and columns.
     """
+    where = f"plan {shortened(name)}"
+    check_raster(where, source.occupied, source.room_ids)
     if not source.room_ids.any():
         source = PlanRaster(source.occupied, _free_areas(source), source.resolution, source.origin)
-    rooms = _trace_rooms(source, labels or {})
+        check_count(where, "rooms", int(source.room_ids.max()))
+    rooms = _trace_rooms(source, labels or {}, where)
     known = np.isin(source.room_ids, [room.id for room in rooms])
     source = PlanRaster(
         source.occupied, np.where(known, source.room_ids, 0), source.resolution, source.origin
@@ -62,7 +68,7 @@ def plan_from_raster(
         name=name,
         building=building,
         rooms=rooms,
-        doors=trace_doors(source),
+        doors=trace_doors(source, where, oblique=oblique),
         walls=_trace_walls(source),
         passages=loose,
         source=source,
@@ -81,27 +87,16 @@ def _free_areas(source: PlanRaster) -> Ints32:
     return np.asarray(numbers[parts], np.int32)
 
 
-def _trace_rooms(source: PlanRaster, labels: Mapping[int, str]) -> tuple[Room, ...]:
+def _trace_rooms(source: PlanRaster, labels: Mapping[int, str], where: str) -> tuple[Room, ...]:
     """One room an id; parts of a room that lie apart are left to the passages."""
     rooms = []
-    for number, box in _boxes(source.room_ids):
+    for number, box in windows(where, source.room_ids):
         mask = (source.room_ids[box] == number) & ~source.occupied[box]
         parts = polygons_of(trace_mask(mask, source.resolution, _corner(source, box)))
         if parts:
             largest = max(parts, key=lambda polygon: polygon.area)
             rooms.append(Room(id=number, polygon=largest, label=labels.get(number, "")))
     return tuple(rooms)
-
-
-def _boxes(ids: Ints32) -> list[tuple[int, tuple[slice, slice]]]:
-    """Every id above 0 with the window of its cells."""
-    from scipy.ndimage import find_objects
-
-    return [
-        (number, (window[0], window[1]))
-        for number, window in enumerate(find_objects(ids), start=1)
-        if window is not None
-    ]
 
 
 def _corner(source: PlanRaster, box: tuple[slice, slice]) -> Point:
@@ -119,20 +114,26 @@ def _trace_walls(source: PlanRaster) -> shapely.Geometry:
     return trace_mask(near & (free == 0), source.resolution, corner)
 
 
-def trace_doors(source: PlanRaster) -> tuple[Door, ...]:
-    """Doors between the rooms of a raster: small gaps that join two rooms, and where two rooms touch."""
+def trace_doors(source: PlanRaster, where: str = "the plan", *, oblique: bool = False) -> tuple[Door, ...]:
+    """Doors between the rooms of a raster: small gaps that join two rooms, and where two rooms touch.
+
+    Args:
+        source: The raster.
+        where: The plan, for messages.
+        oblique: As for `plan_from_raster`.
+    """
     gaps = (source.free & (source.room_ids == 0)).astype(np.uint8)
     _, parts = cv2.connectedComponents(gaps, connectivity=8, ltype=cv2.CV_32S)
     doors = []
     limit = DOORWAY_AREA / source.resolution**2
-    for number, (rows, cols) in _boxes(parts.astype(np.int32)):
+    for number, (rows, cols) in windows(where, parts.astype(np.int32)):
         window = _widen(rows, source.shape[0]), _widen(cols, source.shape[1])
         mask = parts[window] == number
         contacts = _contacts(mask, source.room_ids[window])
         if len(contacts) == 2 and mask.sum() <= limit:
             (a, side_a), (b, side_b) = contacts
             doors.append(_door(source, window, _centres(mask), _way_through(side_a, side_b), (a, b)))
-    return tuple(door for door in [*doors, *_touching(source)] if door.width > 0)
+    return tuple(door for door in [*doors, *_touching(source, oblique, where)] if door.width > 0)
 
 
 def _way_through(side_a: Floats, side_b: Floats) -> Floats:
@@ -159,23 +160,36 @@ def _centres(mask: Mask) -> Floats:
     return np.argwhere(mask).astype(np.float64) + 0.5
 
 
-def _touching(source: PlanRaster) -> list[Door]:
+def _touching(source: PlanRaster, oblique: bool, where: str) -> list[Door]:
     """A door for every stretch along which two rooms share the borders of cells."""
     found: dict[tuple[int, int], list[tuple[float, float, bool]]] = {}
     ids = np.where(source.occupied, 0, source.room_ids)
     for lower, upper, dr, dc in ((ids[:-1], ids[1:], 1.0, 0.5), (ids[:, :-1], ids[:, 1:], 0.5, 1.0)):
-        for r, c in np.argwhere((lower != upper) & (lower > 0) & (upper > 0)):
+        meeting = np.argwhere((lower != upper) & (lower > 0) & (upper > 0))
+        check_count(where, "cells where rooms touch", len(meeting), "vertices")
+        for r, c in meeting:
             a, b = sorted((int(lower[r, c]), int(upper[r, c])))
             found.setdefault((a, b), []).append((r + dr, c + dc, dr == 1.0))
     whole = slice(0, source.shape[0]), slice(0, source.shape[1])
-    doors = []
+    doors: list[Door] = []
+    check_count(where, "doors", len(found))
     for rooms, borders in sorted(found.items()):
+        check_count(where, "doors", len(doors))
         points = np.array([border[:2] for border in borders])
         for group in _stretches(points):
             horizontal = sum(borders[k][2] for k in group) * 2 >= len(group)
             across = np.array([1.0, 0.0]) if horizontal else np.array([0.0, 1.0])
+            if oblique:
+                across = _across(points[group], across)
             doors.append(_door(source, whole, points[group], across, rooms))
     return doors
+
+
+def _across(points: Floats, straight: Floats) -> Floats:
+    """Direction across points (row, col) in line; `straight` where they lie in no line."""
+    centred = points - points.mean(axis=0)
+    values, axes = np.linalg.eigh(centred.T @ centred)
+    return np.asarray(axes[:, 0], np.float64) if values[1] > 4.0 * values[0] else straight
 
 
 def _stretches(points: Floats) -> list[list[int]]:

@@ -22,6 +22,7 @@ FLOORS = {
     "__main__": 14,
     "cli": 13,
     "report": 12,
+    "documentation": 12,
     "evaluation": 11,
     "training": 10,
     "benchmark": 10,
@@ -32,6 +33,7 @@ FLOORS = {
     "predictors": 6,
     "simulation": 6,
     "frontiers": 5,
+    "importing": 5,
     "layout": 4,
     "sensing": 4,
     "planning": 4,
@@ -39,6 +41,7 @@ FLOORS = {
     "closed_doors": 4,
     "grids": 3,
     "models": 3,
+    "plugins": 3,
     "metrics": 2,
     "files": 2,
     "options": 2,
@@ -47,7 +50,7 @@ FLOORS = {
 }
 """The floor of every room: an import goes to a lower one or stays in its room."""
 
-HALL = {"__init__", "__main__", "errors", "files", "options", "processes"}
+HALL = {"__init__", "__main__", "errors", "options", "processes"}
 LINES_OF_FILE, LINES_OF_FUNCTION, COLUMNS, MODULES_OF_FOLDER, PARAMETERS, COMMENTED_FROM = (
     400,
     50,
@@ -82,6 +85,11 @@ def text_of(path: Path) -> str:
 @cache
 def files_of_tests() -> tuple[Path, ...]:
     return tuple(sorted((ROOT / "tests").rglob("*.py")))
+
+
+@cache
+def pages() -> tuple[Path, ...]:
+    return tuple(sorted((ROOT / "layoutexplore" / "documentation" / "pages").rglob("*.md")))
 
 
 @cache
@@ -290,7 +298,7 @@ def test_kernels_say_their_invariants() -> None:
 
 
 DOTTED = re.compile(r"`(layoutexplore(?:\.\w+)+)`")
-FILE = re.compile(r"`((?:layoutexplore|envs|agents|maps|tests|\.images)/[\w./-]*\w)`")
+FILE = re.compile(r"`((?:layoutexplore|envs|agents|maps|tests)/[\w./-]*\w)`")
 
 
 @cache
@@ -316,7 +324,7 @@ def exists(dotted: str) -> bool:
 
 def test_names_in_backticks_exist() -> None:
     missing = set()
-    for path in [*modules().values(), *files_of_tests(), ROOT / "README.md"]:
+    for path in [*modules().values(), *files_of_tests(), ROOT / "README.md", *pages()]:
         text = text_of(path)
         here = path.relative_to(ROOT)
         missing |= {f"{here}: {name}" for name in DOTTED.findall(text) if not exists(name)}

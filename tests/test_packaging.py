@@ -47,3 +47,8 @@ def test_import_is_light(module: str) -> None:
         f"import sys, layoutexplore, layoutexplore.simulation.simulation; sys.exit({module!r} in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
+
+
+def test_what_ci_runs_exists() -> None:
+    named = re.findall(r"\btests/[\w./-]+", (ROOT / ".ci" / "run").read_text())
+    assert len(named) >= 5 and [name for name in named if not (ROOT / name).exists()] == []

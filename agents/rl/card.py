@@ -8,8 +8,6 @@ be read. Nothing is unpickled.
 from __future__ import annotations
 
 import dataclasses
-import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +17,10 @@ import layoutexplore
 from layoutexplore.agents.rl.hyperparameters import NetworkConfig, TrainingConfig
 from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
-from layoutexplore.errors import ConfigError, ResultsError, unknown_name
+from layoutexplore.errors import ConfigError, ResultsError, cause, shortened, unknown_name
+from layoutexplore.files import parse_toml
+from layoutexplore.files.schema import Anything, Items, Record, TableOf, Text
+from layoutexplore.files.tensors import read_metadata
 from layoutexplore.frontiers.tour_features import TourConfig
 
 FORMAT = 1
@@ -28,7 +29,6 @@ FORMAT = 1
 WEIGHTS = Path(__file__).resolve().parent / "weights"
 """Folder of the policies that ship."""
 
-_LARGEST_HEADER = 1 << 20
 _UNUSED_FRONTIER = {"valid"}
 _OF_THE_TOUR = {"detour", "tour_rank"}
 _ROBOT = ("distance", "known_area", "expected_area")
@@ -124,34 +124,34 @@ def find_policy(name: str) -> Path:
     )
 
 
+_NAMES = Items(Text(most=200), 0, 200)
+_CARD = Record(
+    {
+        "network": TableOf(Anything()),
+        "frontier_features": Items(Text(most=200), 1, 200),
+        "robot_features": _NAMES,
+    },
+    {
+        "map_channels": _NAMES,
+        "predictor": Text(most=1000),
+        "sensors": _NAMES,
+        "tour": TableOf(Anything()),
+        "version": Text(most=200),
+    },
+)
+"""What the table [policy] of a card must hold."""
+
+
 def read_card(path: Path) -> dict[str, Any]:
     """The card in the header of a policy's file, as nested values.
 
     Raises:
         ResultsError: The file cannot be read, is no policy, or is cut off.
     """
-    try:
-        with path.open("rb") as file:
-            size = int.from_bytes(file.read(8), "little")
-            if not 0 < size <= _LARGEST_HEADER:
-                raise ResultsError(f"{path} is not a policy: it does not begin like a safetensors file")
-            header = json.loads(file.read(size))
-        end = (
-            8
-            + size
-            + max((t["data_offsets"][1] for k, t in header.items() if k != "__metadata__"), default=0)
-        )
-        if (found := path.stat().st_size) != end:
-            raise ResultsError(
-                f"{path} is damaged: {found} bytes where its header promises {end}; copy or train it again"
-            )
-        return tomllib.loads(header["__metadata__"]["card"])
-    except OSError as error:
-        raise ResultsError(f"cannot read the policy {path}: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        if isinstance(error, ResultsError):
-            raise
-        raise ResultsError(f"{path} is not a policy of layoutexplore, or is cut off in its header") from error
+    metadata = read_metadata(path, what="policy")
+    if "card" not in metadata:
+        raise ResultsError(f"{path} is not a policy of layoutexplore: its header has no card")
+    return parse_toml(metadata["card"], f"{path}: its card", error=ResultsError)
 
 
 def read_spec(path: Path) -> PolicySpec:
@@ -169,15 +169,11 @@ def read_spec(path: Path) -> PolicySpec:
         )
     if table.get("format") != FORMAT:
         raise ResultsError(
-            f"{path} has format {table.get('format')!r} (layoutexplore {table.get('version')}); "
-            f"this is layoutexplore {layoutexplore.__version__}, which reads format {FORMAT}: train it again"
+            f"{path} has format {shortened(table.get('format'))} "
+            f"(layoutexplore {shortened(table.get('version'))}); this is layoutexplore "
+            f"{layoutexplore.__version__}, which reads format {FORMAT}: train it again"
         )
-    try:
-        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in table.items()}
-        parts = {"network": NetworkConfig(**table["network"]), "tour": TourConfig(**table.get("tour", {}))}
-        spec = PolicySpec(**{**values, **parts})
-    except (TypeError, KeyError, ConfigError) as error:
-        raise ResultsError(f"{path}: the table [policy] of its card is not understood: {error}") from error
+    spec = _spec_of_table(table, path)
     for kind, names, known in (
         ("frontier features", spec.frontier_features, FRONTIER_FEATURES),
         ("robot features", spec.robot_features, ROBOT_FEATURES),
@@ -185,6 +181,20 @@ def read_spec(path: Path) -> PolicySpec:
     ):
         if missing := [name for name in names if name not in known]:
             raise ResultsError(
-                f"{path} was trained with {kind} that this version does not have: {', '.join(missing)}"
+                f"{path} was trained with {kind} that this version does not have: {', '.join(missing)[:300]}"
             )
+        if len(set(names)) < len(names):
+            raise ResultsError(f"{path}: its card names one of the {kind} twice")
     return spec
+
+
+def _spec_of_table(table: Mapping[str, Any], path: Path) -> PolicySpec:
+    try:
+        fitted = _CARD.fit(table, "policy")
+        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in fitted.items()}
+        parts = {"network": NetworkConfig(**table["network"]), "tour": TourConfig(**table.get("tour", {}))}
+        return PolicySpec(**{**values, **parts})
+    except (TypeError, KeyError, ValueError, ConfigError) as error:
+        raise ResultsError(
+            f"{path}: the table [policy] of its card is not understood: {cause(error)}"
+        ) from error

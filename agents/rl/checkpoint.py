@@ -8,16 +8,18 @@ done.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-import safetensors.torch
 import torch
-from safetensors import SafetensorError, safe_open
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from layoutexplore.agents.rl.torch_policy_files import save_tensors
-from layoutexplore.errors import ResultsError
+from layoutexplore.errors import ResultsError, cause, shortened
+from layoutexplore.files import parse_json
+from layoutexplore.files.schema import Anything, Items, Number, Record, TableOf, Text
+from layoutexplore.files.tensors import read_tensors
 
 FORMAT = 1
 FILE = "checkpoint.safetensors"
@@ -62,20 +64,24 @@ def load_checkpoint(folder: Path, model: BaseAlgorithm) -> Progress:
             version.
     """
     path = folder / FILE
-    progress = _read_header(path)
+    if not path.exists():
+        raise ResultsError(f"no checkpoint {path}: leave out --resume to start a run there")
+    arrays, metadata = read_tensors(path, what="checkpoint")
+    progress = _progress(metadata, path)
     if progress.format != FORMAT or progress.algorithm != type(model).__name__:
         raise ResultsError(
             f"{path} is a checkpoint of {progress.algorithm} in format {progress.format}; "
             f"this run needs {type(model).__name__} in format {FORMAT}: start again in another folder"
         )
-    try:
-        tensors = safetensors.torch.load_file(path)
-        model.policy.load_state_dict(
-            {k.removeprefix("policy."): t for k, t in tensors.items() if k.startswith("policy.")}
-        )
-    except (SafetensorError, RuntimeError) as error:
-        raise ResultsError(f"{path} does not fit this run's network, or is damaged: {error}") from error
-    _load_optimizer(model, tensors)
+    tensors = {name: torch.from_numpy(values.copy()) for name, values in arrays.items()}
+    policy = {k.removeprefix("policy."): t for k, t in tensors.items() if k.startswith("policy.")}
+    shapes = {name: values.shape for name, values in model.policy.state_dict().items()}
+    if shapes != {name: values.shape for name, values in policy.items()}:
+        raise ResultsError(f"{path} does not fit this run's network, or is damaged")
+    state = _optimizer_state(tensors, model, path)
+    model.policy.load_state_dict(policy)
+    groups = model.policy.optimizer.state_dict()["param_groups"]
+    model.policy.optimizer.load_state_dict({"state": state, "param_groups": groups})
     model.num_timesteps = progress.steps
     for name, value in (("_n_updates", progress.updates), ("_n_calls", progress.calls)):
         if hasattr(model, name):
@@ -83,24 +89,40 @@ def load_checkpoint(folder: Path, model: BaseAlgorithm) -> Progress:
     return progress
 
 
-def _read_header(path: Path) -> Progress:
-    if not path.is_file():
-        raise ResultsError(f"no checkpoint {path}: leave out --resume to start a run there")
+_COUNT = Number(low=0, high=1e15, whole=True)
+_PROGRESS = Record(
+    {"algorithm": Text(most=200), "steps": _COUNT, "updates": _COUNT, "calls": _COUNT, "format": _COUNT},
+    {"seconds": Number(low=0, high=1e15), "evaluations": Items(TableOf(Anything()))},
+)
+"""What the header of a checkpoint must hold."""
+
+
+def _progress(metadata: Mapping[str, str], path: Path) -> Progress:
+    if "progress" not in metadata:
+        raise ResultsError(f"{path} is not a checkpoint of layoutexplore train: its header has no progress")
+    table = parse_json(
+        metadata["progress"], f"{path} is damaged: its progress", _PROGRESS, error=ResultsError
+    )
     try:
-        with safe_open(path, framework="pt") as file:
-            metadata = file.metadata() or {}
-        return Progress(**json.loads(metadata["progress"]))
-    except (SafetensorError, KeyError, ValueError, TypeError, OSError) as error:
-        raise ResultsError(
-            f"{path} is not a checkpoint of layoutexplore train, or is damaged: {error}"
-        ) from error
+        return Progress(**table)
+    except TypeError as error:
+        raise ResultsError(f"{path} is damaged: its progress: {cause(error)}") from error
 
 
-def _load_optimizer(model: BaseAlgorithm, tensors: dict[str, torch.Tensor]) -> None:
+def _optimizer_state(
+    tensors: Mapping[str, torch.Tensor], model: BaseAlgorithm, path: Path
+) -> dict[int, dict[str, torch.Tensor]]:
+    """The optimizer's tensors by parameter; each is as large as its parameter, or a single number."""
+    shapes = [p.shape for group in model.policy.optimizer.param_groups for p in group["params"]]
     state: dict[int, dict[str, torch.Tensor]] = {}
     for name, tensor in tensors.items():
         if name.startswith("optimizer."):
-            _, index, key = name.split(".")
-            state.setdefault(int(index), {})[key] = tensor
-    groups = model.policy.optimizer.state_dict()["param_groups"]
-    model.policy.optimizer.load_state_dict({"state": state, "param_groups": groups})
+            index, _, key = name.removeprefix("optimizer.").partition(".")
+            number = int(index) if index.isascii() and index.isdigit() and len(index) < 9 else len(shapes)
+            if number >= len(shapes) or tensor.shape not in (shapes[number], ()):
+                raise ResultsError(f"{path} is damaged: {shortened(name)} fits none of this run's weights")
+            state.setdefault(number, {})[key] = tensor
+    keys = {frozenset(part) for part in state.values()}
+    if len(keys) > 1:
+        raise ResultsError(f"{path} is damaged: the optimizer's state lacks a part")
+    return state

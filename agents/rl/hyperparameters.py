@@ -50,7 +50,11 @@ class NetworkConfig:
 
     def __post_init__(self) -> None:
         encoder = Rule(kind=str, choices=ENCODERS)
-        check(self, "network.", encoder=encoder, width=COUNT, layers=COUNT, heads=COUNT)
+        size, weight = Rule(kind=int, low=1, high=4096), Rule(low=-1e6, high=1e6)
+        check(
+            self, "network.", encoder=encoder, width=size, layers=Rule(kind=int, low=1, high=64), heads=size
+        )
+        check(self, "network.", tour_weight=weight, detour_weight=weight)
         if self.width % self.heads:
             raise ConfigError(f"network.heads must divide network.width, got {self.heads} and {self.width}")
 
@@ -217,8 +221,8 @@ def read_config(path: Path | None = None, flags: Mapping[str, Any] | None = None
     table, where = ({}, "the flags") if path is None else (read_toml(path), str(path))
     given = {key: value for key, value in (flags or {}).items() if value is not None}
     algorithm = given.pop("algorithm", table.pop("algorithm", DEFAULT_ALGORITHM))
-    if algorithm not in _defaults():
-        raise unknown_name("algorithm", str(algorithm), _defaults())
+    if not isinstance(algorithm, str) or algorithm not in _defaults():
+        raise unknown_name("algorithm", str(algorithm)[:200], _defaults())
     merged = merge(_defaults()[algorithm], table, f"of {algorithm!r} in {where}")
     return _build(algorithm, merge(merged, given, f"of {algorithm!r}"))
 

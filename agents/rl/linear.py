@@ -8,6 +8,7 @@ import numpy as np
 
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.envs.observation import ObservationConfig, encode_frontiers
+from layoutexplore.errors import ResultsError
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.grids.arrays import Floats32
 
@@ -35,8 +36,17 @@ class PolicyAgent:
         """Begin a new run."""
 
     def act(self, decision: Decision) -> Choice:
-        """The frontier to go to, or `STOP` when there is none."""
-        return int(np.argmax(self.logits(decision))) if decision.frontiers else STOP
+        """The frontier to go to, or `STOP` when there is none.
+
+        Raises:
+            ResultsError: A logit is not finite.
+        """
+        if not decision.frontiers:
+            return STOP
+        logits = self.logits(decision)
+        if not np.isfinite(logits).all():
+            raise ResultsError(f"{self.name}: a logit is not finite: its weights are damaged, train it again")
+        return int(np.argmax(logits))
 
     def logits(self, decision: Decision) -> Floats32:
         """float32 (n,): a logit for each of the decision's frontiers."""

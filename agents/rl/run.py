@@ -23,10 +23,13 @@ from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.torch_policy_files import save_policy
 from layoutexplore.errors import ConfigError, ResultsError
 from layoutexplore.files import atomic, to_toml, write_atomically
-from layoutexplore.processes import command_line
+from layoutexplore.processes import command_line, more_time
 
 CONFIG = "config.toml"
 EVALUATIONS = "evaluations.csv"
+
+CHECKPOINT_TIME = 30.0
+"""Seconds that the last checkpoint may take once the training was asked to stop."""
 
 
 class Watcher(Protocol):
@@ -184,7 +187,8 @@ class TrainingRun:
         except ValueError:  # not the main thread: nobody presses keys here
             previous = {}
         try:
-            yield
+            with more_time(CHECKPOINT_TIME):
+                yield
         finally:
             for number, handler in previous.items():
                 signal.signal(number, handler)

@@ -35,8 +35,8 @@ from layoutexplore.agents.rl.response_surface import fit_surface, lowest
 from layoutexplore.agents.rl.run import EVALUATIONS, TrainingRun, Watcher
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.plans import PlanSource
-from layoutexplore.errors import ResultsError
-from layoutexplore.files import atomic
+from layoutexplore.errors import ResultsError, shortened
+from layoutexplore.files import atomic, parse_csv, read_csv, read_text
 from layoutexplore.frontiers.decision import Decision, Predictor
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
 from layoutexplore.grids.arrays import Floats
@@ -59,6 +59,7 @@ LINEAR = {"area_exponent": 0.25, "expected_exponent": 0.25, "first_leg": 0.3, "h
 
 PARAMETERS = (*LOGARITHMIC, *LINEAR)
 
+_FARTHEST = 1e9
 _NEAR = 5.0
 """Metres added before a logarithm is taken, so that tiny buildings do not count more than others."""
 
@@ -208,16 +209,19 @@ def read_explorations(path: Path, members: int) -> list[Exploration]:
     Raises:
         ResultsError: There is no such file, or it is something else.
     """
-    if not path.is_file():
+    if not path.exists():
         raise ResultsError(f"no checkpoint {path}: leave out --resume to start a run there")
-    lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
-    if lines[0].strip() != ",".join(Exploration._fields):
+    text = read_text(path, ResultsError, "file of explorations")
+    # What follows the last line break was cut off, or is nothing.
+    lines = parse_csv(text[: text.rfind("\n") + 1], str(path))
+    if not lines or lines[0] != list(Exploration._fields):
         raise ResultsError(f"{path} is not a file of explorations of layoutexplore train")
-    whole = lines[1:-1]  # What follows the last line break was cut off, or is nothing.
     try:
-        rows = [Exploration(int(a), int(b), float(c), float(d)) for a, b, c, d in csv.reader(whole)]
+        rows = [Exploration(int(a), int(b), float(c), float(d)) for a, b, c, d in lines[1:]]
     except ValueError as error:
-        raise ResultsError(f"{path} is damaged: {error}") from error
+        raise ResultsError(f"{path} is damaged: {shortened(str(error))}") from error
+    if not all(0 <= metres <= _FARTHEST for row in rows for metres in (row.d95, row.d99)):
+        raise ResultsError(f"{path} is damaged: metres must be from 0 to {_FARTHEST:g}")
     if any((row.group, row.member) != divmod(k, members) for k, row in enumerate(rows)):
         raise ResultsError(f"{path} does not fit this run's search.pairs, or is damaged")
     return rows[: len(rows) // members * members]
@@ -315,15 +319,17 @@ def _read_evaluations(path: Path, steps: int) -> list[dict[str, float]]:
     Raises:
         ResultsError: The file is something else.
     """
-    if not path.is_file():
+    if not path.exists():
         return []
+    header, *lines = read_csv(path, what="table of evaluations") or [[]]
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = [
-                {key: float(value) for key, value in row.items() if value} for row in csv.DictReader(file)
-            ]
+        if "steps" not in header:
+            raise ValueError("there is no column steps")
+        rows = [
+            {key: float(value) for key, value in zip(header, line, strict=True) if value} for line in lines
+        ]
         return [row for row in rows if row["steps"] <= steps]
-    except (ValueError, KeyError, TypeError, csv.Error) as error:
+    except (ValueError, KeyError) as error:
         raise ResultsError(
-            f"{path} is damaged: {error!r}; remove it to go on without the evaluations so far"
+            f"{path} is damaged: {shortened(str(error))}; remove it to go on without the evaluations so far"
         ) from error

@@ -8,12 +8,12 @@ from typing import Any
 
 import safetensors.torch
 import torch
-from safetensors import SafetensorError
 
 from layoutexplore.agents.rl.card import PolicySpec, read_spec
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.errors import ResultsError
 from layoutexplore.files import atomic, to_toml, write_atomically
+from layoutexplore.files.tensors import read_tensors
 
 
 def save_policy(path: Path, state: Mapping[str, torch.Tensor], card: Mapping[str, Any]) -> None:
@@ -37,11 +37,16 @@ def load_actor(path: Path) -> tuple[Actor, PolicySpec]:
         ResultsError: The file is damaged, or is not a policy that this version can run.
     """
     spec = read_spec(path)
-    actor = Actor(spec)
-    try:
-        actor.load_state_dict(safetensors.torch.load_file(path))
-    except (SafetensorError, RuntimeError) as error:
+    tensors, _ = read_tensors(path, what="policy")
+    first = "path_length" if spec.rank_column is None else "detour"
+    if first not in spec.frontier_features:
         raise ResultsError(
-            f"{path}: the weights do not fit the network that its card describes: {error}"
-        ) from error
+            f"{path}: the network that its card describes reads {first}, but the card does not"
+        )
+    with torch.device("meta"):  # what the card describes may be much larger than what the file holds
+        shapes = {name: tuple(values.shape) for name, values in Actor(spec).state_dict().items()}
+    if shapes != {name: values.shape for name, values in tensors.items()}:
+        raise ResultsError(f"{path}: the weights do not fit the network that its card describes")
+    actor = Actor(spec)
+    actor.load_state_dict({name: torch.from_numpy(values.copy()) for name, values in tensors.items()})
     return actor.eval(), spec

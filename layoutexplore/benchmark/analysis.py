@@ -7,8 +7,9 @@ interquartile mean.
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,7 +55,7 @@ class Comparison:
         agent: The strategy.
         metric: d90, d95 or d99.
         cells: Number of pairs.
-        plans: Number of floor plans among them.
+        plans: Number of floor plans among them (of buildings, where these are resampled).
         ratio: exp of the interquartile mean over cells of ln(metres / baseline's metres), interval over floor
             plans.
         plan_ratio: The same over the plans' mean log-ratios, so that every plan counts once.
@@ -119,10 +120,17 @@ def groups(rows: Iterable[Row]) -> dict[str, list[Row]]:
     return {POOLED: good, **parts} if len(sensors) > 1 else parts
 
 
-def compare(rows: Iterable[Row], baseline: str) -> list[Comparison]:
+def compare(
+    rows: Iterable[Row], baseline: str, buildings: Mapping[str, str] | None = None
+) -> list[Comparison]:
     """Every agent against the baseline, for every group and level; nothing where the baseline did not run.
 
     Levels that were not measured (the runs were ended below them) are left out.
+
+    Args:
+        rows: The runs.
+        baseline: The agent to compare with.
+        buildings: The building of each floor plan, to resample buildings and not floor plans.
     """
     found = []
     for sensor, part in groups(rows).items():
@@ -133,12 +141,14 @@ def compare(rows: Iterable[Row], baseline: str) -> list[Comparison]:
                 pairs = [(row, base[_cell(row)]) for row in mine if not math.isnan(getattr(row, metric))]
                 pairs = [(row, other) for row, other in pairs if not math.isnan(getattr(other, metric))]
                 if pairs:
-                    found.append(_comparison(sensor, agent, metric, pairs))
+                    found.append(_comparison(sensor, agent, metric, pairs, buildings))
     return found
 
 
-def _comparison(sensor: str, agent: str, metric: str, pairs: list[tuple[Row, Row]]) -> Comparison:
-    plans = [row.plan for row, _ in pairs]
+def _comparison(
+    sensor: str, agent: str, metric: str, pairs: list[tuple[Row, Row]], buildings: Mapping[str, str] | None
+) -> Comparison:
+    plans = [row.plan if buildings is None else buildings[row.plan] for row, _ in pairs]
     metres, reference = (np.maximum([getattr(pair[k], metric) for pair in pairs], SHORTEST) for k in (0, 1))
     logs = log_ratios(metres, reference)
     means, names = cluster_means(logs, plans)
@@ -158,6 +168,14 @@ def _comparison(sensor: str, agent: str, metric: str, pairs: list[tuple[Row, Row
 def summarise_agents(rows: Iterable[Row], baseline: str, curves: Curves) -> list[AgentSummary]:
     """Plain figures of every agent in every group."""
     found = []
+
+    @functools.cache
+    def gained(row: Row, other: Row) -> float:
+        """Coverage gained by a run over another one in its cell; it counts for two groups."""
+        scale = curve_scale(other)
+        mean, reference = (mean_coverage(c[:, 0], c[:, 1], scale) for c in (curves(row), curves(other)))
+        return mean - reference
+
     for sensor, part in groups(rows).items():
         base = {_cell(row): row for row in part if row.agent == baseline}
         for agent in agents_of(part):
@@ -167,7 +185,7 @@ def summarise_agents(rows: Iterable[Row], baseline: str, curves: Curves) -> list
                     sensor=sensor,
                     agent=agent,
                     runs=len(mine),
-                    auc_difference=_auc_difference(mine, base, curves),
+                    auc_difference=_auc_difference(mine, base, gained),
                     decisions=float(np.median([row.decisions for row in mine])),
                     ms_decision=float(np.median([row.ms_decision_median for row in mine])),
                     ms_decision_p95=float(np.median([row.ms_decision_p95 for row in mine])),
@@ -184,17 +202,14 @@ def _share(parts: list[int], wholes: list[int]) -> float:
     return sum(parts) / sum(wholes) if sum(wholes) else float("nan")
 
 
-def _auc_difference(mine: list[Row], base: dict[CellKey, Row], curves: Curves) -> Interval | None:
+def _auc_difference(
+    mine: list[Row], base: dict[CellKey, Row], gained: Callable[[Row, Row], float]
+) -> Interval | None:
     """Mean coverage over the baseline's metres to 99 %, minus the baseline's, IQM over cells."""
     pairs = [(row, base[_cell(row)]) for row in mine if _cell(row) in base]
     if not pairs:
         return None
-    differences = []
-    for row, other in pairs:
-        scale = curve_scale(other)
-        mean, reference = (mean_coverage(c[:, 0], c[:, 1], scale) for c in (curves(row), curves(other)))
-        differences.append(mean - reference)
-    return cluster_bootstrap(differences, [row.plan for row, _ in pairs])
+    return cluster_bootstrap([gained(*pair) for pair in pairs], [row.plan for row, _ in pairs])
 
 
 def curve_scale(row: Row) -> float:

@@ -2,15 +2,30 @@
 
 The results folder must lie where all workers can write to it. A task whose worker dies is handed out again by
 the cluster; when it keeps failing, its row says so and the run goes on.
+
+Whoever reaches a Dask scheduler or a Ray head can run code on it: those that are started here listen on this
+machine alone.
 """
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from layoutexplore.benchmark.pool import single_threaded
-from layoutexplore.errors import ConfigError, require, unknown_name
+from layoutexplore.benchmark.pool import AHEAD, TRIES, Answer, Handout, run_batch, single_threaded
+from layoutexplore.errors import ConfigError, LayoutExploreError, require, unknown_name
+from layoutexplore.processes import ASKING, deaf_children
+
+RUNS_CODE = (
+    "whoever reaches a Dask or Ray cluster can run any code on its machines: keep it to a trusted network"
+)
+"""What is said where the cluster is not on this machine."""
+
+LOOPBACK = "127.0.0.1"
+"""Where a cluster on this machine listens."""
 
 _MODULES = {"dask": "distributed", "ray": "ray"}
 """What drives each kind of cluster."""
@@ -20,7 +35,13 @@ R = TypeVar("R")
 
 
 def run_on_cluster(
-    function: Callable[[T], R], tasks: Sequence[T], *, cluster: str, jobs: int, lost: Callable[[T], R]
+    function: Callable[[T], R],
+    tasks: Sequence[T],
+    *,
+    cluster: str,
+    jobs: int,
+    lost: Callable[[T], R],
+    tries: int = TRIES,
 ) -> Iterator[R]:
     """Results of `function` over the tasks, in the order in which they end.
 
@@ -30,7 +51,8 @@ def run_on_cluster(
         cluster: "dask" or "ray" for one on this machine, or "dask:ADDRESS" or "ray:ADDRESS" for one that is
             running.
         jobs: Workers of a cluster on this machine.
-        lost: The result of a task whose worker died.
+        lost: The result of a task whose workers died `tries` times.
+        tries: How often the cluster runs such a task.
 
     Raises:
         UnknownNameError: The cluster is neither Dask nor Ray.
@@ -41,7 +63,7 @@ def run_on_cluster(
     kind, _, address = cluster.partition(":")
     run = _dask if kind == "dask" else _ray
     with single_threaded():
-        yield from run(function, tasks, address, jobs, lost)
+        yield from run(function, tasks, address, jobs, lost, tries)
 
 
 def check_cluster(cluster: str) -> None:
@@ -54,53 +76,110 @@ def check_cluster(cluster: str) -> None:
     kind = cluster.partition(":")[0]
     if kind not in _MODULES:
         raise unknown_name("cluster", kind, _MODULES)
+    if cluster == "ray":
+        # Ray listens on all interfaces unless it thinks that machines of this kind form no clusters
+        os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
     require(_MODULES[kind], "cluster")
 
 
 def _dask(
-    function: Callable[[T], R], tasks: Sequence[T], address: str, jobs: int, lost: Callable[[T], R]
+    function: Callable[[T], R],
+    tasks: Sequence[T],
+    address: str,
+    jobs: int,
+    lost: Callable[[T], R],
+    tries: int,
 ) -> Iterator[R]:
-    distributed = require("distributed", "cluster")
-    try:
-        own = {"n_workers": jobs, "threads_per_worker": 1, "dashboard_address": None, "memory_limit": None}
-        client = distributed.Client(address, timeout=10) if address else distributed.Client(**own)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"no Dask scheduler answers at {address!r}: {error}") from error
-    with client:
-        futures = client.map(function, tasks, pure=False)
-        by_key = {future.key: task for future, task in zip(futures, tasks, strict=True)}
-        for future in distributed.as_completed(futures):
-            yield lost(by_key[future.key]) if future.status == "error" else future.result()
+    distributed, dask = require("distributed", "cluster"), require("dask", "cluster")
+    with dask.config.set({"distributed.scheduler.allowed-failures": tries - 1}):
+        try:
+            with deaf_children():
+                client = (
+                    distributed.Client(address, timeout=10) if address else distributed.Client(**_own(jobs))
+                )
+        except (OSError, ValueError) as error:
+            raise ConfigError(f"no Dask scheduler answers at {address!r}: {error}") from error
+        with client:
+            workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+            handout = Handout(tasks, workers)
+            flying: dict[str, list[T]] = {}
+            ended = distributed.as_completed()
+            while handout or flying:
+                while handout and len(flying) < AHEAD * workers:
+                    batch = handout.batch()
+                    future = client.submit(run_batch, function, batch, pure=False)
+                    flying[future.key] = batch
+                    ended.add(future)
+                future = next(ended)
+                batch = flying.pop(future.key)
+                if future.status != "error":
+                    yield from handout.learn(future.result())
+                elif isinstance(failure := future.exception(), LayoutExploreError):
+                    raise failure
+                elif len(batch) > 1:
+                    handout.split(batch)
+                else:
+                    yield lost(batch[0])
+
+
+def _own(jobs: int) -> dict[str, Any]:
+    """A cluster on this machine that nobody else can reach: it runs any code that it is sent."""
+    return {
+        "n_workers": jobs,
+        "threads_per_worker": 1,
+        "dashboard_address": None,
+        "memory_limit": None,
+        "host": LOOPBACK,
+    }
 
 
 def _ray(
-    function: Callable[[T], R], tasks: Sequence[T], address: str, jobs: int, lost: Callable[[T], R]
+    function: Callable[[T], R],
+    tasks: Sequence[T],
+    address: str,
+    jobs: int,
+    lost: Callable[[T], R],
+    tries: int,
 ) -> Iterator[R]:
     ray = require("ray", "cluster")
+    own = {"num_cpus": jobs, "include_dashboard": False}
+    handlers = {number: signal.getsignal(number) for number in ASKING}
     try:
-        ray.init(
-            address=address or "local", **({} if address else {"num_cpus": jobs, "include_dashboard": False})
-        )
+        with deaf_children():
+            ray.init(address=address or "local", **({} if address else own))
     except ConnectionError as error:
         raise ConfigError(f"no Ray cluster answers at {address!r}: {error}") from error
     try:
-        remote = ray.remote(_plain(function))
-        flying = {remote.remote(task): task for task in tasks}
-        while flying:
-            done, _ = ray.wait(list(flying), num_returns=1)
-            task = flying.pop(done[0])
+        if threading.current_thread() is threading.main_thread():
+            for number, handler in handlers.items():  # Ray's own would end the process without a word
+                signal.signal(number, handler)
+        remote = ray.remote(max_retries=tries - 1)(_plain(function))
+        workers = max(int(ray.cluster_resources().get("CPU", 1)), 1)
+        handout = Handout(tasks, workers)
+        flying: dict[Any, list[T]] = {}
+        while handout or flying:
+            while handout and len(flying) < AHEAD * workers:
+                batch = handout.batch()
+                flying[remote.remote(batch)] = batch
+            (done,), _ = ray.wait(list(flying), num_returns=1)
+            batch = flying.pop(done)
             try:
-                yield ray.get(done[0])
-            except ray.exceptions.RayError:
-                yield lost(task)
+                yield from handout.learn(ray.get(done))
+            except ray.exceptions.RayError as error:
+                if isinstance(cause := getattr(error, "cause", None), LayoutExploreError):
+                    raise cause from None
+                if len(batch) == 1:
+                    yield lost(batch[0])
+                else:
+                    handout.split(batch)
     finally:
         ray.shutdown()
 
 
-def _plain(function: Callable[[T], R]) -> Callable[[T], R]:
+def _plain(function: Callable[[T], R]) -> Callable[[Sequence[T]], Answer[R]]:
     """Ray wants a plain function."""
 
-    def call(task: T) -> R:
-        return function(task)
+    def call(batch: Sequence[T]) -> Answer[R]:
+        return run_batch(function, batch)
 
     return call

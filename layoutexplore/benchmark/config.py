@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import layoutexplore
-from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.agents import AGENTS
+from layoutexplore.errors import ConfigError, shortened, unknown_name
 from layoutexplore.files import read_toml
 from layoutexplore.options import COUNT, FLAG, Rule, check, check_keys, from_table
 from layoutexplore.sensing.lidar import SENSORS, LidarConfig
@@ -42,38 +43,49 @@ class BenchmarkConfig:
             test.
         starts: Number of starts on each plan; start k is the same for every sensor and agent.
         sensors: Presets, or names of `lidars`.
-        agents: Strategies.
+        agents: Strategies: names, with parameters, `FILE.py:CLASS`, or agents of your own as classes or
+            objects, of which their names are kept: `name`, or what the class is called.
         baseline: The agent that the others are compared with.
         seed: Decides starts, sensor noise and the agents' own randomness.
         lidars: Own sensors by name.
         simulation: How to simulate; its `sensor` is replaced by each of `sensors`.
         explain: Ask agents with a predictor beside every decision what they would choose without it, and with
-            the true rooms. It changes no run and about doubles the time of theirs.
+            the true rooms. It changes no run and more than doubles the time of theirs.
+        cell_seconds: A run that takes longer fails; 0 for as long as it takes.
+        cell_mb: So does one that takes more memory than this beside what its process has; 0 for any.
+        tries: A run whose worker is killed is made so often before it fails.
 
     Raises:
         ConfigError: A list is empty, has duplicates, or a value makes no sense.
     """
 
-    plans: tuple[str, ...] = ("quick",)
+    plans: Sequence[str] = ("quick",)
     starts: int = 2
-    sensors: tuple[str, ...] = ("stage",)
-    agents: tuple[str, ...] = QUICK_AGENTS
+    sensors: Sequence[str] = ("stage",)
+    agents: Sequence[Any] = QUICK_AGENTS
     baseline: str = "nearest"
     seed: int = 0
     lidars: Mapping[str, LidarConfig] = field(default_factory=dict)
     simulation: SimulationConfig = field(default_factory=SimulationConfig)
     explain: bool = True
+    cell_seconds: float = 0.0
+    cell_mb: float = 0.0
+    tries: int = 3
 
     def __post_init__(self) -> None:
         for name in ("plans", "sensors", "agents"):
-            values = getattr(self, name)
+            given = getattr(self, name)
+            values = tuple(v if isinstance(v, str) else AGENTS.register_object(v) for v in given)
+            object.__setattr__(self, name, values)
             if not values:
                 raise ConfigError(f"a benchmark needs at least one of {name}")
             if twice := sorted({value for value in values if values.count(value) > 1}):
                 raise ConfigError(f"{name} names {twice[0]!r} twice")
         if not isinstance(self.baseline, str) or not self.baseline:
             raise ConfigError(f"baseline must be the name of an agent, got {self.baseline!r}")
-        check(self, starts=COUNT, seed=Rule(kind=int, low=0), explain=FLAG)
+        check(self, starts=COUNT, seed=Rule(kind=int, low=0), explain=FLAG, tries=COUNT)
+        if not (self.cell_seconds >= 0 and self.cell_mb >= 0):
+            raise ConfigError("cell_seconds and cell_mb must be 0 (no limit) or more")
         for name in self.sensors:
             if name not in self.lidars and name not in SENSORS:
                 raise unknown_name("sensor", name, [*SENSORS, *self.lidars])
@@ -96,6 +108,8 @@ def settings(config: BenchmarkConfig) -> dict[str, Any]:
     """What decides the outcome of every single run, as plain nested values."""
     simulation = dataclasses.asdict(config.simulation)
     del simulation["sensor"]
+    if simulation["region"] is None:
+        del simulation["region"]  # Results of versions without it belong to the same configuration.
     lidars = {name: dataclasses.asdict(config.simulation_with(name).lidar) for name in sorted(config.sensors)}
     return {
         "version": layoutexplore.__version__,
@@ -118,7 +132,7 @@ def read_benchmark_config(path: Path) -> dict[str, Any]:
     check_keys(table, [f.name for f in dataclasses.fields(BenchmarkConfig)], str(path))
     for name in ("simulation", "lidars"):
         if not isinstance(table.get(name, {}), dict):
-            raise ConfigError(f"{name} in {path} must be a table, got {table[name]!r}")
+            raise ConfigError(f"{name} in {path} must be a table, got {shortened(table[name])}")
     if "simulation" in table:
         table["simulation"] = _simulation(table["simulation"], f"{path} [simulation]")
     if "lidars" in table:
@@ -127,6 +141,24 @@ def read_benchmark_config(path: Path) -> dict[str, Any]:
         if name in table:
             table[name] = _strings(table[name], f"{name} in {path}")
     return table
+
+
+def simulation_of_file(path: Path, sensor: str) -> SimulationConfig:
+    """How runs with a sensor are simulated, from a benchmark's TOML file or the run.toml of its results.
+
+    Raises:
+        ConfigError: The file cannot be read or is neither, or a value makes no sense.
+    """
+    table = read_toml(path)
+    if isinstance(settings_of_run := table.get("settings"), dict):
+        simulation = _simulation(settings_of_run.get("simulation", {}), f"{path} [settings.simulation]")
+        lidars = settings_of_run.get("lidars", {})
+        lidars = {n: _lidar(n, t, f"{path} [settings.lidars.{n}]") for n, t in lidars.items()}
+        options: dict[str, Any] = {"simulation": simulation, "lidars": lidars}
+    else:
+        given = read_benchmark_config(path)
+        options = {name: given[name] for name in ("simulation", "lidars") if name in given}
+    return BenchmarkConfig(sensors=(sensor,), **options).simulation_with(sensor)
 
 
 def _simulation(table: dict[str, Any], where: str) -> SimulationConfig:
@@ -147,5 +179,5 @@ def _lidar(name: str, table: Any, where: str) -> LidarConfig:
 def _strings(value: Any, where: str) -> tuple[str, ...]:
     items: Iterable[Any] = [value] if isinstance(value, str) else value
     if not isinstance(items, list) or not all(isinstance(item, str) for item in items):
-        raise ConfigError(f"{where} must be a list of names, got {value!r}")
+        raise ConfigError(f"{where} must be a list of names, got {shortened(value)}")
     return tuple(items)

@@ -14,12 +14,10 @@ import dataclasses
 import heapq
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision
@@ -131,51 +129,6 @@ class _Pursued:
 
     decided: DecisiveDecision
     cells: Ints32 = field(repr=False)
-
-
-def to_arrays(counterfactual: Counterfactual) -> dict[str, NDArray[np.generic]]:
-    """As named arrays, for a file."""
-    arrays: dict[str, NDArray[np.generic]] = {"log": counterfactual.log}
-    for k, decided in enumerate(counterfactual.decisive):
-        numbers = [
-            decided.distance,
-            decided.coverage,
-            decided.stake,
-            decided.without,
-            decided.seen_after,
-            decided.came_back,
-        ]
-        places = [decided.corner, decided.here, decided.chosen, decided.given_up]
-        arrays[f"moment{k}_numbers"] = np.array(numbers, np.float64)
-        arrays[f"moment{k}_places"] = np.array(places, np.int32)
-        for name in ("cells", "judged", "members", "offsets"):
-            arrays[f"moment{k}_{name}"] = getattr(decided, name)
-    return arrays
-
-
-def from_arrays(arrays: Mapping[str, NDArray[Any]]) -> Counterfactual:
-    """The inverse of `to_arrays`; other arrays are ignored."""
-    decisive: list[DecisiveDecision] = []
-    while f"moment{len(decisive)}_numbers" in arrays:
-        begin = f"moment{len(decisive)}_"
-        distance, coverage, stake, without, seen_after, came_back = arrays[begin + "numbers"].tolist()
-        corner, here, chosen, given_up = (tuple(place) for place in arrays[begin + "places"].tolist())
-        decisive.append(
-            DecisiveDecision(
-                distance=distance,
-                coverage=coverage,
-                stake=stake,
-                corner=corner,
-                here=here,
-                chosen=chosen,
-                given_up=given_up,
-                without=int(without),
-                seen_after=seen_after,
-                came_back=bool(came_back),
-                **{name: arrays[begin + name] for name in ("cells", "judged", "members", "offsets")},
-            )
-        )
-    return Counterfactual(arrays["log"], tuple(decisive))
 
 
 class CounterfactualRollouts:

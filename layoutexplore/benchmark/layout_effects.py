@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.benchmark.analysis import agents_of, groups
-from layoutexplore.benchmark.counterfactual import LOG, Counterfactual
+from layoutexplore.benchmark.counterfactual import LOG
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 
-NotesOf = Callable[[Row], Counterfactual | None]
-"""Gives what was noted in a run."""
+LogOf = Callable[[Row], Floats | None]
+"""Gives the log of a run, a row a decision; None where nobody asked."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,51 +69,80 @@ class LayoutEffect:
     leftover_wrong: float
 
 
-def layout_effects(rows: Iterable[Row], notes_of: NotesOf) -> list[LayoutEffect]:
+@dataclass(frozen=True, eq=False)
+class _Digest:
+    """What is kept of the log of one run: a log is read once, and many do not fit into memory.
+
+    Attributes:
+        row: The run.
+        totals: float64 (len(LOG),), sums over its decisions.
+        times: float64 (n,), milliseconds of its predictions.
+        changed: Share of the decisions that the layout changed.
+        misled: Share that the true rooms would have.
+        either: Decisions that true classes, true areas or both set right.
+    """
+
+    row: Row
+    totals: Floats
+    times: Floats
+    changed: float
+    misled: float
+    either: int
+
+    @staticmethod
+    def of(row: Row, log: Floats) -> _Digest:
+        """The digest of a log that is not empty."""
+        changed, misled = (float(log[:, LOG.index(name)].mean()) for name in ("changed", "misled"))
+        either = _logical(log, "class_alone") | _logical(log, "area_alone") | _logical(log, "both")
+        times = log[:, LOG.index("prediction_ms")].copy()
+        return _Digest(row, log.sum(axis=0), times, changed, misled, int(either.sum()))
+
+
+def layout_effects(rows: Iterable[Row], log_of: LogOf) -> list[LayoutEffect]:
     """The effects of the layout for every agent with a predictor, in every group.
 
     Runs in which nobody asked do not count.
     """
     found = []
-    noted: dict[tuple[str, int, str, str], Counterfactual | None] = {}
+    digests: dict[tuple[str, int, str, str], _Digest | None] = {}
+
+    def digest(row: Row) -> _Digest | None:
+        if row.key not in digests:
+            log = log_of(row)
+            digests[row.key] = None if log is None or not len(log) else _Digest.of(row, log)
+        return digests[row.key]
+
     for sensor, part in groups(rows).items():
         for agent in agents_of(part):
-            mine = []
-            for row in (row for row in part if row.agent == agent):
-                if row.key not in noted:
-                    noted[row.key] = notes_of(row)
-                counterfactual = noted[row.key]
-                if counterfactual is not None and len(counterfactual.log):
-                    mine.append((row, counterfactual))
+            mine = [run for row in part if row.agent == agent and (run := digest(row))]
             if mine:
                 found.append(_effect(sensor, agent, mine))
     return found
 
 
-def _effect(sensor: str, agent: str, runs: Sequence[tuple[Row, Counterfactual]]) -> LayoutEffect:
-    plans = [row.plan for row, _ in runs]
-    log = np.concatenate([counterfactual.log for _, counterfactual in runs])
-    total = dict(zip(LOG, log.sum(axis=0).tolist(), strict=True))
-    times = log[:, LOG.index("prediction_ms")]
+def _effect(sensor: str, agent: str, runs: Sequence[_Digest]) -> LayoutEffect:
+    plans = [run.row.plan for run in runs]
+    total = dict(zip(LOG, np.sum([run.totals for run in runs], axis=0).tolist(), strict=True))
+    times = np.concatenate([run.times for run in runs])
     changed, misled = (
-        cluster_bootstrap([float(c.column(name).mean()) for _, c in runs], plans, weighted_mean)
+        cluster_bootstrap([getattr(run, name) for run in runs], plans, weighted_mean)
         for name in ("changed", "misled")
     )
-    either = _logical(log, "class_alone") | _logical(log, "area_alone") | _logical(log, "both")
+    either = sum(run.either for run in runs)
     return LayoutEffect(
         sensor=sensor,
         agent=agent,
         runs=len(runs),
-        decisions=len(log),
+        decisions=len(times),
         prediction_ms=float(np.median(times)),
         prediction_ms_p95=float(np.percentile(times, 95)),
-        episode_seconds=float(np.median([row.prediction_seconds for row, _ in runs])),
+        episode_seconds=float(np.median([run.row.prediction_seconds for run in runs])),
         changed=changed,
         misled=misled,
         by_class=_share(total["class_alone"], total["misled"]),
         by_area=_share(total["area_alone"], total["misled"]),
         by_both=_share(total["both"], total["misled"]),
-        by_rooms=_share(total["misled"] - float(either.sum()), total["misled"]),
+        by_rooms=_share(total["misled"] - either, total["misled"]),
         closed_as_open=_share(total["closed_as_open"], total["closed"]),
         open_as_closed=_share(total["open_as_closed"], total["open"]),
         leftover_missed=_share(total["leftover_missed"], total["leftover"]),

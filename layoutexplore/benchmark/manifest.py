@@ -10,17 +10,39 @@ from typing import Any
 
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
 from layoutexplore.benchmark.plans import PlanEntry
-from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.errors import ConfigError, ResultsError, cause
 from layoutexplore.files import read_toml, to_toml
+from layoutexplore.files.schema import Items, Number, Record, TableOf, Text
 
-_MANIFEST: dict[type | tuple[type, ...], tuple[str, ...]] = {
-    str: ("config_hash", "command", "baseline", "settings.version"),
-    int: ("starts", "settings.seed"),
-    list: ("agents", "sensors"),
-    dict: ("plans", "settings.lidars"),
-    (int, float): ("settings.simulation.turn_cost", "settings.simulation.coverage_goal"),
-}
-"""What run.toml must hold, by type."""
+_SETTINGS = Record(
+    {
+        "version": Text(),
+        "seed": Number(whole=True),
+        "lidars": TableOf(Record({"range_noise_std": Number(), "dropout": Number()})),
+        "simulation": Record(
+            {"turn_cost": Number(), "coverage_goal": Number()}, {"odometry_noise": TableOf(Number())}
+        ),
+    },
+    {"models": TableOf(Text())},
+)
+_MANIFEST = Record(
+    {
+        "config_hash": Text(),
+        "command": Text(most=1_000_000),
+        "baseline": Text(),
+        "starts": Number(whole=True),
+        "agents": Items(Text()),
+        "sensors": Items(Text()),
+        "plans": TableOf(Record({"content_hash": Text()})),
+        "settings": _SETTINGS,
+    }
+)
+"""What run.toml must hold."""
+
+_ADVICE = (
+    "put a copy of it back, or run the benchmark again with another --out, or with --force, which deletes "
+    "all results in the folder"
+)
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -33,25 +55,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not path.is_file():
         raise ResultsError(f"{folder} holds no benchmark: there is no run.toml in it")
     try:
-        manifest = read_toml(path)
+        return read_toml(path, _MANIFEST)
     except ConfigError as error:
-        raise ResultsError(f"{path} is damaged ({error}): start again with --force") from error
-    kinds = [(name, kind) for kind, names in _MANIFEST.items() for name in names]
-    lacking = [name for name, kind in kinds if not isinstance(_at(manifest, name), kind)]
-    if not lacking:
-        plans = manifest["plans"].items()
-        lacking = [f"plans.{name}" for name, plan in plans if _at(plan, "content_hash") is None]
-    if lacking:
-        wrong = f"is damaged or of another version (no {lacking[0]})"
-        raise ResultsError(f"{path} {wrong}: start again with --force")
-    return manifest
-
-
-def _at(table: Any, path: str) -> Any:
-    """The value at a path like "settings.seed" of nested tables; None where there is none."""
-    for key in path.split("."):
-        table = table.get(key) if isinstance(table, dict) else None
-    return table
+        reason = cause(error).removeprefix(str(path)).lstrip(": ")
+        raise ResultsError(f"{path} is damaged or of another version ({reason}): {_ADVICE}") from error
 
 
 def manifest_of(

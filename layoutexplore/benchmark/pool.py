@@ -2,18 +2,28 @@
 
 Workers are spawned, not forked (threads and compiled kernels do not survive a fork), and keep to one thread
 each: BLAS, OpenMP and OpenCV would otherwise start as many as there are cores in every worker. A worker ends
-with the process that started it, even when that one was killed: it would wait for work for ever.
+with the process that started it, even when that one was killed: it would wait for work for ever. Ctrl-C is
+for the process that started them: it does not reach the workers.
 """
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+import os
+import signal
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
-from layoutexplore.processes import end_with_parent
+from layoutexplore.processes import deaf_children, end_with_parent
 from layoutexplore.processes import single_threaded as single_threaded
 from layoutexplore.processes import usable_cores as usable_cores
 
@@ -21,7 +31,60 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 AHEAD = 2
-"""Tasks handed out per worker: one runs, the others wait so that no worker idles."""
+"""Batches handed out per worker: one runs, the others wait so that no worker idles."""
+
+BATCH_SECONDS, LARGEST_BATCH = 0.2, 1000
+"""Tasks that take less than this go out several at a time."""
+
+TRIES = 3
+"""A task whose worker dies is run so often before it is given up."""
+
+Answer = tuple[list[R], float]
+"""The results of a batch, and the seconds that it took."""
+
+
+class Handout(Generic[T]):
+    """Which tasks go out next: one at a time, and several where they turn out to be short.
+
+    Args:
+        tasks: In the order in which they go out.
+        workers: How many share them.
+        largest: Batch.
+    """
+
+    def __init__(self, tasks: Iterable[T], workers: int, largest: int = LARGEST_BATCH) -> None:
+        self.waiting = deque(tasks)
+        self._workers, self._largest, self._size = workers, largest, 1
+
+    def __bool__(self) -> bool:
+        return bool(self.waiting)
+
+    def batch(self) -> list[T]:
+        """The next tasks; towards the end fewer, so that all workers end together."""
+        size = min(self._size, len(self.waiting) // (2 * AHEAD * self._workers) + 1)
+        return [self.waiting.popleft() for _ in range(size)]
+
+    def take_back(self, batch: Sequence[T]) -> None:
+        """A batch that did not go out is the next again."""
+        self.waiting.extendleft(reversed(batch))
+
+    def split(self, batch: Sequence[T]) -> None:
+        """One task of a batch ends its worker: they go out one at a time."""
+        self._size = self._largest = 1
+        self.take_back(batch)
+
+    def learn(self, answer: Answer[Any]) -> list[Any]:
+        """The results of a batch, once it is noted how long it took."""
+        results, seconds = answer
+        fitting = BATCH_SECONDS * len(results) / max(seconds, 1e-9)
+        self._size = int(min(max(fitting, 1), self._largest, 2 * self._size))
+        return results
+
+
+def run_batch(function: Callable[[T], R], batch: Sequence[T]) -> Answer[R]:
+    """What a worker does with a batch."""
+    begin = time.perf_counter()
+    return [function(task) for task in batch], time.perf_counter() - begin
 
 
 def run_all(
@@ -32,6 +95,7 @@ def run_all(
     lost: Callable[[T], R],
     initializer: Callable[..., None],
     arguments: tuple[Any, ...] = (),
+    tries: int = TRIES,
 ) -> Iterator[R]:
     """Results of `function` over the tasks, in the order in which they end.
 
@@ -39,45 +103,69 @@ def run_all(
         function: Picklable; it must not raise.
         tasks: Picklable.
         jobs: Worker processes; with 1, all runs in this process.
-        lost: The result of a task whose worker died twice.
+        lost: The result of a task whose worker died `tries` times while it ran nothing else.
         initializer: Called once in every worker (and here, with one job).
         arguments: For the initializer.
+        tries: How often such a task is run by itself.
     """
     if jobs == 1:
         initializer(*arguments)
         yield from map(function, tasks)
         return
-    queue = list(reversed(tasks))
-    suspects: list[T] = []
-    while queue or suspects:
-        careful = bool(
-            suspects
-        )  # tasks that were in flight when a worker died run alone, to find the one that kills
-        source, workers = (suspects, 1) if careful else (queue, min(jobs, len(queue)))
-        with single_threaded():
-            spawn = multiprocessing.get_context("spawn")
-            pool = ProcessPoolExecutor(workers, spawn, initializer=_begin, initargs=(initializer, arguments))
-            flying: dict[Future[R], T] = {}
-            try:
-                while source or flying:
-                    while source and len(flying) < (1 if careful else AHEAD * workers):
-                        task = source.pop()
-                        flying[pool.submit(function, task)] = task
-                    for future in wait(flying, return_when=FIRST_COMPLETED).done:
-                        result = future.result()
-                        del flying[future]
-                        yield result
-            except BrokenProcessPool:
-                if careful:
-                    yield from (lost(task) for task in flying.values())
-                else:
-                    suspects.extend(flying.values())
-            finally:
-                _stop(pool)
+    begin = (initializer, arguments)
+    handout, suspects = Handout(tasks, jobs), Handout[T]([], 1, largest=1)
+    deaths: Counter[int] = Counter()
+    while handout or suspects:
+        if not suspects:
+            broken = yield from _run_pool(function, handout, min(jobs, len(handout.waiting)), AHEAD, begin)
+            suspects.waiting.extend(broken)
+            continue
+        # tasks that were in flight when a worker died run alone, to find the one that kills
+        for task in (yield from _run_pool(function, suspects, 1, 1, begin)):
+            deaths[id(task)] += 1
+            if deaths[id(task)] < tries:
+                suspects.waiting.appendleft(task)
+            else:
+                yield lost(task)
+
+
+def _run_pool(
+    function: Callable[[T], R],
+    handout: Handout[T],
+    workers: int,
+    ahead: int,
+    begin: tuple[Callable[..., None], tuple[Any, ...]],
+) -> Generator[R, None, list[T]]:
+    """Run what is handed out on one pool until all is done or a worker dies; returns what was in flight."""
+    flying: dict[Future[Answer[R]], list[T]] = {}
+    with single_threaded(), deaf_children():
+        spawn = multiprocessing.get_context("spawn")
+        pool = ProcessPoolExecutor(workers, spawn, initializer=_begin, initargs=begin)
+        for _ in range(workers):  # A process is started when something is handed out and no other idles.
+            pool.submit(int)
+    try:
+        while handout or flying:
+            while handout and len(flying) < ahead * workers:
+                batch = handout.batch()
+                try:
+                    flying[pool.submit(run_batch, function, batch)] = batch
+                except BrokenProcessPool:
+                    handout.take_back(batch)
+                    raise
+            for future in wait(flying, return_when=FIRST_COMPLETED).done:
+                answer = future.result()
+                del flying[future]
+                yield from handout.learn(answer)
+    except BrokenProcessPool:
+        pass
+    finally:
+        _stop(pool)
+    return [task for batch in flying.values() for task in batch]
 
 
 def _begin(initializer: Callable[..., None], arguments: tuple[Any, ...]) -> None:
     """What a worker does first."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
     initializer(*arguments)
 
@@ -90,3 +178,89 @@ def _stop(pool: ProcessPoolExecutor) -> None:
         process.join(timeout=0.2)
         if process.is_alive():
             process.terminate()
+
+
+STUCK = 30.0
+"""Seconds after which a worker is ended whose task does not hear that its time is over."""
+
+
+class CellTimeoutError(BaseException):
+    """A task has taken longer than it may; no `except Exception` of an agent takes it for its own."""
+
+
+@dataclass(frozen=True)
+class Limited(Generic[T, R]):
+    """A function of one task that ends in time and within its memory.
+
+    Attributes:
+        function: What it does with a task.
+        late: The result of a task that took too long.
+        seconds: At most so many, 0 for as long as it takes.
+        megabytes: At most so much more memory than the process has at the beginning, 0 for any; then
+            MemoryError is raised (Linux only).
+    """
+
+    function: Callable[[T], R]
+    late: Callable[[T], R]
+    seconds: float = 0.0
+    megabytes: float = 0.0
+
+    def __call__(self, task: T) -> R:
+        """The result of a task."""
+        try:
+            with _memory(self.megabytes), _deadline(self.seconds):
+                return self.function(task)
+        except CellTimeoutError:
+            return self.late(task)
+
+
+@contextlib.contextmanager
+def _deadline(seconds: float) -> Iterator[None]:
+    """Raise `CellTimeoutError` in this thread when the block takes longer, between two steps of Python.
+
+    A worker that is in compiled code for `STUCK` seconds more is ended.
+    """
+    if not seconds:
+        yield
+        return
+    lock, over, late, thread = threading.Lock(), threading.Event(), threading.Event(), threading.get_ident()
+
+    def watch() -> None:
+        if over.wait(seconds):
+            return
+        with lock:
+            if not over.is_set():
+                late.set()
+                error = ctypes.py_object(CellTimeoutError)
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), error)
+        if not over.wait(STUCK) and multiprocessing.parent_process() is not None:
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    except CellTimeoutError:
+        over.set()
+        raise
+    with lock:
+        over.set()
+    while late.is_set():  # it is on its way to this thread, and may not come later than here
+        time.sleep(0.001)
+
+
+@contextlib.contextmanager
+def _memory(megabytes: float) -> Iterator[None]:
+    """The process may take so much more memory inside the block."""
+    statm = Path("/proc/self/statm")
+    if not megabytes or not statm.exists():
+        yield
+        return
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    taken = int(statm.read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (taken + int(megabytes * 2**20), before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)

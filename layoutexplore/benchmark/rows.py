@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from layoutexplore.agents import make_agent
+from layoutexplore.agents import AGENTS, make_agent
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.frontiers.decision import Agent, Privileged
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.metrics.exploration import revisit_share, rooms_finished, score_curve
-from layoutexplore.predictors import make_predictor
+from layoutexplore.plugins.code_digest import digest_of
+from layoutexplore.predictors import PREDICTORS, make_predictor
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import Episode, TimedPredictor
 from layoutexplore.simulation.simulation import Simulation
@@ -133,9 +134,9 @@ def prepare(plan: FloorPlan | str, config: SimulationConfig, agent: str) -> tupl
 
 
 def fingerprints(agents: Iterable[str]) -> dict[str, str]:
-    """What tells apart the weights that agents and their predictors have learnt, by agent.
+    """What tells apart weights and users' own code of agents and their predictors, by agent.
 
-    Agents without weights are left out.
+    Agents without either are left out.
 
     Raises:
         UnknownNameError: No agent of that name, or no predictor of the one that it asks for.
@@ -143,8 +144,11 @@ def fingerprints(agents: Iterable[str]) -> dict[str, str]:
     found = {}
     for name in agents:
         agent = make_agent(name)
-        parts = agent, make_predictor(getattr(agent, "predictor", "none"))
-        if text := " ".join(filter(None, (getattr(part, "fingerprint", "") for part in parts))):
+        wanted = getattr(agent, "predictor", "none")
+        code = PREDICTORS.digest(wanted) if isinstance(wanted, str) else digest_of(wanted)
+        parts = agent, make_predictor(wanted)
+        learnt = (getattr(part, "fingerprint", "") for part in parts)
+        if text := " ".join(filter(None, (AGENTS.digest(name), code, *learnt))):
             found[name] = text
     return found
 
@@ -178,7 +182,7 @@ def score_run(row: Row, simulation: Simulation, episode: Episode) -> Row:
         scans=simulation.scans,
         ms_decision_median=float(median),
         ms_decision_p95=float(p95),
-        stop_reason=simulation.stop_reason,
+        stop_reason=str(simulation.stop_reason),
         target_area=area,
         budget=budget,
         rooms_finished=finished,

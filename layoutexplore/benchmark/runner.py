@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,19 +14,23 @@ import cv2
 
 import layoutexplore
 from layoutexplore.agents import make_agent
-from layoutexplore.benchmark.cluster import check_cluster, run_on_cluster
+from layoutexplore.benchmark.cluster import RUNS_CODE, check_cluster, run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.counterfactual import CounterfactualRollouts
+from layoutexplore.benchmark.failures import at_length, described, finished_rows, repeating_command
 from layoutexplore.benchmark.plans import PlanEntry, check_names, entry
-from layoutexplore.benchmark.pool import run_all
+from layoutexplore.benchmark.pool import Limited, run_all
+from layoutexplore.benchmark.recording import Recorder
 from layoutexplore.benchmark.rows import Row, fingerprints, prepare, score_run
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
-from layoutexplore.errors import ConfigError, LayoutExploreError
+from layoutexplore.errors import ConfigError, WriteError
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.plugins.transport import NO_CODE, OwnCode, pack_own_code
+from layoutexplore.processes import asked_to_stop
 from layoutexplore.simulation.episode import play, run_seed, start_pose
 
-_WARM_UP_PLAN = """
+WARM_UP_PLAN = """
 ####################
 #aaaaa#bbbbb#ccccc##
 #aaaaa#bbbbb#ccccc##
@@ -145,6 +148,11 @@ def run_benchmark(
     plans = _loaded(config, watcher.say)
     with locked(out):
         folder = open_results(out, config, plans, models, force=force, extend=extend, command=command)
+        if config.baseline not in folder.manifest()["agents"]:
+            watcher.say(
+                f"the baseline {config.baseline} is not among the agents, so nothing will be compared: "
+                "--agents adds it, --baseline names another"
+            )
         for plan in plans:
             folder.save_raster(plan.name, cached_plan(plan.source).rasterize(config.simulation.resolution))
         return _fill(folder, config, plans, jobs, cluster, watcher)
@@ -159,7 +167,7 @@ def _fill(
     watcher: BenchmarkWatcher,
 ) -> Outcome:
     """Make the runs that are missing in the folder."""
-    rows = {row.key: row for row in folder.finished()}
+    rows = {row.key: row for row in finished_rows(folder, watcher.say)}
     tasks = all_tasks(config, plans)
     missing = [task for task in tasks if task.key not in rows]
     if len(missing) < len(tasks):
@@ -167,6 +175,8 @@ def _fill(
     if missing:
         watcher.say("compiling and loading the kernels (slow only the first time)")
         warm_up(config)
+        if ":" in cluster:
+            watcher.say(RUNS_CODE)
         at_a_time = f", {jobs} at a time" if jobs > 1 else ""
         watcher.say(f"exploring: {len(missing)} runs{at_a_time}")
     work = sum(task.plan.reachable_area for task in missing)
@@ -200,52 +210,55 @@ def all_tasks(config: BenchmarkConfig, plans: list[PlanEntry]) -> list[Task]:
     ]
 
 
-def warm_up(config: BenchmarkConfig) -> None:
-    """A few decisions of every agent and sensor on a tiny plan.
-
-    Every kernel is compiled, or read from numba's cache.
-    """
+def warm_up(config: BenchmarkConfig, code: OwnCode = NO_CODE) -> None:
+    """A few decisions of every agent and sensor on a tiny plan: kernels are compiled, or loaded."""
     cv2.setNumThreads(1)
-    plan = floorplan_from_ascii(_WARM_UP_PLAN, resolution=0.5, name="warm-up")
+    plan = floorplan_from_ascii(WARM_UP_PLAN, resolution=0.5, name="warm-up")
     for sensor in config.sensors:
         for agent in config.agents:
             # An agent that fails here fails again in its runs, where the failure is recorded.
-            with contextlib.suppress(Exception):
+            with contextlib.suppress(Exception), code.installed():
                 play(
                     *prepare(plan, config.simulation_with(sensor), agent),
                     probe=CounterfactualRollouts if config.explain else None,
                 )
 
 
-def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder) -> Row:
+def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: OwnCode = NO_CODE) -> Row:
     """Make one run, keep its curve, and return its row; a failure becomes the row's error."""
     row = _empty_row(task, config)
+    repeat = "the same command"
     try:
         plan = cached_plan(task.plan.source)
         settings = config.simulation_with(task.sensor)
         start = start_pose(plan, settings, config.seed, task.start)
-        simulation, agent = prepare(plan, settings, task.agent)
         seed = run_seed(config.seed, task.plan.name, task.start)
-        episode = play(
-            simulation,
-            agent,
-            seed=seed,
-            start=start,
-            probe=CounterfactualRollouts if config.explain else None,
+        repeat = repeating_command(
+            task.plan.source, task.agent, task.sensor, settings, seed, start, folder.path
         )
-        folder.save_episode(row, episode)
-        return score_run(row, simulation, episode)
+        recorder = Recorder(with_rooms=config.explain)
+        with code.installed():
+            simulation, agent = prepare(plan, settings, task.agent)
+            simulation.on_scan = recorder.note_scan
+            episode = play(
+                simulation,
+                agent,
+                seed=seed,
+                start=start,
+                on_step=recorder.note_decision,
+                probe=CounterfactualRollouts if config.explain else None,
+            )
+        episode = dataclasses.replace(episode, seconds=episode.seconds - recorder.seconds)
+        scored = score_run(row, simulation, episode)
+        folder.save_episode(scored, episode, recorder.end())
+        return scored
+    except WriteError:
+        raise  # a full disk is no failure of the agent
     except Exception as error:
-        return dataclasses.replace(row, error=_described(error))
-
-
-def _described(error: Exception) -> str:
-    """One line: the type, the message and, where the error is not one of ours, the place."""
-    message = " ".join(str(error).split())
-    if isinstance(error, LayoutExploreError):
-        return f"{type(error).__name__}: {message}"
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{type(error).__name__}: {message} ({Path(frame.filename).name}, line {frame.lineno})"
+        if asked_to_stop():  # compiled code turns the interruption into another error
+            raise KeyboardInterrupt from error
+        folder.save_failure(row, at_length(error, repeat))
+        return dataclasses.replace(row, error=described(error))
 
 
 def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[PlanEntry]:
@@ -259,11 +272,19 @@ def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[Plan
 def _results(
     config: BenchmarkConfig, folder: ResultsFolder, tasks: list[Task], jobs: int, cluster: str
 ) -> Iterator[Row]:
-    function = functools.partial(run_task, config=config, folder=folder)
-    lost = functools.partial(_lost_row, config=config)
+    code = pack_own_code(registered=jobs > 1 or bool(cluster))
+    run = functools.partial(run_task, config=config, folder=folder, code=code)
+    killed = f"WorkerDied: the process of this run was killed {config.tries} times (out of memory?)"
+    late = f"CellTimeoutError: the run took longer than the {config.cell_seconds:g} s that it may"
+    lost = functools.partial(_failed_row, config=config, folder=folder, message=killed)
+    too_late = functools.partial(_failed_row, config=config, folder=folder, message=late)
+    function = Limited(run, too_late, config.cell_seconds, config.cell_mb)
     if cluster:
-        return run_on_cluster(function, tasks, cluster=cluster, jobs=jobs, lost=lost)
-    return run_all(function, tasks, jobs=jobs, lost=lost, initializer=warm_up, arguments=(config,))
+        return run_on_cluster(function, tasks, cluster=cluster, jobs=jobs, lost=lost, tries=config.tries)
+    begin = (config, code)
+    return run_all(
+        function, tasks, jobs=jobs, lost=lost, initializer=warm_up, arguments=begin, tries=config.tries
+    )
 
 
 def _empty_row(task: Task, config: BenchmarkConfig) -> Row:
@@ -278,6 +299,16 @@ def _empty_row(task: Task, config: BenchmarkConfig) -> Row:
     )
 
 
-def _lost_row(task: Task, config: BenchmarkConfig) -> Row:
-    message = "WorkerDied: the process of this run was killed (out of memory?)"
-    return dataclasses.replace(_empty_row(task, config), error=message)
+def _failed_row(task: Task, config: BenchmarkConfig, folder: ResultsFolder, message: str) -> Row:
+    """The row of a run that did not come to its end; the command that repeats it is kept beside it."""
+    row = dataclasses.replace(_empty_row(task, config), error=message)
+    folder.save_failure(row, f"{message}\nRepeat it: {_repeating(task, config, folder)}\n")
+    return row
+
+
+def _repeating(task: Task, config: BenchmarkConfig, folder: ResultsFolder) -> str:
+    """The command that repeats a run."""
+    settings = config.simulation_with(task.sensor)
+    start = start_pose(cached_plan(task.plan.source), settings, config.seed, task.start)
+    seed = run_seed(config.seed, task.plan.name, task.start)
+    return repeating_command(task.plan.source, task.agent, task.sensor, settings, seed, start, folder.path)

@@ -3,7 +3,8 @@
     run.toml          the configuration, the plans with their content hashes, the command
     results.csv       a row per finished run, appended as it ends, sorted when all are done
     results.parquet   the same as a binary table
-    runs/PLAN/*.npz   the coverage curve and the track of a run
+    runs/PLAN/*.npz   the coverage curve and the track of a run, what the layout changed in it, its replay;
+                      *.error.txt says what went wrong in one
     plans/PLAN.npz    the plan's cells, for the pictures of the report
 
 A run's curve is renamed into place before its row is appended in one write, so a killed benchmark loses only
@@ -13,28 +14,48 @@ so is what was half-written.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
-import fcntl
+import errno
 import io
-import re
+import os
 import shutil
-import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.counterfactual import LOG, Counterfactual, from_arrays, to_arrays
+from layoutexplore.benchmark.counterfactual import LOG, Counterfactual
 from layoutexplore.benchmark.manifest import manifest_of, merge_manifests, read_manifest
 from layoutexplore.benchmark.plans import PlanEntry
+from layoutexplore.benchmark.recording import (
+    RECORDED,
+    Recording,
+    from_arrays,
+    recording_from_arrays,
+    recording_to_arrays,
+    to_arrays,
+)
 from layoutexplore.benchmark.rows import Row
-from layoutexplore.errors import ResultsError
-from layoutexplore.files import HALF, is_whole, read_arrays, to_toml, write_arrays, write_atomically
+from layoutexplore.errors import ResultsError, cause, shortened
+from layoutexplore.files import (
+    HALF,
+    ArrayRule,
+    atomic,
+    limits,
+    parse_csv,
+    read_arrays,
+    read_text,
+    safe_name,
+    to_toml,
+    write_arrays,
+    write_atomically,
+)
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.simulation.episode import Episode
@@ -43,16 +64,42 @@ COLUMNS = tuple(f.name for f in dataclasses.fields(Row))
 
 _REQUIRED = {f.name for f in dataclasses.fields(Row) if f.default is dataclasses.MISSING}
 
+_ANEW = "the same benchmark command makes it anew"
+
+_LARGE = 1e9
+_RUN = {
+    "curve": ArrayRule(shape=("scans", 2), low=-_LARGE, high=_LARGE),
+    "track": ArrayRule(shape=("poses", 3), low=-_LARGE, high=_LARGE),
+    "row": ArrayRule(kinds="U", optional=True),
+    "log": ArrayRule(shape=("decisions", "columns"), optional=True, finite=False),
+}
+"""What the file of a run must hold."""
+
+_RASTER = {
+    "occupied": ArrayRule(kinds="u", shape=("bytes",), high=255),
+    "shape": ArrayRule(kinds="iu", shape=(2,), low=1, high=1e6),
+    "frame": ArrayRule(shape=(4,), low=-_LARGE, high=_LARGE),
+}
+
 LOCK = ".lock"
 """File that is held while a benchmark writes."""
 
 
+_LARGEST = 1e15
+
 _CONVERTERS: dict[str, Callable[[str], Any]] = {
-    "int": int,
-    "float": float,
-    "bool": lambda text: text == "True",
+    "int": lambda text: _bounded(int(text)),
+    "float": lambda text: _bounded(float(text)),
+    "bool": {"True": True, "False": False}.__getitem__,
     "str": str,
 }
+
+
+def _bounded(value: float) -> float:
+    """A number that is finite and no larger than any metre, second or count can be."""
+    if not abs(value) <= _LARGEST:
+        raise ValueError(f"{shortened(value)} is too large")
+    return value
 
 
 class ResultsFolder:
@@ -72,62 +119,72 @@ class ResultsFolder:
         Raises:
             ResultsError: The file is missing or not one of ours.
         """
-        try:
-            text = self.table.read_text(encoding="utf-8")
-        except OSError as error:
-            raise ResultsError(f"cannot read {self.table}: {error.strerror}") from error
-        except UnicodeDecodeError as error:
-            raise ResultsError(f"{self.table} is no table of results: {error}") from error
-        lines = list(csv.reader(io.StringIO(text)))
-        if not lines or not _REQUIRED <= set(lines[0]) <= set(COLUMNS):
+        lines = parse_csv(read_text(self.table, ResultsError, "table of results"), str(self.table))
+        if not lines or not _REQUIRED <= set(lines[0]) <= set(COLUMNS) or len(set(lines[0])) < len(lines[0]):
             raise ResultsError(
                 f"{self.table} does not have the columns of this version: choose another --out, or --force"
             )
-        try:
-            return [parse_row(line, lines[0]) for line in lines[1:]]
-        except (ValueError, KeyError) as error:
-            raise ResultsError(
-                f"{self.table} is damaged: {error}; remove the line, or start again with --force"
-            ) from error
+        rows = []
+        for number, line in enumerate(lines[1:], start=2):
+            try:
+                rows.append(parse_row(line, lines[0]))
+            except ValueError as error:
+                raise ResultsError(
+                    f"{self.table} is damaged: row {number}: {cause(error)}; remove the row, "
+                    "the same benchmark command makes it anew"
+                ) from error
+        return rows
 
     def append(self, row: Row) -> None:
         """Add a row in a single write; `ResultsError` where that fails."""
         try:
             with self.table.open("ab", buffering=0) as file:
-                file.write(format_row(row).encode())
+                line, begin = format_row(row).encode(), file.tell()
+                if file.write(line) < len(line):  # a disk that is nearly full takes a part of it
+                    file.truncate(begin)
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         except OSError as error:
             raise ResultsError(f"cannot write {self.table}: {error.strerror}") from error
 
     def rewrite(self, rows: Iterable[Row]) -> None:
         """Replace all rows, sorted, at once."""
         ordered = sorted(rows, key=lambda row: row.key)
-        write_atomically(self.table, _header() + "".join(map(format_row, ordered)))
-
-    def finished(self) -> list[Row]:
-        """Rows of earlier runs that ended well and whose curve is there, whole.
-
-        The file is cut back to these.
-        """
-        if self.table.exists():
-            written = self.table.read_bytes()
-            if not written.endswith(b"\n"):
-                write_atomically(self.table, written[: written.rfind(b"\n") + 1])
-        rows = self.rows() if self.table.exists() and self.table.stat().st_size else []
-        good = {row.key: row for row in rows if not row.error and is_whole(self.curve_path(row))}
-        self.rewrite(good.values())
-        return list(good.values())
+        with atomic(self.table) as path, path.open("w", encoding="utf-8", newline="") as file:
+            file.write(_header())
+            file.writelines(map(format_row, ordered))  # not one text of them all: there may be many
 
     def curve_path(self, row: Row) -> Path:
         """Where the curve and track of a run lie."""
         return (
-            self.path / "runs" / slug(row.plan) / f"{slug(row.sensor)}-start{row.start}-{slug(row.agent)}.npz"
+            self.path
+            / "runs"
+            / safe_name(row.plan)
+            / f"{safe_name(row.sensor)}-start{row.start}-{safe_name(row.agent)}.npz"
         )
 
-    def save_episode(self, row: Row, episode: Episode) -> None:
-        """Write a run's curve float32 (n, 2), its track float32 (m, 3), and what the layout changed in it."""
+    def save_episode(self, row: Row, episode: Episode, recording: Recording | None = None) -> None:
+        """Write a run's curve float32 (n, 2), its track float32 (m, 3), what the layout changed, a replay.
+
+        The row is kept beside them: where results.csv is damaged, nothing is lost.
+        """
         arrays = {"curve": episode.curve.astype(np.float32), "track": episode.track.astype(np.float32)}
         notes = to_arrays(episode.notes) if episode.notes else {}
-        write_arrays(self.curve_path(row), {**arrays, **notes})
+        replay = recording_to_arrays(recording) if recording else {}
+        kept = {"row": np.array(format_row(row))}
+        write_arrays(self.curve_path(row), {**arrays, **notes, **replay, **kept})
+        self._failure_path(row).unlink(missing_ok=True)
+
+    def save_failure(self, row: Row, text: str) -> None:
+        """Write what went wrong in a run, at length."""
+        write_atomically(self._failure_path(row), text)
+
+    def failure(self, row: Row) -> str:
+        """What `save_failure` wrote; empty where nothing is written."""
+        path = self._failure_path(row)
+        return read_text(path, ResultsError) if path.is_file() else ""
+
+    def _failure_path(self, row: Row) -> Path:
+        return self.curve_path(row).with_suffix(".error.txt")
 
     def episode(self, row: Row) -> tuple[Floats, Floats]:
         """The curve (n, 2) and track (m, 3) of a run.
@@ -135,33 +192,66 @@ class ResultsFolder:
         Raises:
             ResultsError: Their file is missing or damaged.
         """
-        data = self._arrays(self.curve_path(row), "curve", "track")
+        data = self._arrays(self.curve_path(row), _RUN, "curve", "track")
         return data["curve"].astype(np.float64), data["track"].astype(np.float64)
+
+    def curve(self, row: Row) -> Floats:
+        """The curve (n, 2) of a run; `ResultsError` as of `episode`."""
+        return self._arrays(self.curve_path(row), _RUN, "curve")["curve"].astype(np.float64)
+
+    def log(self, row: Row) -> Floats | None:
+        """What the layout changed in a run, the log alone; None as of `counterfactual`."""
+        if row.prediction_seconds == 0:  # no predictor was asked: nothing was noted
+            return None
+        log = self._arrays(self.curve_path(row), _RUN, "log").get("log")
+        return None if log is None or log.shape[1] != len(LOG) else log
 
     def counterfactual(self, row: Row) -> Counterfactual | None:
         """What the layout changed in a run; None where nobody asked, or a version that noted other things."""
-        data = self._arrays(self.curve_path(row))
-        return from_arrays(data) if "log" in data and data["log"].shape[1] == len(LOG) else None
+        path = self.curve_path(row)
+        data = self._arrays(path, {"log": _RUN["log"]}, "log", "moment")
+        return from_arrays(data, str(path)) if "log" in data and data["log"].shape[1] == len(LOG) else None
+
+    def recording(self, row: Row) -> Recording | None:
+        """The replay of a run; None where an earlier version noted none."""
+        path = self.curve_path(row)
+        data = self._arrays(path, {}, *RECORDED)
+        return recording_from_arrays(data, str(path)) if data.keys() >= set(RECORDED) else None
+
+    def raster_path(self, name: str) -> Path:
+        """Where the cells of a plan lie."""
+        return self.path / "plans" / f"{safe_name(name)}.npz"
 
     def save_raster(self, name: str, raster: PlanRaster) -> None:
         """Keep a plan's cells for the pictures."""
         frame = np.array([raster.resolution, *raster.origin], np.float64)
         arrays = {"occupied": np.packbits(raster.occupied), "shape": np.array(raster.shape), "frame": frame}
-        write_arrays(self.path / "plans" / f"{slug(name)}.npz", arrays)
+        write_arrays(self.raster_path(name), arrays)
 
     def raster(self, name: str) -> tuple[Mask, Floats]:
         """A plan's occupied cells bool (rows, cols), and (resolution, origin x, y, theta)."""
-        data = self._arrays(self.path / "plans" / f"{slug(name)}.npz", "occupied", "shape", "frame")
-        rows, cols = data["shape"]
+        path = self.raster_path(name)
+        data = self._arrays(path, _RASTER)
+        rows, cols = data["shape"].tolist()
+        if rows * cols > limits().image_pixels or len(data["occupied"]) != -(-rows * cols // 8):
+            raise ResultsError(f"{path} is damaged: {rows} x {cols} cells; {_ANEW}")
         occupied = np.unpackbits(data["occupied"], count=rows * cols).reshape(rows, cols).astype(np.bool_)
         return occupied, data["frame"]
 
+    def run_arrays(self, path: Path) -> dict[str, NDArray[Any]]:
+        """What the file of a run holds: "curve", "track", "row", and what was noted of the layout.
+
+        Raises:
+            ResultsError: It is missing or damaged.
+        """
+        return self._arrays(path, _RUN)
+
     @staticmethod
-    def _arrays(path: Path, *names: str) -> dict[str, NDArray[Any]]:
+    def _arrays(path: Path, rules: Mapping[str, ArrayRule], *beginnings: str) -> dict[str, NDArray[Any]]:
         try:
-            return read_arrays(path, *names)
+            return read_arrays(path, rules=rules, beginnings=beginnings)
         except ResultsError as error:
-            raise ResultsError(f"{error}; the same benchmark command makes it anew") from error
+            raise ResultsError(f"{error}; {_ANEW}") from error
 
     def manifest(self) -> dict[str, Any]:
         """What run.toml says.
@@ -172,7 +262,7 @@ class ResultsFolder:
         return read_manifest(self.path)
 
 
-@contextmanager
+@contextlib.contextmanager
 def locked(path: Path) -> Iterator[None]:
     """Hold a results folder for one process; it is made where there is none.
 
@@ -188,24 +278,24 @@ def locked(path: Path) -> Iterator[None]:
     ):
         raise ResultsError(f"{path} is not empty and holds no benchmark: choose another folder with --out")
     lock = path / LOCK
+    held = FileLock(lock, timeout=0)
     try:
         path.mkdir(parents=True, exist_ok=True)
-        held = lock.open("w")
+        held.acquire()
+    except Timeout as error:
+        raise ResultsError(
+            f"another benchmark is writing into {path}: wait for it, or choose another --out"
+        ) from error
     except OSError as error:
         raise ResultsError(
             f"cannot write into {path} ({error.strerror}): choose another folder with --out"
         ) from error
-    with held:
-        try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise ResultsError(
-                f"another benchmark is writing into {path}: wait for it, or choose another --out"
-            ) from error
-        try:
-            yield
-        finally:
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):  # Windows removes no file that is open: releasing it does
             lock.unlink(missing_ok=True)
+        held.release()
 
 
 def open_results(
@@ -247,17 +337,6 @@ def open_results(
     return folder
 
 
-def slug(name: str) -> str:
-    """A file name for any name; names that had to be changed stay apart by a checksum.
-
-    Example:
-        >>> slug("tour"), slug("office:12")
-        ('tour', 'office_12-41d6e872')
-    """
-    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)
-    return name if plain == name and name not in (".", "..") else f"{plain}-{zlib.crc32(name.encode()):08x}"
-
-
 def _header() -> str:
     return ",".join(COLUMNS) + "\n"
 
@@ -281,5 +360,9 @@ def parse_row(line: list[str], header: Sequence[str] = COLUMNS) -> Row:
     values: dict[str, Any] = {}
     fields = {f.name: f for f in dataclasses.fields(Row)}
     for f, text in zip((fields[name] for name in header), line, strict=True):
-        values[f.name] = float("nan") if f.type == "float" and not text else _CONVERTERS[str(f.type)](text)
+        try:
+            empty = f.type == "float" and not text
+            values[f.name] = float("nan") if empty else _CONVERTERS[str(f.type)](text)
+        except (ValueError, KeyError) as error:
+            raise ValueError(f"{f.name} cannot be {shortened(text)}") from error
     return Row(**values)

@@ -8,6 +8,7 @@ Nothing heavy is imported before a command runs, so that `--help` answers at onc
 from __future__ import annotations
 
 import sys
+import warnings
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Annotated
@@ -15,9 +16,12 @@ from typing import Annotated
 import typer
 
 import layoutexplore
-from layoutexplore.errors import LayoutExploreError
+from layoutexplore.errors import LayoutExploreError, MapWarning
 
-GROUPS = ("benchmark", "explore", "train", "maps", "layout", "evaluate", "speed")
+GROUPS = (
+    *("benchmark", "replay", "leaderboard", "explore", "train"),
+    *("maps", "layout", "evaluate", "names", "warm_up", "speed", "docs"),
+)
 """Modules of this package with commands, in the order in which the help shows them."""
 
 app = typer.Typer(
@@ -53,8 +57,18 @@ for _group in GROUPS:
         import_module(f"layoutexplore.cli.{_group}").register(app)
 
 
+def _one_line(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None
+) -> str:
+    """A warning about a map as one line without its place in the code, any other as Python shows it."""
+    if issubclass(category, MapWarning):
+        return f"layoutexplore: warning: {message}\n"
+    return f"{filename}:{lineno}: {category.__name__}: {message}\n"
+
+
 def main() -> None:
     """Run the command line; what goes wrong on purpose becomes one clear line and exit status 2."""
+    warnings.formatwarning = _one_line
     try:
         app()
     except LayoutExploreError as error:
@@ -71,3 +85,10 @@ def main() -> None:
             file=sys.stderr,
         )
         sys.exit(2)
+    except Exception as error:  # in a user's own code: told without the frames around it
+        from layoutexplore.plugins.tracebacks import own_frames, told
+
+        if not own_frames(error):
+            raise
+        print(told(error), file=sys.stderr)
+        sys.exit(1)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from layoutexplore.cli.explore import NoiseLevel
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -30,6 +33,8 @@ What is finished stays in the results folder: the same command continues where i
   layoutexplore benchmark --plans ~/floors --sensor stage --sensor indoor --out results
 
   layoutexplore benchmark --config study.toml --out study
+
+  layoutexplore benchmark --suite v1 --agents tour --out tour-v1
 """
 
 REPORT_HELP = """Write report.html, report.md and summary.csv again from the results in a folder.
@@ -68,50 +73,67 @@ ConfigFile = Annotated[
 ]
 
 
+Starts = Annotated[int | None, typer.Option(help="Starts on each plan. Default: 2.")]
+Agents = Annotated[
+    list[str] | None, typer.Option(help="Agent, such as tour or nearest:min_size=0.4. Repeatable.")
+]
+Sensors = Annotated[
+    list[str] | None, typer.Option(help="Sensor: stage (default), indoor, short, mapex. Repeatable.")
+]
+Seed = Annotated[int | None, typer.Option(help="Seed of starts, noise and agents. Default: 0.")]
+Baseline = Annotated[str | None, typer.Option(help="Agent to compare with. Default: nearest.")]
+Jobs = Annotated[int | None, typer.Option(help="Worker processes. Default: one per core.")]
+Cluster = Annotated[str, typer.Option(help="Run on Dask or Ray: dask, ray, dask:ADDRESS or ray:ADDRESS.")]
+Out = Annotated[Path, typer.Option(help="Folder of the results.")]
+Suite = Annotated[
+    str,
+    typer.Option(
+        help="Fixed cells that all can compare on: v1, or a TOML file. Only agents are yours to choose."
+    ),
+]
+CellSeconds = Annotated[float | None, typer.Option(help="A run that takes longer fails. Default: any time.")]
+CellMb = Annotated[
+    float | None, typer.Option(help="So does a run that takes more memory [MB]. Default: any.")
+]
+Tries = Annotated[int | None, typer.Option(help="Make a run whose worker is killed so often. Default: 3.")]
+Force = Annotated[bool, typer.Option("--force", help="Delete the results in the folder and start again.")]
+Extend = Annotated[
+    bool, typer.Option("--extend", help="Add plans, starts, sensors or agents to the results in the folder.")
+]
+
+
 def benchmark(
     plans: Plans = None,
-    starts: Annotated[int | None, typer.Option(help="Starts on each plan. Default: 2.")] = None,
-    agents: Annotated[
-        list[str] | None, typer.Option(help="Agent, such as tour or nearest:min_size=0.4. Repeatable.")
-    ] = None,
-    sensor: Annotated[
-        list[str] | None, typer.Option(help="Sensor: stage (default), indoor, short, mapex. Repeatable.")
-    ] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of starts, noise and agents. Default: 0.")] = None,
-    baseline: Annotated[str | None, typer.Option(help="Agent to compare with. Default: nearest.")] = None,
-    jobs: Annotated[int | None, typer.Option(help="Worker processes. Default: one per core.")] = None,
-    cluster: Annotated[
-        str, typer.Option(help="Run on Dask or Ray: dask, ray, dask:ADDRESS or ray:ADDRESS.")
-    ] = "",
-    out: Annotated[Path, typer.Option(help="Folder of the results.")] = DEFAULT_OUT,
+    starts: Starts = None,
+    agents: Agents = None,
+    sensor: Sensors = None,
+    noise: NoiseLevel = "",
+    seed: Seed = None,
+    baseline: Baseline = None,
+    jobs: Jobs = None,
+    cluster: Cluster = "",
+    out: Out = DEFAULT_OUT,
     config: ConfigFile = None,
+    suite: Suite = "",
     explain: Explain = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Delete the results in the folder and start again.")
-    ] = False,
-    extend: Annotated[
-        bool,
-        typer.Option("--extend", help="Add plans, starts, sensors or agents to the results in the folder."),
-    ] = False,
+    cell_seconds: CellSeconds = None,
+    cell_mb: CellMb = None,
+    tries: Tries = None,
+    force: Force = False,
+    extend: Extend = False,
 ) -> None:
     """Run a benchmark and write its report."""
     from rich.console import Console
 
-    from layoutexplore.benchmark.config import BenchmarkConfig, read_benchmark_config
     from layoutexplore.errors import require
 
     for module in ("pandas", "pyarrow", "jinja2"):
         require(module, "bench")
     given: dict[str, Any] = {"starts": starts, "seed": seed, "baseline": baseline, "explain": explain}
-    given |= {
-        "plans": plans and tuple(plans),
-        "agents": agents and tuple(agents),
-        "sensors": sensor and tuple(sensor),
-    }
-    options = read_benchmark_config(config) if config else {}
-    settings = BenchmarkConfig(
-        **options | {name: value for name, value in given.items() if value is not None}
-    )
+    lists = {"plans": plans, "agents": agents, "sensors": sensor}
+    given |= {name: values and tuple(values) for name, values in lists.items()}
+    limits = {"cell_seconds": cell_seconds, "cell_mb": cell_mb, "tries": tries}
+    settings = _settings(config, suite, noise, given, limits)
     console = Console(highlight=False)
     outcome = run_with_progress(
         console, settings, out, jobs=jobs, cluster=cluster, force=force, extend=extend
@@ -121,6 +143,26 @@ def benchmark(
         raise typer.Exit(1)
 
 
+def _settings(
+    config: Path | None, suite: str, noise: str, given: dict[str, Any], limits: dict[str, Any]
+) -> BenchmarkConfig:
+    """What is run: the file's options, those given above them, None for what was not; limits in any case."""
+    from layoutexplore.benchmark.config import QUICK_AGENTS, BenchmarkConfig, read_benchmark_config
+    from layoutexplore.benchmark.suite import load_suite
+    from layoutexplore.simulation.config import SimulationConfig
+
+    options = read_benchmark_config(config) if config else {}
+    options |= {name: value for name, value in given.items() if value is not None}
+    if noise:
+        simulation = options.get("simulation", SimulationConfig())
+        options["simulation"] = dataclasses.replace(simulation, noise=noise)
+    if suite:
+        settings = load_suite(suite).config(tuple(options.pop("agents", QUICK_AGENTS)), **options)
+    else:
+        settings = BenchmarkConfig(**options)
+    return dataclasses.replace(settings, **{k: v for k, v in limits.items() if v is not None})
+
+
 def report(
     folder: Annotated[
         Path, typer.Argument(help="Results folder of `layoutexplore benchmark`.")
@@ -128,6 +170,10 @@ def report(
     baseline: Annotated[
         str | None, typer.Option(help="Agent to compare with. Default: as when it was run.")
     ] = None,
+    paper: Annotated[
+        bool,
+        typer.Option("--paper", help="Every chart as SVG and PDF, every table as LaTeX and CSV, in paper/."),
+    ] = False,
 ) -> None:
     """Write the report of a results folder again."""
     from rich.console import Console
@@ -143,7 +189,12 @@ def report(
     if baseline is not None and baseline not in (known := agents_of(results.rows())):
         raise unknown_name(f"agent of the results in {folder}", baseline, known)
     console = Console(highlight=False)
-    for path in write_benchmark_report(results, baseline=baseline):
+    written = write_benchmark_report(results, baseline=baseline)
+    if paper:
+        from layoutexplore.report.paper import write_paper
+
+        written += write_paper(results, results.path / "paper", baseline=baseline)
+    for path in written:
         console.print(f"wrote {path}", soft_wrap=True)
 
 
@@ -161,7 +212,7 @@ def run_with_progress(
     from layoutexplore.benchmark.pool import usable_cores
     from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
     from layoutexplore.cli.progress import ProgressLine
-    from layoutexplore.processes import command_line
+    from layoutexplore.processes import asked_to_stop, command_line
 
     try:
         with ProgressLine(console, "runs") as line:
@@ -184,7 +235,7 @@ def run_with_progress(
             )
     except KeyboardInterrupt:
         console.print(f"\nStopped. What is finished is in {out}: the same command continues.", soft_wrap=True)
-        raise typer.Exit(130) from None
+        raise typer.Exit(128 + (asked_to_stop() or 2)) from None
 
 
 def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig) -> None:
@@ -203,8 +254,11 @@ def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig)
         )
     for row in outcome.failed[:5]:
         console.print(
-            f"failed: {row.plan}, start {row.start}, {row.sensor}, {row.agent}: {row.error}", soft_wrap=True
+            f"failed: {row.plan}, start {row.start}, {row.sensor}, {row.agent}: {row.error}",
+            soft_wrap=True,
+            markup=False,
         )
+        console.print(outcome.folder.failure(row), soft_wrap=True, markup=False)
     if len(outcome.failed) > 5:
         console.print(f"... and {len(outcome.failed) - 5} more failed runs, see the report")
     console.print(f"{len(outcome.rows)} runs, {outcome.ran} of them now. Report: {paths[0]}", soft_wrap=True)

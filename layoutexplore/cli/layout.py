@@ -6,11 +6,22 @@ import json
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from layoutexplore.cli.map_import import (
+    Blueprint,
+    ImageAnywhere,
+    KeepOutside,
+    Resolution,
+    ScaleBy,
+    UnknownGreyOption,
+)
 from layoutexplore.processes import end_with_parent
+
+if TYPE_CHECKING:
+    from layoutexplore.importing.pictures import PictureConfig
 
 
 def register(app: typer.Typer) -> None:
@@ -27,18 +38,15 @@ def layout(
     method: Annotated[
         str,
         typer.Option(
-            "--method", "-m", help="default, rose2, ias15, rose, morphological, distance or voronoi."
+            "--method", "-m", help="As `layoutexplore methods` lists them, or FILE.py:FUNCTION of your own."
         ),
     ] = "default",
-    resolution: Annotated[
-        float | None, typer.Option(min=0.001, help="Metres a pixel of plain images (0.05 without).")
-    ] = None,
-    blueprint: Annotated[
-        bool,
-        typer.Option(
-            "--blueprint", help="Evacuation plans: erase words and symbols first (needs tesseract)."
-        ),
-    ] = False,
+    resolution: Resolution = None,
+    scale_by: ScaleBy = None,
+    blueprint: Blueprint = False,
+    unknown_grey: UnknownGreyOption = "auto",
+    image_anywhere: ImageAnywhere = False,
+    keep_outside: KeepOutside = False,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path(),
     as_json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object a map instead of a line.")
@@ -53,12 +61,18 @@ def layout(
     """
     from layoutexplore.errors import ConfigError
     from layoutexplore.files import check_places
-    from layoutexplore.grids.grid import check_resolution
+    from layoutexplore.importing.pictures import picture_config
     from layoutexplore.layout.pipeline import layout_method
 
     layout_method(method)
-    if resolution is not None:
-        check_resolution(resolution)
+    config = picture_config(
+        resolution=resolution,
+        scale_by=scale_by,
+        blueprint=blueprint,
+        unknown_grey=unknown_grey,
+        image_anywhere=image_anywhere,
+        keep_outside=keep_outside,
+    )
     names = [path.stem for path in maps]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -66,7 +80,7 @@ def layout(
             f"several maps are called {', '.join(twice)}: their results would overwrite each other"
         )
     check_places(out)
-    work = [(path, method, resolution, blueprint, out) for path in maps]
+    work = [(path, method, config, out) for path in maps]
     if jobs == 1 or len(work) == 1:
         failed = [_say(_attempt(item), as_json) for item in work]
     else:
@@ -94,7 +108,7 @@ def _say(summary: dict[str, Any] | str, as_json: bool) -> bool:
     return False
 
 
-def _attempt(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, Any] | str:
+def _attempt(item: tuple[Path, str, PictureConfig, Path]) -> dict[str, Any] | str:
     """What `_reconstruct` sums up, or what is wrong with the map."""
     from layoutexplore.errors import MapError
 
@@ -104,29 +118,26 @@ def _attempt(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, Any]
         return str(error)
 
 
-def _reconstruct(item: tuple[Path, str, float | None, bool, Path]) -> dict[str, Any]:
+def _reconstruct(item: tuple[Path, str, PictureConfig, Path]) -> dict[str, Any]:
     """Reconstruct one map, write its files, and sum up."""
     import numpy as np
 
     from layoutexplore.drawing.layouts import draw_layout
     from layoutexplore.files import write_atomically
-    from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, encode_png, load_grid
-    from layoutexplore.layout.blueprint import load_blueprint
-    from layoutexplore.layout.export import layout_to_geojson
+    from layoutexplore.grids.ros_map import encode_png
+    from layoutexplore.importing.layout_files import layout_with_doors
+    from layoutexplore.importing.pictures import read_picture
     from layoutexplore.layout.pipeline import reconstruct
 
-    path, method, resolution, blueprint, out = item
-    if blueprint:
-        grid = load_blueprint(path, resolution=DEFAULT_RESOLUTION if resolution is None else resolution)
-    else:
-        grid = load_grid(path, resolution=resolution)
+    path, method, config, out = item
+    grid = read_picture(path, config)
     found = reconstruct(grid, method)
     labels = out / f"{path.stem}_labels.png"
     overview = out / f"{path.stem}_overview.png"
     geojson = out / f"{path.stem}_layout.geojson"
     write_atomically(labels, encode_png(found.room_labels().astype(np.uint16)[::-1]))
     write_atomically(overview, encode_png(draw_layout(found, grid)))
-    write_atomically(geojson, (json.dumps(layout_to_geojson(found)) + "\n").encode())
+    write_atomically(geojson, (json.dumps(layout_with_doors(found)) + "\n").encode())
     return {
         "map": str(path),
         "method": method,

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from layoutexplore.cli.map_import import import_plan
+
 if TYPE_CHECKING:
     from layoutexplore.maps.floorplan import FloorPlan
 
@@ -16,6 +18,13 @@ group = typer.Typer(name="maps", help="Floor plans: list, show, import, generate
 def register(app: typer.Typer) -> None:
     """Add `maps` to the command line."""
     app.add_typer(group)
+
+
+group.command(
+    "import",
+    epilog="Examples: layoutexplore maps import floor.yaml --out floor.geojson; "
+    "layoutexplore maps import plan.png --blueprint --scale-by '3.2 m = 118 px' --out plan.geojson",
+)(import_plan)
 
 
 @group.command("list", epilog="Example: layoutexplore maps list --split train")
@@ -67,28 +76,6 @@ def show_plan(
     if out is not None:
         _draw(loaded, resolution, out)
         typer.echo(f"drawn into {out}")
-
-
-@group.command("import", epilog="Example: layoutexplore maps import floor.xml --out floor.geojson")
-def import_plan(
-    path: Annotated[
-        Path, typer.Argument(help="GeoJSON, school XML, KTH ID_occ.png, HouseExpo JSON, ROS YAML or image.")
-    ],
-    out: Annotated[Path, typer.Option(help="GeoJSON file to write.")],
-    resolution: Annotated[
-        float | None, typer.Option(help="Metres a pixel of a plain image (0.05 without).")
-    ] = None,
-) -> None:
-    """Read a floor plan of any known format and write it as our GeoJSON."""
-    from layoutexplore.maps import load_plan
-    from layoutexplore.maps.geojson import save_plan
-
-    plan = load_plan(path, resolution=resolution)
-    save_plan(plan, out)
-    note = f", {plan.metadata['scale']}" if "scale" in plan.metadata else ""
-    typer.echo(
-        f"{out}: {plan.name}, {len(plan.rooms)} rooms, {len(plan.doors)} doors, {plan.area:.0f} m2{note}"
-    )
 
 
 @group.command("generate", epilog="Example: layoutexplore maps generate school --seed 3 --out school.geojson")

@@ -25,6 +25,7 @@ class ProgressLine:
         self.console = console
         self.unit = unit
         self._bar: Progress | None = None
+        self._ended = False
         self._began = self._printed = time.monotonic()
 
     def __enter__(self) -> ProgressLine:
@@ -54,7 +55,8 @@ class ProgressLine:
         elapsed = now - self._began
         left = f"about {clock(elapsed * (1 - share) / share)} left" if 0.01 < share < 1 else ""
         if not self.console.is_terminal:
-            if now - self._printed >= PLAIN_EVERY or done == total:
+            ended, self._ended = self._ended, done == total  # what overshoots says so once
+            if not ended and (now - self._printed >= PLAIN_EVERY or done == total):
                 self._printed = now
                 self.say_plain(
                     f"{done}/{total} {self.unit}, {clock(elapsed)} elapsed{', ' + left if left else ''}"

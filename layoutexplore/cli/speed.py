@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.files import write_json
+from layoutexplore.errors import ConfigError
+from layoutexplore.files import write_atomically, write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -29,6 +30,10 @@ def speed(
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write the figures to this file as well.")
     ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--picture", help="Draw how decisions slow down as the map grows to this SVG file."),
+    ] = None,
 ) -> None:
     """Measure the speed of the kernels, the simulation and the environments.
 
@@ -39,6 +44,10 @@ def speed(
 
     from layoutexplore.speed import measure
 
+    if picture and only and "decisions" not in only:
+        raise ConfigError(
+            "--picture shows the measurement decisions, which was left out: add --only decisions"
+        )
     console = Console()
     rows: list[SpeedRow] = []
     with console.status("Measuring") as status:
@@ -47,8 +56,27 @@ def speed(
     if json_file:
         write_json(json_file, {"versions": _versions(), "rows": [row.as_dict() for row in rows]})
         typer.echo(f"written: {json_file}")
+    if picture:
+        _draw(rows, picture)
     if any(row.missed for row in rows):
         raise typer.Exit(1)
+
+
+def _draw(rows: list[SpeedRow], picture: Path) -> None:
+    from layoutexplore.drawing.growth import draw_growth
+    from layoutexplore.speed.decisions import GrowthRow
+
+    grown = [row for row in rows if isinstance(row, GrowthRow)]
+    lines = {
+        agent: (
+            [(row.area, row.quarters[-1]) for row in grown if row.agent == agent],
+            [(row.area, row.quarters[0]) for row in grown if row.agent == agent],
+        )
+        for agent in dict.fromkeys(row.agent for row in grown)
+    }
+    title = "ms a decision in the last quarter of an exploration; dashed: in the first"
+    write_atomically(picture, draw_growth(lines, "floor area in square metres", title))
+    typer.echo(f"written: {picture}")
 
 
 def _table(rows: list[SpeedRow]) -> Table:

@@ -39,6 +39,9 @@ A part raises an intersection over union of J when more than J / (1 + J) of it i
 _MARK = 0.8
 """Metres by which the line that marks a door may run on into the wall."""
 
+MOST_EDGES, MOST_DOORS = 4000, 200
+"""To each of the four sides so many edges are looked at, and so many doors opened: no floor has more."""
+
 DoorClassifier = Callable[[int, Ints, Floats32], Floats]
 """(quarter turns, edges int64 (n, 3), their features) -> probability float64 (n,) that each is a door."""
 
@@ -53,12 +56,14 @@ class ClosedRooms:
             unknown in the grid.
         confidence: Estimated agreement of each predicted room with the truth, 0..1.
         doors: Number of closed doors found.
+        warnings: What was left out, in words.
     """
 
     grid: OccupancyGrid
     rooms: Mask
     confidence: tuple[float, ...]
     doors: int
+    warnings: tuple[str, ...] = ()
 
 
 def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> ClosedRooms:
@@ -91,8 +96,20 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
     rim = cv2.dilate(rooms.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     drawn = np.where(rooms, FREE, np.where(rim & (cells == UNKNOWN), OCCUPIED, grid.cells)).astype(np.int8)
     return ClosedRooms(
-        OccupancyGrid(drawn, grid.resolution, grid.origin), rooms, tuple(confidence), sum(map(len, doors))
+        OccupancyGrid(drawn, grid.resolution, grid.origin),
+        rooms,
+        tuple(confidence),
+        sum(map(len, doors)),
+        tuple(_left_out(cells, grid.resolution, doors)),
     )
+
+
+def _left_out(cells: Cells, resolution: float, doors: Sequence[Sequence[ClosedDoor]]) -> Iterator[str]:
+    """What `find_closed_doors` has left out, in words."""
+    if any(len(find_edges(np.rot90(cells, turns), resolution)) > MOST_EDGES for turns in range(4)):
+        yield f"of more than {MOST_EDGES} edges to one side only the widest were taken for doors"
+    if any(len(found) == MOST_DOORS for found in doors):
+        yield f"of more than {MOST_DOORS} doors to one side only the likeliest were opened"
 
 
 def door_probability(features: Floats32, models: Models) -> Floats:
@@ -126,10 +143,13 @@ def find_closed_doors(cells: Cells, resolution: float, classifier: DoorClassifie
     for turns in range(4):
         view = np.ascontiguousarray(np.rot90(cells, turns))
         edges = find_edges(view, resolution)
+        if len(edges) > MOST_EDGES:
+            edges = edges[np.sort(np.argsort(edges[:, 1] - edges[:, 2], kind="stable")[:MOST_EDGES])]
         features = door_features(view, resolution, edges)
         chances = classifier(turns, edges, features)
         steps = np.rint(features[:, recess] / resolution).astype(np.int64)
         likely = np.flatnonzero(chances >= LEAST_DOOR)
+        likely = np.sort(likely[np.argsort(-chances[likely], kind="stable")[:MOST_DOORS]])
         numbers = np.concatenate([edges, steps], axis=1)[likely].tolist()
         found = zip(numbers, chances[likely].tolist(), strict=True)
         doors.append(

@@ -12,6 +12,7 @@ from layoutexplore.drawing.palette import Colour, Image
 from layoutexplore.grids.arrays import Bytes, Floats, Ints32
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.types import FaceKind, Layout
+from layoutexplore.options import Rule, check_kind
 
 INK: Colour = (30, 30, 36)
 PAPER: Colour = (250, 250, 250)
@@ -36,6 +37,9 @@ def draw_layout(layout: Layout, grid: OccupancyGrid | None = None, *, panel: int
         grid: The grid it was made from, for the first panel and the labels; the clean grid without it.
         panel: Longer side of a panel, in pixels.
     """
+    check_kind("layout", layout, Layout)
+    check_kind("grid", grid, OccupancyGrid, optional=True)
+    Rule(kind=int, low=16, high=16_384).convert("panel", panel)
     canvas = _Canvas(layout.clean_grid, panel)
     panels: list[tuple[str, Callable[[], Image]]] = [
         ("map", lambda: canvas.background(grid or layout.clean_grid)),

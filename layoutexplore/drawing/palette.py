@@ -65,12 +65,34 @@ SIGHT: Colour = YELLOW
 TRACK_NEW: Colour = BLUE
 TRACK_OLD: Colour = (188, 213, 231)
 PLANNED: Colour = INK
+"""Where it goes next."""
+GIVEN_UP: Colour = VERMILLION
+"""Where it would have gone without the layout."""
 FRONTIER: Colour = GREEN
 """A frontier that no predictor has judged."""
 CLOSED: Colour = ORANGE
 """A frontier behind which an almost finished room ends."""
 OPEN: Colour = PURPLE
 """A frontier that leads on."""
+
+
+# How a prediction of what was never seen compares with the truth.
+SEEN: Colour = (225, 236, 246)
+"""What had been seen of a room."""
+RIGHT: Colour = (86, 180, 140)
+"""Predicted, and there."""
+WRONG: Colour = (230, 120, 80)
+"""Predicted, and not there."""
+MISSED: Colour = (120, 170, 220)
+"""There, and not predicted."""
+
+# What the reports say with colours.
+BETTER: Colour = BLUE
+"""Fewer metres than the baseline, judged right."""
+WORSE: Colour = VERMILLION
+"""More metres than the baseline, judged wrong."""
+RAMP: tuple[Colour, ...] = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (240, 200, 40))
+"""From the start to the end of a way: dark violet to yellow."""
 
 
 def to_hex(colour: Colour) -> str:

@@ -7,8 +7,6 @@ area.
 
 from __future__ import annotations
 
-import math
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,9 +14,11 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, shortened
+from layoutexplore.files.markup import read_xml
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.layout.types import Layout
+from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,13 +53,15 @@ def read_outlines(path: str | Path) -> list[shapely.Polygon]:
         MapError: The file cannot be read or holds no room.
     """
     path = Path(path)
+    root = read_xml(path)
     try:
-        root = ElementTree.parse(path).getroot()
         outlines = [
             [_point(p.attrib) for p in outline.iter("point")] for outline in root.iter("bounding_polygon")
         ]
-    except (OSError, ElementTree.ParseError, ValueError) as error:
-        raise MapError(f"{path}: cannot read the floor plan: {error}") from error
+    except ValueError as error:
+        raise MapError(f"{path}: cannot read the floor plan: {shortened(str(error))}") from error
+    check_count(str(path), "outlines", len(outlines))
+    check_outlines(str(path), outlines)
     rooms = []
     for points in outlines:
         if len(points) >= 3:
@@ -71,8 +73,8 @@ def read_outlines(path: str | Path) -> list[shapely.Polygon]:
 
 def _point(attributes: Mapping[str, str]) -> tuple[float, float]:
     x, y = (float(attributes.get(key, "nan")) for key in "xy")
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise ValueError(f"a point needs two finite numbers x and y, got {dict(attributes)}")
+    if not (abs(x) <= MOST_METRES and abs(y) <= MOST_METRES):
+        raise ValueError(f"a point needs two finite numbers x and y, got {shortened(dict(attributes))}")
     return x, y
 
 

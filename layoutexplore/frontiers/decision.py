@@ -21,7 +21,6 @@ from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
-from layoutexplore.planning.distance_cache import DistanceCache
 from layoutexplore.planning.shortest_paths import descend, distance_matrix, distances_between
 from layoutexplore.sensing.lidar import LidarConfig
 
@@ -51,6 +50,12 @@ class Distances(Protocol):
     def path_to(self, target: Cell) -> CellPath:
         """The shortest path to a cell, both ends included."""
 
+    def between(self, cells: Ints32, resolution: float) -> Floats32:
+        """float32 (n, n): path lengths in metres between cells (n, 2) that are reached."""
+
+    def lengths_from(self, source: Cell, cells: Ints32, resolution: float) -> Floats32:
+        """float32 (n,): path lengths in metres from one cell that is reached to others (n, 2)."""
+
 
 @dataclass(frozen=True, eq=False)
 class KnownDistances:
@@ -75,6 +80,14 @@ class KnownDistances:
         """The shortest path to a cell, both ends included."""
         return descend(self.array, self.reached, target)
 
+    def between(self, cells: Ints32, resolution: float) -> Floats32:
+        """float32 (n, n): path lengths in metres between cells (n, 2) that are reached."""
+        return distance_matrix(self.reached, cells, resolution)
+
+    def lengths_from(self, source: Cell, cells: Ints32, resolution: float) -> Floats32:
+        """float32 (n,): path lengths in metres from one cell that is reached to others (n, 2)."""
+        return distances_between(self.reached, source, cells, resolution)
+
 
 class PredictedRooms(Protocol):
     """What is predicted of the rooms at a decision; what costs time is computed when it is asked for."""
@@ -82,6 +95,10 @@ class PredictedRooms(Protocol):
     @property
     def labels(self) -> Ints32:
         """int32 (rows, cols): the predicted room of each cell, seen or not, 0 for none."""
+
+    @property
+    def sketch(self) -> Ints32:
+        """int32 (rows, cols): like `labels`, in a millisecond or two: a sketch where rooms cost more."""
 
     @property
     def inside(self) -> Floats32:
@@ -107,7 +124,6 @@ class Decision:
         robot_radius: In metres.
         rooms: What is predicted of the rooms; None without a predictor.
         track: float64 (n, 3), the poses so far as (x, y, theta), as the robot believes them.
-        paths: Keeps path lengths from decision to decision; None computes them anew.
         goal: World point (x, y) in the middle of the frontier that the robot was last sent to; None before
             that.
     """
@@ -122,7 +138,6 @@ class Decision:
     robot_radius: float
     rooms: PredictedRooms | None = None
     track: Floats = dataclasses.field(default_factory=lambda: np.empty((0, 3)))
-    paths: DistanceCache | None = None
     goal: tuple[float, float] | None = None
 
     @cached_property
@@ -170,15 +185,14 @@ class Decision:
         numbers = np.asarray(chosen, np.int64)
         lengths = np.zeros((len(numbers) + 1, len(numbers) + 1), np.float32)
         lengths[0, 1:] = lengths[1:, 0] = self.table.path_length[numbers]
-        between = self.paths.lengths if self.paths else distance_matrix
-        lengths[1:, 1:] = between(self.traversable, self.viewpoints[numbers], self.grid.resolution)
+        lengths[1:, 1:] = self.field.between(self.viewpoints[numbers], self.grid.resolution)
         return lengths
 
     def path_lengths_from(self, index: int, chosen: Sequence[int] | Ints) -> Floats32:
         """Path lengths float32 (k,) in metres from one frontier's viewpoint to those of others, by index."""
         cells = self.viewpoints[np.asarray(chosen, np.int64)]
         source = Cell(*self.viewpoints[index].tolist())
-        return distances_between(self.traversable, source, cells, self.grid.resolution)
+        return self.field.lengths_from(source, cells, self.grid.resolution)
 
 
 @dataclass(frozen=True, eq=False)

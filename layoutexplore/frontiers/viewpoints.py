@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.table import FrontierList, FrontierTable
@@ -22,13 +23,16 @@ from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.grids.rays import is_free_line
-from layoutexplore.planning.traversability import DistanceField
+from layoutexplore.planning.distance_fields import DistanceField
 
 MAX_REACH = 1.5
 """How far from the frontier a viewpoint may lie, in metres: beyond, the gap is too narrow for the robot."""
 
 NONE_FAILED = np.empty(0, np.uint64)
 """For a map whose viewpoints are searched for the first time."""
+
+Units = NDArray[np.integer]
+"""Geodesic distances from the robot in any unit, or 0 where it can go and 1 elsewhere."""
 
 _MIX = np.uint64(0x9E3779B97F4A7C15)
 
@@ -56,6 +60,11 @@ class ViewpointSelector:
         """Never offer these frontier cells int32 (n, 2) again: looking at them showed nothing new."""
         indices = cells.astype(np.int64) @ np.array([self._cols, 1])
         self._blacklisted = np.sort(np.concatenate([self._blacklisted, indices]))
+
+    def forgive(self) -> None:
+        """Offer the blacklisted cells again."""
+        self._blacklisted = self._blacklisted[:0]
+        self._failed = NONE_FAILED
 
     def frontiers(
         self,
@@ -110,7 +119,7 @@ class ViewpointSelector:
 
 def choose_viewpoints(
     cells: Cells,
-    distances: Ints32,
+    distances: Units,
     farthest: int,
     clusters: FrontierClusters,
     resolution: float,
@@ -123,7 +132,7 @@ def choose_viewpoints(
 
     Args:
         cells: int8 (rows, cols), the grid.
-        distances: int32 (rows + 2, cols + 2), geodesic distance from the robot in any unit.
+        distances: int (rows + 2, cols + 2), geodesic distance from the robot in any unit.
         farthest: The greatest of them that the robot can go.
         clusters: The frontier clusters.
         resolution: Metres per cell.
@@ -197,7 +206,7 @@ def _middle(cells: Ints32) -> tuple[float, float]:
 @njit(cache=True, nogil=True)
 def _choose(
     cells: Cells,
-    distances: Ints32,
+    distances: Units,
     farthest: int,
     members: Ints32,
     starts: Ints,
@@ -242,7 +251,7 @@ def _choose(
 
 @njit(cache=True, nogil=True)
 def _find_viewpoint(
-    cells: Cells, distances: Ints32, farthest: int, row: int, col: int, offsets: Ints32, view: Ints32
+    cells: Cells, distances: Units, farthest: int, row: int, col: int, offsets: Ints32, view: Ints32
 ) -> bool:
     """Whether a reachable cell at one of the offsets sees a cell; the first one is written into `view` (2,).
 
@@ -264,7 +273,7 @@ def _find_viewpoint(
 
 
 @njit(cache=True, nogil=True)
-def _digest(cells: Cells, distances: Ints32, farthest: int, cluster: Ints32, reach: int) -> np.uint64:
+def _digest(cells: Cells, distances: Units, farthest: int, cluster: Ints32, reach: int) -> np.uint64:
     """64 bits of what the search for a cluster's viewpoint reads: its cells, what is free and reachable."""
     # Equal digests are taken for equal surroundings; of 2^64 codes two hardly ever meet in one run.
     code = np.uint64(len(cluster))

@@ -20,11 +20,14 @@ and some maps have two levels only. So the unknown is recognised by where it is,
 
 from __future__ import annotations
 
+from typing import Literal
+
 import cv2
 import numpy as np
 
 from layoutexplore.errors import MapError
 from layoutexplore.grids.arrays import Bytes, Mask
+from layoutexplore.grids.components import split_labels
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
 
 FREE_ABOVE = 230
@@ -41,7 +44,26 @@ SOLID_RADIUS, SOLID_SKIN = 0.75, 0.15
 WALL_SHARE = 0.02
 """Share of the free space's outline that is occupied at least, in a map that tells walls from the unknown."""
 
+SAVED_LEVELS, SAVED_SHARE = (0, 205, 254), 0.995
+"""Occupied, unknown and free as ROS's `map_saver` writes them, and the share of such pixels at least (a few
+are painted over by hand)."""
+
 _AROUND = np.ones((3, 3), np.uint8)
+
+
+def is_from_map_saver(grey: Bytes) -> bool:
+    """Whether the grey levels, uint8 of any shape, are those that ROS's `map_saver` writes, unknown included.
+
+    Example:
+        >>> is_from_map_saver(np.array([0, 205, 254], np.uint8))
+        True
+        >>> is_from_map_saver(np.arange(256, dtype=np.uint8))
+        False
+    """
+    counts = np.bincount(grey.ravel(), minlength=256)
+    # White is how an editor's brush paints free space.
+    painted = counts[list(SAVED_LEVELS)].sum() + counts[255]
+    return bool(counts[SAVED_LEVELS[1]] and counts[254] and painted >= SAVED_SHARE * grey.size)
 
 
 def grid_from_image(
@@ -51,6 +73,7 @@ def grid_from_image(
     free_threshold: int | None = None,
     transparent: Mask | None = None,
     origin: Pose | None = None,
+    unknown_grey: int | Literal["auto", "none"] = "auto",
 ) -> OccupancyGrid:
     """The trinary grid that an image shows.
 
@@ -60,6 +83,7 @@ def grid_from_image(
         free_threshold: Grey level above which a pixel is free; found in the image when None.
         transparent: bool (h, w), pixels that are unknown whatever their grey.
         origin: Pose of the lower left corner; (0, 0, 0) when None.
+        unknown_grey: The one level that is unknown; by the module's rule when "auto", no level when "none".
 
     Raises:
         MapError: Not a two-dimensional uint8 image, or the resolution is unusable.
@@ -76,9 +100,13 @@ def grid_from_image(
         raise MapError(f"a grey image must be a non-empty uint8 array (h, w), got {grey.dtype} {grey.shape}")
     hidden = np.zeros(grey.shape, np.bool_) if transparent is None else transparent
     free = (grey > (_free_threshold(grey) if free_threshold is None else free_threshold)) & ~hidden
-    unknown = _unknown(grey, free, hidden, resolution)
-    if not unknown.any() or not _has_walls(free, ~free & ~unknown):
-        unknown = hidden | _inside_of_background(grey, free, resolution)
+    if unknown_grey == "auto":
+        unknown = _unknown(grey, free, hidden, resolution)
+        if not unknown.any() or not _has_walls(free, ~free & ~unknown):
+            unknown = hidden | _inside_of_background(grey, free, resolution)
+    else:
+        unknown = hidden if unknown_grey == "none" else hidden | (grey == unknown_grey)
+        free &= ~unknown
     cells = np.where(free, FREE, np.where(unknown, UNKNOWN, OCCUPIED)).astype(np.int8)
     return OccupancyGrid(np.ascontiguousarray(cells[::-1]), resolution, origin or Pose(0.0, 0.0, 0.0))
 
@@ -142,20 +170,22 @@ def _border_levels(grey: Bytes, free: Mask) -> list[int]:
 
 def _courtyards(grey: Bytes, known: Mask, resolution: float) -> Mask:
     """The pixels, bool (h, w), of thick areas of one flat mid-grey and many square metres."""
-    found = np.zeros(grey.shape, np.bool_)
-    counts = np.bincount(grey[~known], minlength=256)
-    counts[:DARK_BELOW] = 0
     disc = _disc(COURTYARD_RADIUS, resolution)
-    for level in np.flatnonzero(counts * resolution**2 >= COURTYARD_AREA):
-        flat = (grey == level) & ~known
-        _, parts, stats, _ = cv2.connectedComponentsWithStats(flat.astype(np.uint8), connectivity=4)
-        large = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] * resolution**2 >= COURTYARD_AREA)
-        for part in large[large > 0]:
-            mask = (parts == part).astype(np.uint8)
-            thick = cv2.morphologyEx(np.pad(mask, disc.shape[0]), cv2.MORPH_OPEN, disc)
-            if thick.sum() >= 0.5 * mask.sum():
-                found |= mask > 0
-    return found
+    thick = _thick(grey, ~known & (grey >= DARK_BELOW), disc)
+    if not thick.any():
+        return thick
+    parts, areas = split_labels(np.where(known | (grey < DARK_BELOW), -1, grey.astype(np.int32)))
+    depths = np.bincount(parts[thick], minlength=len(areas))
+    chosen = (areas * resolution**2 >= COURTYARD_AREA) & (depths >= 0.5 * areas)
+    return np.asarray((parts >= 0) & chosen[parts], np.bool_)
+
+
+def _thick(grey: Bytes, among: Mask, disc: Bytes) -> Mask:
+    """The pixels, bool (h, w), that a disc of one grey level covers, all of it inside of a mask."""
+    inside = cv2.erode(among.astype(np.uint8), disc, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
+    # A disc is one 4-connected piece: it never reaches from one area of its level into another.
+    flat = inside & (cv2.erode(grey, disc) == cv2.dilate(grey, disc))
+    return np.asarray(cv2.dilate(flat.astype(np.uint8), disc) > 0, np.bool_)
 
 
 def _inside_of_background(grey: Bytes, free: Mask, resolution: float) -> Mask:

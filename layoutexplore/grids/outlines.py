@@ -7,7 +7,7 @@ walk stays with its cell: what a ring encloses is four-connected.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -75,7 +75,7 @@ def trace_mask(mask: Mask, resolution: float, origin: Point) -> Polygon | MultiP
     shells: list[list[Floats]] = [[] for _ in range(count + 1)]
     holes: list[list[Floats]] = [[] for _ in range(count + 1)]
     for walk, owner in sorted(walks):
-        for corners in _cut_where_touching(walk):
+        for corners in cut_where_touching(walk):
             points = np.array(corners, np.float64)[:, ::-1]
             ring = np.round(np.asarray(origin) + points * resolution, 6)
             following = np.roll(ring, -1, axis=0)
@@ -94,10 +94,11 @@ def _from_lowest(ring: list[list[int]]) -> list[list[int]]:
     return ring[k:] + ring[:k]
 
 
-def _cut_where_touching(ring: list[list[int]]) -> list[list[list[int]]]:
-    """The rings that a ring falls into at the corners that it comes through twice."""
-    rings, path = [], list[list[int]]()
-    place: dict[tuple[int, int], int] = {}
+def cut_where_touching(ring: list[list[Any]]) -> list[list[list[Any]]]:
+    """The rings that a ring, a list of corners, falls into at the corners that it comes through twice."""
+    rings: list[list[list[Any]]] = []
+    path: list[list[Any]] = []
+    place: dict[tuple[Any, Any], int] = {}
     for corner in ring:
         first = place.get((corner[0], corner[1]))
         if first is not None:

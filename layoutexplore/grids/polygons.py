@@ -16,10 +16,11 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from numba import njit
+from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.grids.arrays import Floats, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 
 Point = tuple[float, float]
 """World point (x, y) in metres."""
@@ -71,13 +72,56 @@ def fill(
             _fill(edges[:, [1, 0, 3, 2]].copy(), target, value, True, True)
 
 
+def fill_each(
+    target: Ints32, polygons: NDArray[np.object_], values: Ints, resolution: float, origin: Point
+) -> None:
+    """`fill` for many polygons, one after the other, in place.
+
+    Args:
+        target: int32 (rows, cols), C-contiguous.
+        polygons: shapely.Polygon (n,), valid, in metres; empty ones are passed over.
+        values: int64 (n,), what to write for each.
+        resolution: Side of a cell in metres.
+        origin: World point of the lower left corner of cell (0, 0).
+
+    Example:
+        >>> target = np.zeros((2, 3), np.int32)
+        >>> boxes = np.array([shapely.box(0.0, 0.0, 2.0, 1.0), shapely.box(1.0, 0.0, 3.0, 2.0)])
+        >>> fill_each(target, boxes, np.array([7, 8]), 1.0, (0.0, 0.0))
+        >>> target.tolist()
+        [[7, 8, 8], [0, 8, 8]]
+    """
+    if not len(polygons):
+        return
+    rings, owner = shapely.get_rings(polygons, return_index=True)
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    points = _in_cells(corners, resolution, origin)
+    same = np.flatnonzero(ring[1:] == ring[:-1])  # a ring ends where it began: no edge leads to the next one
+    edges = np.hstack([points[same], points[same + 1]])
+    starts = np.searchsorted(owner[ring[same]], np.arange(len(polygons) + 1))
+    _fill_each(edges, starts, np.asarray(values, np.int64), target)
+
+
+@njit(cache=True, nogil=True)
+def _fill_each(edges: Floats, starts: Ints, values: Ints, target: Ints32) -> None:
+    """Fill polygons whose edges stand one after the other."""
+    for k in range(len(values)):
+        if starts[k] < starts[k + 1]:
+            _fill(edges[starts[k] : starts[k + 1]], target, values[k], False, False)
+
+
+def _in_cells(points: Floats, resolution: float, origin: Point) -> Floats:
+    """Points (n, 2) in cells, so that whole numbers are the centres of cells."""
+    # 1e-6 of a cell: a wall that was drawn on the centre line counts as on it, whatever the rounding
+    return np.asarray(np.round((points - np.asarray(origin)) / resolution - 0.5, 6))
+
+
 def _edges(polygon: Polygon, resolution: float, origin: Point) -> Floats:
     """Edges float64 (n, 4) as (u0, v0, u1, v1) in cells, so that whole numbers are the centres of cells."""
     rings = [polygon.exterior, *polygon.interiors]
     pieces = []
     for ring in rings:
-        # 1e-6 of a cell: a wall that was drawn on the centre line counts as on it, whatever the rounding
-        points = np.round((shapely.get_coordinates(ring) - np.asarray(origin)) / resolution - 0.5, 6)
+        points = _in_cells(shapely.get_coordinates(ring), resolution, origin)
         pieces.append(np.hstack([points[:-1], points[1:]]))
     return np.ascontiguousarray(np.vstack(pieces))
 
@@ -88,26 +132,30 @@ def _fill(edges: Floats, target: Ints32, value: int, transposed: bool, thin: boo
     lines, cells = target.shape
     if transposed:
         cells, lines = lines, cells
+    # Only the lines between the lowest and the highest corner are looked at.
+    low = max(0, int(np.ceil(min(edges[:, 1].min(), edges[:, 3].min()))))
+    high = max(low, min(lines, int(np.ceil(max(edges[:, 1].max(), edges[:, 3].max())))))
     # First count the crossings of each line, then write them line by line. An edge crosses v0 <= line < v1,
     # half open, so that a corner on a line counts once and horizontal edges not at all.
-    start = np.zeros(lines + 1, np.int64)
+    start = np.zeros(high - low + 1, np.int64)
     for k in range(edges.shape[0]):
         v0, v1 = min(edges[k, 1], edges[k, 3]), max(edges[k, 1], edges[k, 3])
-        for line in range(max(0, int(np.ceil(v0))), min(lines, int(np.ceil(v1)))):
-            start[line + 1] += 1
-    for line in range(lines):
+        for line in range(max(low, int(np.ceil(v0))), min(high, int(np.ceil(v1)))):
+            start[line - low + 1] += 1
+    for line in range(high - low):
         start[line + 1] += start[line]
-    crossings = np.empty(start[lines], np.float64)
+    crossings = np.empty(start[-1], np.float64)
     end = start[:-1].copy()
     for k in range(edges.shape[0]):
         u0, v0, u1, v1 = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
         if v0 > v1:
             u0, v0, u1, v1 = u1, v1, u0, v0
-        for line in range(max(0, int(np.ceil(v0))), min(lines, int(np.ceil(v1)))):
-            crossings[end[line]] = u0 + (line - v0) * (u1 - u0) / (v1 - v0)
-            end[line] += 1
-    for line in range(lines):
-        row = np.sort(crossings[start[line] : start[line + 1]])
+        for line in range(max(low, int(np.ceil(v0))), min(high, int(np.ceil(v1)))):
+            crossings[end[line - low]] = u0 + (line - v0) * (u1 - u0) / (v1 - v0)
+            end[line - low] += 1
+    for line in range(low, high):
+        row = crossings[start[line - low] : start[line - low + 1]]
+        row.sort()
         # Between an even crossing and the next one lies the inside.
         for k in range(0, row.size - 1, 2):
             first, last = int(np.ceil(row[k])), int(np.ceil(row[k + 1])) - 1

@@ -1,27 +1,31 @@
 """Occupancy grids on disk: ROS map_server pairs (YAML and image) and plain images.
 
 Reading follows nav2's map_server: trinary, scale and raw modes, `negate`, thresholds, an origin with a yaw,
-transparent pixels as unknown; the image's top row is the largest y. Images without a YAML go through
-`layoutexplore.grids.image_map`.
+transparent pixels as unknown; the image's top row is the largest y. Two things are kinder than there: the
+unknown that `map_saver` writes stays unknown whatever the thresholds say, and an image that is not where the
+YAML says is looked for beside it. Images without a YAML go through `layoutexplore.grids.image_map`.
 """
 
 from __future__ import annotations
 
 import math
+import os
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from layoutexplore.errors import MapError
-from layoutexplore.files import write_atomically
+from layoutexplore.errors import MapError, MapWarning, shortened
+from layoutexplore.files import read_yaml, write_atomically
+from layoutexplore.files.images import read_pixels
 from layoutexplore.grids.arrays import Bytes, Cells, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
-from layoutexplore.grids.image_map import grid_from_image
+from layoutexplore.grids.image_map import grid_from_image, is_from_map_saver
+from layoutexplore.options import check_kind
 
 __all__ = ["DEFAULT_RESOLUTION", "grid_from_image", "load_grid", "read_image", "save_grid"]
 
@@ -31,27 +35,58 @@ DEFAULT_RESOLUTION = 0.05
 MODES = ("trinary", "scale", "raw")
 IMAGE_SUFFIXES = (".png", ".pgm", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
 YAML_SUFFIXES = (".yaml", ".yml")
+RESOLUTIONS = (1e-3, 1e3)
+"""Least and greatest metres a pixel of a map that brings its own scale."""
+
+MOST_METRES = 1e8
+"""No number of a map is larger: no building stands further from the origin of its coordinates."""
+
+_LONGEST_NAME = 250
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
+_SAVED_UNKNOWN = 205
+
+UnknownGrey = int | Literal["auto", "none"]
+"""Which grey level of a map is unknown: a number, "auto" (found in the map) or "none"."""
 
 
-def load_grid(path: str | Path, *, resolution: float | None = None) -> OccupancyGrid:
+def load_grid(
+    path: str | Path,
+    *,
+    resolution: float | None = None,
+    unknown_grey: UnknownGrey = "auto",
+    image_anywhere: bool = False,
+) -> OccupancyGrid:
     """Read an occupancy grid.
 
     Args:
         path: A ROS map's YAML file, or an image.
         resolution: Metres a pixel of a plain image (0.05 when None). A YAML brings its own.
+        unknown_grey: The grey level that is unknown whatever thresholds say. "auto": of a ROS map 205, where
+            its image holds what `map_saver` writes (0, 205, 254) and the thresholds would make 205 free; of a
+            plain image what `grid_from_image` finds. "none": thresholds and transparency alone.
+        image_anywhere: Whether a ROS map's image may lie outside of the folder of its YAML.
 
     Raises:
         MapError: The file is missing, broken, of an unknown kind, or its numbers make no sense.
+
+    Warns:
+        MapWarning: 205 was read as unknown against the thresholds, or the image was found in another place
+            than the YAML says.
     """
+    check_kind("path", path, str, Path)
     path = Path(path)
     if resolution is not None:
         check_resolution(resolution)
+    if unknown_grey not in ("auto", "none") and unknown_grey not in range(256):
+        raise MapError(f"unknown_grey must be a level from 0 to 255, 'auto' or 'none', got {unknown_grey!r}")
     if path.suffix.lower() in YAML_SUFFIXES:
-        return _load_ros_map(path)
+        return _load_ros_map(path, unknown_grey, image_anywhere)
     grey, transparent = read_image(path, luma=True)
     return grid_from_image(
-        grey, DEFAULT_RESOLUTION if resolution is None else resolution, transparent=transparent
+        grey,
+        DEFAULT_RESOLUTION if resolution is None else resolution,
+        transparent=transparent,
+        unknown_grey=unknown_grey,
     )
 
 
@@ -77,32 +112,6 @@ def read_image(path: Path, *, luma: bool = False) -> tuple[Bytes, Mask]:
     return np.rint(pixels @ weights).astype(np.uint8), transparent
 
 
-def read_pixels(path: Path) -> Bytes:
-    """The pixels uint8 (h, w) or (h, w, channels) of an image file as they are stored.
-
-    Raises:
-        MapError: The file is missing or cannot be decoded.
-    """
-    try:
-        data = np.fromfile(path, np.uint8)
-    except OSError as error:
-        raise MapError(f"{path}: cannot read the image: {error.strerror}") from error
-    level = cv2.utils.logging.setLogLevel(0)  # a damaged image is our error to report, not OpenCV's
-    try:
-        pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
-    except cv2.error:
-        pixels = None
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-    if pixels is None:
-        raise MapError(f"{path}: not an image, or a damaged one")
-    if pixels.dtype == np.uint16:
-        pixels = (pixels // 257).astype(np.uint8)
-    if pixels.dtype != np.uint8:
-        raise MapError(f"{path}: images of {pixels.dtype} pixels are not supported; use 8 or 16 bits")
-    return np.asarray(pixels, np.uint8)
-
-
 @dataclass(frozen=True, kw_only=True)
 class _RosMap:
     """The entries of a map's YAML, checked."""
@@ -116,42 +125,93 @@ class _RosMap:
     mode: str = "trinary"
 
 
-def _load_ros_map(path: Path) -> OccupancyGrid:
-    entries = _parse(path)
+def _load_ros_map(path: Path, unknown_grey: UnknownGrey, image_anywhere: bool) -> OccupancyGrid:
+    entries = _parse(path, image_anywhere)
     pixels, transparent = read_image(entries.image)
-    shade = pixels[::-1].astype(np.float64) / 255.0
+    if unknown_grey == "auto":
+        unknown_grey = _SAVED_UNKNOWN if _hides_unknown(path, pixels, entries) else "none"
+    if unknown_grey != "none":
+        transparent |= pixels == unknown_grey
+    cells = _cells_of_levels(entries)[pixels[::-1]]
+    if entries.mode != "raw" or unknown_grey != "none":
+        cells = np.where(transparent[::-1], np.int8(UNKNOWN), cells)
+    return OccupancyGrid(np.ascontiguousarray(cells), entries.resolution, entries.origin)
+
+
+def _cells_of_levels(entries: _RosMap) -> Cells:
+    """The cell int8 (256,) that each grey level means."""
+    levels = np.arange(256)
     if entries.mode == "raw":
-        values = pixels[::-1].astype(np.int16)
-        cells = np.where(values <= OCCUPIED, values, UNKNOWN)
-    else:
-        occupancy = shade if entries.negate else 1.0 - shade
-        low, high = entries.free_thresh, entries.occupied_thresh
-        between = np.rint((occupancy - low) / (high - low) * 100) if entries.mode == "scale" else UNKNOWN
-        cells = np.where(occupancy >= high, OCCUPIED, np.where(occupancy <= low, FREE, between))
-        cells = np.where(transparent[::-1], UNKNOWN, cells)
-    return OccupancyGrid(np.ascontiguousarray(cells.astype(np.int8)), entries.resolution, entries.origin)
+        return np.where(levels <= OCCUPIED, levels, UNKNOWN).astype(np.int8)
+    shade = levels / 255.0
+    occupancy = shade if entries.negate else 1.0 - shade
+    low, high = entries.free_thresh, entries.occupied_thresh
+    between = np.clip(np.rint((occupancy - low) / (high - low) * 100), FREE, OCCUPIED)
+    between = between if entries.mode == "scale" else np.full(256, UNKNOWN)
+    cells = np.where(occupancy >= high, OCCUPIED, np.where(occupancy <= low, FREE, between))
+    return cells.astype(np.int8)
 
 
-def _parse(path: Path) -> _RosMap:
+def _hides_unknown(path: Path, pixels: Bytes, entries: _RosMap) -> bool:
+    """Whether the thresholds make floor of what `map_saver` left unknown; warns where they do.
+
+    205 has an occupancy of 0.196: above ROS 1's `free_thresh` of 0.196, below the 0.25 of ROS 2.
+    """
+    occupancy = 1.0 - _SAVED_UNKNOWN / 255.0
+    if entries.mode == "raw" or entries.negate or occupancy > entries.free_thresh:
+        return False
+    if not is_from_map_saver(pixels):
+        return False
+    warnings.warn(
+        f"{path}: grey {_SAVED_UNKNOWN} is read as unknown, as map_saver writes it, although free_thresh "
+        f"{entries.free_thresh:g} would make it free (unknown grey 'none' follows the thresholds)",
+        MapWarning,
+        stacklevel=4,
+    )
+    return True
+
+
+def _find_image(path: Path, named: str, anywhere: bool) -> Path:
+    """The image of a map's YAML: where it says, if that is in the YAML's folder or may be anywhere.
+
+    An absolute path is often that of the computer on which the map was saved: what has its name beside the
+    YAML then stands for it.
+    """
+    image = path.parent / named
+    home = Path(os.path.abspath(path.parent))  # noqa: PTH100 - links are followed by those who set them
+    inside = Path(os.path.abspath(image)).is_relative_to(home)  # noqa: PTH100
+    if (inside or anywhere) and image.is_file():
+        return image
+    beside = path.parent / Path(named.replace("\\", "/")).name
+    if beside != image and beside.is_file():
+        warnings.warn(f"{path}: reads {beside.name} beside it instead of {named}", MapWarning, stacklevel=5)
+        return beside
+    if inside or anywhere:
+        return image
+    raise MapError(
+        f"{path}: its image {named} lies in another folder: put it beside the YAML, or allow it with "
+        "image_anywhere (--image-anywhere)"
+    )
+
+
+def _parse(path: Path, image_anywhere: bool) -> _RosMap:
     """The YAML's entries, or a `MapError` that names the entry that is wrong."""
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise MapError(f"{path}: cannot read the map: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise MapError(f"{path}: broken YAML: {' '.join(str(error).split())}") from error
+    data = read_yaml(path)
     if not isinstance(data, dict):
         raise MapError(f"{path}: a map's YAML needs the entries image, resolution and origin")
     if missing := [key for key in ("image", "resolution", "origin") if key not in data]:
         raise MapError(f"{path}: the entry {missing[0]!r} is missing")
+    named = data["image"]
+    if not isinstance(named, str | int | float) or not 0 < len(str(named).encode()) <= _LONGEST_NAME:
+        raise MapError(f"{path}: image must be the name of a file, got {shortened(data['image'])}")
     origin = data["origin"]
     if not isinstance(origin, list) or len(origin) != 3:
-        raise MapError(f"{path}: origin must be [x, y, yaw], got {origin!r}")
+        raise MapError(f"{path}: origin must be [x, y, yaw], got {shortened(origin)}")
     mode = data.get("mode", "trinary")
     if mode not in MODES:
-        raise MapError(f"{path}: mode must be one of {', '.join(MODES)}, got {mode!r}")
+        raise MapError(f"{path}: mode must be one of {', '.join(MODES)}, got {shortened(mode)}")
     entries = _RosMap(
-        image=path.parent / str(data["image"]),
+        image=_find_image(path, str(data["image"]), image_anywhere),
         resolution=_number(data["resolution"], "resolution", path),
         origin=Pose(*(_number(value, "origin", path) for value in origin)),
         negate=bool(_number(data.get("negate", 0), "negate", path)),
@@ -161,6 +221,11 @@ def _parse(path: Path) -> _RosMap:
     )
     if entries.resolution <= 0:
         raise MapError(f"{path}: resolution must be above 0, got {entries.resolution:g}")
+    if not RESOLUTIONS[0] <= entries.resolution <= RESOLUTIONS[1]:
+        raise MapError(
+            f"{path}: resolution must be from {RESOLUTIONS[0]:g} to {RESOLUTIONS[1]:g} metres a pixel, "
+            f"got {entries.resolution:g}"
+        )
     if not 0 <= entries.free_thresh < entries.occupied_thresh <= 1:
         raise MapError(f"{path}: needs 0 <= free_thresh < occupied_thresh <= 1")
     return entries
@@ -169,10 +234,10 @@ def _parse(path: Path) -> _RosMap:
 def _number(value: Any, name: str, path: Path) -> float:
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
-    if not math.isfinite(number):
-        raise MapError(f"{path}: {name} must be a finite number, got {value!r}")
+    if not abs(number) <= MOST_METRES:
+        raise MapError(f"{path}: {name} must be a finite number, got {shortened(value)}")
     return number
 
 
@@ -190,7 +255,9 @@ def save_grid(grid: OccupancyGrid, path: str | Path, *, mode: str = "trinary") -
     Raises:
         MapError: The mode is not known, or the files cannot be written.
     """
-    if mode not in MODES:
+    check_kind("grid", grid, OccupancyGrid)
+    check_kind("path", path, str, Path)
+    if not isinstance(mode, str) or mode not in MODES:
         raise MapError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
     path = Path(path)
     if path.suffix.lower() not in YAML_SUFFIXES:
@@ -207,6 +274,8 @@ def save_grid(grid: OccupancyGrid, path: str | Path, *, mode: str = "trinary") -
     }
     _, encoded = cv2.imencode(image.suffix, _to_pixels(grid.cells[::-1], mode))
     write_atomically(image, encoded.tobytes())
+    import yaml
+
     write_atomically(path, yaml.safe_dump(text, sort_keys=False, default_flow_style=None).encode())
 
 

@@ -16,9 +16,14 @@ import cv2
 import numpy as np
 
 from layoutexplore.errors import ConfigError, MapError, MissingExtraError, require
+from layoutexplore.files.images import read_pixels
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
-from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, read_pixels
+from layoutexplore.grids.outside import find_outside
+from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION
+
+WALL_SPREAD = 35.0
+"""Grey levels by which a pixel of a wall differs from the usual wall at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +36,12 @@ class BlueprintConfig:
         magnification: The picture is enlarged so much for the OCR.
         darkness: A wall's grey level is below this ...
         saturation: ... and its saturation (0..255) too: symbols and escape routes are coloured.
-        wall_width: Strokes thinner than this are door swings, stairs and dimension lines.
+        wall_width: Strokes thinner than this are door swings, stairs and dimension lines ...
+        wall_share: ... and so are those thinner than this share of the usual wall, for plans whose scale is
+            not known well; a share of 0 leaves them.
         symbol_size: Separate marks that fit into a box of this side are symbols.
+        tint: Dark boxes of up to that height with this colourfulness (0..1, channels' range over the
+            brightest, on average) are symbols as well, even when they touch walls.
         opening: Gaps up to this width in the outer walls are closed before the outside is filled.
         template_match: Least normalised correlation of a template.
     """
@@ -43,6 +52,8 @@ class BlueprintConfig:
     darkness: int = 170
     saturation: int = 60
     wall_width: float = 0.1
+    wall_share: float = 0.4
+    tint: float = 0.25
     symbol_size: float = 1.5
     opening: float = 3.0
     template_match: float = 0.8
@@ -52,6 +63,8 @@ class BlueprintConfig:
             raise ConfigError("darkness and saturation are levels of 8 bit")
         if self.magnification <= 0 or not 0 < self.template_match <= 1:
             raise ConfigError("magnification must be above 0, template_match in (0, 1]")
+        if not 0 <= self.wall_share < 1 or not 0 < self.tint <= 1:
+            raise ConfigError("wall_share must be in [0, 1), tint in (0, 1]")
         if self.wall_width < 0 or self.symbol_size < 0 or self.opening < 0:
             raise ConfigError("wall_width, symbol_size and opening must not be negative")
 
@@ -109,7 +122,13 @@ def grid_from_blueprint(
     for top, left, height, width in _templates_found(image, templates, config.template_match):
         plain[top : top + height, left : left + width] = 255
     ink = _dark(plain, config)
-    walls = _without_symbols(ink, resolution, config)
+    boxes = _tinted_boxes(plain, ink, resolution, config)
+    if ink.any():
+        # The wall that a symbol hangs on is as bright as other walls.
+        high = plain.max(axis=2).astype(np.float32)
+        ink &= ~(boxes & (np.abs(high - np.median(high[ink])) > WALL_SPREAD))
+    lines = _large(ink, config.symbol_size / resolution)
+    walls = _bridge(_without_symbols(ink, resolution, config), boxes, round(config.symbol_size / resolution))
     if config.words:
         for top, left, height, width in find_words(plain, config):
             walls[top : top + height, left : left + width] = False
@@ -117,7 +136,8 @@ def grid_from_blueprint(
         raise MapError(
             "the blueprint shows no walls: see darkness, saturation and wall_width of BlueprintConfig"
         )
-    outside = _outside(walls, round(config.opening / resolution / 2))
+    # A gate may be drawn as a thin line: no wall, but no way out either.
+    outside = find_outside(walls | lines, resolution, opening=config.opening)
     cells = np.where(walls, OCCUPIED, np.where(outside, UNKNOWN, FREE)).astype(np.int8)
     return OccupancyGrid(np.ascontiguousarray(cells[::-1]), resolution, Pose(0.0, 0.0, 0.0))
 
@@ -170,23 +190,65 @@ def _dark(image: Bytes, config: BlueprintConfig) -> Mask:
     return np.asarray((high < config.darkness) & (high - low < config.saturation))
 
 
+def _tinted_boxes(image: Bytes, ink: Mask, resolution: float, config: BlueprintConfig) -> Mask:
+    """Boxes of dark pixels with a tint, bool (h, w): symbols whose colour is too dark for `_dark`."""
+    range_, high = (
+        np.where(ink, band, 0).astype(np.float32) for band in (np.ptp(image, axis=2), image.max(axis=2))
+    )
+    side = max(round(0.25 / resolution), 1) | 1
+    count, tint, brightness = (
+        cv2.blur(band, (side, side)) for band in (ink.astype(np.float32), range_, high)
+    )
+    # Near black the ratio is noise.
+    tinted = ink & (brightness > 0.15 * 255 * count) & (tint > config.tint * brightness)
+    box = max(round(config.symbol_size / 4 / resolution), 2)
+    # Light glyphs stand in dark boxes; walls and letters are thinner than a box.
+    closed = cv2.morphologyEx(tinted.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((box, box), np.uint8))
+    opened = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((2 * box, 2 * box), np.uint8))
+    _, part, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=8)
+    low = (
+        np.minimum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) * resolution
+        <= config.symbol_size
+    )
+    low[0] = False
+    return np.asarray(cv2.dilate(low[part].astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+
+
+def _bridge(walls: Mask, boxes: Mask, length: int) -> Mask:
+    """The walls, and what is behind symbols in line with walls on both sides, bool (h, w)."""
+    for shape in ((1, length // 3 + 1), (length // 3 + 1, 1)):
+        strokes = cv2.morphologyEx(walls.astype(np.uint8), cv2.MORPH_OPEN, np.ones(shape, np.uint8))
+        # Several symbols stand in a row.
+        gap = np.ones([1 if side == 1 else 4 * length for side in shape], np.uint8)
+        walls = walls | ((cv2.morphologyEx(strokes, cv2.MORPH_CLOSE, gap) > 0) & boxes)
+    return walls
+
+
 def _without_symbols(ink: Mask, resolution: float, config: BlueprintConfig) -> Mask:
     """The marks without thin strokes and without small separate ones, bool (h, w)."""
-    width = max(round(config.wall_width / resolution), 1)
-    thick = cv2.morphologyEx(ink.astype(np.uint8), cv2.MORPH_OPEN, np.ones((width, width), np.uint8))
-    _, part, stats, _ = cv2.connectedComponentsWithStats(thick, connectivity=8)
-    size = np.maximum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) * resolution
-    large = size > config.symbol_size
+    usual = _usual_width(_large(ink, config.symbol_size / resolution))
+    width = max(round(config.wall_width / resolution), round(config.wall_share * usual), 1)
+    thick = cv2.morphologyEx(ink.astype(np.uint8), cv2.MORPH_OPEN, np.ones((width, width), np.uint8)) > 0
+    return _large(thick, config.symbol_size / resolution)
+
+
+def _usual_width(ink: Mask) -> float:
+    """The width in pixels of the strokes that most of the ink belongs to; 0 without ink.
+
+    Along the middle of a stroke the distance to paper is half its width: those of all middles are weighed by
+    the area that they stand for.
+    """
+    if not ink.any():
+        return 0.0
+    depth = cv2.distanceTransform(np.pad(ink, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    middles = depth[(depth > 0) & (depth >= cv2.dilate(depth, np.ones((3, 3), np.uint8)))]
+    order = np.sort(middles)
+    return float(2 * order[np.searchsorted(np.cumsum(order), order.sum() / 2)] - 1)
+
+
+def _large(marks: Mask, side: float) -> Mask:
+    """The separate marks, bool (h, w), that do not fit into a square of a side in pixels."""
+    _, part, stats, _ = cv2.connectedComponentsWithStats(marks.astype(np.uint8), connectivity=8)
+    large = np.maximum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) > side
     large[0] = False
     return np.asarray(large[part])
-
-
-def _outside(walls: Mask, reach: int) -> Mask:
-    """What the picture's border reaches once gaps of walls up to twice `reach` pixels are closed, bool."""
-    padded = np.pad(walls, reach + 1).astype(np.uint8)
-    square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    closed = cv2.dilate(padded, square)
-    _, part = cv2.connectedComponents(1 - closed, connectivity=4, ltype=cv2.CV_32S)
-    outside = (part == part[0, 0]) & (closed == 0)
-    grown = cv2.dilate(outside.astype(np.uint8), square) > 0
-    return np.asarray(grown[reach + 1 : -reach - 1, reach + 1 : -reach - 1] & ~walls)

@@ -22,7 +22,7 @@ from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.grids.polygons import Point
 from layoutexplore.layout.frame import angles_to_world, extent, ranks, to_world, undirected
-from layoutexplore.layout.types import BORDER, Details, Face, FaceEdge, Layout, Line, Wall
+from layoutexplore.layout.types import BORDER, Details, Face, FaceEdge, Layout, Line, RoomFaces, Wall
 
 ConfigT = TypeVar("ConfigT")
 Side = TypeVar("Side", Line, Wall)
@@ -150,6 +150,12 @@ class InvertedDetails(Details):
     def faces(self) -> tuple[Face, ...]:
         """The faces, by id."""
         return tuple(self.inversion.face(face) for face in self.oriented.faces)
+
+    @cached_property
+    def room_faces(self) -> RoomFaces:
+        """Those of the faces that belong to a room, by id."""
+        found = self.oriented.room_faces
+        return found._replace(polygons=np.array(self.inversion.polygons(found.polygons), object))
 
     @property
     def cell_scores(self) -> Floats32 | None:

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from layoutexplore.layout.types import OUTSIDE, Face, Layout, LayoutRoom
+from layoutexplore.options import check_kind
 
 
 def layout_to_geojson(layout: Layout) -> dict[str, Any]:
@@ -19,6 +20,7 @@ def layout_to_geojson(layout: Layout) -> dict[str, Any]:
     are objects of the neighbour's id (`face`) and the share of the common boundary that seen wall covers
     (`weight`).
     """
+    check_kind("layout", layout, Layout)
     features = [
         *(_feature(room.polygon, "room", **_room(room)) for room in layout.rooms),
         *(

@@ -8,10 +8,13 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
-from layoutexplore.grids.outlines import trace_rings
+from layoutexplore.grids.outlines import cut_where_touching, trace_rings
 from layoutexplore.layout.lines.face_clusters import renumber
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Details, Layout, LayoutRoom
+
+MANY_HOLES = 1000
+"""A room with more holes is mended ring by ring: the time of the general way grows with their square."""
 
 
 def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
@@ -56,7 +59,10 @@ def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
         np.isin(names, owners[touching])
     )  # where no label touches itself, its outline is valid
     for k in doubtful[~shapely.is_valid(outlines[doubtful])].tolist():
-        outlines[k] = _largest(shapely.make_valid(outlines[k]))
+        if shapely.get_num_interior_rings(outlines[k]) > MANY_HOLES:
+            outlines[k] = _cut_apart(outlines[k])
+        else:
+            outlines[k] = _largest(shapely.make_valid(outlines[k]))
     return dict(zip(names, outlines.tolist(), strict=True))
 
 
@@ -66,6 +72,29 @@ def _with_holes(outer: shapely.Polygon, holes: list[Floats]) -> shapely.Polygon:
     beside = np.array([_left_cell(hole) for hole in holes])
     own = shapely.contains_xy(outer, beside[:, 0], beside[:, 1])
     return shapely.Polygon(outer.exterior, [hole for hole, inside in zip(holes, own, strict=True) if inside])
+
+
+def _cut_apart(outline: shapely.Polygon) -> shapely.Polygon:
+    """The same polygon with rings that touch none of their own corners, in a time that follows its corners.
+
+    What a ring of cells encloses is four-connected: cut where it touches itself, its parts bound one polygon.
+    """
+    pieces = [
+        np.array(piece, np.float64)
+        for ring in (outline.exterior, *outline.interiors)
+        for piece in cut_where_touching(shapely.get_coordinates(ring)[:-1].tolist())
+    ]
+    first = np.cumsum([0, *map(len, pieces)])
+    x, y = np.concatenate(pieces).T
+    following = np.arange(1, len(x) + 1)
+    following[first[1:] - 1] = first[:-1]
+    area = np.add.reduceat(x * y[following] - y * x[following], first[:-1])
+    rings = shapely.linearrings(
+        np.stack([x, y], axis=1), indices=np.repeat(np.arange(len(pieces)), np.diff(first))
+    )
+    shell = int(area.argmax())
+    cut: shapely.Polygon = shapely.polygons(rings[shell], holes=rings[area < 0])
+    return cut if cut.is_valid else _largest(shapely.make_valid(cut))
 
 
 def _left_cell(ring: Floats) -> Floats:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
+import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
+from layoutexplore.layout.outlines import layout_of_labels
+from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout
-from layoutexplore.options import rule_like
+from layoutexplore.options import check_kind, rule_like
+from layoutexplore.plugins.registry import Registry
 
 
 def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None) -> Layout:
@@ -21,7 +24,9 @@ def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None
 
     Args:
         grid: Any occupancy grid, complete or partial, clean or cluttered.
-        method: "default", "rose2", "ias15", "rose", "morphological", "distance" or "voronoi".
+        method: "default" (also called "merging"), "rose2", "ias15", "rose", "morphological", "distance",
+            "voronoi" or "doorways", with options as `NAME:key=value,...`; or one of your own,
+            `FILE.py:FUNCTION` or `package.module:FUNCTION`.
         config: The method's configuration: its dataclass, a mapping of options to change, or None for the
             defaults.
 
@@ -32,6 +37,8 @@ def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None
         UnknownNameError: No such method or option.
         ConfigError: The configuration belongs to another method.
     """
+    check_kind("grid", grid, OccupancyGrid)
+    check_kind("method", method, str)
     chosen = layout_method(method)
     return chosen.run(grid, chosen.config(config))
 
@@ -83,18 +90,31 @@ METHOD_MODULES: dict[str, str] = {
     "morphological": "layoutexplore.layout.survey.methods",
     "distance": "layoutexplore.layout.survey.methods",
     "voronoi": "layoutexplore.layout.survey.methods",
+    "doorways": "layoutexplore.layout.doorways",
 }
 """Where each method lives."""
+
+ALIASES = {"merging": "default"}
+"""Other names of methods: `default` is the one that ships, today `merging`."""
 
 
 @dataclass(frozen=True)
 class LayoutMethod:
-    """A named way to turn a grid into a layout."""
+    """A named way to turn a grid into a layout.
+
+    Attributes:
+        name: Of it.
+        summary: What it does, in one line.
+        run: From a grid and a configuration to the layout.
+        default: The configuration it runs with unless told otherwise.
+        digest: Changes with a user's own code; empty for what ships.
+    """
 
     name: str
     summary: str
     run: Run
-    config_class: type[Any]
+    default: Any
+    digest: str = ""
 
     def config(self, config: Any = None) -> Any:
         """The configuration to run with: the default, the given one, or the default changed by a mapping.
@@ -104,16 +124,15 @@ class LayoutMethod:
                 another method.
         """
         if config is None:
-            return self.config_class()
-        defaults = {f.name: f.default for f in fields(self.config_class)}
-        if isinstance(config, self.config_class):
+            return self.default
+        kind = type(self.default)
+        defaults = {f.name: f.default for f in fields(kind)}
+        if isinstance(config, kind):
             self._converted({name: getattr(config, name) for name in defaults}, defaults)
             return config
         if isinstance(config, dict):
-            return replace(self.config_class(), **self._converted(config, defaults))
-        raise ConfigError(
-            f"the {self.name} method takes a {self.config_class.__name__}, got {type(config).__name__}"
-        )
+            return replace(self.default, **self._converted(config, defaults))
+        raise ConfigError(f"the {self.name} method takes a {kind.__name__}, got {type(config).__name__}")
 
     def _converted(self, options: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
         """The options, each of the kind of its default."""
@@ -126,13 +145,54 @@ class LayoutMethod:
         }
 
 
-_METHODS: dict[str, LayoutMethod] = {}
+def _accept(name: str, run: Any) -> Callable[[OccupancyGrid], Layout]:
+    """A user's own method: from a grid to a layout, or to the room of each cell."""
+    if not callable(run):
+        kind = type(run).__name__
+        raise ConfigError(f"layout method {name!r} is a {kind}, which cannot be called with a grid")
+
+    def method(grid: OccupancyGrid) -> Layout:
+        found = run(grid)
+        if isinstance(found, Layout):
+            return found
+        labels = np.asarray(found)
+        if labels.shape != grid.shape or not np.issubdtype(labels.dtype, np.integer):
+            raise ConfigError(
+                f"layout method {name!r} must return a Layout or a room id a cell, int {grid.shape}, 0 for "
+                f"none; got {labels.dtype} {labels.shape}"
+            )
+        return layout_of_labels(name, grid, labels.astype(np.int32), StageTimer())
+
+    return method
+
+
+LAYOUTS: Registry[Callable[[OccupancyGrid], Layout]] = Registry(
+    "layout method", "layoutexplore.layouts", _accept, module=__name__, homes=METHOD_MODULES, inputs=1
+)
+"""Every layout method by name."""
+
+
+def register_layout(name: str, doc: str, build: Callable[..., Any], options: Any = None) -> None:
+    """Make a method of `reconstruct` known by name.
+
+    Args:
+        name: The method's name.
+        doc: What it does, in one line.
+        build: Called with the name and the options; returns a function from a grid to its `Layout`, or to the
+            room of each cell, int (rows, cols), 0 for none. Without options, such a function itself: its
+            parameters after the grid, all with defaults, are the options.
+        options: A frozen dataclass whose every field has a default.
+
+    Raises:
+        ConfigError: The name is taken by something else.
+    """
+    LAYOUTS.register(name, doc, build, options)
 
 
 def register_method(
     name: str, summary: str, run: Callable[[OccupancyGrid, ConfigT], Layout], config_class: type[ConfigT]
 ) -> None:
-    """Make a method of `reconstruct` known by name.
+    """Make a method that ships known by name.
 
     Args:
         name: The method's name.
@@ -140,24 +200,33 @@ def register_method(
         run: From a grid and the configuration to its layout.
         config_class: A frozen dataclass whose every field has a default.
     """
-    if not is_dataclass(config_class):
-        raise TypeError(f"{config_class.__name__} is not a dataclass")
-    _METHODS[name] = LayoutMethod(name, summary, run, config_class)
+    LAYOUTS.ship(name, summary, functools.partial(_waiting_for_grid, run), config_class())
 
 
-def layout_method(name: str) -> LayoutMethod:
-    """The method of that name.
+def _waiting_for_grid(run: Run, name: str, config: Any) -> Callable[[OccupancyGrid], Layout]:
+    del name
+    return functools.partial(_run, run, config)
+
+
+def _run(run: Run, config: Any, grid: OccupancyGrid) -> Layout:
+    return run(grid, config)
+
+
+def layout_method(spec: str) -> LayoutMethod:
+    """The method of `NAME`, `NAME:key=value,...`, `FILE.py:FUNCTION` or `package.module:FUNCTION`.
 
     Raises:
-        UnknownNameError: There is none.
+        UnknownNameError: There is none, or it has no such option.
+        ConfigError: The text is not of that form, or a value makes no sense.
+        OwnCodeError: A user's own method cannot be loaded.
     """
-    if name not in _METHODS and name in METHOD_MODULES:
-        importlib.import_module(METHOD_MODULES[name])
-    if name not in _METHODS:
-        raise unknown_name("layout method", name, method_names())
-    return _METHODS[name]
+    name, colon, rest = spec.partition(":")
+    entry, options = LAYOUTS.find(ALIASES.get(name, name) + colon + rest)
+    return LayoutMethod(
+        entry.name, entry.doc, lambda grid, config: LAYOUTS.build(entry, config)(grid), options, entry.digest
+    )
 
 
 def method_names() -> list[str]:
     """Every method, the default first."""
-    return [*METHOD_MODULES, *(name for name in _METHODS if name not in METHOD_MODULES)]
+    return LAYOUTS.names()

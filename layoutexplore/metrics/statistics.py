@@ -11,6 +11,7 @@ References:
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -69,10 +70,13 @@ def weighted_interquartile_mean(values: Floats, weights: Floats) -> Floats:
         float64 (m,).
     """
     order = np.argsort(values, kind="stable")
-    upper = np.cumsum(weights[:, order], axis=1)
+    upper = np.take(weights, order, axis=1)
+    np.cumsum(upper, axis=1, out=upper)
     low, high = 0.25 * upper[:, -1:], 0.75 * upper[:, -1:]
     np.clip(upper, low, high, out=upper)
-    inside = np.diff(upper, axis=1, prepend=low)
+    inside = np.empty_like(upper)
+    np.subtract(upper[:, :1], low, out=inside[:, :1])
+    np.subtract(upper[:, 1:], upper[:, :-1], out=inside[:, 1:])
     return np.asarray(inside @ values[order] / (high - low)[:, 0])
 
 
@@ -114,19 +118,23 @@ def cluster_bootstrap(
     estimate = float(statistic(sample, np.ones((1, len(sample))))[0])
     if len(names) < 2:
         return Interval(estimate, float("nan"), float("nan"))
-    counts = np.random.default_rng(seed).multinomial(
-        len(names), np.full(len(names), 1 / len(names)), size=draws
-    )
+    counts = _drawn(len(names), draws, seed)
     block = max(1, _BLOCK // len(sample))
     drawn = np.concatenate(
-        [
-            statistic(sample, counts[k : k + block][:, member].astype(np.float64))
-            for k in range(0, draws, block)
-        ]
+        [statistic(sample, np.take(counts[k : k + block], member, axis=1)) for k in range(0, draws, block)]
     )
     tail = (1 - confidence) / 2
     low, high = np.quantile(drawn, [tail, 1 - tail])
     return Interval(estimate, float(low), float(high))
+
+
+@functools.lru_cache(maxsize=8)
+def _drawn(clusters: int, draws: int, seed: int) -> Floats:
+    """How often each cluster is drawn in each draw, float64 (draws, clusters), not to be written to."""
+    counts = np.random.default_rng(seed).multinomial(clusters, np.full(clusters, 1 / clusters), size=draws)
+    weights = counts.astype(np.float64)
+    weights.flags.writeable = False
+    return weights
 
 
 def cluster_means(values: ArrayLike, clusters: ArrayLike) -> tuple[Floats, NDArray[np.generic]]:

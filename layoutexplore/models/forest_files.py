@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError
-from layoutexplore.files import write_atomically
+from layoutexplore.errors import ConfigError, cause
+from layoutexplore.files import read_json, write_atomically
+from layoutexplore.files.schema import Items, Number, Record, TableOf, Text
 from layoutexplore.models.forest import Forest
 
 
@@ -83,39 +84,52 @@ def load_forests(
     return forests
 
 
+_NODE = Items(Number(), 1, 4)
+_FOREST = Record({"bias": Number(), "trees": Items(Items(_NODE, 1))})
+_MODEL = Record({"features": Items(Text()), "forests": TableOf(_FOREST)})
+"""What a file of trees must hold."""
+
+
 @lru_cache(maxsize=16)
 def _read(path: Path, _changed: int, features: tuple[str, ...], double: bool) -> dict[str, Forest]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        trained_on, parts = tuple(data["features"]), dict(data["forests"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise ConfigError(f"{path}: not a model of decision trees ({error})") from error
-    if trained_on != features:
+    data = read_json(path, _MODEL, error=ConfigError, what="model of decision trees")
+    if tuple(data["features"]) != features:
         raise ConfigError(f"{path} looks at other features than this version computes: train it again")
     try:
-        return {name: _forest(part, len(features), double) for name, part in parts.items()}
-    except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
-        raise ConfigError(f"{path}: damaged trees ({error})") from error
+        return {name: _forest(part, len(features), double) for name, part in data["forests"].items()}
+    except (ValueError, OverflowError) as error:
+        raise ConfigError(f"{path}: damaged trees ({cause(error)})") from error
 
 
 def _forest(data: dict[str, Any], features: int, double: bool) -> Forest:
     """A forest from its numbers; every way down a tree ends, and asks only for features there are."""
     nodes: list[list[float]] = []
     roots = []
-    for tree in data["trees"]:
+    for number, tree in enumerate(data["trees"], start=1):
         base = len(nodes)
         roots.append(base)
-        for k, n in enumerate(tree):
-            if len(n) == 4 and not (0 <= n[0] < features and k < n[2] < len(tree) and k < n[3] < len(tree)):
-                raise ValueError(f"node {k} of tree {len(roots)} leads nowhere")
-            nodes.append([n[0], n[1], n[2] + base, n[3] + base] if len(n) == 4 else [-1, n[0], 0, 0])
-        if base == len(nodes):
-            raise ValueError(f"tree {len(roots)} is empty")
+        _check_tree(tree, number, features)
+        nodes += [[n[0], n[1], n[2] + base, n[3] + base] if len(n) == 4 else [-1, n[0], 0, 0] for n in tree]
     table = np.array(nodes, np.float64).reshape(-1, 4)
-    if np.isnan(table).any():
-        raise ValueError("a number is missing")
     feature, left, right = (np.ascontiguousarray(table[:, k], np.int32) for k in (0, 2, 3))
     threshold = (
         np.ascontiguousarray(table[:, 1]) if double else table[:, 1].astype(np.float32).astype(np.float64)
     )
+    if not np.isfinite(threshold).all():
+        raise ValueError("a number is larger than float32 holds")
     return Forest(feature, threshold, left, right, np.array(roots, np.int32), float(data["bias"]))
+
+
+def _check_tree(tree: Sequence[Sequence[float]], number: int, features: int) -> None:
+    """Raise `ValueError` unless each node but the first is the child of exactly one that stands before it."""
+    parents = [0] * len(tree)
+    for k, node in enumerate(tree):
+        if len(node) == 1:
+            continue
+        good = len(node) == 4 and all(isinstance(node[i], int) for i in (0, 2, 3))
+        if not (good and 0 <= node[0] < features and k < node[2] < len(tree) and k < node[3] < len(tree)):
+            raise ValueError(f"node {k} of tree {number} leads nowhere")
+        parents[int(node[2])] += 1
+        parents[int(node[3])] += 1
+    if parents != [0] + [1] * (len(tree) - 1):
+        raise ValueError(f"tree {number} is no tree: a node has no parent, or two")

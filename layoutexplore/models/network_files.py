@@ -10,10 +10,10 @@ from types import MappingProxyType
 import numpy as np
 import safetensors.numpy
 from numpy.typing import NDArray
-from safetensors import SafetensorError
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.files import write_atomically
+from layoutexplore.files.tensors import read_tensors
 
 Layers = Mapping[str, tuple[int, int, int, int]]
 """Channels in and out, side of the kernel and stride of each layer."""
@@ -70,18 +70,15 @@ def load_weights(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Weights:
     weights = _read(path, changed)
     for name, shape in shapes.items():
         values = weights.get(name)
-        if values is None or values.shape != shape or not np.isfinite(values).all():
-            found = "is missing" if values is None else f"has shape {values.shape} or is not finite"
+        if values is None or values.shape != shape:
+            found = "is missing" if values is None else f"has shape {values.shape}"
             raise ConfigError(f"{path}: {name} {found}, expected {shape}: train it again with this version")
     return weights
 
 
 @lru_cache(maxsize=16)
 def _read(path: Path, _changed: int) -> Weights:
-    try:
-        weights = safetensors.numpy.load(path.read_bytes())
-    except (OSError, SafetensorError) as error:
-        raise ConfigError(f"{path}: cannot be read as a network of the predictor layout: {error}") from error
+    weights, _ = read_tensors(path, error=ConfigError, what="network of the predictor layout")
     return MappingProxyType(
         {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}
     )

@@ -3,26 +3,31 @@
 `none` tells nothing, `oracle` tells the truth (the ceiling of prediction), and `oracle:flip=0.1` tells it
 with a share of the rooms judged wrongly, for the question how good a prediction has to be. `layout` is the
 one to use, `layout:model=FOLDER` the same with models of one's own, `layout:network=off` the same by trees
-alone, in less time; `reconstruct:METHOD` takes the rooms of any layout method (`reconstruct:rose2`, with
-options `reconstruct:ias15;sigma=0.2`); `rectangle`, `hull`, `parallel-wall` and `face-subset` are what the
-literature offers.
+alone, in less time; `learned:rooms=METHOD` lets these models complete the rooms of any layout method, where
+`layout` has those of `doorways`. `reconstruct:METHOD` completes a method's rooms by lines instead
+(`reconstruct:rose2`, with options `reconstruct:ias15;sigma=0.2`); `rectangle`, `hull`, `parallel-wall` and
+`face-subset` are what the literature offers.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from layoutexplore.frontiers.decision import Predictor
-from layoutexplore.options import Options, option, parse_spec
+from layoutexplore.options import Options, option
+from layoutexplore.plugins.registry import Registry
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.oracle import FALSE_CLOSED_AREA, OraclePredictor
+from layoutexplore.predictors.own_predictor import predictor_of_own_code
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor, with_classes
 from layoutexplore.predictors.reconstructed import predictor_of_method
 from layoutexplore.predictors.shape_baselines import (
     FaceSubsetPredictor,
+    Outline,
     ShapePredictor,
     hull_outline,
     parallel_outline,
@@ -31,12 +36,14 @@ from layoutexplore.predictors.shape_baselines import (
 
 __all__ = [
     "FALSE_CLOSED_AREA",
+    "PREDICTORS",
     "OraclePredictor",
     "RoomLabels",
     "RoomPredictor",
     "make_predictor",
     "make_room_predictor",
     "predictor_names",
+    "register_predictor",
     "with_classes",
 ]
 
@@ -50,10 +57,11 @@ class OracleOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class LearnedOptions(Options):
-    """Parameters of `layout`."""
+    """Parameters of `layout` and `learned`."""
 
     model: str = option("", "folder of models of one's own")
     network: str = option("on", "whether the networks have a say", choices=("on", "off"))
+    rooms: str = option("doorways", "the layout method whose rooms are completed")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,40 +71,99 @@ class ReconstructOptions(Options):
     method: str = option("rose2", "a layout method, its options behind semicolons", whole=True)
 
 
-_BUILDERS: dict[str, tuple[Options, Callable[[Any], RoomPredictor]]] = {
-    "none": (Options(), lambda _: ShapePredictor("none", None)),
-    "rectangle": (Options(), lambda _: ShapePredictor("rectangle", rectangle_outline)),
-    "hull": (Options(), lambda _: ShapePredictor("hull", hull_outline)),
-    "parallel-wall": (Options(), lambda _: ShapePredictor("parallel-wall", parallel_outline)),
-    "face-subset": (Options(), lambda _: FaceSubsetPredictor()),
-    "oracle": (OracleOptions(), lambda options: OraclePredictor(flip=options.flip)),
-    "reconstruct": (ReconstructOptions(), lambda options: predictor_of_method(options.method)),
-    "layout": (
-        LearnedOptions(),
-        lambda options: LearnedPredictor(
-            Path(options.model) if options.model else None, network=options.network == "on"
-        ),
-    ),
-}
+def _shape_predictor(outline: Outline, name: str, _: Options) -> RoomPredictor:
+    return ShapePredictor(name, outline)
+
+
+def _register_shipped() -> None:
+    shapes = {
+        "rectangle": ("the seen part of a room, completed to a rectangle", rectangle_outline),
+        "hull": ("the seen part of a room, completed to its convex hull", hull_outline),
+        "parallel-wall": ("the wall across from a seen one completes a room", parallel_outline),
+    }
+    none = "no prediction; asked for rooms, what is seen of them"
+    PREDICTORS.ship("none", none, lambda name, _: ShapePredictor(name, None), Options())
+    for shape, (doc, outline) in shapes.items():
+        build = functools.partial(_shape_predictor, outline)
+        PREDICTORS.ship(shape, doc, build, Options())
+    PREDICTORS.ship(
+        "face-subset",
+        "the best union of faces of the walls' lines (after Luperto and Amigoni)",
+        lambda name, _: FaceSubsetPredictor(),
+        Options(),
+    )
+    PREDICTORS.ship(
+        "oracle",
+        "the true rooms: the ceiling of prediction",
+        lambda name, options: OraclePredictor(flip=options.flip),
+        OracleOptions(),
+    )
+    PREDICTORS.ship(
+        "reconstruct",
+        "the rooms of a layout method, completed",
+        lambda name, options: predictor_of_method(options.method),
+        ReconstructOptions(),
+    )
+    learned = {
+        "layout": "learnt: trees and networks over frontiers and cells",
+        "learned": "the same models over the rooms of any layout method",
+    }
+    for name, doc in learned.items():
+        PREDICTORS.ship(name, doc, functools.partial(_learned, name), LearnedOptions())
+
+
+def _learned(called: str, name: str, options: LearnedOptions) -> LearnedPredictor:
+    del name
+    folder = Path(options.model) if options.model else None
+    return LearnedPredictor(folder, network=options.network == "on", rooms=options.rooms, called=called)
+
+
+PREDICTORS: Registry[RoomPredictor] = Registry(
+    "predictor", "layoutexplore.predictors", predictor_of_own_code, module=__name__
+)
+"""Every predictor by name."""
+
+_register_shipped()
+
+
+def register_predictor(name: str, doc: str, build: Callable[..., Any], options: Any = None) -> None:
+    """Make a predictor known by name.
+
+    Args:
+        name: Lower-case words joined by "-".
+        doc: What it does, in one line.
+        build: Called with the full name and the options. Without options, a class or function whose own
+            parameters, all with defaults, are the options.
+        options: The options it has unless told otherwise: a child of `layoutexplore.options.Options`.
+
+    Raises:
+        ConfigError: The name is taken by something else.
+    """
+    PREDICTORS.register(name, doc, build, options)
 
 
 def predictor_names() -> list[str]:
     """The names that `make_predictor` knows."""
-    return list(_BUILDERS)
+    return PREDICTORS.names()
 
 
-def make_predictor(spec: str) -> Predictor | None:
-    """A predictor from `NAME` or `NAME:key=value,...`; None for "none".
+def make_predictor(spec: object) -> Predictor | None:
+    """A predictor from `NAME`, `NAME:key=value,...`, `FILE.py:CLASS` or `package.module:CLASS`.
+
+    None for "none". What is a predictor already is handed back, with what it need not write itself.
 
     Raises:
         UnknownNameError: There is no predictor of that name.
         ConfigError: It has no such parameter, or the value makes no sense.
+        OwnCodeError: A user's own predictor cannot be loaded.
 
     Example:
         >>> make_predictor("oracle:flip=0.25").name
         'oracle:flip=0.25'
         >>> make_predictor("none")
     """
+    if not isinstance(spec, str):
+        return predictor_of_own_code(type(spec).__name__, spec)
     return None if spec == "none" else make_room_predictor(spec)
 
 
@@ -106,6 +173,6 @@ def make_room_predictor(spec: str) -> RoomPredictor:
     Raises:
         UnknownNameError: There is no predictor of that name.
         ConfigError: It has no such parameter, or the value makes no sense.
+        OwnCodeError: A user's own predictor cannot be loaded.
     """
-    name, options = parse_spec("predictor", spec, {name: known for name, (known, _) in _BUILDERS.items()})
-    return _BUILDERS[name][1](options)
+    return PREDICTORS.make(spec)

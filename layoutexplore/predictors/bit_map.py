@@ -13,7 +13,7 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Cells, Floats32, Ints, Mask
 from layoutexplore.grids.boxes import known_box
-from layoutexplore.predictors.seen_rooms import Regions
+from layoutexplore.layout.doorways import Regions
 
 FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT = 1, 2, 4, 8
 """What a cell is known to be, and whether it lies in a gap that may be a door."""

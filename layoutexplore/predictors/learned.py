@@ -24,6 +24,7 @@ from layoutexplore.frontiers.classes import LITTLE_LEFT, FrontierClasses
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Floats, Floats32, Ints32
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.layout.doorways import Regions
 from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import load_forests
 from layoutexplore.models.network_files import load_weights, shapes_of
@@ -33,12 +34,18 @@ from layoutexplore.predictors.cell_model.network import LAYERS, CellNetwork
 from layoutexplore.predictors.cell_model.network_input import make_network_input
 from layoutexplore.predictors.cell_model.room_shapes import room_shapes
 from layoutexplore.predictors.frontier_model.feature_cache import FeatureCache
-from layoutexplore.predictors.frontier_model.features import FEATURES, frontier_features, look_around
+from layoutexplore.predictors.frontier_model.features import (
+    FEATURES,
+    Surroundings,
+    frontier_features,
+    look_around,
+)
 from layoutexplore.predictors.frontier_model.network import SHAPES, FrontierNetwork
 from layoutexplore.predictors.frontier_model.network_input import draw_crops
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_classes
 from layoutexplore.predictors.room_completion import complete_regions
-from layoutexplore.predictors.seen_rooms import Regions, seen_regions
+from layoutexplore.predictors.room_sketch import sketch_rooms
+from layoutexplore.predictors.seen_regions import DOORWAYS, SeenRegions
 
 CLOSED = 0.6
 """Probability from which a frontier is called closed.
@@ -75,6 +82,8 @@ class LearnedRooms(RoomsOnGrid):
         regions: The seen rooms.
         forests: As for `classify_cells`.
         network: Scores the cells as well, if there is one.
+        outlook: What lies around the frontiers, and the area float64 (k,) predicted behind each in square
+            metres, for `sketch`.
     """
 
     def __init__(
@@ -84,10 +93,11 @@ class LearnedRooms(RoomsOnGrid):
         regions: Regions,
         forests: dict[str, Forest],
         network: CellNetwork | None = None,
+        outlook: tuple[Surroundings, Floats] | None = None,
     ) -> None:
         super().__init__(name, grid)
         self._cells, self._regions, self._resolution = grid.cells, regions, grid.resolution
-        self._forests, self._network = forests, network
+        self._forests, self._network, self._outlook = forests, network, outlook
 
     @cached_property
     def rooms(self) -> RoomLabels:
@@ -98,6 +108,11 @@ class LearnedRooms(RoomsOnGrid):
             scene = make_network_input(self._cells, self._regions, candidates, self._resolution)
             probability = agreed(probability, self._network.score(scene))
         return complete_regions(self._cells, self._regions, room_shapes(self._cells, candidates, probability))
+
+    @cached_property
+    def sketch(self) -> Ints32:
+        """The seen rooms, grown by the areas predicted behind their frontiers (`room_sketch`)."""
+        return sketch_rooms(*self._outlook) if self._outlook else self.labels
 
     @cached_property
     def inside(self) -> Floats32:
@@ -127,24 +142,36 @@ class LearnedPredictor:
     Args:
         folder: Where `layoutexplore evaluate train-predictor` wrote the models; those that ship when None.
         network: Whether the networks have a say, if there are any: better rooms and classes in more time.
+        rooms: The layout method whose rooms are completed; the models have learnt with `doorways`.
+        called: What its name begins with.
 
     Raises:
         ConfigError: The folder holds no models, or they do not fit this version.
+        UnknownNameError: No such layout method.
     """
 
-    def __init__(self, folder: Path | None = None, *, network: bool = True) -> None:
+    def __init__(
+        self,
+        folder: Path | None = None,
+        *,
+        network: bool = True,
+        rooms: str = DOORWAYS,
+        called: str = "layout",
+    ) -> None:
         changed = [f"model={folder}"] * (folder is not None) + ["network=off"] * (not network)
-        self.name = ":".join(["layout", *([",".join(changed)] if changed else [])])
+        changed += [f"rooms={rooms}"] * (rooms != DOORWAYS)
+        self.name = ":".join([called, *([",".join(changed)] if changed else [])])
+        self._method, self._regions = rooms, SeenRegions(rooms)
         paths = [(folder or FOLDER) / path.name for path in (FRONTIER_MODEL, CELL_MODEL)]
         self._frontiers = load_forests(paths[0], FEATURES, ("closed", "leftover", "area"))
         self._cells = load_forests(paths[1], cell_features.FEATURES, ("first", "inside"))
-        rooms, frontiers = ((folder or FOLDER) / path.name for path in (CELL_NETWORK, FRONTIER_NETWORK))
-        networks = [path for path in (rooms, frontiers) if network and path.exists()]
+        of_cells, of_frontiers = ((folder or FOLDER) / path.name for path in (CELL_NETWORK, FRONTIER_NETWORK))
+        networks = [path for path in (of_cells, of_frontiers) if network and path.exists()]
         self._room_network = (
-            CellNetwork(load_weights(rooms, shapes_of(LAYERS))) if rooms in networks else None
+            CellNetwork(load_weights(of_cells, shapes_of(LAYERS))) if of_cells in networks else None
         )
         self._frontier_network = (
-            FrontierNetwork(load_weights(frontiers, SHAPES)) if frontiers in networks else None
+            FrontierNetwork(load_weights(of_frontiers, SHAPES)) if of_frontiers in networks else None
         )
         self._memory = FeatureCache()
         self._files = [*paths, *networks]
@@ -156,18 +183,19 @@ class LearnedPredictor:
 
     def rooms(self, decision: Decision) -> RoomLabels:
         """The seen regions with what is thought to lie behind their frontiers."""
-        regions = seen_regions(decision.grid.cells, decision.grid.resolution)
-        return self._completed(decision.grid, regions).rooms
+        return self._completed(decision.grid, SeenRegions(self._method)(decision.grid)).rooms
 
-    def _completed(self, grid: OccupancyGrid, regions: Regions) -> LearnedRooms:
-        return LearnedRooms(self.name, grid, regions, self._cells, self._room_network)
+    def _completed(
+        self, grid: OccupancyGrid, regions: Regions, outlook: tuple[Surroundings, Floats] | None = None
+    ) -> LearnedRooms:
+        return LearnedRooms(self.name, grid, regions, self._cells, self._room_network, outlook)
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with class, area and confidence, and a `LearnedRooms`."""
         if not decision.frontiers:
             return decision
         cells, resolution = decision.grid.cells, decision.grid.resolution
-        regions = seen_regions(cells, resolution)
+        regions = self._regions(decision.grid)
         around = look_around(cells, decision.clusters, regions, resolution, self._memory)
         scores = score_frontiers(frontier_features(around, decision.table.visible_area), self._frontiers)
         if self._frontier_network:
@@ -175,7 +203,8 @@ class LearnedPredictor:
             found = self._frontier_network.score(draw_crops(around, doubtful)).T
             scores[:, doubtful] += FRONTIER_SHARE * (found - scores[:, doubtful])
         classes, confidence = classify(scores, around.homes.astype(np.int32))
-        return with_classes(decision, classes, self._completed(decision.grid, regions), confidence)
+        rooms = self._completed(decision.grid, regions, (around, classes.remaining_area))
+        return with_classes(decision, classes, rooms, confidence)
 
 
 def score_frontiers(features: Floats32, forests: dict[str, Forest]) -> Floats:

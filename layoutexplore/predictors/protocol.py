@@ -58,6 +58,11 @@ class RoomsOnGrid:
         ids, rest = self.rooms.room_ids, self.rooms.rest
         return np.where(ids == rest, np.int32(0), ids)
 
+    @property
+    def sketch(self) -> Ints32:
+        """int32 (rows, cols): the rooms as `labels`, or a sketch of them where that is had for less."""
+        return self.labels
+
     @cached_property
     def inside(self) -> Floats32:
         """float32 (rows, cols): 1 where an unknown cell is predicted to belong to a room, 0 elsewhere."""

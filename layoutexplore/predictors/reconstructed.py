@@ -10,30 +10,26 @@ lines do.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Any
 
-import cv2
 import numpy as np
 import shapely
+from numba import njit
+from numpy.typing import NDArray
 
 from layoutexplore.errors import unknown_name
 from layoutexplore.frontiers.decision import Decision
-from layoutexplore.grids.arrays import Cells, Ints32
-from layoutexplore.grids.boxes import known_box
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
-from layoutexplore.grids.polygons import fill
-from layoutexplore.layout.frame import to_world
+from layoutexplore.grids.arrays import Cells, Ints, Ints32, Mask
+from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid, Pose
+from layoutexplore.grids.polygons import fill_each
+from layoutexplore.layout.doorways import Regions
 from layoutexplore.layout.pipeline import LayoutCache, layout_method
-from layoutexplore.layout.types import OUTSIDE, Layout
+from layoutexplore.layout.types import NO_FACES, Layout, RoomFaces
 from layoutexplore.options import format_value, read_value, split_pairs
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, classes_in, with_classes
 from layoutexplore.predictors.room_completion import Shape, complete_regions
-from layoutexplore.predictors.seen_rooms import Regions
-
-MARGIN = 1.5
-"""Metres around what is known that a method is shown: the grid's own size would tell the building's."""
+from layoutexplore.predictors.seen_regions import known_part, labels_on_grid
 
 LINE_METHODS = ("default", "rose2", "ias15")
 """Methods with lines, whose faces complete the rooms."""
@@ -48,51 +44,42 @@ class ReconstructedRooms(RoomsOnGrid):
     Args:
         grid: What the robot knows; its cells are not copied.
         layout: Its layout; with `outlines`, one of an earlier state with the same walls will do.
-        outlines: Room ids, each with a polygon in the world that tells how far the room reaches. Without
-            them, rooms are what is seen of them.
-        unbounded: Ids of the outlines that no wall bounds on some side.
+        outlines: Polygons that tell how far the rooms reach; one at the border of the lines' box is bounded
+            by no wall there. Without any, rooms are what is seen of them.
         follow: Whether seen cells, too, belong to the room whose outline holds them; else to the room that
             the layout gives them, and an outline to the room that has most of its seen cells.
 
     """
 
     def __init__(
-        self,
-        grid: OccupancyGrid,
-        layout: Layout,
-        outlines: Sequence[tuple[int, shapely.Polygon]] = (),
-        unbounded: Iterable[int] = (),
-        *,
-        follow: bool = True,
+        self, grid: OccupancyGrid, layout: Layout, outlines: RoomFaces = NO_FACES, *, follow: bool = True
     ) -> None:
         super().__init__(layout.method, grid)
-        self._layout, self._outlines, self._unbounded, self._follow = layout, outlines, unbounded, follow
-
-    @cached_property
-    def _count(self) -> int:
-        """The highest room id."""
-        return max((room.id for room in self._layout.rooms), default=0)
+        self._layout, self._outlines, self._follow = layout, outlines, follow
 
     @cached_property
     def rooms(self) -> RoomLabels:
         """The completed rooms, and the unseen rest of the building as one more."""
         cells = self._grid.cells
-        reach, unbounded = self._painted(), set(self._unbounded)
-        if self._follow and self._outlines:
+        reach = self._painted()
+        unbounded = np.unique(self._outlines.room[self._outlines.at_border])
+        if self._follow and len(self._outlines.room):
             seen = np.where(cells == FREE, reach, np.int32(0))
         else:
-            seen = _on_grid(self._layout, self._grid)
+            seen = labels_on_grid(self._layout, self._grid)
             owner = _owners(reach, seen)
-            reach, unbounded = owner[reach], {int(owner[k]) for k in unbounded}
-        regions = Regions(seen, self._count, np.zeros(cells.shape, np.float32))
+            # An outline of which no cell is seen is in no room, nor is one that holds no cell's centre.
+            reach, unbounded = owner[reach], owner[unbounded[unbounded < len(owner)]].astype(np.int64)
+        count = max((room.id for room in self._layout.rooms), default=0)
+        regions = Regions(seen, count, np.zeros(cells.shape, np.float32))
         completed = complete_regions(cells, regions, _unknown_parts(reach, cells))
-        return _opened(completed, cells, np.array(sorted(unbounded - {0}), np.int32))
+        return _opened(completed, cells, unbounded[unbounded > 0])
 
     def _painted(self) -> Ints32:
         """int32 (rows, cols): the outline that holds each cell's centre, seen or not, 0 for none."""
         painted = np.zeros(self._grid.shape, np.int32)
-        for k, polygon in self._outlines:
-            fill(painted, _to_local(polygon, self._grid.origin), k, self._grid.resolution, (0.0, 0.0))
+        polygons = _to_local(self._outlines.polygons, self._grid.origin)
+        fill_each(painted, polygons, self._outlines.room, self._grid.resolution, (0.0, 0.0))
         return painted
 
     @property
@@ -118,12 +105,13 @@ class ReconstructedPredictor:
     def __init__(self, method: str, completion: str = "", **options: Any) -> None:
         given = {"completion": completion, **options} if completion else options
         self.name = ";".join([f"reconstruct:{method}", *(f"{k}={format_value(v)}" for k, v in given.items())])
-        self._completion = completion or ("faces" if method in LINE_METHODS else "lines")
+        self._completion = completion or ("faces" if layout_method(method).name in LINE_METHODS else "lines")
         if self._completion not in COMPLETIONS:
             raise unknown_name("completion of rooms", self._completion, COMPLETIONS)
         # Lines stay as they are until a wall changes; rooms that are labels of free cells change with any.
         self._layouts = LayoutCache(method, options or None, exact=self._completion != "faces")
         self._lines = LayoutCache("rose2")
+        self.fingerprint = self._layouts.method.digest
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with the classes that follow from the rooms, and these."""
@@ -131,7 +119,10 @@ class ReconstructedPredictor:
             return decision
         found = self._reconstruct(decision.grid)
         classes = classes_in(found.rooms, decision)
-        return with_classes(decision, classes, found)
+        # The unseen rest of the building ends where the array does: of it, what is in sight can be expected.
+        beyond = classes.room == found.rooms.rest
+        area = np.where(beyond, decision.table.visible_area, classes.remaining_area)
+        return with_classes(decision, dataclasses.replace(classes, remaining_area=area), found)
 
     def rooms(self, decision: Decision) -> RoomLabels:
         """The completed rooms."""
@@ -141,15 +132,14 @@ class ReconstructedPredictor:
         part = known_part(grid, walls=self._completion == "faces")
         layout = self._layouts(part)
         if self._completion == "faces":
-            outlines = [(face.room, face.polygon) for face in layout.faces if face.room > 0]
-            at_border = {
-                face.room for face in layout.faces if any(e.neighbour == OUTSIDE for e in face.edges)
-            }
-            return ReconstructedRooms(grid, layout, outlines, at_border)
+            return ReconstructedRooms(grid, layout, layout.room_faces)
         lines = self._lines(known_part(grid, walls=True)).rooms if self._completion == "lines" else ()
-        outlines = [(room.id, room.polygon) for room in lines]
-        unbounded = [room.id for room in lines if not room.is_closed]
-        return ReconstructedRooms(grid, layout, outlines, unbounded, follow=False)
+        outlines = RoomFaces(
+            np.array([room.polygon for room in lines], np.object_),
+            np.array([room.id for room in lines], np.int64),
+            np.array([not room.is_closed for room in lines], np.bool_),
+        )
+        return ReconstructedRooms(grid, layout, outlines, follow=False)
 
 
 def predictor_of_method(text: str) -> ReconstructedPredictor:
@@ -175,38 +165,12 @@ def predictor_of_method(text: str) -> ReconstructedPredictor:
     return ReconstructedPredictor(method, **options)
 
 
-def known_part(grid: OccupancyGrid, *, walls: bool = False) -> OccupancyGrid:
-    """What is known of a grid, in the same world, with a margin around it that is unknown beyond the grid.
-
-    Args:
-        grid: The grid.
-        walls: Only the part around occupied cells; it stays the same while these do.
-    """
-    known = np.where(grid.cells == OCCUPIED, grid.cells, UNKNOWN) if walls else grid.cells
-    margin = round(MARGIN / grid.resolution)
-    row0, row1, col0, col1 = known_box(known)
-    padded = np.pad(grid.cells, margin, constant_values=UNKNOWN)
-    cells = np.ascontiguousarray(padded[row0 : row1 + 2 * margin, col0 : col1 + 2 * margin])
-    corner = np.array([[col0 - margin, row0 - margin]]) * grid.resolution
-    ((x, y),) = to_world(corner, grid.origin).tolist()
-    return OccupancyGrid(cells, grid.resolution, Pose(x, y, grid.origin.theta))
-
-
-def _to_local(polygon: shapely.Polygon, origin: Pose) -> shapely.Polygon:
-    """A polygon of the world in metres of the grid's own frame."""
+def _to_local(polygons: NDArray[np.object_], origin: Pose) -> NDArray[np.object_]:
+    """Polygons (n,) of the world in metres of the grid's own frame."""
     c, s = np.cos(origin.theta), np.sin(origin.theta)
     turn = np.array([[c, -s], [s, c]])
-    return shapely.transform(polygon, lambda points: (points - (origin.x, origin.y)) @ turn)
-
-
-def _on_grid(layout: Layout, grid: OccupancyGrid) -> Ints32:
-    """The rooms that a layout gives the free cells of a grid, int32 (rows, cols), 0 for none."""
-    labels = np.zeros(grid.shape, np.int32)
-    rows, cols = np.nonzero(grid.cells == FREE)
-    at = layout.clean_grid.world_to_cells(grid.cells_to_world(np.stack([rows, cols], axis=1)))
-    inside = ((at >= 0) & (at < layout.labels.shape)).all(axis=1)
-    labels[rows[inside], cols[inside]] = layout.labels[at[inside, 0], at[inside, 1]]
-    return labels
+    moved: Any = shapely.transform(polygons, lambda points: (points - (origin.x, origin.y)) @ turn)
+    return np.asarray(moved, np.object_)
 
 
 def _owners(reach: Ints32, seen: Ints32) -> Ints32:
@@ -220,36 +184,66 @@ def _owners(reach: Ints32, seen: Ints32) -> Ints32:
 
 def _unknown_parts(painted: Ints32, cells: Cells) -> dict[int, Shape]:
     """The window of each room that has unknown cells, with its mask."""
+    boxes, hidden = _boxes(painted, cells, int(painted.max(initial=0)) + 1)
     shapes = {}
-    hidden = np.where(cells == UNKNOWN, painted, 0)
-    for room in np.unique(hidden[hidden > 0]).tolist():
-        mask = painted == room
-        rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-        window = np.s_[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
-        shapes[int(room)] = Shape(int(rows[0]), int(cols[0]), mask[window])
+    for room in np.flatnonzero(hidden).tolist():
+        row0, row1, col0, col1 = boxes[room].tolist()
+        shapes[room] = Shape(row0, col0, painted[row0:row1, col0:col1] == room)
     return shapes
 
 
-def _opened(rooms: RoomLabels, cells: Cells, unbounded: Ints32) -> RoomLabels:
+@njit(cache=True, nogil=True)
+def _boxes(painted: Ints32, cells: Cells, count: int) -> tuple[Ints, Mask]:
+    """Per room its half-open box int64 (row0, row1, col0, col1), and whether it has unknown cells."""
+    rows, cols = painted.shape
+    boxes, hidden = np.zeros((count, 4), np.int64), np.zeros(count, np.bool_)
+    boxes[:, 0], boxes[:, 2] = rows, cols
+    for r in range(rows):
+        for c in range(cols):
+            k = painted[r, c]
+            if k:  # 0 is no room
+                box = boxes[k]
+                box[0], box[1] = min(box[0], r), r + 1
+                box[2], box[3] = min(box[2], c), max(box[3], c + 1)
+                hidden[k] |= cells[r, c] == UNKNOWN
+    return boxes, hidden
+
+
+def _opened(rooms: RoomLabels, cells: Cells, unbounded: Ints) -> RoomLabels:
     """Rooms without the walls that would close those which nothing bounds.
 
     Args:
         rooms: Completed rooms; the unseen rest is one of them.
         cells: int8 (rows, cols), what is known.
-        unbounded: Ids of the rooms that reach the border of the lines' box.
+        unbounded: int64 (k,), ids of the rooms that reach the border of the lines' box.
     """
     if not len(unbounded):
         return rooms
-    wall = (cells == UNKNOWN) & ~rooms.passable
-    claimed = (cells == UNKNOWN) & (rooms.room_ids > 0) & rooms.passable
-    of_open = claimed & np.isin(rooms.room_ids, unbounded)
-    of_closed = claimed & ~of_open & (rooms.room_ids != rooms.rest)
-    kernel = np.ones((3, 3), np.uint8)
-    gone = (
-        wall
-        & (cv2.dilate(of_open.view(np.uint8), kernel) > 0)
-        & (cv2.dilate(of_closed.view(np.uint8), kernel) == 0)
-    )
-    return RoomLabels(
-        np.where(gone, rooms.rest, rooms.room_ids), (rooms.passable | gone) & (cells != OCCUPIED), rooms.rest
-    )
+    is_open = np.zeros(rooms.rest + 1, np.bool_)
+    is_open[unbounded] = True
+    ids, passable = rooms.room_ids.copy(), rooms.passable.copy()
+    _open_walls(cells, rooms.room_ids, rooms.passable, is_open, (ids, passable))
+    return RoomLabels(ids, passable, rooms.rest)
+
+
+@njit(cache=True, nogil=True)
+def _open_walls(
+    cells: Cells, room_ids: Ints32, passable: Mask, is_open: Mask, out: tuple[Ints32, Mask]
+) -> None:
+    """Make predicted walls beside unseen cells of open rooms, and of no closed one, part of the rest."""
+    rows, cols = cells.shape
+    rest = len(is_open) - 1
+    ids, free = out
+    for r in range(rows):
+        for c in range(cols):
+            if cells[r, c] != UNKNOWN or passable[r, c]:
+                continue
+            # only what was predicted counts: seen cells of a room have no predicted wall
+            beside_open = beside_closed = False
+            for i in range(max(r - 1, 0), min(r + 2, rows)):
+                for j in range(max(c - 1, 0), min(c + 2, cols)):
+                    if cells[i, j] == UNKNOWN and passable[i, j] and room_ids[i, j] > 0:
+                        beside_open |= is_open[room_ids[i, j]]
+                        beside_closed |= not is_open[room_ids[i, j]] and room_ids[i, j] != rest
+            if beside_open and not beside_closed:
+                ids[r, c], free[r, c] = rest, True

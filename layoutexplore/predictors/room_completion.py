@@ -17,8 +17,8 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Cells, Ints, Ints32, Mask
 from layoutexplore.grids.grid import OCCUPIED, UNKNOWN
+from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.protocol import RoomLabels
-from layoutexplore.predictors.seen_rooms import Regions
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +58,22 @@ def complete_regions(cells: Cells, regions: Regions, shapes: Mapping[int, Shape]
         starts[region + 1] = starts[region] + windows[region, 2] * windows[region, 3]
     masks = np.concatenate(flat) if flat else np.zeros(0, np.bool_)
     rooms = _spread_shapes(cells, regions.labels, windows, masks, starts)
+    return walled_rooms(cells, rooms, regions.count + 1)
+
+
+def walled_rooms(cells: Cells, rooms: Ints32, rest: int) -> RoomLabels:
+    """Rooms with walls, a cell thick, between what they claim of the unknown and the unseen rest.
+
+    Args:
+        cells: int8 (rows, cols), what is known.
+        rooms: int32 (rows, cols), the room of each cell, 0 for none; the rest is written into it.
+        rest: The id of the unseen rest of the building: of unknown cells that no room claims.
+    """
     unknown = cells == UNKNOWN
     claimed = (unknown & (rooms > 0)).astype(np.uint8)
     wall = unknown & (claimed == 0) & (cv2.dilate(claimed, np.ones((3, 3), np.uint8)) > 0)
-    rooms[unknown & (rooms == 0) & ~wall] = regions.count + 1
-    return RoomLabels(rooms, (cells != OCCUPIED) & ~wall, regions.count + 1)
+    rooms[unknown & (rooms == 0) & ~wall] = rest
+    return RoomLabels(rooms, (cells != OCCUPIED) & ~wall, rest)
 
 
 @njit(cache=True, nogil=True)

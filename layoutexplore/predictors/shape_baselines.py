@@ -16,10 +16,10 @@ import numpy as np
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
+from layoutexplore.layout.doorways import Regions, doorway_regions
 from layoutexplore.predictors.bit_map import draw_bit_map, extended_walls
 from layoutexplore.predictors.protocol import RoomLabels, with_rooms
 from layoutexplore.predictors.room_completion import Shape, complete_regions
-from layoutexplore.predictors.seen_rooms import Regions, seen_regions
 
 LINE_WEIGHT, SHAPE_WEIGHT, COUNT_WEIGHT = 10.0, 10.0, 5.0
 """Weights in the score of a face subset: walls on its sides, area missing to its hull, number of sides."""
@@ -49,7 +49,7 @@ class ShapePredictor:
     def rooms(self, decision: Decision) -> RoomLabels:
         """The seen regions with their shapes filled."""
         cells, resolution = decision.grid.cells, decision.grid.resolution
-        regions = seen_regions(cells, resolution)
+        regions = doorway_regions(cells, resolution)
         if self._outline is None:
             return complete_regions(cells, regions, {})
         return complete_regions(cells, regions, draw_shapes(cells, resolution, regions, self._outline))
@@ -120,7 +120,7 @@ class FaceSubsetPredictor:
     def rooms(self, decision: Decision) -> RoomLabels:
         """The seen regions with the faces they take."""
         cells, resolution = decision.grid.cells, decision.grid.resolution
-        regions = seen_regions(cells, resolution)
+        regions = doorway_regions(cells, resolution)
         lines = extended_walls(draw_bit_map(cells, regions, resolution, resolution))
         inner = ((cells == UNKNOWN) & ~lines).astype(np.uint8)
         _, faces, stats, _ = cv2.connectedComponentsWithStats(inner, connectivity=4)

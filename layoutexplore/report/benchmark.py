@@ -28,19 +28,25 @@ from layoutexplore.benchmark.analysis import (
 )
 from layoutexplore.benchmark.rows import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.drawing import palette
 from layoutexplore.files import atomic, write_atomically
 from layoutexplore.report.caveats import caveats
 from layoutexplore.report.layout_section import layout_section
 from layoutexplore.report.plots import (
     CurveLine,
     ForestPlot,
+    ScaleBar,
     TrackPicture,
+    agent_looks,
     curve_lines,
     floor_picture,
     forest,
     heat,
+    scale_bar,
     track_picture,
 )
+from layoutexplore.report.profiles import profile_plot
+from layoutexplore.report.replay import replay_view, runs_to_replay
 from layoutexplore.report.templates import interval, number, percent, render
 
 NBSP = "\N{NO-BREAK SPACE}"
@@ -94,6 +100,7 @@ class Picture:
     width: int
     height: int
     track: TrackPicture
+    scale: ScaleBar
 
     @property
     def wide(self) -> bool:
@@ -138,17 +145,20 @@ def report_view(
     comparisons: list[Comparison],
 ) -> dict[str, Any]:
     """Everything that the templates show."""
-    curves = functools.cache(lambda row: folder.episode(row)[0])
+    curves = functools.cache(folder.curve)
     summaries = summarise_agents(rows, baseline, curves)
     parts = groups(rows)
-    shown = []
+    shown, looks = [], agent_looks([], baseline)
     for name, part in parts.items():
         mine = [c for c in comparisons if c.sensor == name]
         table = _table(part, mine, [s for s in summaries if s.sensor == name])
         order = [line.agent for line in table]
-        lines = curve_lines(pooled_curves(part, baseline, curves), order, baseline)
+        looks = looks or agent_looks(order, baseline)
+        lines = curve_lines(pooled_curves(part, baseline, curves), order, looks)
         shown.append(Group(name, forest(mine), table, lines))
     best = _best(shown, baseline)
+    layouts = layout_section(folder, rows, comparisons, baseline, curves, looks)
+    replayed = runs_to_replay(rows, (picture.row for picture in layouts["decisive"]))
     return {
         "groups": shown,
         "comparisons": comparisons,
@@ -172,7 +182,11 @@ def report_view(
         "heat": heat,
         "metrics": METRICS,
         "pooled": POOLED,
-        **layout_section(folder, rows, comparisons, baseline, curves),
+        **layouts,
+        "replay": replay_view(folder, replayed),
+        "profile": profile_plot(rows, looks),
+        "looks": looks,
+        "ramp": [palette.to_hex(palette.RAMP[end]) for end in (0, -1)],
     }
 
 
@@ -317,7 +331,8 @@ def _picture(folder: ResultsFolder, caption: str, row: Row) -> Picture:
     occupied, frame = folder.raster(row.plan)
     _, track = folder.episode(row)
     rows, cols = occupied.shape
-    return Picture(caption, row, floor_picture(occupied), cols, rows, track_picture(track, frame, rows))
+    way, scale = track_picture(track, frame, rows), scale_bar(cols, float(frame[0]))
+    return Picture(caption, row, floor_picture(occupied), cols, rows, way, scale)
 
 
 def _counts(rows: Sequence[Row]) -> dict[str, int]:

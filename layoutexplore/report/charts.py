@@ -11,7 +11,7 @@ import numpy as np
 from layoutexplore.drawing import palette
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import Interval
-from layoutexplore.report.plots import agent_look
+from layoutexplore.report.plots import agent_look, label_places
 
 MOST_DOTS = 1500
 """Dots of a scatter; of more, every n-th is drawn."""
@@ -33,13 +33,15 @@ class Point:
 
 @dataclass(frozen=True)
 class Series:
-    """Values of one predictor over strata."""
+    """Values of one predictor over strata; where its line ends, and where its label stands, in percent."""
 
     name: str
     colour: str
     dash: str
     path: str
     points: tuple[Point, ...]
+    end: float
+    label_at: float
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ def line_chart(
         return round(100 * (1 - min(max((value - low) / (high - low), 0.0), 1.0)), 2)
 
     looks = predictor_looks(list(values), main)
-    series = []
+    drawn: list[tuple[str, str, tuple[Point, ...]]] = []
     for k, (name, line) in enumerate(values.items()):
         shift = (k - (len(values) - 1) / 2) * min(0.09, 0.7 / max(len(values), 1)) * slot
         points = []
@@ -116,7 +118,12 @@ def line_chart(
                     )
                 )
         path = "M" + " L".join(f"{p.x},{p.y}" for p in points) if points else ""
-        series.append(Series(name, *looks[name], path, tuple(points)))
+        drawn.append((name, path, tuple(points)))
+    ends = [points[-1].y if points else 100.0 for _, _, points in drawn]
+    series = [
+        Series(name, *looks[name], path, points, end, round(label_at, 2))
+        for (name, path, points), end, label_at in zip(drawn, ends, label_places(ends, 8.0), strict=True)
+    ]
     x_ticks = tuple((round((n + 0.5) * slot, 2), text) for n, text in enumerate(strata))
     count = round((high - low) / step)
     y_ticks = tuple((height(low + n * step), f"{low + n * step:g}") for n in range(count + 1))

@@ -19,7 +19,6 @@ from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.closed_door_maps import Triple, read_cells
 from layoutexplore.report.templates import png_uri, render
 
-RIGHT, WRONG, MISSED = (86, 180, 140), (230, 120, 80), (120, 170, 220)
 """Colours of never-seen cells: predicted rightly, wrongly, and not predicted."""
 
 SIDE = 640
@@ -55,8 +54,9 @@ def draw_map(cells: Cells, new: Mask, truth: Mask) -> Bytes:
     hidden = truth & (cells != FREE)
     image[cells == FREE] = palette.FREE
     image[cells == OCCUPIED] = palette.WALL
-    for mask, colour in ((hidden & ~new, MISSED), (hidden & new, RIGHT), (new & ~truth, WRONG)):
-        image[mask] = colour
+    image[hidden & ~new] = palette.MISSED
+    image[hidden & new] = palette.RIGHT
+    image[new & ~truth] = palette.WRONG
     return image
 
 

@@ -17,6 +17,7 @@ from layoutexplore.grids.arrays import Bytes, Ints, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
+from layoutexplore.report.plots import ScaleBar, scale_bar
 from layoutexplore.report.templates import number, png_uri
 
 MARGIN, LEAST_SIDE = 2.5, 12.0
@@ -70,6 +71,7 @@ class DecisionPicture:
     path: str
     path_without: str
     labels: tuple[Label, ...]
+    scale: ScaleBar
     title: str
     said: str
     outcome: str
@@ -108,6 +110,7 @@ def decision_picture(
         path=_path(paths[0], place),
         path_without=_path(paths[1], place),
         labels=labels,
+        scale=scale_bar(width, resolution),
         title=f"{row.plan}, {row.sensor}, after {number(decision.distance, 0)}{_NBSP}m",
         said=_said(decision),
         outcome=_outcome(decision),

@@ -13,8 +13,8 @@ import numpy as np
 
 from layoutexplore.drawing import palette
 from layoutexplore.evaluation.in_the_loop import BASELINE, DRIVER, LoopScore
-from layoutexplore.files import write_atomically, write_csv
-from layoutexplore.grids.arrays import Bytes
+from layoutexplore.files import safe_name, write_atomically, write_csv
+from layoutexplore.grids.arrays import Bytes, Ints32, Mask
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.ros_map import encode_png
@@ -28,6 +28,9 @@ WIDTH = 420
 
 HIDDEN = 0.45
 """Share of a room's colour where the room has not been seen."""
+
+FAINT = 0.25
+"""Share of a wall's colour where the wall has not been seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,21 +54,26 @@ class BelievedRooms:
 
 
 def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
-    """The known map with the predicted rooms, seen parts strong, hidden ones pale; frontiers by true class.
+    """The known map with the predicted rooms, seen parts strong, hidden ones pale; frontiers are purple.
+
+    A room has the colour of the true room that it has most seen cells of, so that pictures of different
+    predictors can be compared; true walls that nobody has seen are faint.
 
     Returns:
         uint8 (h, w, 3) RGB, y up.
     """
-    cells = snapshot.decision.grid.cells
+    cells, truth = snapshot.decision.grid.cells, snapshot.truth.raster
     image = np.empty((*cells.shape, 3), np.uint8)
     image[:] = palette.CANVAS
-    image[cells == FREE] = palette.FREE
     ids = np.where(rooms.passable, rooms.room_ids, 0)
-    for room in np.unique(ids[(ids > 0) & (cells == FREE)]).tolist():
-        colour = palette.room_colour(room)
+    for room, true_room in _true_rooms(ids, truth.room_ids, cells == FREE).items():
+        colour = palette.room_colour(true_room)
         image[(ids == room) & (cells == FREE)] = colour
         if room != rooms.rest:
             image[(ids == room) & (cells == UNKNOWN)] = palette.mix(palette.CANVAS, colour, HIDDEN)
+    image[(ids == 0) & (cells == FREE)] = palette.FREE
+    unseen_wall = (cells == UNKNOWN) & truth.occupied & _beside(truth.free)
+    image[unseen_wall] = palette.mix(palette.CANVAS, palette.WALL, FAINT)
     image[cells == OCCUPIED] = palette.WALL
     for frontier in snapshot.decision.frontiers:
         image[frontier.cells[:, 0], frontier.cells[:, 1]] = palette.PURPLE
@@ -74,6 +82,18 @@ def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
     scale = max(1, round(WIDTH / max(part.shape[:2])))
     large = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
     return np.ascontiguousarray(large[::-1], np.uint8)
+
+
+def _true_rooms(ids: Ints32, true_ids: Ints32, seen: Mask) -> dict[int, int]:
+    """By predicted room with a seen cell the true room that most of these belong to, 0 for none."""
+    pairs, counts = np.unique(np.stack([ids[seen], true_ids[seen]]), axis=1, return_counts=True)
+    rising = np.argsort(counts, kind="stable")  # the commonest comes last and stays
+    return {room: true for room, true in pairs[:, rising].T.tolist() if room > 0}
+
+
+def _beside(mask: Mask) -> Mask:
+    """The cells within one step of a mask."""
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
 
 
 def write_in_the_loop_report(
@@ -93,7 +113,7 @@ def write_in_the_loop_report(
     written = [out / "in-the-loop.html", out / "in-the-loop.csv"]
     write_csv(written[1], [_row(score) for score in scores])
     for shown in pictures:
-        path = out / "pictures" / f"{_slug(shown.predictor)}_{shown.coverage:.0%}.png".replace("%", "")
+        path = out / "pictures" / f"{safe_name(shown.predictor)}_{shown.coverage:.0%}.png".replace("%", "")
         write_atomically(path, encode_png(shown.image))
         written.append(path)
     coverages = sorted({shown.coverage for shown in pictures})
@@ -107,10 +127,6 @@ def write_in_the_loop_report(
     }
     write_atomically(written[0], render("in_the_loop.html", **view, **facts))
     return written
-
-
-def _slug(name: str) -> str:
-    return "".join(c if c.isalnum() else "-" for c in name)
 
 
 def _row(score: LoopScore) -> dict[str, Any]:

@@ -5,20 +5,21 @@ What they changed, how right they were, stopping early.
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from layoutexplore.benchmark.analysis import Comparison, Curves
-from layoutexplore.benchmark.counterfactual import DecisiveDecision
+from layoutexplore.benchmark.counterfactual import Counterfactual, DecisiveDecision
 from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops, has_stop_rule, tried_stops
 from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
 from layoutexplore.benchmark.rows import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder
-from layoutexplore.drawing import palette
 from layoutexplore.report.decisive_decisions import DecisionPicture, decision_picture
-from layoutexplore.report.plots import agent_look
+from layoutexplore.report.plots import LABEL_GAP, Look, agent_looks, label_places
 
 DRAWN, WRONG_DRAWN = 6, 2
 """Decisive decisions that are drawn, and how many of them at most in which the prediction was wrong."""
@@ -44,6 +45,7 @@ class Mark:
     across: tuple[float, float]
     along: tuple[float, float]
     dots: tuple[tuple[float, float], ...]
+    label_at: float
 
 
 @dataclass(frozen=True)
@@ -62,12 +64,13 @@ def layout_section(
     comparisons: Sequence[Comparison],
     baseline: str,
     curves: Curves,
+    looks: Mapping[str, Look],
 ) -> dict[str, Any]:
     """What the templates show about layouts: `effects` by group, `decisive` and `stops`.
 
     Each empty where there is nothing.
     """
-    effects = layout_effects(rows, folder.counterfactual)
+    effects = layout_effects(rows, folder.log)
     by_group: dict[str, list[EffectLine]] = {}
     for effect in effects:
         mine = {c.metric: c for c in comparisons if (c.sensor, c.agent) == (effect.sensor, effect.agent)}
@@ -77,13 +80,14 @@ def layout_section(
         lines.sort(key=lambda line: (line.effect.agent.partition(":")[0], line.privileged, line.effect.agent))
     best = _best(next(iter(by_group.values()), []))
     stops: dict[str, list[EarlyStop]] = {}
-    tried = tried_stops(rows, baseline, best, curves, folder.counterfactual) if best else []
+    noted = functools.cache(lambda row: None if (log := folder.log(row)) is None else Counterfactual(log, ()))
+    tried = tried_stops(rows, baseline, best, curves, noted) if best else []
     for stop in (*early_stops(rows, baseline, curves), *tried):
         stops.setdefault(stop.sensor, []).append(stop)
     return {
         "effects": by_group,
         "decisive": _decisive(folder, rows, best),
-        "stops": {name: (stop_plot(found), found) for name, found in stops.items()},
+        "stops": {name: (stop_plot(found, looks), found) for name, found in stops.items()},
     }
 
 
@@ -102,7 +106,7 @@ def _decisive(folder: ResultsFolder, rows: Sequence[Row], agent: str) -> list[De
     found: list[tuple[Row, DecisiveDecision]] = []
     for row in rows:
         notes = None if row.error or row.agent != agent else folder.counterfactual(row)
-        found += [(row, decision) for decision in (notes.decisive if notes else ())]
+        found += [(row, _without_map(decision)) for decision in (notes.decisive if notes else ())]
     found.sort(key=lambda pair: (-pair[1].stake, pair[0].key))
     resolutions = {plan: float(folder.raster(plan)[1][0]) for plan in {row.plan for row, _ in found}}
     found = _distinct(found, resolutions)
@@ -111,8 +115,15 @@ def _decisive(folder: ResultsFolder, rows: Sequence[Row], agent: str) -> list[De
     pictures = []
     for row, decision in shown:
         occupied, frame = folder.raster(row.plan)
-        pictures.append(decision_picture(row, decision, occupied, float(frame[0])))
+        notes = folder.counterfactual(row)
+        whole = next(d for d in notes.decisive if d.distance == decision.distance) if notes else decision
+        pictures.append(decision_picture(row, whole, occupied, float(frame[0])))
     return pictures
+
+
+def _without_map(decision: DecisiveDecision) -> DecisiveDecision:
+    """A decision without its grid and frontiers: those of all runs would not fit into memory."""
+    return dataclasses.replace(decision, cells=decision.cells[:0].copy(), members=decision.members[:0].copy())
 
 
 def _distinct(
@@ -120,11 +131,11 @@ def _distinct(
 ) -> list[tuple[Row, DecisiveDecision]]:
     """Without those about the same two places as an earlier one, in another run on the same floor plan."""
     kept: list[tuple[Row, DecisiveDecision]] = []
+    met: dict[str, list[DecisiveDecision]] = {}
     for row, decision in pairs:
-        if not any(
-            other.plan == row.plan and notes.is_about(decision, resolutions[row.plan])
-            for other, notes in kept
-        ):
+        others = met.setdefault(row.plan, [])
+        if not any(other.is_about(decision, resolutions[row.plan]) for other in others):
+            others.append(decision)
             kept.append((row, decision))
     return kept
 
@@ -140,8 +151,14 @@ def _spread(pairs: Iterable[tuple[Row, DecisiveDecision]], count: int) -> list[t
     return [(row, decision) for _, _, row, decision in rest[:count]]
 
 
-def stop_plot(stops: Sequence[EarlyStop]) -> StopPlot:
-    """Every strategy that stops by itself as a mark with whiskers, and its runs as dots."""
+def stop_plot(stops: Sequence[EarlyStop], looks: Mapping[str, Look]) -> StopPlot:
+    """Every strategy that stops by itself as a mark with whiskers, and its runs as dots.
+
+    Args:
+        stops: What stopping saved and lost.
+        looks: Of the agents; rules that were tried get those that come next.
+    """
+    every = {**agent_looks([*looks, *(stop.agent for stop in stops)], ""), **looks}
     lost = [run.lost for stop in stops for run in stop.runs]
     saved = [run.saved for stop in stops for run in stop.runs]
     right = max(math.ceil(100 * max(lost, default=0.0) + 0.5), round(200 * POINTS_LOST)) / 100
@@ -154,6 +171,7 @@ def stop_plot(stops: Sequence[EarlyStop]) -> StopPlot:
     def y(value: float) -> float:
         return round(100 * (1 - min(max((value - low) / (high - low), 0.0), 1.0)), 2)
 
+    labels = label_places([y(stop.saved.estimate) for stop in stops], 2 * LABEL_GAP)
     marks = []
     for k, stop in enumerate(stops):
         ends = [v if math.isfinite(v) else stop.lost.estimate for v in (stop.lost.low, stop.lost.high)]
@@ -161,11 +179,12 @@ def stop_plot(stops: Sequence[EarlyStop]) -> StopPlot:
         marks.append(
             Mark(
                 stop=stop,
-                colour=palette.to_hex(agent_look(k)[0]),
+                colour=every[stop.agent][0],
                 place=(x(stop.lost.estimate), y(stop.saved.estimate)),
                 across=(x(ends[0]), x(ends[1])),
                 along=(y(tips[0]), y(tips[1])),
                 dots=tuple((x(run.lost), y(run.saved)) for run in stop.runs),
+                label_at=round(labels[k], 2),
             )
         )
     points = round(100 * right)

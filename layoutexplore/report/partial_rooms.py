@@ -39,7 +39,6 @@ MARGIN = 1.5
 BOUNDS = ("none", "oracle")
 """Predictors that are no competitors."""
 
-SEEN, RIGHT, WRONG, MISSED = (225, 236, 246), (86, 180, 140), (230, 120, 80), (120, 170, 220)
 """Colours of a room's parts: seen, predicted rightly, wrongly, and not predicted."""
 
 
@@ -116,10 +115,10 @@ def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> Bytes:
     image[:] = palette.CANVAS
     image[cells == FREE] = palette.FREE
     for mask, colour in (
-        (item.seen, SEEN),
-        (found & hidden, RIGHT),
-        (found & ~item.mask, WRONG),
-        (hidden & ~found, MISSED),
+        (item.seen, palette.SEEN),
+        (found & hidden, palette.RIGHT),
+        (found & ~item.mask, palette.WRONG),
+        (hidden & ~found, palette.MISSED),
     ):
         image[mask] = colour
     image[cells == OCCUPIED] = palette.WALL

@@ -7,7 +7,7 @@ placed by the page's style in percent. So text has the same size on a telephone 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -30,10 +30,12 @@ _TICKS = (1.0, 0.8, 0.9, 1.2, 0.6, 1.5, 0.5, 0.7, 2.0, 0.4, 1.1, 1.3)
 _TICK_GAP = 10.0
 """Least percent of the width between labels."""
 
+LABEL_GAP = 6.0
+"""Least percent of a chart's height between labels of lines."""
+
 _DASHES = ("", "7 3", "2 3", "9 3 2 3")
 
-_RAMP = np.array([(68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (240, 200, 40)], np.float64)
-"""From the start to the end of a track: dark violet to yellow."""
+_RAMP = np.array(palette.RAMP, np.float64)
 
 _PIECES = 40
 
@@ -113,37 +115,111 @@ def forest(comparisons: Sequence[Comparison], metric: str = "d95", guard: str = 
 
 @dataclass(frozen=True)
 class CurveLine:
-    """A curve with its band, as SVG paths in a frame of 100 x 100."""
+    """A curve with its band, as SVG paths in a frame of 100 x 100; its end, and where its label stands."""
 
-    agent: str
+    name: str
     colour: str
     dash: str
     path: str
     band: str
     cells: int
+    end: float
+    label_at: float
 
 
-def curve_lines(curves: Sequence[PooledCurve], order: Sequence[str], baseline: str) -> list[CurveLine]:
+def curve_lines(
+    curves: Sequence[PooledCurve], order: Sequence[str], looks: Mapping[str, Look]
+) -> list[CurveLine]:
     """The pooled curves as paths, in the given order of agents."""
     by_agent = {curve.agent: curve for curve in curves}
-    lines, k = [], 0
-    for agent in order:
-        if agent not in by_agent:
-            continue
-        curve = by_agent[agent]
-        colour, dash = (palette.BLACK, "") if agent == baseline else agent_look(k)
-        k += agent != baseline
+    shown = [by_agent[agent] for agent in order if agent in by_agent]
+    ends = [100 * (1 - float(curve.mean[-1])) for curve in shown]
+    lines = []
+    for curve, end, label_at in zip(shown, ends, label_places(ends), strict=True):
         x, y = 100 * curve.x / curve.x[-1], 100 * (1 - curve.mean)
         low, high = 100 * (1 - curve.low), 100 * (1 - curve.high)
         band = f"{_path(x, high)} L{_path(x[::-1], low[::-1])[1:]} Z"
-        lines.append(CurveLine(agent, palette.to_hex(colour), dash, _path(x, y), band, curve.cells))
+        look = looks[curve.agent]
+        lines.append(
+            CurveLine(curve.agent, *look, _path(x, y), band, curve.cells, round(end, 2), round(label_at, 2))
+        )
     return lines
+
+
+Look = tuple[str, str]
+"""Colour, as CSS writes it, and dashes of a line."""
+
+
+def agent_looks(agents: Sequence[str], baseline: str) -> dict[str, Look]:
+    """One look an agent, the same in every chart of a page: the baseline is black.
+
+    Example:
+        >>> agent_looks(["tour", "nearest"], "nearest")
+        {'tour': ('#0072b2', ''), 'nearest': ('#000000', '')}
+    """
+    looks, k = {}, 0
+    for agent in dict.fromkeys(agents):
+        colour, dash = (palette.BLACK, "") if agent == baseline else agent_look(k)
+        k += agent != baseline
+        looks[agent] = (palette.to_hex(colour), dash)
+    return looks
 
 
 def agent_look(k: int) -> tuple[palette.Colour, str]:
     """Colour and dashes of the k-th agent."""
     colours = [colour for colour in palette.QUALITATIVE if colour != palette.BLACK]
     return colours[k % len(colours)], _DASHES[(k // len(colours)) % len(_DASHES)]
+
+
+def label_places(places: Sequence[float], gap: float = LABEL_GAP) -> list[float]:
+    """Places of labels, `gap` apart and as near as can be to where they belong, in the order given.
+
+    Labels that would overlap form a group around the mean of their places, as in isotonic regression; none
+    stands above the frame.
+
+    Args:
+        places: Percent of the frame from its top.
+        gap: Least percent between two labels.
+
+    Example:
+        >>> label_places([0.0, 1.0, 50.0], 6.0)
+        [0.0, 6.0, 50.0]
+    """
+    groups: list[tuple[float, list[int]]] = []  # mean of the places less the labels above, and who
+    for count, k in enumerate(sorted(range(len(places)), key=places.__getitem__)):
+        groups.append((places[k] - gap * count, [k]))
+        while len(groups) > 1 and groups[-2][0] > groups[-1][0]:
+            (upper, above), (lower, below) = groups[-2:]
+            mean = (upper * len(above) + lower * len(below)) / (len(above) + len(below))
+            groups[-2:] = [(mean, above + below)]
+    found = [0.0] * len(places)
+    for count, (start, k) in enumerate((start, k) for start, members in groups for k in members):
+        found[k] = max(start, 0.0) + gap * count
+    return found
+
+
+@dataclass(frozen=True)
+class ScaleBar:
+    """A length on a map: its label, and its width in cells of the picture."""
+
+    label: str
+    width: float
+
+
+def scale_bar(cols: int, resolution: float) -> ScaleBar:
+    """A round length of about a fifth of a picture's width.
+
+    Args:
+        cols: Width of the picture in cells.
+        resolution: Metres per cell.
+
+    Example:
+        >>> scale_bar(400, 0.1)
+        ScaleBar(label='5 m', width=50.0)
+    """
+    steps = [base * 10**power for power in range(-1, 4) for base in (1, 2, 5)]
+    metres = max((step for step in steps if step <= 0.22 * cols * resolution), default=steps[0])
+    return ScaleBar(f"{metres:g} m", round(metres / resolution, 2))
 
 
 @dataclass(frozen=True)

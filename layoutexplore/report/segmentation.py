@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.drawing import palette
 from layoutexplore.evaluation.segmentation import MapScore, in_percent, summarise_segmentation
-from layoutexplore.files import write_atomically, write_csv
+from layoutexplore.files import safe_name, write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes, Ints, Ints32
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.grids.ros_map import encode_png
@@ -100,7 +100,7 @@ def write_segmentation_report(
         first, key=lambda r: (r[1].one_to_one, r[1].folder, r[1].map, r[1].method)
     ):
         picture = comparison_picture(case, labels, resolution)
-        name = f"{row.folder}_{row.map}_{row.method}.png"
+        name = f"{safe_name(row.folder)}_{safe_name(row.map)}_{safe_name(row.method)}.png"
         write_atomically(out / "pictures" / name, encode_png(picture))
         pictures.append({"row": row, "image": png_uri(_smaller(picture))})
     page = render(

@@ -5,9 +5,11 @@ from __future__ import annotations
 import base64
 import functools
 import math
+import re
 from pathlib import Path
 from typing import Any
 
+from layoutexplore.drawing import palette
 from layoutexplore.errors import require
 from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.ros_map import encode_png
@@ -17,13 +19,44 @@ TEMPLATES = Path(__file__).parent
 
 
 def render(template: str, **context: Any) -> str:
-    """A template of this folder, filled in; HTML templates escape what they are given.
+    """A template of this folder, filled in; what it is given is escaped, in HTML and in Markdown.
 
     Args:
         template: File name, such as "benchmark.html".
-        context: What the template uses; `style` (the style sheet) is always there.
+        context: What the template uses; `style` (the style sheet) and `colours` (of maps) are always there.
     """
-    return str(_environment().get_template(template).render(style=_style(), **context))
+    environment = _environment(markdown=template.endswith(".md"))
+    return str(environment.get_template(template).render(style=_style(), colours=map_colours(), **context))
+
+
+def map_colours(*, as_numbers: bool = False) -> dict[str, Any]:
+    """What each colour of a map means, as CSS writes colours or as numbers."""
+    named = {
+        "canvas": palette.CANVAS,
+        "unseen": palette.UNSEEN,
+        "predicted": palette.PREDICTED,
+        "free": palette.FREE,
+        "wall": palette.WALL,
+        "frontier": palette.FRONTIER,
+        "closed": palette.CLOSED,
+        "open": palette.OPEN,
+        "robot": palette.ROBOT,
+        "went": palette.TRACK_NEW,
+        "given_up": palette.GIVEN_UP,
+        "track": palette.TRACK_NEW,
+        "track_old": palette.TRACK_OLD,
+        "planned": palette.PLANNED,
+        "ink": palette.INK,
+        "faded": palette.FADED_INK,
+        "rule": palette.RULE,
+        "seen": palette.SEEN,
+        "right": palette.RIGHT,
+        "wrong": palette.WRONG,
+        "missed": palette.MISSED,
+    }
+    if as_numbers:
+        return {**named, "rooms": palette.ROOMS}
+    return {name: palette.to_hex(colour) for name, colour in named.items()}
 
 
 def number(value: float | None, digits: int = 2) -> str:
@@ -80,21 +113,58 @@ def png_uri(image: Bytes) -> str:
     return "data:image/png;base64," + base64.b64encode(encode_png(image)).decode()
 
 
+def markdown(text: Any) -> Any:
+    r"""Text that Markdown shows as it is: no element, no link, no column of a table.
+
+    Example:
+        >>> markdown("a|b <script>"), markdown("[x](y)"), markdown(3)
+        ('a\\|b &lt;script&gt;', '\\[x\\](y)', 3)
+    """
+    if not isinstance(text, str):
+        return text
+    plain = " ".join(text.split("\n"))
+    for letter, name in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;")):
+        plain = plain.replace(letter, name)
+    return re.sub(r"([\\`*|\[\]])", r"\\\1", plain)
+
+
+def _code(text: str) -> Any:
+    """Text for a code span or block, where nothing is read as Markdown: only its end must not come."""
+    from markupsafe import Markup
+
+    return Markup(" ".join(text.split("\n")).replace("`", "'"))
+
+
 @functools.cache
-def _environment() -> Any:
+def _environment(*, markdown: bool) -> Any:
     jinja2 = require("jinja2", "bench")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=jinja2.select_autoescape(["html"]),
+        finalize=_escaped if markdown else None,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.filters |= {"number": number, "percent": percent, "points": points, "interval": interval}
+    environment.filters |= {
+        "number": number,
+        "percent": percent,
+        "points": points,
+        "interval": interval,
+        "code": _code,
+    }
     return environment
+
+
+def _escaped(value: Any) -> Any:
+    """What a Markdown template shows of a value; text made for it passes as it is."""
+    return value if hasattr(value, "__html__") else markdown(value)
 
 
 def _style() -> Any:
     from markupsafe import Markup
 
-    return Markup((TEMPLATES / "style.css").read_text(encoding="utf-8"))
+    steps = ", ".join(map(palette.to_hex, palette.RAMP))
+    colours = f"--blue: {palette.to_hex(palette.BETTER)}; --orange: {palette.to_hex(palette.WORSE)};"
+    root = f":root {{ {colours} --ramp: linear-gradient(90deg, {steps}); }}\n"
+    return Markup(root + (TEMPLATES / "style.css").read_text(encoding="utf-8"))

@@ -31,6 +31,7 @@ from layoutexplore.errors import ConfigError, MapError, StartError, unknown_name
 from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Mask
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.rays import ray_frame, steps
+from layoutexplore.options import Rule, check, check_kind
 
 _MAX_CLEARANCE = 255
 _SKIP_FROM = 3
@@ -66,14 +67,19 @@ class LidarConfig:
     dropout: float = 0.0
 
     def __post_init__(self) -> None:
+        check_kind("name", self.name, str)
+        numbers = Rule()
+        check(
+            self,
+            f"lidar {self.name!r}: ",
+            **dict.fromkeys(("range_max", "fov", "angle_offset", "range_noise_std", "dropout"), numbers),
+            beams=Rule(kind=int, low=1, high=100_000),
+        )
         checks = {
-            "range_max must be metres above 0": math.isfinite(self.range_max) and self.range_max > 0,
+            "range_max must be metres above 0 and at most 10000": 0 < self.range_max <= 1e4,
             "fov must be radians above 0 and at most 2 pi": 0 < self.fov <= 2 * math.pi + 1e-9,
-            "beams must be a whole number from 1 to 100000": 1 <= self.beams <= 100_000
-            and int(self.beams) == self.beams,
-            "angle_offset must be a finite number of radians": math.isfinite(self.angle_offset),
-            "range_noise_std must be metres, 0 or more": math.isfinite(self.range_noise_std)
-            and self.range_noise_std >= 0,
+            "angle_offset must be radians from -100 to 100": abs(self.angle_offset) <= 100,
+            "range_noise_std must be metres from 0 to 1000": 0 <= self.range_noise_std <= 1e3,
             "dropout must be a probability below 1": 0 <= self.dropout < 1,
         }
         for message, good in checks.items():
@@ -148,6 +154,7 @@ def sensor(name: str | LidarConfig) -> LidarConfig:
     """
     if isinstance(name, LidarConfig):
         return name
+    check_kind("sensor", name, str, LidarConfig)
     if name not in SENSORS:
         raise unknown_name("sensor", name, SENSORS)
     return SENSORS[name]

@@ -42,6 +42,8 @@ class MapperConfig:
         clamp: Least and greatest evidence a cell can hold (OctoMap: -2.0 and 3.5).
         free_below: At or below this evidence a cell is free.
         occupied_above: At or above this evidence a cell is occupied. In between it stays what it was.
+        hit_share: A cell is hit by a scan where this share of the beams into it end in it, else it is missed:
+            of a doorway's beams some always end beside its jambs.
 
     Raises:
         ConfigError: The values are not finite or not in order.
@@ -52,6 +54,7 @@ class MapperConfig:
     clamp: tuple[float, float] = (-2.0, 3.5)
     free_below: float = -0.4
     occupied_above: float = 0.85
+    hit_share: float = 0.1
 
     def __post_init__(self) -> None:
         values = (self.hit, self.miss, *self.clamp, self.free_below, self.occupied_above)
@@ -93,9 +96,9 @@ class Mapper:
         occupied_count: Number of occupied cells.
         config: How `integrate` weighs evidence.
 
-    Memory: one byte a cell; `integrate` adds three more (evidence and marks) from its first call on. Use one
-    of `observe` and `integrate` on a map: what is observed is no evidence that later scans are weighed
-    against.
+    Memory: one byte a cell; `integrate` adds seven more (evidence, marks and counts of beams) from its first
+    call on. Use one of `observe` and `integrate` on a map: what is observed is no evidence that later scans
+    are weighed against.
 
     Raises:
         MapError: The shape, the resolution or the origin is not usable.
@@ -131,6 +134,7 @@ class Mapper:
             most,
             self.config.free_below,
             self.config.occupied_above,
+            self.config.hit_share,
         )
         # Fixed-point numbers, as the evidence is kept.
         self._rule = LogOddsRule(*(round(100 * value) for value in odds))
@@ -177,8 +181,8 @@ class Mapper:
 
         Along a beam of a finite range the cells before its end gain evidence of being free, the cell it ends
         in of being occupied. A beam of +inf (no return) counts as free up to `range_max`; NaN (a failed beam)
-        tells nothing. A cell is weighed once a scan; that a beam ended in it prevails over others that
-        crossed it.
+        tells nothing. A cell is weighed once a scan: that beams ended in it prevails over others that crossed
+        it where they are `MapperConfig.hit_share` of them or more.
 
         Args:
             pose: Where the robot believes it stands.
@@ -252,12 +256,14 @@ class Mapper:
             log_odds = np.zeros(cells.shape, np.int16)
             log_odds[cells == FREE] = self._rule.free_below
             log_odds[cells == OCCUPIED] = self._rule.most
-            self._evidence = EvidenceGrid(cells, log_odds, np.zeros(cells.shape, np.uint8))
+            self._evidence = EvidenceGrid(
+                cells, log_odds, np.zeros(cells.shape, np.uint8), np.zeros(cells.shape, np.int32)
+            )
         return self._evidence
 
     def _next_stamp(self, touched: Bytes) -> int:
-        self._stamp += 1
-        if self._stamp == 256:
+        self._stamp += 2
+        if self._stamp >= 255:
             touched[:] = 0
             self._stamp = 1
         return self._stamp

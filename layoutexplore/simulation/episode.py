@@ -17,7 +17,9 @@ from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.region import region_mask
 from layoutexplore.simulation.robot import draw_start
+from layoutexplore.simulation.saved_run import SavedRun
 from layoutexplore.simulation.simulation import Simulation
 
 MAX_DECISIONS = 20_000
@@ -88,6 +90,7 @@ def play(
     on_step: Callable[[Simulation], None] | None = None,
     until: Callable[[Simulation], bool] | None = None,
     probe: Callable[[Simulation], Probe] | None = None,
+    saved: SavedRun | None = None,
 ) -> Episode:
     """Explore until the simulation or the agent ends the run.
 
@@ -100,20 +103,19 @@ def play(
         until: Ends the run early where it is true, asked after `on_step`.
         probe: Makes what asks beside the run, of the simulation after its reset; only where a predictor is
             timed.
+        saved: Go on from here instead of beginning; it decides seed and start, too.
 
     Raises:
+        ConfigError: The saved run is one of another floor plan or configuration.
         LayoutExploreError: The agent is stuck: it decides and decides and the run does not end.
     """
     began = time.perf_counter()
-    decision = simulation.reset(seed=seed, start=start)
-    agent.reset(seed)
-    if isinstance(agent, Privileged):
-        agent.reveal(simulation.truth)
+    decision = saved.restore(simulation, agent) if saved else _begin(simulation, agent, seed, start)
     took: list[float] = []
     timed = simulation.predictor if isinstance(simulation.predictor, TimedPredictor) else None
     asked_beside = probe(simulation) if probe and timed else None
     predictions: list[float] = []
-    predicted = 0.0
+    predicted = timed.ms if timed and saved else 0.0
     if on_step:
         on_step(simulation)
     while not simulation.done and not (until and until(simulation)):
@@ -141,6 +143,15 @@ def play(
     return Episode(simulation.curve[:, :2], corners(simulation.track), took, seconds, predictions, notes)
 
 
+def _begin(simulation: Simulation, agent: Agent, seed: int, start: Pose | None) -> Decision:
+    """Reset both; the first decision."""
+    decision = simulation.reset(seed=seed, start=start)
+    agent.reset(seed)
+    if isinstance(agent, Privileged):
+        agent.reveal(simulation.truth)
+    return decision
+
+
 def corners(track: Floats) -> Floats:
     """The rows of a track (n, 3) at which the way bends, and its ends: the same line with fewer points.
 
@@ -166,4 +177,6 @@ def run_seed(seed: int, plan: str, start: int) -> int:
 def start_pose(plan: FloorPlan, simulation: SimulationConfig, seed: int, start: int) -> Pose:
     """Start number `start` on a plan: the same for every sensor and agent."""
     rng = np.random.default_rng(run_seed(seed, plan.name, start))
-    return draw_start(plan.rasterize(simulation.resolution), simulation.robot_radius, rng)
+    raster, region = plan.rasterize(simulation.resolution), simulation.region
+    inside = None if region is None else region_mask(raster, region)
+    return draw_start(raster, simulation.robot_radius, rng, inside)

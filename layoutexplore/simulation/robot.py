@@ -10,16 +10,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import StartError
+from layoutexplore.errors import ConfigError, StartError
 from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.maps.floorplan import PlanRaster
+from layoutexplore.options import Rule
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,23 +47,41 @@ class Motion(NamedTuple):
     new_cells: int
 
 
-def draw_start(raster: PlanRaster, robot_radius: float, rng: np.random.Generator) -> Pose:
-    """A random heading at the centre of a random reachable cell of the plan's largest connected area."""
-    cells = np.argwhere(raster.reachable(robot_radius))
+_POSE = Rule(count=3, low=-1e9, high=1e9)
+
+
+def draw_start(
+    raster: PlanRaster, robot_radius: float, rng: np.random.Generator, region: Mask | None = None
+) -> Pose:
+    """A random heading at the centre of a random reachable cell of the plan's largest connected area.
+
+    Args:
+        raster: The floor plan.
+        robot_radius: In metres.
+        rng: Decides.
+        region: bool (rows, cols), where the cell has to lie; anywhere when None.
+
+    Raises:
+        StartError: The robot fits nowhere in the region.
+    """
+    reachable = raster.reachable(robot_radius)
+    cells = np.argwhere(reachable if region is None else reachable & region)
+    if len(cells) == 0:
+        raise StartError("the robot fits nowhere in the region: it is too small or not in the building")
     row, col = cells[rng.integers(len(cells))]
     x, y = raster.cell_to_world(int(row), int(col))
     return Pose(x, y, float(rng.uniform(-math.pi, math.pi)))
 
 
-def check_start(raster: PlanRaster, robot_radius: float, start: Pose) -> Pose:
-    """The start, if the robot's disc fits there.
+def check_start(raster: PlanRaster, robot_radius: float, start: Pose, region: Mask | None = None) -> Pose:
+    """The start, if the robot's disc fits there, and it lies in the region bool (rows, cols), if any.
 
     Raises:
-        StartError: It lies outside, in a wall, or closer to an obstacle than the robot's radius; the message
-            names the nearest cell where it fits.
+        StartError: It lies outside, in a wall, or closer to an obstacle than the robot's radius (the message
+            names the nearest cell where it fits), or outside of the region.
     """
-    if len(start) != 3 or not all(math.isfinite(v) for v in start):
-        raise StartError(f"a start is three finite numbers (x, y, theta), got {tuple(start)}")
+    if not _is_pose(start):
+        raise StartError(f"a start is three finite numbers (x, y, theta), got {start!r}")
     x, y, theta = (float(v) for v in start)
     cell = raster.world_to_cell(x, y)
     free = np.argwhere(~raster.blocked(robot_radius))
@@ -76,7 +95,18 @@ def check_start(raster: PlanRaster, robot_radius: float, start: Pose) -> Pose:
         raise StartError(f"the start ({x:.2f}, {y:.2f}) lies in a wall or outside the building{hint}")
     if raster.blocked(robot_radius)[cell]:
         raise StartError(f"the start ({x:.2f}, {y:.2f}) is closer than {robot_radius} m to an obstacle{hint}")
+    if region is not None and not region[cell]:
+        raise StartError(f"the start ({x:.2f}, {y:.2f}) lies outside of the region that is explored")
     return Pose(x, y, math.remainder(theta, 2 * math.pi))
+
+
+def _is_pose(value: Any) -> bool:
+    """Whether it is three finite numbers, none of them too large to be a place."""
+    try:
+        _POSE.convert("start", value.tolist() if isinstance(value, np.ndarray) else value)
+    except ConfigError:
+        return False
+    return True
 
 
 class Floor(NamedTuple):
@@ -107,6 +137,10 @@ class _Track:
     def poses(self) -> Floats:
         """float64 (n, 3), as (x, y, theta); a view, to which nothing is added later."""
         return self._rows[: self._count]
+
+    def replace_last(self, pose: Pose) -> None:
+        """Another pose instead of the last one."""
+        self._rows[self._count - 1] = pose
 
     def add(self, poses: Pose | Floats) -> None:
         """One pose, or float64 (n, 3)."""
@@ -204,6 +238,11 @@ class Robot:
         self._track.add(track)
         self.pose = self.believed = pose
         self.walked, self.turned = walked, turned
+
+    def relocate(self, believed: Pose) -> None:
+        """Believe to be elsewhere, as a scan matched with the map tells."""
+        self.believed = believed
+        self._believed_track.replace_last(believed)
 
     def touched(self, dx: float, dy: float) -> Ints32:
         """Cells int32 (n, 2) of the walls ahead of the robot in direction (dx, dy), in the believed frame."""

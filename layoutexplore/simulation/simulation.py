@@ -30,8 +30,11 @@ from layoutexplore.sensing.mapper import Mapper, ScanUpdate
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.path_following import NO_FRONTIER
 from layoutexplore.simulation.path_rules import PathEvent, event_after_scan
+from layoutexplore.simulation.region import clusters_inside
 from layoutexplore.simulation.robot import Motion, Robot
-from layoutexplore.simulation.state import SimulationState, begin_run, drifts, is_noisy, shared_lidar
+from layoutexplore.simulation.second_look import SCANS
+from layoutexplore.simulation.state import SimulationState, begin_run, checked_config, is_noisy, shared_lidar
+from layoutexplore.simulation.stop_reasons import StopReason
 
 __all__ = ["Motion", "Simulation", "SimulationConfig"]
 
@@ -66,8 +69,8 @@ class Simulation:
         >>> decision = simulation.reset(seed=0)
         >>> while not simulation.done:
         ...     decision = simulation.step(0)
-        >>> simulation.stop_reason
-        'coverage'
+        >>> print(simulation.stop_reason)
+        coverage
     """
 
     state: SimulationState
@@ -78,12 +81,12 @@ class Simulation:
         config: SimulationConfig | None = None,
         predictor: Predictor | None = None,
     ) -> None:
-        self.config = config or SimulationConfig()
+        self.config = checked_config(config, predictor)
         self.plan = plan if isinstance(plan, FloorPlan) else load_plan(plan)
         self.raster = self.plan.rasterize(self.config.resolution)
         self.lidar = shared_lidar(self.raster, self.config.lidar)
         self.predictor = predictor
-        self._drifts, self._noisy = drifts(self.config), is_noisy(self.config)
+        self._noisy = is_noisy(self.config)
         self.on_scan: Callable[[Simulation], None] | None = None
 
     def reset(self, seed: int = 0, start: Pose | None = None) -> Decision:
@@ -128,18 +131,19 @@ class Simulation:
         decision, state = self.decision, self.state
         if isinstance(choice, np.ndarray):
             path = check_path(choice, self._here())
-            state.begin_step(goal=None)
+            state.begin_step(path, goal=None)
             if self._follow(path, None):
                 self._scan(full_turn=True)
         elif choice == STOP:
-            state.finish("agent")
+            state.moves.append(STOP)
+            state.finish(StopReason.AGENT)
             return decision
         elif not 0 <= choice < len(decision.frontiers):
             count = len(decision.frontiers)
             raise ConfigError(f"there is no frontier {choice}: this decision has {count}, or STOP ({STOP})")
         else:
             frontier = decision.frontiers[choice]
-            state.begin_step(goal=frontier.centroid)
+            state.begin_step(int(choice), goal=frontier.centroid)
             if self._follow(decision.field.path_to(frontier.viewpoint), frontier):
                 self._look(frontier)
         return self._next()
@@ -158,7 +162,7 @@ class Simulation:
         if not (math.isfinite(forward) and math.isfinite(turn)):
             raise ConfigError(f"drive needs finite numbers, got forward={forward}, turn={turn}")
         state, robot = self.state, self.state.robot
-        state.begin_step(goal=state.goal)
+        state.begin_step((float(forward), float(turn)), goal=state.goal)
         if turn:
             robot.turn_to(robot.believed.theta + turn)
         theta = robot.believed.theta
@@ -171,7 +175,7 @@ class Simulation:
         return bool(self.state.stop_reason)
 
     @property
-    def stop_reason(self) -> str:
+    def stop_reason(self) -> StopReason:
         """Why the run ended: "coverage", "no_frontier", "budget" or "agent"; "" while it goes on."""
         return self.state.stop_reason
 
@@ -252,9 +256,22 @@ class Simulation:
     def _next(self) -> Decision:
         """The decision that is due; the run is over when it has nothing to decide."""
         self.state.decision = None  # One that `on_scan` asked for on the way is out of date.
+        while not (self.decision.frontiers or self.done or not self._look_again()):
+            continue
         if not self.decision.frontiers:
-            self.state.finish("no_frontier")
+            self.state.finish(StopReason.NO_FRONTIER)
         return self.decision
+
+    def _look_again(self) -> bool:
+        """Look from one more place before a noisy run is over; False when none is left."""
+        path = self.state.path_to_look_again() if self._noisy else None
+        if path is None:
+            return False
+        self._follow(path, None)
+        for _ in range(SCANS):
+            if not self.done:
+                self._scan(full_turn=True)
+        return not self.done
 
     def _here(self) -> Cell:
         """The robot's cell; the nearest one where drift makes it believe to be outside of its grid."""
@@ -265,6 +282,8 @@ class Simulation:
         grid, changed = state.mapper.grid, state.changed
         field = state.traversability.distances(grid.cells, self._here())
         clusters = state.detector.update(grid.cells, changed)
+        if state.region is not None:
+            clusters = clusters_inside(clusters, state.region)
         frontiers = state.selector.frontiers(grid, believed, field, clusters, changed)
         state.changed = (0, 0, 0, 0)
         decision = Decision(
@@ -277,7 +296,6 @@ class Simulation:
             sensor=self.config.lidar,
             robot_radius=self.config.robot_radius,
             track=self.robot.believed_track,
-            paths=state.path_lengths,
             goal=state.goal,
         )
         return self.predictor.predict(decision) if self.predictor and decision.frontiers else decision
@@ -316,7 +334,7 @@ class Simulation:
         for distance, coverage in segment.curve.tolist():
             state.note_scan(distance, coverage)
         if segment.event == PathEvent.COVERED:
-            state.finish("coverage")
+            state.finish(StopReason.COVERAGE)
         if self.on_scan and len(segment.curve):
             self.on_scan(self)
         return segment.event, segment.reached
@@ -359,29 +377,24 @@ class Simulation:
             state.note_change(state.mapper.mark_occupied(state.robot.touched(dx, dy)).box)
         if state.distance >= state.max_distance:
             self._scan()
-            state.finish("budget")
+            state.finish(StopReason.BUDGET)
         return moved, collided
 
     def _scan(self, full_turn: bool = False) -> ScanUpdate:
         """Scan from here; the grid, the coverage and the curve follow."""
-        state, config = self.state, self.lidar.config
+        state = self.state
         state.decision = None
-        full_turn = full_turn and not config.full_turn
-        believed, pose = state.robot.believed, state.robot.pose
-        if not self._noisy:
-            update = seen = state.mapper.observe(self.lidar, pose, full_turn=full_turn)
+        full_turn = full_turn and not self.lidar.config.full_turn
+        if self._noisy:
+            update = state.measure(self.lidar, full_turn)
         else:
-            scan = self.lidar.scan_full_turn if full_turn else self.lidar.scan
-            ranges = scan(pose, state.sensor_rng)
-            update = seen = state.mapper.integrate(believed, ranges, config, full_turn=full_turn)
-            if self._drifts:
-                seen = state.witness.integrate(pose, ranges, config, full_turn=full_turn)
+            update = state.mapper.observe(self.lidar, state.robot.pose, full_turn=full_turn)
+            state.coverage.update(state.mapper.grid.cells, update.box)
         state.note_change(update.box)
-        state.coverage.update(state.witness.grid.cells, seen.box)
         coverage = state.coverage.share
         state.note_scan(state.distance, coverage)
         if coverage >= self.config.coverage_goal:
-            state.finish("coverage")
+            state.finish(StopReason.COVERAGE)
         if self.on_scan:
             self.on_scan(self)
         return update

@@ -8,22 +8,31 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from layoutexplore.frontiers.decision import Decision, Truth
+from layoutexplore.errors import ConfigError
+from layoutexplore.frontiers.decision import CellPath, Choice, Decision, Predictor, Truth
 from layoutexplore.frontiers.detection import FrontierDetector
 from layoutexplore.frontiers.viewpoints import ViewpointSelector
+from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.boxes import Box, union
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.raster import PlanRaster
-from layoutexplore.planning.distance_cache import DistanceCache
+from layoutexplore.options import SEED, check_kind
 from layoutexplore.planning.traversability import Traversability
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
-from layoutexplore.sensing.mapper import Mapper
+from layoutexplore.sensing.mapper import Mapper, ScanUpdate
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.coverage import TargetCoverage
+from layoutexplore.simulation.localisation import Localiser
 from layoutexplore.simulation.path_following import PathFollower
 from layoutexplore.simulation.path_rules import PathRules, charged_distance
+from layoutexplore.simulation.region import region_mask
 from layoutexplore.simulation.robot import PERFECT_ODOMETRY, Robot, check_start, draw_start
+from layoutexplore.simulation.second_look import SecondLook
+from layoutexplore.simulation.stop_reasons import StopReason
+
+DRIFT_MARGIN = 0.1
+"""Metres: a robot that does not quite know where it is keeps so much farther from walls while it can."""
 
 
 @dataclass(eq=False)
@@ -39,16 +48,22 @@ class SimulationState:
         detector: Finds the frontier clusters of the robot's grid.
         selector: Chooses their viewpoints, and remembers the blacklisted cells.
         traversability: Where the robot can plan to go.
-        path_lengths: Those between frontiers, kept from decision to decision.
         follower: Drives the robot along paths.
         sensor_rng: For the noise of the lidar.
         max_distance: The budget in metres.
+        seed: Of the run.
+        start: Where it was told to begin; None where the seed decided.
+        region: bool (rows, cols), where frontiers are offered and coverage counts; None for everywhere.
+        second_look: Where was looked again, after noise had left no frontier.
         changed: Around the cells of the grid that changed since the last decision, half open.
         curve: (distance in m, coverage 0..1, number of the scan) of each scan.
         scans: Number of scans taken.
         decisions: Number of decisions acted on.
-        stop_reason: Why the run ended; "" while it goes on.
+        stop_reason: Why the run ended, a `StopReason`; "" while it goes on.
+        moves: What was done since the reset: choices, and of motion primitives (forward, turn).
+        explored: Metres when the robot set out for its start; None before that.
         goal: World point of the frontier that the robot was last sent to; None before that.
+        localiser: Corrects the believed pose by each scan; None without drift.
         decision: The decision that is due; None until it is asked for.
     """
 
@@ -60,29 +75,45 @@ class SimulationState:
     detector: FrontierDetector
     selector: ViewpointSelector
     traversability: Traversability
-    path_lengths: DistanceCache
     follower: PathFollower
     sensor_rng: np.random.Generator
     max_distance: float
+    seed: int
+    start: Pose | None
+    second_look: SecondLook
+    region: Mask | None = None
     changed: Box = (0, 0, 0, 0)
     curve: list[tuple[float, float, float]] = dataclasses.field(default_factory=list)
     scans: int = 0
     decisions: int = 0
-    stop_reason: str = ""
+    stop_reason: StopReason = StopReason.GOES_ON
+    moves: list[Choice | tuple[float, float]] = dataclasses.field(default_factory=list)
+    explored: float | None = None
     goal: tuple[float, float] | None = None
+    localiser: Localiser | None = None
     decision: Decision | None = None
 
     @property
-    def distance(self) -> float:
-        """Metres travelled, with what turning costs."""
+    def charged(self) -> float:
+        """Metres travelled, with what turning costs and with the way back."""
         return charged_distance(self.follower.rules, self.robot.walked, self.robot.turned)
 
-    def begin_step(self, goal: tuple[float, float] | None) -> None:
+    @property
+    def distance(self) -> float:
+        """Metres travelled, with what turning costs, and without the way back."""
+        return self.charged if self.explored is None else self.explored
+
+    def freeze_distance(self) -> None:
+        """What is travelled from now on is the way back and no longer counts."""
+        self.explored = self.distance
+
+    def begin_step(self, move: Choice | tuple[float, float], goal: tuple[float, float] | None) -> None:
         """A decision is acted on; the goal is the middle of the frontier that is gone to, if one is."""
+        self.moves.append(move)
         self.decisions += 1
         self.decision, self.goal = None, goal
 
-    def finish(self, reason: str) -> None:
+    def finish(self, reason: StopReason) -> None:
         """The run is over, unless it was before."""
         self.stop_reason = self.stop_reason or reason
 
@@ -90,6 +121,29 @@ class SimulationState:
         """The grid's cells in a box (half open) may have changed."""
         self.changed = union(self.changed, box)
         self.traversability.note(box)
+
+    def measure(self, lidar: Lidar, full_turn: bool) -> ScanUpdate:
+        """Scan with noise from where the robot is, and map it from where it believes to be."""
+        scan = lidar.scan_full_turn if full_turn else lidar.scan
+        ranges = scan(self.robot.pose, self.sensor_rng)
+        if self.localiser is not None:
+            self.localiser.correct(self.robot, ranges, lidar.config, full_turn=full_turn)
+        update = self.mapper.integrate(self.robot.believed, ranges, lidar.config, full_turn=full_turn)
+        seen = update
+        if self.witness is not self.mapper:
+            seen = self.witness.integrate(self.robot.pose, ranges, lidar.config, full_turn=full_turn)
+        self.coverage.update(self.witness.grid.cells, seen.box)
+        return update
+
+    def path_to_look_again(self) -> CellPath | None:
+        """The path int32 (k, 2) to the next place from which to look again; None when none is left."""
+        grid = self.mapper.grid
+        if not self.second_look.begun:
+            self.selector.forgive()
+            self.traversability.plan_with(self.truth.robot_radius)
+        self.traversability.reopen()
+        clusters = self.detector.update(grid.cells, self.changed)
+        return self.second_look.next_path(grid, self.robot.believed_track, clusters, self.traversability)
 
     def note_scan(self, distance: float, coverage: float) -> None:
         """A scan was made when so many metres counted, and so large a share was seen with it."""
@@ -102,9 +156,26 @@ def drifts(config: SimulationConfig) -> bool:
     return config.odometry_noise != PERFECT_ODOMETRY
 
 
+def corrects(config: SimulationConfig) -> bool:
+    """Whether scans correct the robot's belief of its pose."""
+    return drifts(config) and config.scan_matching
+
+
 def is_noisy(config: SimulationConfig) -> bool:
     """Whether anything in a run is drawn at random after its start: readings or motions."""
     return drifts(config) or config.lidar.range_noise_std > 0 or config.lidar.dropout > 0
+
+
+def checked_config(config: SimulationConfig | None, predictor: Predictor | None) -> SimulationConfig:
+    """The configuration of a simulation, the default one when None.
+
+    Raises:
+        ConfigError: It is no configuration, or the predictor cannot predict.
+    """
+    check_kind("config", config, SimulationConfig, optional=True)
+    if predictor is not None and not callable(getattr(predictor, "predict", None)):
+        raise ConfigError(f"predictor must have a method predict(decision), got {predictor!r}")
+    return config or SimulationConfig()
 
 
 def begin_run(
@@ -120,22 +191,20 @@ def begin_run(
         start: Where the robot begins.
 
     Raises:
-        StartError: The start lies outside, in a wall, or closer to an obstacle than the robot's radius.
+        StartError: The start lies outside, in a wall, closer to an obstacle than the robot's radius, or not
+            in the region; or the robot fits nowhere in the region.
     """
+    SEED.convert("seed", seed)
     # The order of the streams is part of what a seed means.
     streams = np.random.SeedSequence(seed).spawn(3)
     start_rng, sensor_rng, motion_rng = (np.random.default_rng(stream) for stream in streams)
     raster, radius = plan.rasterize(config.resolution), config.robot_radius
-    pose = draw_start(raster, radius, start_rng) if start is None else check_start(raster, radius, start)
-    cell = raster.world_to_cell(pose.x, pose.y)
-    truth = Truth(
-        plan=plan,
-        raster=raster,
-        target=raster.coverage_target(radius, cell),
-        reachable=raster.reachable(radius, cell),
-        sensor=config.lidar,
-        robot_radius=radius,
-    )
+    region = None if config.region is None else region_mask(raster, config.region)
+    if start is None:
+        pose = draw_start(raster, radius, start_rng, region)
+    else:
+        pose = check_start(raster, radius, start, region)
+    truth = _truth(plan, raster, config, pose, region)
     shape, resolution, origin = raster.shape, raster.resolution, raster.origin
     coverage = TargetCoverage(truth.target, raster.room_ids)
     mapper = Mapper(shape, resolution, origin)
@@ -154,8 +223,7 @@ def begin_run(
             gain_range=min(config.gain_range, config.lidar.range_max),
             gain_rays=config.gain_rays,
         ),
-        traversability=Traversability(shape, radius, resolution),
-        path_lengths=DistanceCache(),
+        traversability=Traversability(shape, radius + DRIFT_MARGIN if drifts(config) else radius, resolution),
         follower=PathFollower(
             lidar,
             PathRules.of(config, max_distance),
@@ -165,6 +233,27 @@ def begin_run(
         ),
         sensor_rng=sensor_rng,
         max_distance=max_distance,
+        seed=seed,
+        start=start,
+        second_look=SecondLook(config.frontier_min_size),
+        region=region,
+        localiser=Localiser(mapper.grid, config.odometry_noise) if corrects(config) else None,
+    )
+
+
+def _truth(
+    plan: FloorPlan, raster: PlanRaster, config: SimulationConfig, pose: Pose, region: Mask | None
+) -> Truth:
+    """The ground truth of a run that begins at a pose."""
+    radius, cell = config.robot_radius, raster.world_to_cell(pose.x, pose.y)
+    target = raster.coverage_target(radius, cell)
+    return Truth(
+        plan=plan,
+        raster=raster,
+        target=target if region is None else target & region,
+        reachable=raster.reachable(radius, cell),
+        sensor=config.lidar,
+        robot_radius=radius,
     )
 
 

@@ -8,10 +8,12 @@ import time
 import tracemalloc
 from collections.abc import Iterator
 from statistics import median
+from typing import Any
 
 import gymnasium
 import numpy as np
 
+from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 from layoutexplore.speed.floors import plan
@@ -41,6 +43,47 @@ def frontier_steps() -> Iterator[SpeedRow]:
             goal=">= 100 steps/s",
             reached=median(rates) / 100.0,
         )
+
+
+def map_steps() -> Iterator[SpeedRow]:
+    """Steps of Frontier-v0 with the default observation and predicted rooms, beside completed rooms."""
+    rates = {}
+    for name, predictor, rooms, steps in (
+        ("sketched", "layout", "sketched", 150),
+        ("completed", "layout", "completed", 15),
+        ("none", None, "sketched", 150),
+    ):
+        environment = gymnasium.make(
+            "LayoutExplore/Frontier-v0",
+            plan=plan(),
+            predictor=predictor,
+            observation=ObservationConfig(rooms=rooms),
+        )
+        rates[name] = _nearest_rate(environment, steps)
+        environment.close()
+    yield SpeedRow(
+        name="Frontier-v0 steps, maps, layout",
+        ours=rates["sketched"],
+        unit="steps/s",
+        reference=rates["completed"],
+        reference_name="completed rooms",
+        ratio=rates["sketched"] / rates["completed"],
+        goal=">= 60 steps/s",
+        reached=rates["sketched"] / 60.0,
+        note=f"{rates['none']:.0f} steps/s without a predictor",
+    )
+
+
+def _nearest_rate(environment: gymnasium.Env[Any, Any], steps: int) -> float:
+    """Steps a CPU second to the nearest frontier, after a few to warm up; episodes follow each other."""
+    environment.reset(seed=0)
+    for k in range(3 + steps):
+        if k == 3:
+            start = time.process_time()
+        _, _, terminated, truncated, _ = environment.step(0)
+        if terminated or truncated:
+            environment.reset()
+    return steps / (time.process_time() - start)
 
 
 def motion_steps() -> Iterator[SpeedRow]:

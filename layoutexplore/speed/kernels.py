@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -17,7 +18,9 @@ from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning.shortest_paths import distance_matrix, geodesic_distances
+from layoutexplore.sensing.lidar import Lidar
 from layoutexplore.sensing.mapper import Mapper
+from layoutexplore.sensing.scan_matching import ScanMatcher
 from layoutexplore.speed.floors import RESOLUTION, floor, half_explored, lidar, poses
 from layoutexplore.speed.measurement import SpeedRow, milliseconds
 
@@ -101,6 +104,46 @@ def mapping() -> Iterator[SpeedRow]:
         ratio=in_large / in_small,
         goal=">= 0.9x, any map size",
         reached=in_large / in_small / 0.9,
+    )
+
+
+def noisy_mapping() -> Iterator[SpeedRow]:
+    """Log-odds updates by noisy ranges (720 beams, 80 cells), and the same with each scan matched first."""
+    occupied = floor(480, 640)
+    config = dataclasses.replace(lidar(occupied, 720, 80).config, range_noise_std=0.03, dropout=0.01)
+    sensor, rng = Lidar(config, occupied, RESOLUTION, Pose(0.0, 0.0)), np.random.default_rng(0)
+    places = poses(occupied, 100)
+    scans = [(pose, sensor.scan(pose, rng)) for pose in places]
+    mapper, matched = (Mapper(occupied.shape, RESOLUTION, Pose(0.0, 0.0)) for _ in range(2))
+    matcher = ScanMatcher(matched.grid)
+
+    def integrate() -> None:
+        for pose, ranges in scans:
+            mapper.integrate(pose, ranges, config)
+
+    def match() -> None:
+        for believed, ranges in scans:
+            pose = matcher.match(believed, ranges, config, position_std=0.03, heading_std=0.01)
+            matched.integrate(pose, ranges, config)
+            matcher.add(pose, ranges, config)
+
+    alone, corrected = (len(scans) / ms * 1e3 for ms in milliseconds(integrate, match, repeats=9))
+    yield SpeedRow(
+        name="log odds, 480 x 640",
+        ours=alone,
+        unit="scans/s",
+        goal=">= 10 000 scans/s",
+        reached=alone / 10_000,
+    )
+    yield SpeedRow(
+        name="scan matching + log odds",
+        ours=corrected,
+        unit="scans/s",
+        reference=alone,
+        reference_name="without matching",
+        ratio=corrected / alone,
+        goal=">= 500 scans/s",
+        reached=corrected / 500,
     )
 
 

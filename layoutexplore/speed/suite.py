@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import cv2
 
 from layoutexplore.errors import unknown_name
-from layoutexplore.speed import environment, kernels, layout, training, vector
+from layoutexplore.speed import decisions, environment, kernels, layout, training, vector
 from layoutexplore.speed.measurement import Measurement, SpeedRow
 
 
@@ -22,11 +22,14 @@ def measurements(only: Sequence[str] = ()) -> list[Measurement]:
         for m in (
             Measurement("rays", kernels.ray_casting),
             Measurement("mapping", kernels.mapping),
+            Measurement("noise", kernels.noisy_mapping),
             Measurement("frontiers", kernels.frontiers),
             Measurement("parts", kernels.parts),
             Measurement("geodesics", kernels.geodesics),
             Measurement("layout", layout.layouts),
             Measurement("steps", environment.frontier_steps),
+            Measurement("decisions", decisions.decisions),
+            Measurement("maps", environment.map_steps),
             Measurement("motion", environment.motion_steps),
             Measurement("vector", vector.vector_steps),
             Measurement("training", training.training),

@@ -10,6 +10,7 @@ are kept in a folder, so that a run that was stopped goes on where it was:
 from __future__ import annotations
 
 import argparse
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,8 +24,8 @@ from layoutexplore.closed_doors.features import FEATURES, describe
 from layoutexplore.closed_doors.models import AGREEMENT, DOOR, DOOR_MODEL, ROOM_MODEL, Models
 from layoutexplore.closed_doors.prediction import find_closed_doors, turned_scenes
 from layoutexplore.closed_doors.scene import Scene, integral
-from layoutexplore.errors import LayoutExploreError
-from layoutexplore.files import is_whole, read_arrays, write_arrays
+from layoutexplore.errors import LayoutExploreError, ResultsError
+from layoutexplore.files import ArrayRule, read_arrays, safe_name, write_arrays
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, in_cells
 from layoutexplore.maps.buildings import building_of
@@ -194,13 +195,24 @@ def find_sources(
     ]
 
 
+_SAMPLES = {
+    "edges": ArrayRule(shape=("edges", len(DOOR_FEATURES)), finite=False),
+    "is_door": ArrayRule(kinds="biuf", shape=("edges",), low=0, high=1),
+    "boxes": ArrayRule(shape=("boxes", len(FEATURES)), finite=False),
+    "agreement": ArrayRule(shape=("boxes",), low=0, high=1),
+}
+"""What is kept of a map."""
+
+
 def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples | None:
     """The samples of a map, kept in a folder where one is given; None where no room can be shut."""
-    kept = cache / f"{source.name}.npz" if cache else None
-    if kept is not None and is_whole(kept):
-        data = read_arrays(kept, *ClosedDoorSamples.__dataclass_fields__)
-        if data["boxes"].shape[1] == len(FEATURES) and data["edges"].shape[1] == len(DOOR_FEATURES):
-            return ClosedDoorSamples(**data)
+    kept = cache / f"{safe_name(source.name)}.npz" if cache else None
+    if kept is not None and kept.exists():
+        try:
+            names = ClosedDoorSamples.__dataclass_fields__
+            return ClosedDoorSamples(**read_arrays(kept, *names, rules=_SAMPLES))
+        except ResultsError as error:
+            warnings.warn(f"{error}; it is made anew", stacklevel=2)
     rng = np.random.default_rng([*source.name.encode()])
     maps = _maps(source, rng)
     if maps is None:

@@ -46,11 +46,14 @@ def protocol_explorations(
     *,
     sensors: Sequence[str] = SENSORS,
     starts: int = 1,
+    noise: str = "",
 ) -> Iterator[list[Snapshot]]:
     """The explorations by which half-seen rooms are evaluated, by each sensor; stored ones are read."""
     for sensor in sensors:
         for seed in range(starts):
-            yield explore_plan(plan, make_agent(PROTOCOL_AGENT), sensor=sensor, seed=seed, store=store)
+            yield explore_plan(
+                plan, make_agent(PROTOCOL_AGENT), sensor=sensor, seed=seed, store=store, noise=noise
+            )
 
 
 def stopped_explorations(

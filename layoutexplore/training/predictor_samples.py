@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.frontiers.classes import FrontierClasses, true_classes
 from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Ints, Mask
+from layoutexplore.layout.doorways import Regions, doorway_regions
 from layoutexplore.maps.floorplan import PlanRaster
 from layoutexplore.predictors.cell_model.features import CandidateCells, find_candidates
 from layoutexplore.predictors.cell_model.network_input import NetworkInput, make_network_input
@@ -25,7 +26,6 @@ from layoutexplore.predictors.frontier_model.features import (
 )
 from layoutexplore.predictors.frontier_model.network_input import PLANES as CROP_PLANES
 from layoutexplore.predictors.frontier_model.network_input import SIDE, draw_crops, draw_truth
-from layoutexplore.predictors.seen_rooms import Regions, seen_regions
 from layoutexplore.predictors.snapshot import Snapshot
 
 REGIONS = 8
@@ -126,7 +126,7 @@ def gather(snapshots: Sequence[Sequence[Snapshot]]) -> PredictorSamples:
         rng = np.random.default_rng(number)
         for snapshot in exploration:
             grid = snapshot.decision.grid
-            regions = seen_regions(grid.cells, grid.resolution)
+            regions = doorway_regions(grid.cells, grid.resolution)
             around, true = _look(snapshot, regions)
             features.append(frontier_features(around, snapshot.decision.table.visible_area))
             closed.append(true.is_closed)
@@ -165,7 +165,7 @@ def gather_network_inputs(snapshots: Iterable[Snapshot]) -> list[CellNetworkSamp
     samples = []
     for snapshot in snapshots:
         grid = snapshot.decision.grid
-        regions = seen_regions(grid.cells, grid.resolution)
+        regions = doorway_regions(grid.cells, grid.resolution)
         found = find_candidates(grid.cells, regions, grid.resolution)
         if len(found.cells):
             scene = make_network_input(grid.cells, regions, found, grid.resolution)
@@ -181,7 +181,7 @@ def gather_crops(snapshots: Iterable[Snapshot], plan: str) -> CropSamples:
     truth = [np.zeros((0, SIDE, SIDE), np.uint8)]
     for snapshot in snapshots:
         grid, raster = snapshot.decision.grid, snapshot.truth.raster
-        around, true = _look(snapshot, seen_regions(grid.cells, grid.resolution))
+        around, true = _look(snapshot, doorway_regions(grid.cells, grid.resolution))
         crops.append(draw_crops(around))
         closed.append(true.is_closed)
         area.append(true.remaining_area)

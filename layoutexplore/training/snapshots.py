@@ -9,13 +9,17 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Sequence
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.files import is_whole, read_arrays, write_arrays
+from layoutexplore.errors import LayoutExploreError, ResultsError, shortened
+from layoutexplore.files import ArrayRule, read_arrays, safe_name, write_arrays
+from layoutexplore.files.archives import check_arrays
 from layoutexplore.frontiers.decision import Agent, Decision, KnownDistances
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.arrays import Ints32
@@ -39,6 +43,7 @@ def explore_plan(
     seed: int = 0,
     coverages: Sequence[float] = COVERAGES,
     store: Path | None = None,
+    noise: str = "",
 ) -> list[Snapshot]:
     """Explore a floor plan and keep the first decision at or above each coverage that has a frontier.
 
@@ -48,12 +53,16 @@ def explore_plan(
         sensor: A preset's name.
         seed: Decides the start.
         coverages: Rising shares 0..1.
+        noise: Level of `layoutexplore.simulation.config.NOISE`, or none.
         store: Folder in which explorations are kept; one that is there, whole, is read instead of run again.
     """
-    simulation = Simulation(plan, SimulationConfig(sensor=sensor))
+    simulation = Simulation(plan, SimulationConfig(sensor=sensor, noise=noise))
     path = store and store / f"{_key(plan, simulation, seed, agent.name, coverages)}.npz"
-    if path and is_whole(path):
-        return _load(path, plan, simulation, seed)
+    if path and path.exists():
+        try:
+            return _load(path, plan, simulation, seed)
+        except LayoutExploreError as error:
+            warnings.warn(f"{error}; it is made anew", stacklevel=2)
     found = _run(simulation, seed, agent, coverages)
     if path:
         _save(path, found)
@@ -97,7 +106,7 @@ def _decision(
 
 def _key(plan: FloorPlan, simulation: Simulation, seed: int, agent: str, coverages: Sequence[float]) -> str:
     text = json.dumps([plan.content_hash, repr(simulation.config), seed, agent, list(coverages)])
-    return f"{plan.name}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    return f"{safe_name(plan.name)}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
 def _save(path: Path, found: Sequence[tuple[float, Decision]]) -> None:
@@ -112,22 +121,54 @@ def _save(path: Path, found: Sequence[tuple[float, Decision]]) -> None:
     write_arrays(path, arrays)
 
 
+_LARGE = 1e9
+_RULES = {
+    "cells": ArrayRule(kinds="i", shape=("rows", "cols"), low=-1, high=100),
+    "pose": ArrayRule(shape=(3,), low=-_LARGE, high=_LARGE),
+    "members": ArrayRule(kinds="i", shape=("members", 2), low=0),
+    "lengths": ArrayRule(kinds="i", shape=("frontiers",), low=1),
+    "numbers": ArrayRule(shape=("frontiers", 4), low=0, high=_LARGE),
+}
+"""What is stored of a decision; the grid is as large as the floor plan's raster."""
+
+
 def _load(path: Path, plan: FloorPlan, simulation: Simulation, seed: int) -> list[Snapshot]:
+    """What `_save` stored.
+
+    Raises:
+        ResultsError: The file is damaged, or of another floor plan.
+    """
     simulation.reset(seed=seed)
-    snapshots = []
-    raster, config = simulation.raster, simulation.config
-    data = read_arrays(path)
-    for k, share in enumerate(data["coverages"].tolist()):
-        grid = OccupancyGrid(data[f"cells{k}"], raster.resolution, raster.origin)
-        pose = Pose(*data[f"pose{k}"].tolist())
-        clusters = np.split(data[f"members{k}"], np.cumsum(data[f"lengths{k}"])[:-1])
-        rows = data[f"numbers{k}"].tolist()
-        frontiers = [_frontier(grid, pose, *pair) for pair in zip(clusters, rows, strict=True)]
-        decision = _decision(grid, pose, frontiers, config.lidar.name, config.robot_radius)
-        snapshots.append(
-            Snapshot(plan.name, plan.building, config.lidar.name, seed, share, decision, simulation.truth)
+    data = read_arrays(path, rules={"coverages": ArrayRule(shape=("n",), low=0, high=1)})
+    return [
+        Snapshot(
+            plan.name,
+            plan.building,
+            simulation.config.lidar.name,
+            seed,
+            share,
+            _stored(data, k, simulation, path),
+            simulation.truth,
         )
-    return snapshots
+        for k, share in enumerate(data["coverages"].tolist())
+    ]
+
+
+def _stored(data: Mapping[str, NDArray[Any]], k: int, simulation: Simulation, path: Path) -> Decision:
+    """The decision with the number k."""
+    raster, config = simulation.raster, simulation.config
+    parts = {name: data.get(f"{name}{k}", np.zeros(0)) for name in _RULES}
+    check_arrays(parts, _RULES, f"{path}: decision {k}", ResultsError)
+    members, lengths, numbers = parts["members"], parts["lengths"], parts["numbers"]
+    fits = parts["cells"].shape == raster.shape and lengths.sum() == len(members) > 0
+    if not (fits and (members < raster.shape).all() and (numbers[:, :2] < raster.shape).all()):
+        plan = shortened(simulation.plan.name)
+        raise ResultsError(f"{path}: decision {k} does not fit the floor plan {plan}")
+    grid = OccupancyGrid(parts["cells"], raster.resolution, raster.origin)
+    pose = Pose(*parts["pose"].tolist())
+    clusters = np.split(members, np.cumsum(lengths)[:-1])
+    frontiers = [_frontier(grid, pose, *pair) for pair in zip(clusters, numbers.tolist(), strict=True)]
+    return _decision(grid, pose, frontiers, config.lidar.name, config.robot_radius)
 
 
 def _frontier(grid: OccupancyGrid, pose: Pose, cells: Ints32, numbers: Sequence[float]) -> Frontier:

@@ -10,6 +10,7 @@ from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.plans import HOUSE
+from tests.plugins.cases import nothing_stays_registered as nothing_stays_registered
 
 
 @pytest.fixture(scope="module")

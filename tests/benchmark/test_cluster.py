@@ -9,10 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from layoutexplore.agents.greedy import Nearest
 from layoutexplore.benchmark.cluster import run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.errors import ConfigError, MissingExtraError, UnknownNameError
+from tests.plugins.cases import write
 
 TIMES = {"ms_decision_median", "ms_decision_p95", "wall_seconds"}
 
@@ -53,6 +55,22 @@ def test_same_rows_as_here(cluster: str, tmp_path: Path) -> None:
         for run in (here, there)
     ]
     assert rows[0] == rows[1] and not any(row["error"] for row in rows[0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cluster", ["dask", "ray"])
+def test_own_code_travels(cluster: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed" if cluster == "dask" else "ray")
+
+    class Local(Nearest):
+        """A class that no worker could import."""
+
+    write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    agents = ["nearest:min_size=0.4", Local, "mine.py:Mine:skip=1"]
+    config = BenchmarkConfig(plans=("apartment-03",), starts=1, agents=agents)
+    rows = run_benchmark(config, tmp_path / "out", cluster=cluster).rows
+    assert not any(row.error for row in rows) and len({row.d95 for row in rows}) == 3
 
 
 def test_bad_clusters() -> None:

@@ -56,7 +56,7 @@ def test_configuration_from_toml(tmp_path: Path) -> None:
         ("lidars = { mine = 3 }", "expected a table"),
         ("[simulation]\nodometry_noise = 3", "expected a table"),
         ("[simulation]\nresolution = 'fine'", r"study\.toml \[simulation\]: resolution"),
-        ("[simulation]\nresolution = true", "resolution must be a finite number"),
+        ("[simulation]\nresolution = true", "resolution must be a number from"),
         ("[simulation]\ngain_rays = 1.5", "gain_rays must be a whole number"),
         ("[simulation]\ngone_share = 7", "gone_share must be a number from 0 to 1"),
         ("baseline = 3", "baseline must be the name of an agent"),

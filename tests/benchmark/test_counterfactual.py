@@ -20,13 +20,12 @@ from layoutexplore.benchmark.counterfactual import (
     Counterfactual,
     CounterfactualRollouts,
     DecisiveDecision,
-    from_arrays,
     same_choice,
-    to_arrays,
     without_layout,
 )
 from layoutexplore.benchmark.early_stop import early_stops, stop_at, tried_stops, try_rule
 from layoutexplore.benchmark.layout_effects import layout_effects
+from layoutexplore.benchmark.recording import from_arrays, to_arrays
 from layoutexplore.benchmark.rows import Row, prepare
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
@@ -198,7 +197,7 @@ def test_rows_and_effects(plan: FloorPlan, tmp_path: Path) -> None:
     rows = {(row.agent, row.start): row for row in outcome.rows}
     assert rows["nearest", 0].layout_changed == rows["nearest", 0].prediction_seconds == 0.0
     assert rows[AGENT, 0].prediction_seconds > 0 and 0 < rows[AGENT, 0].layout_changed < 1
-    (effect,) = layout_effects(outcome.rows, outcome.folder.counterfactual)
+    (effect,) = layout_effects(outcome.rows, outcome.folder.log)
     mine = [rows[AGENT, start] for start in (0, 1)]
     assert (effect.agent, effect.runs, effect.decisions) == (AGENT, 2, sum(row.decisions for row in mine))
     assert effect.changed.estimate == pytest.approx(np.mean([row.layout_changed for row in mine]), abs=1e-6)
@@ -208,7 +207,7 @@ def test_rows_and_effects(plan: FloorPlan, tmp_path: Path) -> None:
     )
     quiet = run_benchmark(dataclasses.replace(config, explain=False), tmp_path / "quiet")
     assert math.isnan({row.agent: row for row in quiet.rows}[AGENT].layout_changed)
-    assert layout_effects(quiet.rows, quiet.folder.counterfactual) == []
+    assert layout_effects(quiet.rows, quiet.folder.log) == []
     assert [row.d99 for row in quiet.rows] == [row.d99 for row in outcome.rows]
 
 

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import sys
+import time
+from pathlib import Path
 
-from layoutexplore.benchmark.pool import run_all
+import numpy as np
+import pytest
+
+from layoutexplore.benchmark.pool import Handout, Limited, run_all
 
 
 def test_workers_end_with_a_killed_benchmark() -> None:
@@ -26,3 +32,39 @@ def test_a_dying_worker_costs_its_task_alone() -> None:
     tasks = ["1 + 1", "__import__('os')._exit(1)", "2 + 2", "3 + 3"]
     results = list(run_all(eval, tasks, jobs=2, lost=lambda task: f"lost {task[:6]}", initializer=int))
     assert sorted(map(str, results)) == ["2", "4", "6", "lost __impo"]
+
+
+def test_a_task_whose_worker_dies_once_runs_again(tmp_path: Path) -> None:
+    mark = str(tmp_path / "mark")
+    tasks = [
+        f"__import__('os').path.exists({mark!r}) or (open({mark!r}, 'w').close(), __import__('os')._exit(1))"
+    ]
+    results = list(run_all(eval, [*tasks, "1", "2"], jobs=2, lost=lambda task: "lost", initializer=int))
+    assert sorted(map(str, results)) == ["1", "2", "True"]
+
+
+def test_a_task_that_takes_too_long_or_too_much_ends() -> None:
+    def busy(seconds: float) -> str:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            with contextlib.suppress(Exception):
+                time.sleep(0.01)
+        return "done"
+
+    limited = Limited(busy, lambda task: "late", seconds=0.3)
+    assert [limited(t) for t in (0.0, 60.0, 0.01)] == ["done", "late", "done"]
+    if Path("/proc/self/statm").exists():
+        small = Limited(lambda size: np.ones(size, np.uint8).sum(), lambda task: 0, megabytes=200.0)
+        with pytest.raises(MemoryError):
+            small(2**30)
+        assert small(10) == 10
+
+
+def test_short_tasks_go_out_several_at_a_time() -> None:
+    handout = Handout(range(10_000), 2)
+    sizes = []
+    while handout:
+        batch = handout.batch()
+        sizes.append(len(batch))
+        handout.learn((batch, 1e-4 * len(batch)))
+    assert sizes[0] == 1 and max(sizes) == 1000 and sizes[-1] == 1 and sum(sizes) == 10_000

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -187,3 +189,48 @@ def test_two_plans_of_one_name(plans: Path, tmp_path: Path) -> None:
     config = BenchmarkConfig(plans=(str(plans), str(tmp_path / "house.geojson")), agents=("nearest",))
     with pytest.raises(ConfigError, match="two floor plans are called 'house'"):
         run_benchmark(config, tmp_path / "out")
+
+
+def test_a_baseline_that_does_not_run_is_told_first(config: BenchmarkConfig, tmp_path: Path) -> None:
+    config = dataclasses.replace(config, agents=("random",), sensors=("stage",), starts=1)
+    said: list[str] = []
+    watcher = BenchmarkWatcher(said.append, lambda progress: said.append("ran"))
+    run_benchmark(config, tmp_path / "out", watcher=watcher)
+    assert "the baseline nearest is not among the agents" in " ".join(said[: said.index("ran")])
+    said.clear()
+    run_benchmark(dataclasses.replace(config, baseline="random"), tmp_path / "out", watcher=watcher)
+    nearest = dataclasses.replace(config, agents=("nearest",))
+    run_benchmark(nearest, tmp_path / "out", extend=True, watcher=watcher)
+    run_benchmark(config, tmp_path / "out", extend=True, watcher=watcher)  # its rows are there
+    assert "not among the agents" not in " ".join(said)
+
+
+def test_a_full_disk_ends_the_benchmark_and_leaves_it_whole(config: BenchmarkConfig, tmp_path: Path) -> None:
+    whole = run_benchmark(config, tmp_path / "whole")
+    code = f"""
+import resource, pathlib
+from layoutexplore.benchmark.store import ResultsFolder
+rows = ResultsFolder(pathlib.Path({str(tmp_path / "whole")!r})).rows()
+folder = ResultsFolder(pathlib.Path({str(tmp_path)!r}))
+folder.rewrite(rows[:2])
+resource.setrlimit(resource.RLIMIT_FSIZE, (folder.table.stat().st_size + 30, -1))
+try:
+    folder.append(rows[2])
+except Exception as error:
+    print(type(error).__name__)
+"""
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "ResultsError"
+    assert ResultsFolder(tmp_path).rows() == whole.rows[:2]
+
+
+def test_a_run_that_takes_too_long_fails_with_the_command_that_repeats_it(
+    config: BenchmarkConfig, tmp_path: Path
+) -> None:
+    config = dataclasses.replace(config, starts=1, sensors=("stage",), agents=("nearest",), cell_seconds=1e-4)
+    outcome = run_benchmark(config, tmp_path / "out")
+    assert len(outcome.failed) == 2 and all("longer than" in row.error for row in outcome.failed)
+    told = [path.read_text() for path in (tmp_path / "out").rglob("*") if path.suffix in (".txt", ".log")]
+    assert sum("layoutexplore explore" in text for text in told) == 2
+    again = run_benchmark(dataclasses.replace(config, cell_seconds=0.0), tmp_path / "out")
+    assert again.ran == 2 and not again.failed

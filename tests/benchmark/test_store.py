@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.benchmark.failures import KEPT
 from layoutexplore.benchmark.rows import Row
-from layoutexplore.benchmark.runner import run_benchmark
-from layoutexplore.benchmark.store import COLUMNS, format_row, locked, parse_row, slug
+from layoutexplore.benchmark.runner import BenchmarkWatcher, run_benchmark
+from layoutexplore.benchmark.store import COLUMNS, format_row, locked, parse_row
 from layoutexplore.errors import ResultsError
+from tests.benchmark.cases import timeless
 
 
 def test_a_foreign_folder_is_left_alone(config: BenchmarkConfig, tmp_path: Path) -> None:
@@ -27,23 +33,65 @@ def test_a_foreign_folder_is_left_alone(config: BenchmarkConfig, tmp_path: Path)
     assert (tmp_path / "thesis.tex").read_text() == "precious"
 
 
-@pytest.mark.parametrize(
-    ("damage", "said"), [("plan,start\n", "columns"), (",".join(COLUMNS) + "\na,b\n", "damaged")]
-)
-def test_a_damaged_table_is_told(config: BenchmarkConfig, tmp_path: Path, damage: str, said: str) -> None:
-    run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
-    (tmp_path / "out" / "results.csv").write_text(damage)
-    with pytest.raises(ResultsError, match=said):
-        run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
+DAMAGES = [b"plan,start\n", ",".join(COLUMNS).encode() + b"\na,b\n", b"\xff\xfe\n"]
 
 
-@pytest.mark.parametrize(("name", "said"), [("results.csv", "no table of results"), ("run.toml", "damaged")])
-def test_a_file_that_is_no_text_is_told(
-    config: BenchmarkConfig, tmp_path: Path, name: str, said: str
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_table_is_made_anew_from_its_runs(
+    config: BenchmarkConfig, tmp_path: Path, damage: bytes
+) -> None:
+    before = run_benchmark(config, tmp_path / "out")
+    (tmp_path / "out" / "results.csv").write_bytes(damage)
+    again = run_benchmark(config, tmp_path / "out")
+    assert again.ran == 0 and repr(again.rows) == repr(before.rows)
+    assert (tmp_path / "out" / KEPT).read_bytes() == damage
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_table_that_is_none_is_told_where_no_run_is_left(
+    config: BenchmarkConfig, tmp_path: Path, damage: bytes
 ) -> None:
     run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
-    (tmp_path / "out" / name).write_bytes(b"\xff\xfe\n")
-    with pytest.raises(ResultsError, match=said):
+    shutil.rmtree(tmp_path / "out" / "runs")
+    (tmp_path / "out" / "results.csv").write_bytes(damage)
+    with pytest.raises(ResultsError, match=r"results\.csv"):
+        run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
+    assert (tmp_path / "out" / "results.csv").read_bytes() == damage
+
+
+def test_a_number_that_was_changed_is_taken_from_the_run(config: BenchmarkConfig, tmp_path: Path) -> None:
+    before = run_benchmark(config, tmp_path / "out")
+    table = before.folder.table
+    row = before.rows[3]
+    line = format_row(row)
+    changed = line.replace(f",{row.distance},", f",{row.distance + 8},")
+    assert changed != line
+    table.write_text(table.read_text().replace(line, changed))
+    said: list[str] = []
+    again = run_benchmark(config, tmp_path / "out", watcher=BenchmarkWatcher(say=said.append))
+    assert again.ran == 0 and repr(again.rows) == repr(before.rows)
+    assert any("the row of" in text and "is damaged" in text for text in said)
+
+
+def test_one_flipped_byte_in_a_run_is_named_and_run_again(config: BenchmarkConfig, tmp_path: Path) -> None:
+    before = run_benchmark(config, tmp_path / "out")
+    path = before.folder.curve_path(before.rows[0])
+    whole = path.read_bytes()
+    for place in range(0, len(whole), max(len(whole) // 7, 1)):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x10]) + whole[place + 1 :])
+        said: list[str] = []
+        again = run_benchmark(config, tmp_path / "out", watcher=BenchmarkWatcher(say=said.append))
+        assert again.ran == any(str(path) in text for text in said) <= 1
+        assert timeless(again.rows) == timeless(before.rows)
+        assert np.array_equal(
+            again.folder.episode(again.rows[0])[0], before.folder.episode(before.rows[0])[0]
+        )
+
+
+def test_a_manifest_that_is_no_text_is_told(config: BenchmarkConfig, tmp_path: Path) -> None:
+    run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
+    (tmp_path / "out" / "run.toml").write_bytes(b"\xff\xfe\n")
+    with pytest.raises(ResultsError, match=r"run\.toml is damaged.*0xff\): put a copy of it back"):
         run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
 
 
@@ -54,6 +102,25 @@ def test_a_manifest_that_lacks_something_is_told(config: BenchmarkConfig, tmp_pa
     kept = [text for text in path.read_text().splitlines() if not text.startswith(line)]
     path.write_text("\n".join(kept))
     with pytest.raises(ResultsError, match=r"run\.toml is damaged"):
+        folder.manifest()
+
+
+@pytest.mark.parametrize(
+    ("line", "hostile", "said"),
+    [
+        ("range_noise_std = ", "range_noise_std = []", "range_noise_std must be a finite number"),
+        ("command = ", "command = 5", "command must be a text"),
+        ("content_hash = ", "content_hash = []", "content_hash must be a text"),
+    ],
+)
+def test_a_manifest_with_other_values_is_told(
+    config: BenchmarkConfig, tmp_path: Path, line: str, hostile: str, said: str
+) -> None:
+    folder = run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out").folder
+    path = folder.path / "run.toml"
+    lines = [hostile if text.startswith(line) else text for text in path.read_text().splitlines()]
+    path.write_text("\n".join(lines))
+    with pytest.raises(ResultsError, match=said):
         folder.manifest()
 
 
@@ -90,7 +157,6 @@ def test_rows_survive_the_file(plan: str, error: str, start: int, d95: float, re
     assert repr(parse_row(line)) == repr(row)
 
 
-@given(st.lists(names, min_size=2, max_size=2, unique=True))
-def test_slugs_are_file_names_and_stay_apart(pair: list[str]) -> None:
-    a, b = map(slug, pair)
-    assert a != b and "/" not in a and a not in (".", "..")
+def test_a_system_without_fcntl_will_do() -> None:
+    code = "import sys; sys.modules['fcntl'] = None; import layoutexplore.benchmark.runner"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -82,7 +82,7 @@ def test_help_loads_nothing_heavy() -> None:
         (["benchmark", "--agents", "nearst"], "did you mean 'nearest'"),
         (["benchmark", "--sensor", "stge"], "did you mean 'stage'"),
         (["benchmark", "--starts", "0"], "starts must be a whole number, 1 or more"),
-        (["benchmark", "--config", "none.toml"], "cannot read the configuration none.toml"),
+        (["benchmark", "--config", "none.toml"], "none.toml: cannot read the configuration"),
         (["report", "nowhere"], "nowhere holds no benchmark"),
         (["explore", "PLAN", "--start", "1"], "--start needs X,Y or X,Y,THETA"),
         (["explore", "PLAN", "--start", "-5,0"], "start"),

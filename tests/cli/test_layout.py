@@ -14,9 +14,11 @@ from typer.testing import CliRunner
 
 from layoutexplore.cli import app
 from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.maps import expand_plans, load_plan
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.painted_rooms import find_cases
 from layoutexplore.training.folds import check_folds, deal_folds
+from tests.maps.cases import share_reached
 
 runner = CliRunner()
 
@@ -50,6 +52,26 @@ def test_layout_writes_labels_in_the_image_orientation(tmp_path: Path) -> None:
     features = json.loads(Path(summary["geojson"]).read_text())["features"]
     assert len(features) >= 2
     assert cv2.imread(summary["overview"]) is not None
+
+
+@pytest.mark.parametrize("method", ["default", "rose2", "distance"])
+def test_what_layout_writes_is_a_floor_plan(tmp_path: Path, method: str) -> None:
+    draw(tmp_path, "flat")
+    (tmp_path / "flat_gt.png").unlink()
+    out = tmp_path / "out"
+    result = runner.invoke(app, ["layout", str(tmp_path / "flat.png"), "--out", str(out), "-m", method])
+    assert result.exit_code == 0, result.output
+    assert expand_plans(out) == [str(out / "flat_layout.geojson")]
+    for name in ("flat_layout.geojson", "flat_labels.png"):
+        plan = load_plan(out / name)
+        assert len(plan.rooms) == 2 and [door.rooms for door in plan.doors] == [(1, 2)], name
+        assert plan.doors[0].width == pytest.approx(0.9, abs=0.11)
+        assert share_reached(plan) > 0.95 and share_reached(plan.with_doors_closed([0])) < 0.7
+        free = plan.rasterize(0.05).free.sum() * 0.05**2
+        assert free == pytest.approx((58 * 92 + 90 * 92 + 4 * 18) * 0.05**2, rel=0.03)
+    # Beside the map, its labels are its rooms.
+    (out / "flat_labels.png").rename(tmp_path / "flat_labels.png")
+    assert len(load_plan(tmp_path / "flat.png").rooms) == 2
 
 
 def test_layout_prints_a_line_a_map_and_refuses_equal_names(tmp_path: Path) -> None:

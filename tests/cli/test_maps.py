@@ -10,8 +10,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from layoutexplore.errors import LayoutExploreError, UnknownNameError
-from layoutexplore.maps import load_plan
+from layoutexplore.errors import ConfigError, LayoutExploreError, MapWarning, UnknownNameError
+from layoutexplore.maps import expand_plans, load_plan
+from layoutexplore.maps.geojson import save_plan
+from tests.importing.cases import office, write_ros_map
 from tests.maps.cases import share_reached, write_houseexpo
 
 
@@ -40,3 +42,49 @@ def test_command_line(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError):
         invoke("show", "nothing-like-this")
     shutil.rmtree(tmp_path)
+
+
+def test_a_ros_map_is_explored_with_its_rooms_in_two_commands(tmp_path: Path) -> None:
+    from layoutexplore.cli import app as whole
+
+    source = write_ros_map(tmp_path, office())
+    target = tmp_path / "out" / "floor.geojson"
+    with pytest.warns(MapWarning):
+        code, text = invoke("import", str(source), "--out", str(target), "--robot", str(tmp_path / "robot"))
+    assert code == 0 and "4 rooms, 3 doors" in text
+    assert cv2.imread(str(target.with_suffix(".png"))) is not None
+    assert (tmp_path / "robot" / "graph.json").is_file()
+    result = CliRunner().invoke(whole, ["explore", str(target), "--sensor", "indoor"])
+    assert result.exit_code == 0 and "of 4 rooms finished" in result.output
+    # The picture beside the plan is no plan of its own.
+    assert expand_plans(target.parent) == [str(target)]
+
+
+def test_a_picture_of_a_plan_is_imported_with_a_known_length(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "plan.png"), office(unknown=255, free=255))
+    target = str(tmp_path / "plan.geojson")
+    code, text = invoke("import", str(tmp_path / "plan.png"), "--scale-by", "90 cm = 6 px", "--out", target)
+    assert code == 0 and "0.15 m a pixel (as given)" in text
+    with pytest.raises(ConfigError, match="118 px"):
+        invoke("import", str(tmp_path / "plan.png"), "--scale-by", "90", "--out", target)
+    with pytest.raises(ConfigError, match="rooms of its own"):
+        invoke("import", target, "--blueprint", "--out", target)
+
+
+def test_what_to_correct_is_listed_with_its_place(tmp_path: Path) -> None:
+    image = office()
+    image[110:114, 228:246] = 0  # the last room is shut
+    cv2.imwrite(str(tmp_path / "map.png"), image)
+    code, text = invoke("import", str(tmp_path / "map.png"), "--out", str(tmp_path / "map.geojson"))
+    assert code == 0 and "1 out of reach, 1 no door" in text and "1. at x " in text
+
+
+def test_a_drawing_in_feet_becomes_metres(tmp_path: Path) -> None:
+    feet = load_plan("apartment-01").stretched(1 / 0.3048, 1 / 0.3048)
+    save_plan(feet, tmp_path / "feet.geojson")
+    target = tmp_path / "metres.geojson"
+    code, text = invoke(
+        "import", str(tmp_path / "feet.geojson"), "--scale-by", "1 ft = 1 unit", "--out", str(target)
+    )
+    assert code == 0 and "scale is doubtful" not in text
+    assert load_plan(target).area == pytest.approx(load_plan("apartment-01").area)

@@ -274,6 +274,45 @@ def test_a_layout_fills_its_channels_where_nothing_is_known(decision: Decision) 
     assert all(observation["global_map"][len(CHANNELS) + k].any() for k in range(2))
 
 
+def test_maps_show_sketched_or_completed_rooms(decision: Decision) -> None:
+    labels, sketch = (np.zeros(decision.grid.shape, np.int32) for _ in range(2))
+    labels[5:15, 5:15], sketch[5:15, 15:25] = 1, 1
+    predicted = replace(decision, rooms=SimpleNamespace(labels=labels, sketch=sketch))
+    unknown = decision.grid.cells == UNKNOWN
+    assert unknown[5:15, 5:25].any()
+    for rooms, drawn in (("sketched", sketch), ("completed", labels)):
+        marks = layout_marks(predicted, rooms)
+        np.testing.assert_array_equal(marks & map_images.ROOM > 0, (drawn > 0) & unknown)
+    images = [
+        Observer(ObservationConfig(rooms=rooms)).observe(predicted)["global_map"]
+        for rooms in ("sketched", "completed")
+    ]
+    assert (images[0] != images[1]).any()
+    with pytest.raises(ConfigError, match="rooms"):
+        ObservationConfig(rooms="drawn")
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_marks_of_rooms_follow_their_rules(seed: int) -> None:
+    grid, _, pose = random_world(seed)
+    rng = np.random.default_rng(seed)
+    labels = rng.integers(0, 4, grid.shape).astype(np.int32)
+    frontiers = tuple(
+        SimpleNamespace(is_closed=closed, room=room) for closed, room in ((True, 2), (False, 1), (True, 0))
+    )
+    rooms = SimpleNamespace(labels=labels, sketch=labels)
+    decision: Any = SimpleNamespace(grid=grid, frontiers=frontiers, rooms=rooms, pose=pose)
+    marks = layout_marks(decision)
+    for (r, c), mark in np.ndenumerate(marks):
+        expected = 0
+        if grid.cells[r, c] == UNKNOWN:
+            beside = [labels[n] for n in ((r + 1, c), (r, c + 1)) if grid.contains(*n)]
+            expected |= map_images.ROOM * (labels[r, c] > 0) | map_images.CLOSED * (labels[r, c] == 2)
+            expected |= map_images.WALL * any(other != labels[r, c] for other in beside)
+        assert mark == expected
+
+
 def test_maps_can_be_left_out(decision: Decision) -> None:
     config = ObservationConfig(local_map=False, global_map=False)
     observation = Observer(config).observe(decision)

@@ -22,7 +22,9 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.errors import ConfigError, StartError, UnknownNameError, WorkerError
-from layoutexplore.predictors import make_predictor
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.grids.arrays import Ints
+from layoutexplore.predictors import PREDICTORS, make_predictor, register_predictor
 from tests.envs.cases import CASES, FRONTIER, IDS, MOTION, make, rooms
 
 SMALL = ObservationConfig(local_size=16, global_size=16, detour=True, privileged=True)
@@ -333,3 +335,41 @@ def test_the_information_is_as_declared() -> None:
         }
         assert all(np.shape(info[key]) == zero.shape for key, zero in env.info_types.items())
         pickle.dumps(copy.deepcopy(env.info_types))
+
+
+def test_the_autoreset_mode_stands_where_gymnasium_s_own_have_it() -> None:
+    for mode in AutoresetMode:
+        theirs = SyncVectorEnv([lambda: make(FRONTIER, plan=rooms())], autoreset_mode=mode)
+        envs = gymnasium.make_vec(FRONTIER, 1, plan=rooms(), autoreset_mode=mode)
+        for found in (envs, theirs):
+            assert found.metadata["autoreset_mode"] is mode
+            assert found.unwrapped.autoreset_mode is mode  # type: ignore[attr-defined]
+            found.close()
+
+
+@pytest.mark.parametrize("predictor", ["all-one-room", "file"])
+def test_workers_know_predictors_of_one_s_own(predictor: str, tmp_path: Path) -> None:
+    """Registered in this process, or in a file: the frontiers' classes are the same in workers and here."""
+
+    class AllOneRoom:
+        """Whatever is free is one room."""
+
+        def rooms(self, decision: Decision) -> Ints:
+            return (decision.grid.cells == 0).astype(np.int64)
+
+    if predictor == "file":
+        text = "class Mine:\n    def rooms(self, decision):\n        return (decision.grid.cells == 0) * 1\n"
+        (tmp_path / "mine.py").write_text(text)
+        predictor = f"{tmp_path / 'mine.py'}:Mine"
+    else:
+        register_predictor(predictor, "whatever is free is one room", AllOneRoom)
+    seen = []
+    try:
+        for backend in ("serial", "processes"):
+            options: dict[str, Any] = {"backend": backend, "workers": 2, "predictor": predictor}
+            envs = gymnasium.make_vec("LayoutExplore/Frontier-v0", 2, plan="apartment-03", **options)
+            seen.append(envs.reset(seed=3)[0])
+            envs.close()
+    finally:
+        PREDICTORS.remove(predictor)
+    assert all(np.array_equal(seen[0][key], seen[1][key]) for key in seen[0])

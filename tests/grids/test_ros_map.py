@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, MapWarning
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.ros_map import grid_from_image, load_grid, save_grid
 
@@ -110,6 +110,87 @@ def test_bad_yaml_is_named(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(MapError, match=message) as caught:
         load_grid(path)
     assert str(tmp_path) in str(caught.value)
+
+
+def saved_by_nav2(folder: Path, *, free_thresh: float = 0.25) -> Path:
+    """A building in the unknown, as ROS 2's map_saver writes it."""
+    text = f"image: map.png\nmode: trinary\nresolution: 0.05\norigin: [0, 0, 0]\nfree_thresh: {free_thresh}\n"
+    return write_map(folder, building(205), text)
+
+
+def test_the_unknown_of_map_saver_is_no_floor(tmp_path: Path) -> None:
+    with pytest.warns(MapWarning, match="205 is read as unknown"):
+        grid = load_grid(saved_by_nav2(tmp_path))
+    assert np.array_equal(grid.cells, grid_from_image(building(205), 0.05).cells)
+    by_thresholds = load_grid(saved_by_nav2(tmp_path), unknown_grey="none")
+    assert not by_thresholds.unknown.any() and by_thresholds.free_area > 2 * grid.free_area
+
+
+def test_painted_free_space_does_not_hide_the_unknown(tmp_path: Path) -> None:
+    path, painted = saved_by_nav2(tmp_path), building(205)
+    painted[40:60, 40:60] = 255
+    painted[50, 50:60] = 128  # an antialiased stroke
+    cv2.imwrite(str(tmp_path / "map.png"), painted)
+    with pytest.warns(MapWarning):
+        assert load_grid(path).cells[0, 0] == -1
+
+
+def test_a_map_of_many_levels_keeps_its_thresholds(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    text = "image: map.png\nresolution: 0.05\norigin: [0, 0, 0]\nfree_thresh: 0.25\n"
+    ramp = np.tile(np.arange(256, dtype=np.uint8), (4, 1))
+    grid = load_grid(write_map(tmp_path, ramp, text))
+    assert grid.cells[0, 205] == 0 and not recwarn.list
+    assert load_grid(tmp_path / "map.yaml", unknown_grey=205).cells[0, 204:207].tolist() == [0, -1, 0]
+    assert load_grid(saved_by_nav2(tmp_path, free_thresh=0.196)).cells[0, 0] == -1 and not recwarn.list
+
+
+def test_the_unknown_level_of_an_image_can_be_said(tmp_path: Path) -> None:
+    image = building(205)
+    image[34:106, 92:146] = 240  # a lighter room
+    cv2.imwrite(str(tmp_path / "a.png"), image)
+    assert load_grid(tmp_path / "a.png", unknown_grey=240).cells[70, 100] == -1
+    assert not load_grid(tmp_path / "a.png", unknown_grey="none").unknown.any()
+    with pytest.raises(MapError, match="unknown_grey"):
+        load_grid(tmp_path / "a.png", unknown_grey=300)
+
+
+@pytest.mark.parametrize("named", ["/home/somebody/maps/map.png", "../old/map.png", "C:\\\\maps\\\\map.png"])
+def test_an_image_that_has_moved_is_found_beside_its_yaml(tmp_path: Path, named: str) -> None:
+    (tmp_path / "old").mkdir()
+    cv2.imwrite(str(tmp_path / "old" / "map.png"), np.zeros((9, 9), np.uint8))
+    (tmp_path / "here").mkdir()
+    path = write_map(
+        tmp_path / "here", building(205), f'image: "{named}"\nresolution: 0.1\norigin: [0, 0, 0]\n'
+    )
+    with pytest.warns(MapWarning, match=r"reads map\.png beside it"):
+        assert load_grid(path).shape == building(205).shape
+
+
+def test_an_image_stays_in_the_folder_of_its_yaml_unless_allowed(tmp_path: Path) -> None:
+    (tmp_path / "here" / "images").mkdir(parents=True)
+    for place in ("outside.png", "here/images/inside.png"):
+        cv2.imwrite(str(tmp_path / place), building(205))
+    text = "image: {}\nresolution: 0.1\norigin: [0, 0, 0]\n"
+    path = tmp_path / "here" / "map.yaml"
+    for named in ("../outside.png", str(tmp_path / "outside.png"), "images/../../outside.png"):
+        path.write_text(text.format(named))
+        with pytest.raises(MapError, match="lies in another folder"):
+            load_grid(path)
+        assert load_grid(path, image_anywhere=True).free.any()
+    for named in ("images/inside.png", str(tmp_path / "here" / "images" / "inside.png")):
+        path.write_text(text.format(named))
+        assert load_grid(path).free.any()
+
+
+def test_images_are_read_by_versions_of_opencv_without_its_logging(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_map(tmp_path, building(205))
+    monkeypatch.delattr(cv2.utils, "logging", raising=False)
+    assert load_grid(path).free.any()
+    levels = [5]
+    monkeypatch.setattr(cv2, "setLogLevel", lambda level: levels.append(level) or levels[-2], raising=False)
+    assert load_grid(path).free.any() and levels == [5, 0, 5]
 
 
 def test_bad_images_and_options(tmp_path: Path) -> None:

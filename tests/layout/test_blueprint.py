@@ -49,6 +49,37 @@ def test_templates_are_erased():
     assert grid_from_blueprint(image, 0.05, config=SILENT, templates=[mark]).cells[::-1][90, 360] == 0
 
 
+def test_door_swings_go_where_the_scale_makes_their_strokes_wide():
+    """At 0.1 m a pixel a stroke of one pixel is as wide as a wall may be."""
+    image = plan()
+    cv2.ellipse(image, (230, 118), (18, 18), 0, 180, 270, (60, 60, 60), 1)
+    cv2.line(image, (212, 118), (230, 118), (60, 60, 60), 1)
+    cells = grid_from_blueprint(image, 0.1, config=BlueprintConfig(words=False, symbol_size=3.0)).cells[::-1]
+    assert (cells[98:122, 205:224] == 0).all()
+    assert (cells[30, 60:400] == 100).all() and cells[60, 230] == 100
+
+
+def test_dark_symbols_with_a_tint_go_and_the_wall_behind_them_stays():
+    image = plan()
+    for left in (280, 310, 340):
+        cv2.rectangle(image, (left, 26), (left + 24, 50), (90, 45, 45), -1)
+        cv2.circle(image, (left + 12, 38), 5, (255, 255, 255), -1)
+    cv2.line(image, (230, 30), (430, 30), (20, 20, 20), 6)
+    cv2.rectangle(image, (30, 30), (430, 190), (20, 20, 20), 6)
+    cv2.rectangle(image, (310, 26), (334, 50), (90, 45, 45), -1)  # hides the wall
+    cells = grid_from_blueprint(image, 0.05, config=SILENT).cells[::-1]
+    assert (cells[36:52, 270:370] == 0).all()
+    assert (cells[30, 60:400] == 100).all()
+
+
+def test_a_thin_line_across_a_gate_keeps_the_outside_out():
+    image = plan()
+    image[184:196, 60:180] = 255  # a gate of 6 m
+    cv2.line(image, (60, 190), (180, 190), (90, 90, 90), 1)
+    cells = grid_from_blueprint(image, 0.05, config=SILENT).cells[::-1]
+    assert cells[120, 100] == 0 and cells[210, 100] == -1
+
+
 def test_a_missing_ocr_is_named(monkeypatch):
     def absent(module, extra):
         raise MissingExtraError(f"{module} is not installed: pip install 'layoutexplore[{extra}]'")

@@ -20,9 +20,10 @@ from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.layout.export import layout_to_geojson
 from layoutexplore.layout.pipeline import METHOD_MODULES, layout_method, reconstruct
-from layoutexplore.layout.types import Layout
+from layoutexplore.layout.types import OUTSIDE, Layout
 
-README = (Path(__file__).parents[2] / "README.md").read_text()
+PAGES = Path(__file__).parents[2] / "layoutexplore" / "documentation" / "pages"
+LAYOUTS = (PAGES / "concepts" / "layouts.md").read_text()
 EMPTY = OccupancyGrid(np.zeros((4, 4), np.int8), 0.1)
 
 
@@ -79,6 +80,16 @@ def check(layout: Layout, grid: OccupancyGrid) -> None:
     for a, b in combinations(layout.rooms, 2):
         assert a.polygon.intersection(b.polygon).area < 1e-6
     assert layout.rooms or layout.warnings or layout.method == "rose"
+    check_room_faces(layout)
+
+
+def check_room_faces(layout: Layout) -> None:
+    of_rooms, found = [face for face in layout.faces if face.room > 0], layout.room_faces
+    assert found.room.tolist() == [face.room for face in of_rooms]
+    outside = [any(edge.neighbour == OUTSIDE for edge in face.edges) for face in of_rooms]
+    assert found.at_border.tolist() == outside
+    for polygon, face in zip(found.polygons, of_rooms, strict=True):
+        assert polygon.equals_exact(face.polygon, 1e-9)
 
 
 @pytest.mark.parametrize("method", list(METHOD_MODULES))
@@ -112,7 +123,7 @@ def test_random_grids_never_break_a_method(method: str, cells: NDArray[np.int8],
 
 @pytest.mark.parametrize("method", list(METHOD_MODULES))
 def test_methods_are_documented_and_refuse_what_is_not_theirs(method: str) -> None:
-    assert layout_method(method).summary and f"`{method}`" in README
+    assert layout_method(method).summary and f"`{method}`" in LAYOUTS
     with pytest.raises(UnknownNameError, match=f"option of the {method} method"):
         reconstruct(EMPTY, method, {"nonsense": 1.0})
     other = "rose2" if method != "rose2" else "ias15"

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from shapely import LineString, box
+from shapely.geometry import mapping
 
 from layoutexplore.errors import MapError
 from layoutexplore.grids.ros_map import save_grid
@@ -36,8 +39,19 @@ def write_image(folder: Path) -> Path:
     return folder / "image.png"
 
 
+def write_foreign_geojson(folder: Path) -> Path:
+    shapes = {"a": box(0, 0, 5, 4), "b": box(5, 0, 9, 4), "": LineString([(5, 1), (5, 2)])}
+    features = [
+        {"type": "Feature", "properties": {"name": name}, "geometry": mapping(shape)}
+        for name, shape in shapes.items()
+    ]
+    (folder / "qgis.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return folder / "qgis.geojson"
+
+
 SAMPLES: dict[str, list[Callable[[Path], Path]]] = {
     "load_geojson": [write_geojson],
+    "load_foreign_geojson": [write_foreign_geojson],
     "load_school_xml": [write_school],
     "load_kth": [write_kth],
     "load_houseexpo": [write_houseexpo],

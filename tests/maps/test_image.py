@@ -52,6 +52,16 @@ def test_an_image_with_an_image_of_its_rooms(tmp_path: Path) -> None:
         load_plan(tmp_path / "map.png")
 
 
+def test_an_image_of_rooms_of_16_bits(tmp_path: Path) -> None:
+    image, rooms = np.full((80, 80), 205, np.uint8), np.zeros((80, 80), np.uint16)
+    image[10:70, 10:70] = 254
+    image[10:70, 39:41] = 0
+    rooms[10:70, 10:39], rooms[10:70, 41:70] = 1, 300
+    cv2.imwrite(str(tmp_path / "map.png"), image)
+    cv2.imwrite(str(tmp_path / "map_rooms.png"), rooms)
+    assert [room.id for room in load_plan(tmp_path / "map.png").rooms] == [1, 300]
+
+
 def test_images_without_free_space(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "black.png"), np.zeros((30, 30), np.uint8))
     with pytest.raises(MapError, match="no free space"):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from shapely import LineString
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, MapWarning
 from layoutexplore.maps import load_plan
 from tests.maps.cases import RADIUS, SCHOOL, share_reached
 
@@ -37,6 +37,23 @@ def test_a_portal_without_its_segment_opens_where_the_rooms_are_nearest(tmp_path
     assert share_reached(plan) == 1.0
 
 
+def test_empty_spaces_are_left_out_and_counted(tmp_path: Path) -> None:
+    empty = '<space id="e"><labels><label>ROOM</label></labels></space>'
+    (tmp_path / "office.xml").write_text(SCHOOL.replace("</spaces>", 3 * empty + "</spaces>"))
+    with pytest.warns(MapWarning, match="3 of 5 spaces"):
+        plan = load_plan(tmp_path / "office.xml")
+    assert len(plan.rooms) == 2 and len(plan.doors) == 1
+
+
+def test_all_offices_load(data_dir: Path) -> None:
+    paths = sorted((data_dir / "buildings" / "offices").glob("*.xml"))
+    if not paths:
+        pytest.skip("no offices in the data folder")
+    with pytest.warns(MapWarning, match="have no bounding_polygon"):
+        plans = [load_plan(path) for path in paths]
+    assert sum(len(plan.rooms) for plan in plans) == 442
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -49,7 +66,8 @@ def test_a_portal_without_its_segment_opens_where_the_rooms_are_nearest(tmp_path
             lambda text: text.replace('<point x="200" y="0"/>', '<point x="wide" y="0"/>'),
             "unusable coordinates",
         ),
-        (lambda text: text.replace("bounding_polygon", "outline"), "needs 3 points"),
+        (lambda text: text.replace('<point x="200" y="100"/><point x="0" y="100"/>', ""), "needs 3 points"),
+        (lambda text: text.replace("bounding_polygon", "outline"), "no <space>"),
         (lambda text: text.replace("space", "place"), "no <space>"),
     ],
 )

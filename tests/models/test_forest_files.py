@@ -80,7 +80,7 @@ def test_foreign_and_damaged_models(text: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("]]\n]}\n}}\n", "", "not a model of decision trees"),
+        ("]]\n]}\n}}\n", "", "broken JSON"),
         ("one_room", "two_rooms", "'one_room' is missing"),
         ("log_area_small", "log_area_tiny", "train it again"),
         (",1,10],", ",0,10],", "damaged trees .node 0 of tree"),

@@ -108,6 +108,6 @@ def test_an_exploration_keeps_most_lengths() -> None:
         cells = np.array([f.viewpoint for f in decision.frontiers], np.int32)
         np.testing.assert_array_equal(lengths[1:, 1:], distance_matrix(decision.traversable, cells, 0.1))
         asked += len(cells)
-        copy.deepcopy(decision.paths)
+        copy.deepcopy(simulation.state.traversability.cache)
         decision = simulation.step(len(decision.frontiers) // 2)
-    assert simulation.state.path_lengths.searches < 0.8 * asked
+    assert simulation.state.traversability.cache.searches < 0.8 * asked

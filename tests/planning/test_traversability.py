@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
 from layoutexplore.grids.morphology import inflate
-from layoutexplore.planning.shortest_paths import descend, geodesic_distances
+from layoutexplore.planning.shortest_paths import descend, distance_matrix, geodesic_distances
 from layoutexplore.planning.traversability import Traversability
 
 
@@ -29,9 +29,10 @@ def test_a_grid_that_changes_in_boxes(data: st.DataObject) -> None:
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
     rows, cols = data.draw(st.tuples(st.integers(1, 40), st.integers(1, 40)))
     radius = data.draw(st.sampled_from([0.0, 0.1, 0.2, 0.31, 0.9]))
+    large = data.draw(st.sampled_from([1, 200, 10_000]))
     cells, traversability, shut = (
         np.full((rows, cols), -1, np.int8),
-        Traversability((rows, cols), radius, 0.1),
+        Traversability((rows, cols), radius, 0.1, large=large),
         [],
     )
     for _ in range(data.draw(st.integers(1, 20))):
@@ -54,12 +55,18 @@ def test_a_grid_that_changes_in_boxes(data: st.DataObject) -> None:
             anew(cells, radius, shut),
         )
         expected = geodesic_distances(traversable, source, 0.1, stop_at=stop_at)
-        np.testing.assert_array_equal(field.metres(), expected)
-        np.testing.assert_array_equal(field.reached, np.isfinite(expected))
-        np.testing.assert_array_equal(field.to_cells(stops), expected[tuple(stops.T)])
         reached = np.argwhere(np.isfinite(expected))
         target = Cell(*reached[rng.integers(len(reached))].tolist())
+        np.testing.assert_array_equal(field.to_cells(stops), expected[tuple(stops.T)])
         np.testing.assert_array_equal(field.path_to(target), descend(expected, traversable, target))
+        np.testing.assert_array_equal(field.metres(), expected)
+        np.testing.assert_array_equal(field.reached, np.isfinite(expected))
+        if stop_at is None:
+            np.testing.assert_array_equal(np.asarray(field.units)[1:-1, 1:-1] <= field.settled, field.reached)
+            some = reached[rng.integers(len(reached), size=6)].astype(np.int32)
+            between = distance_matrix(np.isfinite(expected), some, 0.1)
+            np.testing.assert_array_equal(field.between(some, 0.1), between)
+            np.testing.assert_array_equal(field.lengths_from(Cell(*some[0].tolist()), some, 0.1), between[0])
 
 
 def test_distances_that_are_gone_are_refused() -> None:

@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.decision import Decision
+from layoutexplore.layout.doorways import doorway_regions
 from layoutexplore.maps.library import load_plan
 from layoutexplore.predictors import make_predictor, make_room_predictor
 from layoutexplore.predictors.frontier_model.network import FrontierNetwork
 from layoutexplore.predictors.learned import CELL_NETWORK, FOLDER, FRONTIER_NETWORK
-from layoutexplore.predictors.seen_rooms import seen_regions
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 
 
@@ -21,7 +21,7 @@ def test_the_layout_is_completed_when_somebody_looks(decision: Decision) -> None
     judged = predictor.predict(decision)
     labels = judged.rooms.labels
     assert labels.shape == decision.grid.shape and labels.dtype == np.int32
-    seen = seen_regions(decision.grid.cells, decision.grid.resolution)
+    seen = doorway_regions(decision.grid.cells, decision.grid.resolution)
     assert labels.max() <= seen.count and (labels > 0).sum() >= (seen.labels > 0).sum()
     again = make_predictor("layout")
     assert again is not None

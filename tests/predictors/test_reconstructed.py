@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 
 from layoutexplore.errors import ConfigError, UnknownNameError
-from layoutexplore.frontiers.decision import Decision, KnownDistances
-from layoutexplore.frontiers.detection import find_frontiers
+from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
-from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
-from layoutexplore.layout.pipeline import method_names
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.layout.pipeline import method_names, reconstruct
+from layoutexplore.layout.types import RoomFaces
 from layoutexplore.predictors import make_room_predictor
-from layoutexplore.predictors.reconstructed import ReconstructedRooms, known_part
-from layoutexplore.sensing.lidar import LidarConfig
+from layoutexplore.predictors.reconstructed import ReconstructedRooms
+from layoutexplore.predictors.seen_regions import known_part
+from tests.predictors.cases import decide
 
 HALF_SEEN = """
 ????????????????????????????
@@ -43,19 +45,6 @@ def drawn(text: str, *, mirror: bool = False) -> OccupancyGrid:
     return OccupancyGrid(np.ascontiguousarray(fine[:, ::-1] if mirror else fine), 0.1, Pose(-3.0, 2.0, 0.0))
 
 
-def decide(grid: OccupancyGrid) -> Decision:
-    clusters = find_frontiers(grid.cells)
-    frontiers = []
-    for k in range(len(clusters)):
-        cells = clusters.cluster(k)
-        row, col = cells[0].tolist()
-        x, y = grid.cell_to_world(row, col)
-        frontiers.append(Frontier(cells, len(cells) * 0.1, (x, y), Cell(row, col), 1.0, 1.0, 1.0))
-    field = KnownDistances(np.ones(grid.shape, np.float32))
-    sensor = LidarConfig(range_max=8.0, fov=6.28, beams=8)
-    return Decision(0, grid, Pose(0.0, 0.0), tuple(frontiers), field, 0.0, sensor, 0.2)
-
-
 def at(decision: Decision, row: int, col: int) -> Frontier:
     """The frontier that holds a cell of the drawing, counted from below."""
     here = np.array([row * SCALE + SCALE // 2, col * SCALE + SCALE // 2])
@@ -71,6 +60,57 @@ def test_lines_complete_a_room_and_close_its_frontier(method: str) -> None:
     labels = judged.rooms.labels
     hidden = labels[10 * SCALE + 2, 13 * SCALE]
     assert hidden > 0 and hidden == labels[8 * SCALE, 13 * SCALE]  # the room's own, up to the wall's line
+
+
+def two_rooms() -> OccupancyGrid:
+    """Cells of 0.1 m, walls of one cell; a room of 4.9 m by 4.2 m whose corner of 2 m by 1 m is unseen.
+
+    With the corner, 2 m of the upper wall and 1 m of the right one are unseen. The room beside it opens to
+    the outside through a gap of 1 m.
+    """
+    cells = np.full((64, 94), -1, np.int8)
+    cells[10:54, [10, 60, 84]] = cells[[10, 53], 10:85] = 100
+    cells[11:53, 11:60] = cells[11:53, 61:84] = 0
+    cells[26:35, 60] = cells[20:30, 84:90] = 0
+    cells[43:54, 40:61] = -1
+    return OccupancyGrid(cells, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("method", "cells"),
+    [
+        ("rose2", 210),  # lines through the walls' middles; cells on the right line count, on the upper not
+        ("distance", 210),  # completed by the same lines
+        ("doorways", 210),
+        ("default", 231),  # its faces reach into the walls: 20 cells of the upper one, 10 of the right, 1
+        ("ias15", 171),  # Canny finds both sides of a wall, the lower median runs a cell inside: 19 by 9
+    ],
+)
+def test_class_room_and_area_follow_from_the_lines_by_hand(method: str, cells: int) -> None:
+    decision = decide(two_rooms())
+    judged = make_room_predictor(f"reconstruct:{method}").predict(decision)
+    corner = [f for f in judged.frontiers if f.cells[:, 1].max() < 62]  # from both sides of the unseen wall
+    outside = [f for f in judged.frontiers if f.cells[:, 1].min() > 80]
+    assert len(corner) == 2 and len(outside) == 1 and not outside[0].is_closed
+    seen = judged.rooms.labels[12, 12]
+    for frontier in corner:
+        assert frontier.is_closed and frontier.room == seen > 0
+        assert frontier.expected_area == pytest.approx(0.01 * cells)
+    inner = judged.rooms.labels[43:52, 40:59]  # what all methods agree on
+    assert (inner == seen).all()
+
+
+@pytest.mark.parametrize("method", ["rose2", "default", "distance"])
+def test_what_an_open_frontier_promises_does_not_depend_on_the_size_of_the_array(method: str) -> None:
+    grid = two_rooms()
+    wide = OccupancyGrid(np.pad(grid.cells, 40, constant_values=-1), 0.1, Pose(-4.0, -4.0, 0.0))
+    areas = []
+    for known in (grid, wide):
+        judged = make_room_predictor(f"reconstruct:{method}").predict(decide(known))
+        (outside,) = [f for f in judged.frontiers if f.centroid[0] > 8.0]
+        assert not outside.is_closed
+        areas.append(outside.expected_area)
+    assert areas[0] == pytest.approx(areas[1]) and areas[0] == pytest.approx(outside.visible_area)
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -136,6 +176,16 @@ def test_walls_that_have_not_changed_are_not_reconstructed_again() -> None:
     seen[:SCALE], seen[-SCALE:] = -1, -1
     second = predictor.predict(decide(OccupancyGrid(seen, 0.1, grid.origin))).rooms
     assert second.layout is first.layout
+
+
+def test_outlines_that_hold_no_seen_cell_open_and_close_nothing() -> None:
+    grid = drawn(HALF_SEEN)
+    layout = reconstruct(known_part(grid), "distance")
+    far = shapely.box(-3.0, 2.0, -2.999, 2.001)  # between the centres of cells: painted nowhere
+    outlines = RoomFaces(np.array([far], object), np.array([9]), np.array([True]))
+    with_far = ReconstructedRooms(grid, layout, outlines, follow=False).rooms
+    without = ReconstructedRooms(grid, layout, follow=False).rooms
+    assert (with_far.room_ids == without.room_ids).all() and (with_far.passable == without.passable).all()
 
 
 def test_known_part_keeps_the_world() -> None:

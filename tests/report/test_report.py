@@ -7,6 +7,7 @@ import dataclasses
 import itertools
 import math
 import re
+from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -21,16 +22,19 @@ from layoutexplore.benchmark.config import BenchmarkConfig, settings
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import COLUMNS, ResultsFolder
+from layoutexplore.documentation.site import PAGES
 from layoutexplore.drawing.film import Film
 from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.report.benchmark import headline, report_view, write_benchmark_report
 from layoutexplore.report.caveats import caveats
-from layoutexplore.report.plots import floor_picture, forest, heat, track_picture
-from layoutexplore.report.templates import interval, png_uri, render
+from layoutexplore.report.plots import floor_picture, forest, heat, label_places, track_picture
+from layoutexplore.report.templates import TEMPLATES, interval, png_uri, render
 from tests.plans import HOUSE
+from tests.report.cases import many_runs
 
 VOID = {"meta", "link", "br", "image", "img", "path", "circle", "rect", "hr", "input"}
 
@@ -84,10 +88,11 @@ def test_the_page_is_whole_and_fetches_nothing(folder: ResultsFolder) -> None:
     parser = Balance()
     parser.feed(html)
     assert not parser.wrong and not parser.open
-    assert "<script" not in html and "@import" not in html and "url(" not in html
+    assert "@import" not in html and "url(" not in html
     links = [value for name, value in parser.attributes if name in ("src", "href")]
-    assert links and all(value.startswith("data:image/png;base64,") for value in links)
-    assert "http" not in re.sub(r"data:[^\"]*", "", html)
+    assert links and all(value.startswith(("data:image/png;base64,", "#replay=")) for value in links)
+    said = re.sub(r'data:[^\"]*|<script type="application/json".*?</script>', "", html, flags=re.DOTALL)
+    assert "http" not in said
 
 
 def test_the_page_says_what_was_run(folder: ResultsFolder) -> None:
@@ -107,6 +112,88 @@ def test_markdown_tables_have_even_rows(folder: ResultsFolder) -> None:
     assert len(blocks) == 3 + 1 + 1  # three groups, by plan, behaviour
     for block in blocks:
         assert len({line.count("|") for line in block.splitlines()}) == 1
+
+
+@given(st.lists(st.floats(0, 100), max_size=12), st.floats(0.5, 9))
+def test_labels_stand_apart_in_the_order_of_their_lines(places: list[float], gap: float) -> None:
+    found = label_places(places, gap)
+    order = sorted(range(len(places)), key=lambda k: (places[k], k))
+    for above, below in itertools.pairwise(order):
+        assert found[below] - found[above] >= gap - 1e-9
+    assert all(at >= 0 for at in found)
+    if all(b - a >= gap for a, b in itertools.pairwise(sorted(places))):
+        assert found == pytest.approx(places)
+
+
+@pytest.mark.parametrize("path", sorted(TEMPLATES.glob("*.[hcj][ts][ms]*")), ids=lambda path: path.name)
+def test_colours_come_from_the_palette(path: Path) -> None:
+    for code in re.findall(r"#([0-9a-fA-F]{6})\b", path.read_text(encoding="utf-8")):
+        red, green, blue = (int(code[k : k + 2], 16) for k in (0, 2, 4))
+        assert max(red, green, blue) - min(red, green, blue) <= 40, f"#{code} in {path.name} is no grey"
+
+
+def test_an_agent_has_one_colour_and_a_label_at_its_end(folder: ResultsFolder) -> None:
+    html = write_benchmark_report(folder)[0].read_text()
+    seen: dict[str, set[str]] = {}
+    for colour, name in re.findall(
+        r'class="end" style="top: [-0-9.]+%; color: (#\w+)" title="([\w-]+)"', html
+    ):
+        seen.setdefault(name, set()).add(colour)
+    assert set(seen) == {"nearest", "random", "clairvoyant"}
+    assert (
+        all(len(colours) == 1 for colours in seen.values()) and len(set(map(frozenset, seen.values()))) == 3
+    )
+    assert (
+        "share of cells" in html and "coverage, mean over cells" in html and "How often near the best" in html
+    )
+    assert html.count('<text class="bar"') == html.count("<figure><svg") == 6  # a scale bar a map
+
+
+def test_the_documentation_has_every_column(folder: ResultsFolder) -> None:
+    text = (PAGES / "how-to" / "reading-results.md").read_text(encoding="utf-8")
+    view = report_view(folder, folder.rows(), folder.manifest(), "nearest", [])
+    assert [name for name, _ in view["columns"]] == list(COLUMNS)
+    for name, meaning in view["columns"]:
+        assert f"| `{name}` | {meaning} |" in text
+    summary = write_benchmark_report(folder)[2].read_text().splitlines()[0].split(",")
+    assert all(
+        f"`{name}`" in text for name in summary if not name.startswith(("plan_ratio_", "improvement_"))
+    )
+    with np.load(folder.curve_path(folder.rows()[0])) as arrays:
+        assert all(f"`{name}`" in text for name in arrays.files)
+
+
+def test_names_are_text_in_markdown(folder: ResultsFolder) -> None:
+    odd = "a|b <script>alert(1)</script> [x](javascript:y)"
+    rows = [
+        dataclasses.replace(row, agent=odd if row.agent == "random" else row.agent) for row in folder.rows()
+    ]
+    rows[0] = dataclasses.replace(rows[0], error="Boom: <img>\n## no heading")
+    small = [row for row in rows if row.agent != odd and not row.error]
+    view = report_view(folder, small, folder.manifest(), "nearest", compare(rows, "nearest"))
+    text = render("benchmark.md", **{**view, "failed": [dataclasses.replace(rows[0], agent=odd)]})
+    assert "<" not in text and "\n## no heading" not in text
+    assert r"a\|b &lt;script&gt;alert(1)&lt;/script&gt; \[x\](javascript:y)" in text
+    assert "layoutexplore benchmark --starts 1" in text
+
+
+def test_the_files_of_a_run_are_read_once(folder: ResultsFolder, tmp_path: Path) -> None:
+    reads: Counter[tuple[str, str]] = Counter()
+
+    class Counting(ResultsFolder):
+        def curve(self, row: Row) -> Floats:
+            reads["curve", str(row.key)] += 1
+            return super().curve(row)
+
+        def log(self, row: Row) -> Floats | None:
+            reads["log", str(row.key)] += 1
+            return super().log(row)
+
+    large = many_runs(folder, tmp_path / "many", plans=4, starts=2)
+    assert len(large.rows()) == 4 * 2 * 6
+    page, *_ = write_benchmark_report(Counting(large.path))
+    assert len(reads) == 2 * 48 and max(reads.values()) == 1
+    assert "plan-003" in page.read_text()
 
 
 def test_the_tables_are_read_by_pandas(folder: ResultsFolder) -> None:

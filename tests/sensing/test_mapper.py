@@ -219,13 +219,15 @@ def test_no_return_is_free_up_to_the_range_and_a_failed_beam_tells_nothing() -> 
     assert mapper.occupied_count == 0
 
 
-def test_a_hit_prevails_over_the_beams_that_pass() -> None:
+@pytest.mark.parametrize(("ended", "cell"), [(3, 100), (1, 0)])
+def test_a_tenth_of_the_beams_prevails_over_those_that_pass(ended: int, cell: int) -> None:
+    """Of 21 beams into a cell three make it a wall; one may come from noise beside a jamb."""
     mapper = Mapper((3, 12), 1.0, ORIGIN)
     lidar = LidarConfig(range_max=9.0, fov=0.02, beams=21)
     ranges = np.full(21, np.inf)
-    ranges[10] = 5.0
+    ranges[9 : 9 + ended] = 5.0
     mapper.integrate(Pose(1.5, 1.5), ranges, lidar)
-    assert mapper.grid.cells[1, 6] == 100
+    assert mapper.grid.cells[1, 6] == cell
 
 
 def test_noise_averages_out() -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 import typer
@@ -17,8 +19,19 @@ from layoutexplore.cli.speed import register
 from layoutexplore.errors import UnknownNameError
 from layoutexplore.grids.grid import Cell
 from layoutexplore.planning.shortest_paths import geodesic_distances
-from layoutexplore.speed import Measurement, SpeedRow, floors, kernels, measure, measurements, suite
+from layoutexplore.speed import (
+    Measurement,
+    SpeedRow,
+    decisions,
+    environment,
+    floors,
+    kernels,
+    measure,
+    measurements,
+    suite,
+)
 from layoutexplore.speed.measurement import milliseconds
+from tests.envs.cases import rooms
 
 
 def row(reached: float | None) -> SpeedRow:
@@ -90,6 +103,19 @@ def test_kernel_rows_have_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     )  # 0 would mean other values than the reference's.
 
 
+def test_steps_with_maps_are_compared_with_completed_rooms(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, int]] = []
+
+    def rate(environment: gymnasium.Env[Any, Any], steps: int) -> float:
+        asked.append((environment.unwrapped.observation_config.rooms, steps))
+        return 120.0 if asked[-1][0] == "sketched" else 6.0
+
+    monkeypatch.setattr(environment, "_nearest_rate", rate)
+    (found,) = environment.map_steps()
+    assert [rooms for rooms, _ in asked] == ["sketched", "completed", "sketched"]
+    assert found.ours == 120.0 and found.ratio == 20.0 and found.reached == 2.0
+
+
 def test_the_reference_graph_is_that_of_the_planner() -> None:
     mask = np.random.default_rng(1).random((23, 31)) > 0.3
     graph, index = kernels._graph(mask)
@@ -114,3 +140,25 @@ def test_floors_are_always_the_same() -> None:
 
 def test_the_package_says_what_it_offers() -> None:
     assert speed.measure is measure and speed.SpeedRow is SpeedRow
+
+
+def test_decisions_are_told_by_quarter(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A row an agent and area, and a picture of them; what is not measured cannot be drawn."""
+    times = np.repeat([1.0, 2.0, 3.0, 4.0], 5)
+    monkeypatch.setattr(decisions, "decision_times", lambda plan, agent, resolution: times)
+    monkeypatch.setattr(decisions, "plan_of", lambda area: area)
+    rows = [row for row in decisions.decisions() if isinstance(row, decisions.GrowthRow)]
+    assert [(row.agent, row.area) for row in rows] == [
+        (a, m) for a in decisions.AGENTS for m in decisions.AREAS
+    ]
+    assert rows[0].quarters == (1000.0, 2000.0, 3000.0, 4000.0) and rows[0].reached == 0.5 and rows[0].missed
+    use(monkeypatch, *rows)
+    status, _ = invoke("--picture", str(tmp_path / "growth.svg"), "--json", str(tmp_path / "speed.json"))
+    assert status == 1 and "polyline" in (tmp_path / "growth.svg").read_text()
+    assert json.loads((tmp_path / "speed.json").read_text())["rows"][0]["quarters"] == [1e3, 2e3, 3e3, 4e3]
+    assert invoke("--only", "rays", "--picture", str(tmp_path / "none.svg"))[0] != 0
+
+
+def test_times_of_decisions_are_those_of_a_whole_run() -> None:
+    times = decisions.decision_times(rooms(), "nearest", 0.1)
+    assert len(times) > 2 and (times >= 0.0).all() and times.sum() > 0.0

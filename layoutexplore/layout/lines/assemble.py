@@ -30,6 +30,7 @@ from layoutexplore.layout.types import (
     Layout,
     LayoutRoom,
     Line,
+    RoomFaces,
     Wall,
 )
 
@@ -133,6 +134,19 @@ class FaceDetails(Details):
             for i, polygon in enumerate(
                 polygons_to_world(outline(model.arrangement, model.group, len(model)), self.origin)
             )
+        )
+
+    @cached_property
+    def room_faces(self) -> RoomFaces:
+        """Those of the faces that belong to a room, by id."""
+        model, inside = self.face_model, np.flatnonzero(self.room >= 0)
+        rank = np.full(len(model), -1, np.int64)
+        rank[inside] = np.arange(len(inside))
+        polygons = outline(model.arrangement, rank[model.group], len(inside))
+        return RoomFaces(
+            np.array(polygons_to_world(polygons, self.origin), object),
+            self.room[inside] + 1,
+            model.at_border[inside],
         )
 
     def _edges(self) -> list[list[FaceEdge]]:

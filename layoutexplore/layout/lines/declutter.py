@@ -12,6 +12,7 @@ neither on where the building lies in the grid nor on how much unknown space sur
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -25,6 +26,16 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Floats, Floats32, Ints, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.frame import undirected
+from layoutexplore.layout.limits import cells_at_most
+
+WHOLE_SIDE = 2048
+"""A box that fits into a square of this side is transformed in one piece ..."""
+
+MOST_PADDING = 64
+"""... and so is one whose square has at most so many times its cells."""
+
+PART_SIDE, PART_SHARE = 256, 8
+"""Others are cut into parts of this length, or of so many times the shorter side."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,14 +113,10 @@ def find_directions(occupied: Mask, resolution: float, config: DeclutterConfig) 
         resolution: Metres a cell.
         config: The options.
     """
-    box = bounding_box(occupied)
-    if box is None:
-        return Directions(directions=np.zeros(0), score=1.0, profile=np.zeros(_steps(config)))
-    crop = occupied[box]
-    side = _fast_side(crop)
-    rows = np.asarray(scipy.fft.rfft(crop.astype(np.float32), n=side, axis=1), np.complex64)
-    columns = scipy.fft.fft(rows[:, : _reach(side, resolution, config) + 1], n=side, axis=0)
-    profile = _angle_profile(np.asarray(columns, np.complex64), side, resolution, config)
+    profile = np.zeros(_steps(config))
+    for crop, side in _squares(occupied):
+        spectrum = _spectrum(crop, side, _reach(side, resolution, config) + 1)
+        profile += _angle_profile(spectrum, side, resolution, config)
     directions, score = dominant_directions(profile, config)
     return Directions(directions=directions, score=score, profile=profile)
 
@@ -122,22 +129,51 @@ def find_structure(occupied: Mask, resolution: float, config: DeclutterConfig) -
         resolution: Metres a cell.
         config: The options.
     """
-    scores = np.zeros(occupied.shape, np.float32)
-    box = bounding_box(occupied)
-    if box is None:
-        return Structure(
-            directions=np.zeros(0), score=1.0, cell_scores=scores, profile=np.zeros(_steps(config))
-        )
-    crop = occupied[box]
-    side = _fast_side(crop)
-    spectrum = np.asarray(scipy.fft.rfft2(crop.astype(np.float32), s=(side, side)), np.complex64)
-    profile = _angle_profile(spectrum, side, resolution, config)
+    scores, profile = np.zeros(occupied.shape, np.float32), np.zeros(_steps(config))
+    spectrum = None
+    squares = [*_squares(occupied)]
+    for crop, side in squares:
+        spectrum = _spectrum(crop, side, side // 2 + 1)
+        profile += _angle_profile(spectrum, side, resolution, config)
     directions, score = dominant_directions(profile, config)
     if len(directions):
-        image = _ridges_only(spectrum, side, directions, max(side * resolution / config.wall_length, 2.0))
-        values = np.abs(image[: crop.shape[0], : crop.shape[1]]) * crop
+        box = bounding_box(occupied)
+        parts = []
+        for crop, side in squares:
+            if len(squares) > 1 or spectrum is None:
+                spectrum = _spectrum(crop, side, side // 2 + 1)
+            width = max(side * resolution / config.wall_length, 2.0)
+            ridges = _ridges_only(spectrum, side, directions, width)
+            parts.append(np.abs(_inverse(ridges, side, crop.shape)) * crop)
+        values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=_long_axis(occupied[box]))
         scores[box] = values / max(float(values.max()), 1e-9)
     return Structure(directions=directions, score=score, cell_scores=scores, profile=profile)
+
+
+def _long_axis(crop: Mask) -> int:
+    return int(crop.shape[1] > crop.shape[0])
+
+
+def _squares(occupied: Mask) -> Iterator[tuple[Mask, int]]:
+    """The box of the occupied cells, and the side of the square that it is padded to.
+
+    The square of a long and narrow box would be mostly padding: such a box is cut along its longer side into
+    parts that have squares of their own, whose profiles add up.
+    """
+    box = bounding_box(occupied)
+    if box is None:
+        return
+    crop = occupied[box]
+    side = _fast_side(crop)
+    if side <= WHOLE_SIDE or side * side <= MOST_PADDING * crop.size:
+        yield crop, side
+        return
+    along = _long_axis(crop)
+    count = -(-crop.shape[along] // max(PART_SHARE * min(crop.shape), PART_SIDE))
+    parts = np.array_split(crop, count, axis=along)
+    side = _fast_side(parts[0])
+    for part in parts:
+        yield part, side
 
 
 def _steps(config: DeclutterConfig) -> int:
@@ -171,7 +207,7 @@ def wall_surface(grid: OccupancyGrid, depth: float) -> Mask:
     """
     occupied = grid.cells == OCCUPIED
     free = (grid.cells == FREE).view(np.uint8)
-    reach = max(round(depth / grid.resolution), 1)
+    reach = cells_at_most(depth, grid.resolution, max(grid.shape))
     near = cv2.dilate(free, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
     return np.asarray(occupied & near.view(np.bool_))
 
@@ -276,8 +312,27 @@ def _angle_profile(
     return np.asarray(polar.sum(axis=1, dtype=np.float64))
 
 
-def _ridges_only(spectrum: NDArray[np.complex64], side: int, directions: Floats, width: float) -> Floats32:
-    """Inverse transform of bands of `width` frequencies through the centre, normal to each wall direction."""
+def _spectrum(crop: Mask, side: int, frequencies: int) -> NDArray[np.complex64]:
+    """The first columns complex64 (side, frequencies) of the half spectrum of cells padded to a square.
+
+    Rows of the padding are not transformed: their spectrum is zero.
+    """
+    rows = np.asarray(scipy.fft.rfft(crop.astype(np.float32), n=side, axis=1), np.complex64)
+    return np.asarray(scipy.fft.fft(rows[:, :frequencies], n=side, axis=0), np.complex64)
+
+
+def _inverse(spectrum: NDArray[np.complex64], side: int, shape: tuple[int, int]) -> Floats32:
+    """The first cells float32 `shape` of a square from its half spectrum complex64 (side, side // 2 + 1)."""
+    rows, cols = shape
+    columns = scipy.fft.ifft(spectrum, axis=0, norm="forward", overwrite_x=True)[:rows]
+    image = scipy.fft.irfft(columns, n=side, axis=1, norm="forward")[:, :cols]
+    return np.asarray(image * np.float32(1 / side**2), np.float32)
+
+
+def _ridges_only(
+    spectrum: NDArray[np.complex64], side: int, directions: Floats, width: float
+) -> NDArray[np.complex64]:
+    """Bands of `width` frequencies through the centre of a spectrum, normal to each wall direction."""
     kept = np.zeros_like(spectrum)
     half = width / 2
     signed = scipy.fft.fftfreq(side, 1 / side)
@@ -295,7 +350,7 @@ def _ridges_only(spectrum: NDArray[np.complex64], side: int, directions: Floats,
         inside &= np.abs(index_u * c + index_v * s) <= half
         at = np.mod(index_v[inside].astype(np.int64), side), index_u[inside].astype(np.int64)
         kept[at] = spectrum[at]
-    return np.asarray(scipy.fft.irfft2(kept, s=(side, side)))
+    return kept
 
 
 def _band(centre: Floats, half: float, side: int) -> Floats:

@@ -21,6 +21,9 @@ from layoutexplore.layout.lines.walls import sums
 
 Number = TypeVar("Number", np.int32, np.int64)
 
+MANY = 1000
+"""Small rooms merge one by one, the smallest first; while there are more than this, all at once."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FaceGraph:
@@ -135,9 +138,35 @@ def merge_small(room: Ints, graph: FaceGraph, area: Floats, least: float) -> Int
         small = np.flatnonzero(size < least)
         if not len(small):
             return renumber(room)
+        if len(small) > MANY:
+            room = renumber(_merge_all(room, graph, size < least))
+            continue
         victim = small[np.argmin(size[small])]
         room[room == victim] = _most_open_neighbour(room, graph, int(victim))
         room = renumber(room)
+
+
+def _merge_all(room: Ints, graph: FaceGraph, small: Mask) -> Ints:
+    """Give every small room (count,) at once to the neighbour with the longest open boundary.
+
+    Each round leaves at most half of the small rooms small.
+    """
+    count = len(small)
+    a, b = room[graph.first], room[graph.second]
+    between = (a >= 0) & (b >= 0) & (a != b)
+    a, b, opening = a[between], b[between], (graph.length - graph.covered)[between]
+    pair, inverse = np.unique(np.concatenate((a * count + b, b * count + a)), return_inverse=True)
+    opening = sums(inverse.reshape(-1), np.concatenate((opening, opening)), len(pair))
+    first, second = pair // count, pair % count
+    wanted = small[first] & (opening > 1e-6)
+    first, second, opening = first[wanted], second[wanted], opening[wanted]
+    best = np.lexsort((second, -opening, first))
+    best = best[np.concatenate(([True], np.diff(first[best]) > 0))] if len(best) else best
+    whole = components(first[best], second[best], count)
+    # what is small and opens to nothing is no room
+    lonely = np.bincount(whole, minlength=count)[whole] == 1
+    whole[small & lonely] = -1
+    return np.append(whole, -1)[room]
 
 
 def _most_open_neighbour(room: Ints, graph: FaceGraph, victim: int) -> int:

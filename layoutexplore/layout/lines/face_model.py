@@ -213,10 +213,14 @@ def find_rooms(faces: FaceModel, config: FaceConfig) -> Ints:
     return merge_small(room, faces.graph, faces.free_area, config.room_area)
 
 
-def with_lines(lines: WallGroups, direction: Ints, offset: Floats) -> WallGroups:
-    """The lines and those of direction (n,) and offset (n,) not among them; no segment covers these."""
+def with_lines(lines: WallGroups, direction: Ints, offset: Floats, most: int) -> WallGroups:
+    """The lines and those of direction (n,) and offset (n,) not among them; no segment covers these.
+
+    Together they are at most `most`.
+    """
     known = set(zip(lines.direction.tolist(), lines.offset.tolist(), strict=True))
     new = sorted(set(zip(direction.tolist(), offset.tolist(), strict=True)) - known)
+    new = new[: max(most - len(lines), 0)]
     zeros = np.zeros(len(new))
     return WallGroups(
         group=lines.group,

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numba import njit
 
-from layoutexplore.grids.arrays import Floats, Ints, Ints32
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.layout.lines.faces import Arrangement
 
 
@@ -100,22 +100,42 @@ def _boundary_rings(arrangement: Arrangement, group: Ints) -> tuple[list[Floats]
     after = arrangement.following.copy()
     while (inner := ~outer[after] & outer).any():
         after[inner] = arrangement.following[twin[after[inner]]]
-    line = arrangement.line[np.arange(len(of_half)) // 2].tolist()
-    origin = arrangement.vertices[arrangement.edges.reshape(-1)]
-    successor, waiting = after.tolist(), outer.tolist()
-    rings, owner = [], []
-    for first in np.flatnonzero(outer).tolist():
-        if not waiting[first]:
+    halves, ends, owner = _walk_around(after, outer, arrangement.line, of_half)
+    corners = arrangement.vertices[arrangement.edges.reshape(-1)[halves]]
+    rings = np.split(corners, ends[:-1]) if len(ends) else []
+    return rings, owner, _signed_areas(rings)
+
+
+@njit(cache=True, nogil=True)
+def _walk_around(after: Ints, outer: Mask, line: Ints, of_half: Ints) -> tuple[Ints, Ints, Ints]:
+    """Half-edges that begin at the corners of boundaries, where each boundary ends among them, its group."""
+    waiting = outer.copy()
+    walked, kept = np.empty(len(outer), np.int64), np.empty(len(outer), np.int64)
+    ends, owner = np.empty(len(outer), np.int64), np.empty(len(outer), np.int64)
+    count = rings = 0
+    for start in range(len(outer)):
+        if not waiting[start]:
             continue
-        walk, here = [], first
+        length, here = 0, start
         while waiting[here]:
             waiting[here] = False
-            walk.append(here)
-            here = successor[here]
-        corners = [h for before, h in zip([walk[-1], *walk], walk, strict=False) if line[before] != line[h]]
-        rings.append(origin[corners if len(corners) > 2 else walk])
-        owner.append(int(of_half[first]))
-    return rings, np.array(owner, np.int64), _signed_areas(rings)
+            walked[length] = here
+            length += 1
+            here = after[here]
+        first, before = count, walked[length - 1]
+        for k in range(length):
+            # a corner is where the boundary goes on along another line
+            if line[before // 2] != line[walked[k] // 2]:
+                kept[count] = walked[k]
+                count += 1
+            before = walked[k]
+        if count - first <= 2:
+            # no ring has so few corners: a boundary along lines that coincide keeps all of them
+            kept[first : first + length] = walked[:length]
+            count = first + length
+        ends[rings], owner[rings] = count, of_half[start]
+        rings += 1
+    return kept[:count], ends[:rings], owner[:rings]
 
 
 def _signed_areas(rings: list[Floats]) -> Floats:

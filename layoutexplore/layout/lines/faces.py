@@ -192,7 +192,8 @@ def _edges(lines: LineSet) -> tuple[Floats, Ints, Ints, Floats]:
         np.clip(x[inside], x0, x1),
         np.clip(y[inside], y0, y1),
     )
-    snapped = np.rint((x - x0) / SNAP).astype(np.int64) << 32 | np.rint((y - y0) / SNAP).astype(np.int64) + 1
+    snap = max(SNAP, (x1 - x0) / 2**30, (y1 - y0) / 2**30)  # both coordinates go into one number
+    snapped = np.rint((x - x0) / snap).astype(np.int64) << 32 | np.rint((y - y0) / snap).astype(np.int64) + 1
     _, keep, vertex = np.unique(snapped, return_index=True, return_inverse=True)
     vertex = vertex.reshape(-1)
     on_line = np.concatenate((first, second))

@@ -18,7 +18,9 @@ from layoutexplore.grids.components import components
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.canonical import in_canonical_orientation
 from layoutexplore.layout.frame import ranks, undirected
+from layoutexplore.layout.limits import cells_at_most, left_out, most_lines
 from layoutexplore.layout.lines.assemble import assemble, clean_grid
+from layoutexplore.layout.lines.canny import canny_edges
 from layoutexplore.layout.lines.face_model import (
     FaceConfig,
     FaceModel,
@@ -34,10 +36,13 @@ from layoutexplore.layout.lines.segments import (
     project,
     segment_angles,
 )
-from layoutexplore.layout.lines.walls import chain_lines, find_walls
+from layoutexplore.layout.lines.walls import chain_lines, find_walls, on_heaviest
 from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, empty_layout, has_free_space
+
+MOST_ANGLES = 1500
+"""The mean shift looks at so many different angles at most; where there are more, they are rounded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,20 +104,21 @@ def ias15(grid: OccupancyGrid, config: Ias15Config) -> Layout:
         walls = grid.cells == OCCUPIED
         if config.furniture_filter:
             walls = without_islands(walls, grid.resolution, config.furniture_gap, config.furniture_size)
-        edges = cv2.Canny(walls.astype(np.uint8) * 255, *config.canny, apertureSize=5)
-        segments = find_segments(edges > 0, grid.resolution, config)
+        segments = find_segments(canny_edges(walls, *config.canny), grid.resolution, config)
     model = _wall_model(grid, walls, segments, config, timer)
     if model is None:
         return empty_layout("ias15", grid, "no walls: no wall segment was found", timings=timer.seconds)
+    doubts = left_out(grid.shape, len(segments), len(model.lines))
     faces = build_faces(grid, model, config, timer)
     with timer("clusters"):
         room = find_rooms(faces, config)
     if config.complete and (extra := _closing_lines(grid, model, faces, room)):
-        model = replace(model, lines=with_lines(model.lines, *map(np.array, zip(*extra, strict=True))))
+        direction, offset = map(np.array, zip(*extra, strict=True))
+        model = replace(model, lines=with_lines(model.lines, direction, offset, most_lines(grid.shape)))
         faces = build_faces(grid, model, config, timer)
         with timer("clusters"):
             room = find_rooms(faces, config)
-    return assemble("ias15", grid, model, faces, room, timer)
+    return assemble("ias15", grid, model, faces, room, timer, doubts)
 
 
 def _wall_model(
@@ -126,12 +132,18 @@ def _wall_model(
         if not len(kept):
             return None
         aligned = project(segments[kept], directions, member)
+        lines = chain_lines(aligned, config.line_distance)
+        heavy = on_heaviest(lines, most_lines(grid.shape))
+        if heavy is not None:
+            kept, member = kept[heavy], member[heavy]
+            aligned = project(segments[kept], directions, member)
+            lines = chain_lines(aligned, config.line_distance)
         return WallModel(
             clean_grid=clean_grid(grid, walls),
             segments=segments[kept],
             aligned=aligned,
             walls=find_walls(aligned, config.wall_gap),
-            lines=chain_lines(aligned, config.line_distance),
+            lines=lines,
         )
 
 
@@ -152,6 +164,11 @@ def mean_shift_directions(
     if not len(angles):
         return np.zeros(0), np.zeros(0, np.int64)
     values, inverse, counts = np.unique(np.round(angles, 4), return_inverse=True, return_counts=True)
+    if len(values) > MOST_ANGLES:  # all pairs are compared
+        step = np.pi / MOST_ANGLES
+        values, inverse, counts = np.unique(
+            np.floor(angles / step) * step, return_inverse=True, return_counts=True
+        )
     modes = values.copy()
     for _ in range(200):
         difference = np.mod(values[None, :] - modes[:, None] + np.pi / 2, np.pi) - np.pi / 2
@@ -199,7 +216,7 @@ def without_islands(walls: Mask, resolution: float, gap: float, size: float) -> 
         gap: Cells closer than this, in metres, belong to one group.
         size: In metres.
     """
-    reach = max(round(gap / resolution), 1)
+    reach = cells_at_most(gap, resolution, max(walls.shape))
     grown = cv2.dilate(walls.astype(np.uint8), np.ones((reach, reach), np.uint8))
     count, part = cv2.connectedComponents(grown, connectivity=8, ltype=cv2.CV_32S)
     part[~walls] = 0
@@ -227,6 +244,8 @@ def _closing_lines(
     border = len(model.lines)
     labels = np.append(room[faces.group], -1)[faces.painted]
     labels[grid.cells != FREE] = -1
+    by_room = np.argsort(labels, axis=None, kind="stable")
+    first = np.searchsorted(labels.reshape(-1)[by_room], np.arange(int(room.max(initial=-1)) + 2))
     found = set()
     for side, outward in enumerate((-1.0, 1.0, 1.0, -1.0)):
         angle = arrangement.lines.angle[border + side]
@@ -236,7 +255,7 @@ def _closing_lines(
                 continue
             direction = int(angle_between(model.aligned.directions, np.array(angle)).argmin())
             theta = model.aligned.directions[direction]
-            rows, cols = np.nonzero(labels == owner)
+            rows, cols = np.divmod(by_room[first[owner] : first[owner + 1]], grid.shape[1])
             if len(rows) and angle_between(np.array(theta), np.array(angle)) < np.pi / 4:
                 offset = ((rows + 0.5) * np.cos(theta) - (cols + 0.5) * np.sin(theta)) * grid.resolution
                 towards = (

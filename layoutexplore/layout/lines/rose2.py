@@ -17,6 +17,7 @@ from layoutexplore.grids.arrays import Floats, Ints, Mask
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.layout.canonical import in_canonical_orientation
 from layoutexplore.layout.frame import undirected
+from layoutexplore.layout.limits import left_out, most_lines
 from layoutexplore.layout.lines.assemble import assemble, clean_grid
 from layoutexplore.layout.lines.declutter import (
     DeclutterConfig,
@@ -26,9 +27,9 @@ from layoutexplore.layout.lines.declutter import (
     wall_surface,
 )
 from layoutexplore.layout.lines.face_model import FaceConfig, WallModel, build_faces, find_rooms
-from layoutexplore.layout.lines.segments import AlignedSegments, SegmentConfig, align, find_segments
+from layoutexplore.layout.lines.segments import AlignedSegments, SegmentConfig, align, find_segments, project
 from layoutexplore.layout.lines.topology import TopologyConfig, split_rooms
-from layoutexplore.layout.lines.walls import WallGroups, find_walls, merge_walls
+from layoutexplore.layout.lines.walls import WallGroups, find_walls, merge_walls, on_heaviest
 from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, ScoreDetails, empty_layout, has_free_space
@@ -85,6 +86,7 @@ def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
     with timer("segments"):
         mask, segments = clean_map(occupied, structure, grid, config)
     model = find_wall_model(grid, structure, mask, segments, config, timer)
+    doubts = left_out(grid.shape, len(segments), 0 if model is None else len(model.lines))
     if model is None:
         return empty_layout(
             "rose2",
@@ -103,11 +105,8 @@ def rose2(grid: OccupancyGrid, config: Rose2Config) -> Layout:
     if config.split and room.max(initial=-1) >= 0:
         with timer("topology"):
             model, faces, room = split_rooms(grid, model, faces, room, config, config)
-    doubts = (
-        (f"structure score {structure.score:.2f} is above 0.4: do not trust the layout",)
-        if structure.score > 0.4
-        else ()
-    )
+    if structure.score > 0.4:
+        doubts += (f"structure score {structure.score:.2f} is above 0.4: do not trust the layout",)
     return assemble("rose2", grid, model, faces, room, timer, doubts)
 
 
@@ -138,16 +137,23 @@ def clean_map(
 
 
 def chain_walls(
-    segments: Floats, structure: Directions, config: Rose2Config
+    segments: Floats, structure: Directions, config: Rose2Config, most: int
 ) -> tuple[AlignedSegments, Ints, WallGroups, WallGroups] | None:
-    """Aligned segments, their rows in `segments`, walls and representative lines; None without a wall."""
+    """Aligned segments, their rows in `segments`, walls and at most `most` lines; None without a wall."""
     if not len(structure.directions) or not len(segments):
         return None
     aligned, kept = align(segments, structure.directions, np.radians(config.deviation))
     if not len(aligned):
         return None
     walls = find_walls(aligned, config.wall_gap)
-    return aligned, kept, walls, merge_walls(aligned, walls, config.line_distance)
+    lines = merge_walls(aligned, walls, config.line_distance)
+    heavy = on_heaviest(lines, most)
+    if heavy is not None:
+        kept = kept[heavy]
+        aligned = project(segments[kept], structure.directions, aligned.direction[heavy])
+        walls = find_walls(aligned, config.wall_gap)
+        lines = merge_walls(aligned, walls, config.line_distance)
+    return aligned, kept, walls, lines
 
 
 def find_wall_model(
@@ -160,7 +166,7 @@ def find_wall_model(
 ) -> WallModel | None:
     """Walls and representative lines of the clean map; None when there is no wall."""
     with timer("walls"):
-        chained = chain_walls(segments, structure, config)
+        chained = chain_walls(segments, structure, config, most_lines(grid.shape))
     if chained is None:
         return None
     aligned, kept, walls, lines = chained

@@ -7,6 +7,7 @@ line of the nearest dominant direction through its midpoint.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
@@ -14,6 +15,10 @@ import numpy as np
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Bytes, Floats, Ints, Mask
 from layoutexplore.layout.frame import undirected
+from layoutexplore.layout.limits import most_segments
+
+LONGEST_IMAGE = 16_384
+"""Longer images are searched for segments in parts of so many rows and columns."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,20 +94,30 @@ def find_segments(mask: Mask, resolution: float, config: SegmentConfig) -> Float
         mirrored = _hough(np.ascontiguousarray(image[::-1]), resolution, config)
         mirrored[:, 1::2] = rows[-1] - mirrored[:, 1::2]
         found = np.concatenate((found, mirrored))
-    return np.asarray((found + 0.5) * resolution, np.float64)
+    return np.asarray((_longest(found, most_segments(mask.shape)) + 0.5) * resolution, np.float64)
+
+
+def _longest(segments: Ints, most: int) -> Ints:
+    """At most so many segments (n, 4), the longest, in the order in which they were found."""
+    if len(segments) <= most:
+        return segments
+    length = np.abs(segments[:, 2:] - segments[:, :2]).max(axis=1)
+    return np.asarray(segments[np.sort(np.argsort(-length, kind="stable")[:most])])
 
 
 def _hough(image: Bytes, resolution: float, config: SegmentConfig) -> Ints:
     """Segments int64 (n, 4) as column and row of both ends."""
-    found = cv2.HoughLinesP(
-        image,
-        1,
-        np.pi / 180,
-        max(round(config.votes / resolution), 2),
-        minLineLength=round(config.min_length / resolution),
-        maxLineGap=round(config.max_gap / resolution),
+    votes, length, gap = (
+        round(min(metres / resolution, 2**30)) for metres in (config.votes, config.min_length, config.max_gap)
     )
-    return np.zeros((0, 4), np.int64) if found is None else found.reshape(-1, 4).astype(np.int64)
+    parts = [np.zeros((0, 4), np.int64)]
+    # the table of votes has a row for each distance from the corner: that of a very long image would not fit
+    for row, col in product(*(range(0, n, LONGEST_IMAGE) for n in image.shape)):
+        part = np.ascontiguousarray(image[row : row + LONGEST_IMAGE, col : col + LONGEST_IMAGE])
+        found = cv2.HoughLinesP(part, 1, np.pi / 180, max(votes, 2), minLineLength=length, maxLineGap=gap)
+        if found is not None:
+            parts.append(found.reshape(-1, 4) + np.array((col, row, col, row)))
+    return np.concatenate(parts)
 
 
 def segment_angles(segments: Floats) -> Floats:

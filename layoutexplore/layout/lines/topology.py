@@ -13,14 +13,17 @@ a line of a dominant direction through the widest gap between the parts.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
+from numba import njit
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.arrays import Floats, Ints
+from layoutexplore.grids.arrays import Bytes, Floats, Ints
 from layoutexplore.grids.components import components, split_labels
 from layoutexplore.grids.grid import FREE, OccupancyGrid
+from layoutexplore.layout.limits import most_lines
 from layoutexplore.layout.lines.face_clusters import merge_small, renumber
 from layoutexplore.layout.lines.face_model import (
     FaceConfig,
@@ -122,26 +125,33 @@ def _find_cuts(
     if not len(wanted):
         return []
     chosen = np.isin(room_of, wanted)
-    at, part_of = at[chosen], part_of[chosen]
+    by_room = np.flatnonzero(chosen)[np.argsort(room_of[chosen], kind="stable")]
+    at, part_of, room_of = at[by_room], part_of[by_room], room_of[by_room]
     points = np.stack((at % grid.shape[1] + 0.5, at // grid.shape[1] + 0.5), axis=1) * grid.resolution
+    first = np.searchsorted(room_of, np.append(wanted, len(parts_in_room)))
+    by_owner = np.argsort(owner, kind="stable")
+    rank = np.empty(len(owner), np.int64)
+    rank[by_owner] = np.arange(len(owner)) - np.searchsorted(owner[by_owner], owner[by_owner])
+    rank = rank[part_of]
     cuts = [
-        _best_cut(int(r), model, points, part_of, np.flatnonzero(owner == r), options.split_overlap)
-        for r in wanted
+        _best_cut(int(r), model, points[i:j], rank[i:j], int(parts_in_room[r]), options.split_overlap)
+        for r, (i, j) in zip(wanted, pairwise(first.tolist()), strict=True)
     ]
     return [cut for cut in cuts if cut is not None]
 
 
 def _best_cut(
-    room: int, model: WallModel, points: Floats, part_of: Ints, parts: Ints, overlap: float
+    room: int, model: WallModel, points: Floats, rank: Ints, parts: int, overlap: float
 ) -> Cut | None:
-    """The line that separates a room's parts: a representative one, else in the widest gap, if one does."""
-    inside = np.isin(part_of, parts)
-    points, rank = points[inside], np.searchsorted(parts, part_of[inside])
+    """The line that separates a room's parts: a representative one, else in the widest gap, if one does.
+
+    `rank` (n,) is the part, from 0, that each of the points (n, 2) lies in.
+    """
     fallback, widest = None, -overlap
     best, most = None, 0.0
     for direction, angle in enumerate(model.aligned.directions):
         offset = points[:, 1] * np.cos(angle) - points[:, 0] * np.sin(angle)
-        low, high = quantile_extent(offset, rank, len(parts), 0.05)
+        low, high = quantile_extent(offset, rank, parts, 0.05)
         order = np.argsort(low + high, kind="stable")
         reach = np.maximum.accumulate(high[order])[:-1]
         begin = np.minimum.accumulate(low[order][::-1])[::-1][1:]
@@ -150,14 +160,14 @@ def _best_cut(
         if gap[k] > widest:
             widest = float(gap[k])
             fallback = Cut(room=room, direction=direction, offset=float((begin[k] + reach[k]) / 2))
-        mine = np.flatnonzero(model.lines.direction == direction)
-        for line in mine:
-            between = np.flatnonzero(
-                (reach <= model.lines.offset[line]) & (model.lines.offset[line] <= begin)
-            )
-            if len(between) and model.lines.length[line] > most:
-                most = float(model.lines.length[line])
-                best = Cut(room=room, direction=direction, offset=float(model.lines.offset[line]))
+        mine = np.flatnonzero((model.lines.direction == direction) & (model.lines.length > most))
+        # both rise: of the gaps that begin before a line the last one ends last
+        last = np.searchsorted(reach, model.lines.offset[mine], side="right") - 1
+        mine = mine[(last >= 0) & (model.lines.offset[mine] <= begin[last])]
+        if len(mine):
+            line = mine[model.lines.length[mine].argmax()]
+            most = float(model.lines.length[line])
+            best = Cut(room=room, direction=direction, offset=float(model.lines.offset[line]))
     return best or fallback
 
 
@@ -169,18 +179,35 @@ def quantile_extent(values: Floats, rank: Ints, count: int, share: float) -> tup
         >>> low.tolist(), high.tolist()
         ([1.0], [7.0])
     """
-    order = np.lexsort((values, rank))
-    values, first = values[order], np.searchsorted(rank[order], np.arange(count + 1))
-    size = np.diff(first)
-    low, high = (values[first[:-1] + (q * (size - 1)).astype(np.int64)] for q in (share, 1 - share))
+    grouped, first = _grouped(values, rank, count)
+    low, high = np.empty(count), np.empty(count)
+    for k, group in enumerate(np.split(grouped, first[1:-1])):
+        places = [int(q * (len(group) - 1)) for q in (share, 1 - share)]
+        low[k], high[k] = np.partition(group, places)[places]
     return low, high
+
+
+@njit(cache=True, nogil=True)
+def _grouped(values: Floats, rank: Ints, count: int) -> tuple[Floats, Ints]:
+    """The values (n,) group by group, and where each group begins, int64 (count + 1,)."""
+    first = np.zeros(count + 1, np.int64)
+    for k in range(len(rank)):
+        first[rank[k] + 1] += 1
+    for group in range(count):
+        first[group + 1] += first[group]
+    # `place` is where the next value of a group goes
+    place, grouped = first[:-1].copy(), np.empty(len(values))
+    for k in range(len(values)):
+        grouped[place[rank[k]]] = values[k]
+        place[rank[k]] += 1
+    return grouped, first
 
 
 def _apply(
     grid: OccupancyGrid, model: WallModel, faces: FaceModel, room: Ints, cuts: list[Cut], config: FaceConfig
 ) -> tuple[WallModel, FaceModel, Ints]:
     added = np.array([c.direction for c in cuts], np.int64), np.array([c.offset for c in cuts])
-    model = replace(model, lines=with_lines(model.lines, *added))
+    model = replace(model, lines=with_lines(model.lines, *added, most_lines(grid.shape)))
     arrangement = arrange_lines(grid, model, config.margin)
     covered, weight = line_weights(arrangement, model)
     centre, parent = _centres(arrangement), _parents(arrangement, faces.arrangement)
@@ -209,12 +236,18 @@ def _parents(fine: Arrangement, coarse: Arrangement) -> Ints:
     """The coarse arrangement's cell that holds each of the fine one, by the sides of all coarse lines."""
     lines = coarse.lines
     normal = np.stack((-np.sin(lines.angle), np.cos(lines.angle)))
-    codes = [np.packbits(_centres(a) @ normal > lines.offset, axis=1) for a in (coarse, fine)]
+    codes = [_codes(_centres(a), normal, lines.offset) for a in (coarse, fine)]
     _, key = np.unique(np.concatenate(codes), axis=0, return_inverse=True)
     key = key.reshape(-1)
     owner = np.full(int(key.max()) + 1, 0, np.int64)
     owner[key[: len(coarse)]] = np.arange(len(coarse))
     return owner[key[len(coarse) :]]
+
+
+def _codes(points: Floats, normal: Floats, offset: Floats) -> Bytes:
+    """On which side of each line (2, n) points (m, 2) lie, as bits uint8 (m, n / 8); block by block."""
+    blocks = [points[i : i + 4096] for i in range(0, len(points), 4096)]
+    return np.concatenate([np.packbits(block @ normal > offset, axis=1) for block in blocks])
 
 
 def _connected(arrangement: Arrangement, group: Ints, of_cell: Ints) -> tuple[Ints, Ints]:

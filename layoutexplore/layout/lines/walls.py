@@ -114,6 +114,18 @@ def chain_lines(segments: AlignedSegments, distance: float) -> WallGroups:
     return summarise(segments, group)
 
 
+def on_heaviest(lines: WallGroups, most: int) -> Ints | None:
+    """Rows int64 (k,), rising, of the segments on the `most` lines of largest length; None for all of them.
+
+    A line goes with all its segments: what is left falls into the same walls and lines again.
+    """
+    if len(lines) <= most:
+        return None
+    kept = np.zeros(len(lines), np.bool_)
+    kept[np.argsort(-lines.length.round(9), kind="stable")[:most]] = True
+    return np.flatnonzero(kept[lines.group])
+
+
 def summarise(segments: AlignedSegments, group: Ints) -> WallGroups:
     """The groups' directions, offsets and extents, given each segment's group (0 ... m - 1, none empty)."""
     count = int(group.max()) + 1 if len(group) else 0

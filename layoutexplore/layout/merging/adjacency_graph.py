@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from layoutexplore.grids.arrays import Floats32, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask
 from layoutexplore.grids.bitsets import set_bits, true_cells
 from layoutexplore.grids.flood import spread_in_place
+from layoutexplore.layout.limits import cells_at_most
 from layoutexplore.layout.merging.contact_table import LineStrips, RegionMaps, WallBits, contact_table
 from layoutexplore.layout.merging.door_gaps import DoorGaps
 from layoutexplore.layout.merging.graph_tables import RegionGraph
@@ -25,6 +26,9 @@ BESIDE = 0.3
 WALL_THICKNESS = 0.5
 """Two regions touch across an obstacle up to twice so thick [m]."""
 
+LARGEST_TABLE = 2**23
+"""The table of regions and rooms of the lines has at most so many entries."""
+
 
 def region_graph(
     labels: Ints32,
@@ -37,7 +41,7 @@ def region_graph(
     lines: LineEvidence,
     resolution: float,
 ) -> RegionGraph:
-    """The graph of a map's regions.
+    """The graph of a map's regions; without the rooms of the lines where their table would be too large.
 
     Args:
         labels: int32 (rows, cols), the regions, numbered from 1 without gaps, 0 for none.
@@ -50,11 +54,11 @@ def region_graph(
         resolution: Metres a cell.
     """
     steps, slack, near, far, beside = (
-        max(round(length / resolution), 1)
+        cells_at_most(length, resolution, 10**6)
         for length in (WALL_THICKNESS, SLACK, NEAR_REACH, FAR_REACH, BESIDE)
     )
     rows, cols = labels.shape
-    along_rows, along_cols = set_bits(true_cells(wall), rows, cols, slack)
+    along_rows, along_cols = set_bits(true_cells(wall), rows, cols, min(slack, rows + cols))
     spread = labels.copy()
     spread_in_place(spread, wall, steps)
     changes = true_cells(label_changes(spread, wall))
@@ -70,4 +74,16 @@ def region_graph(
         ),
         nodes,
     )
-    return RegionGraph(nodes, ends, edges, count_rooms(labels, free, lines, count, beside=slack), resolution)
+    if (count + 1) * (int(lines.room.max(initial=0)) + 1) > LARGEST_TABLE:
+        return RegionGraph(nodes, ends, edges, np.zeros((count + 1, 1)), resolution)
+    return RegionGraph(
+        nodes, ends, edges, rooms_of_regions(labels, free, lines, count, resolution), resolution
+    )
+
+
+def rooms_of_regions(
+    labels: Ints32, free: Mask, lines: LineEvidence, count: int, resolution: float
+) -> Floats:
+    """float64 (count + 1, rooms + 1): known free cells of regions in the rooms of the lines, 0 for none."""
+    slack = cells_at_most(SLACK, resolution, max(labels.shape))
+    return count_rooms(labels, free, lines, count, beside=slack)

@@ -7,6 +7,7 @@ running sum over the rows or the columns. Cells that score enough are walls, and
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from numba import njit
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, Words
 from layoutexplore.grids.bitsets import count_bits, set_bits, true_cells
 from layoutexplore.layout.alignment import surfaces
+from layoutexplore.layout.limits import cells_at_most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,29 +90,42 @@ def _walls(scores: Sequence[Ints], count: int, resolution: float, config: AxisLi
 
 @njit(cache=True, nogil=True)
 def _offsets(profile: Floats, slack: int, reach: int, least: float) -> Ints:
-    """Rows of the lines: the row with most wall within `slack` first, none within `reach` of another."""
+    """Rows of the lines, the row with most wall within `slack` first, none within `reach` of another."""
     # where sums are equal the row with more wall itself, then the first: lines lie on walls, not beside them
     n = len(profile)
     left = profile.copy()
-    out = np.empty(n, np.int64)
+    heap = [(0.0, 0.0, 0) for _ in range(0)]
+    for r in range(n):
+        total = _around(left, r, slack)
+        if left[r] > 0 and total > least:
+            heap.append((-total, -left[r], r))
+    heapq.heapify(heap)
+    out = np.empty(len(heap), np.int64)
     count = 0
-    while True:
-        best, best_sum = -1, least
-        for r in range(n):
-            if left[r] <= 0:
-                continue
-            total = 0.0
-            for k in range(max(r - slack, 0), min(r + slack + 1, n)):
-                total += left[k]
-            if total > best_sum or (total == best_sum and best >= 0 and left[r] > left[best]):
-                best, best_sum = r, total
-        if best < 0:
-            break
+    while len(heap) > 0:
+        before, _, best = heapq.heappop(heap)
+        if left[best] <= 0:
+            continue
+        # what a line has taken makes sums smaller, never larger: a row is entered again with what it has now
+        total = _around(left, best, slack)
+        if total != -before:
+            if total > least:
+                heapq.heappush(heap, (-total, -left[best], best))
+            continue
         out[count] = best
         count += 1
         for k in range(max(best - reach, 0), min(best + reach + 1, n)):
             left[k] = 0.0
-    return np.sort(out[:count])
+    return out[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def _around(values: Floats, r: int, slack: int) -> float:
+    """The sum of the values at most `slack` from the one at r."""
+    total = 0.0
+    for k in range(max(r - slack, 0), min(r + slack + 1, len(values))):
+        total += values[k]
+    return total
 
 
 @njit(cache=True, nogil=True)
@@ -149,11 +164,11 @@ def _lines(
         config: The options.
     """
     slack, reach, joint = (
-        max(round(length / resolution), 1)
+        cells_at_most(length, resolution, shape[0] + shape[1])
         for length in (config.slack, config.line_distance / 2, config.slack / 2)
     )
     profile = np.bincount(rows, minlength=shape[0]).astype(np.float64)
-    offsets = _offsets(profile, slack, reach, config.line_length / resolution)
+    offsets = np.sort(_offsets(profile, slack, reach, config.line_length / resolution))
     return AxisLines(offsets, _coverage(rows, cols, shape[1], offsets, reach, joint))
 
 
@@ -171,7 +186,7 @@ def find_lines(
     rows, cols = cells.shape
     surface = surfaces(cells)
     at = true_cells(surface & wall)
-    along_rows, along_cols = set_bits(at, rows, cols, max(round(config.slack / resolution), 1))
+    along_rows, along_cols = set_bits(at, rows, cols, cells_at_most(config.slack, resolution, rows + cols))
     row, col = np.divmod(at, cols)
     half, near = (max(round(length / resolution / 2), 1) for length in (config.wall_length, config.run))
     enough = config.run_share * (2 * near + 1)

@@ -10,7 +10,7 @@ from numba import njit
 from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask, Words
 from layoutexplore.grids.bitsets import count_bits
 from layoutexplore.layout.merging.door_gaps import GAP
-from layoutexplore.layout.merging.graph_tables import EDGE, find_edge
+from layoutexplore.layout.merging.graph_tables import EDGE, edge_slots, find_slot
 from layoutexplore.layout.merging.node_table import add_side
 
 
@@ -143,8 +143,7 @@ def contact_table(
     # at most two contacts a change; grown arrays would be counted references in the loop
     ends = np.empty((2 * len(changes), 2), np.int32)
     edges = np.empty((2 * len(changes), len(EDGE)))
-    links = np.empty(2 * len(changes), np.int32)
-    heads = np.full(len(nodes), -1, np.int32)
+    slots = edge_slots(2 * len(changes))
     m, e, r = 0, -1, 0
     for i in changes:
         while i >= (r + 1) * cols:
@@ -164,14 +163,13 @@ def contact_table(
             low, high = min(p, q), max(p, q)
             # mostly the contact of the side before
             if e < 0 or ends[e, 0] != low or ends[e, 1] != high:
-                e = find_edge(low, high, ends, heads, links)
-            if e < 0:
-                e = m
-                m += 1
-                ends[e, 0], ends[e, 1] = low, high
-                links[e] = heads[low]
-                heads[low] = e
-                edges[e] = 0.0
+                slot = find_slot(low, high, ends, slots)
+                e = slots[slot]
+                if e < 0:
+                    e = slots[slot] = m
+                    m += 1
+                    ends[e, 0], ends[e, 1] = low, high
+                    edges[e] = 0.0
             # regions that meet only once they are spread into a wall touch across it
             if a == 0 or b == 0:
                 edges[e, EDGE.through] += 1

@@ -9,6 +9,7 @@ covered.
 
 from __future__ import annotations
 
+import bisect
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,6 +19,7 @@ from numba import njit
 from layoutexplore.grids.arrays import Floats32, Ints, Ints32
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid
 from layoutexplore.layout.alignment import surfaces
+from layoutexplore.layout.limits import cells_at_most, most_lines
 from layoutexplore.layout.lines.assemble import FaceDetails
 from layoutexplore.layout.lines.declutter import DeclutterConfig, find_structure
 from layoutexplore.layout.lines.face_clusters import dissolve
@@ -33,13 +35,17 @@ from layoutexplore.layout.lines.face_model import (
 from layoutexplore.layout.lines.face_outlines import paint_faces
 from layoutexplore.layout.lines.segments import angle_between
 from layoutexplore.layout.lines.topology import quantile_extent
-from layoutexplore.layout.types import Details, Face, Line
+from layoutexplore.layout.types import Details, Face, Line, RoomFaces
 
 LINE_DISTANCE = 0.4
 """A room that ends farther than this from every line gets a line of its own [m]."""
 
 SAMPLE = 0.1
 """Distance of the cells that a room's extent is measured on [m]."""
+
+
+LARGEST_TABLE = 2**23
+"""The table of faces and rooms has at most so many entries; larger ones are not made."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +90,11 @@ class MergingDetails(Details):
         """The faces, by id."""
         return self._found.faces
 
+    @property
+    def room_faces(self) -> RoomFaces:
+        """Those of the faces that belong to a room, by id."""
+        return self._found.room_faces
+
     def faces_of(self, room: int) -> tuple[int, ...]:
         """Indices of the faces of a room, rising."""
         return self._found.faces_of(room)
@@ -98,32 +109,37 @@ def with_room_lines(grid: OccupancyGrid, model: WallModel, labels: Ints32, dista
         labels: int32 (rows, cols), rooms from 1, 0 for none.
         distance: Between parallel lines [m].
     """
-    step = max(round(SAMPLE / grid.resolution), 1)
-    rows, cols = np.nonzero(labels[::step, ::step])
-    if not len(rows):
+    step = cells_at_most(SAMPLE, grid.resolution, max(grid.shape))
+    sampled = np.ascontiguousarray(labels[::step, ::step])
+    at = np.flatnonzero(sampled)
+    if not len(at):
         return model
+    of_cell = sampled.reshape(-1)[at]
+    rows, cols = np.divmod(at, sampled.shape[1])
     x, y = (cols * step + 0.5) * grid.resolution, (rows * step + 0.5) * grid.resolution
-    names, rank = np.unique(labels[::step, ::step][rows, cols], return_inverse=True)
+    present = np.bincount(of_cell) > 0
+    rank, count = (np.cumsum(present) - 1)[of_cell], int(present.sum())
     angles = model.aligned.directions
-    extents = [
-        quantile_extent(y * np.cos(a) - x * np.sin(a), rank.reshape(-1), len(names), 0.01) for a in angles
-    ]
+    extents = [quantile_extent(y * np.cos(a) - x * np.sin(a), rank, count, 0.01) for a in angles]
     low, high = (np.stack([extent[i] for extent in extents]) for i in (0, 1))
     across = angle_between(angles[:, None] + np.pi / 2, angles[None, :])
     partner = across.argmin(axis=1)
     best = ((high - low) * (high - low)[partner]).argmin(axis=0)
-    direction, offset = model.lines.direction.tolist(), model.lines.offset.tolist()
+    lines = [np.sort(model.lines.offset[model.lines.direction == d]).tolist() for d in range(len(angles))]
+    new: list[tuple[int, float]] = []
+    most = most_lines(grid.shape)
     for room, first in enumerate(best.tolist()):
+        if len(model.lines) + len(new) >= most:
+            break
         for d in (first, int(partner[first])):
             for t in (float(low[d, room]), float(high[d, room])):
-                if all(
-                    other != d or abs(at - t) > distance for other, at in zip(direction, offset, strict=True)
-                ):
-                    direction.append(d)
-                    offset.append(t)
-    count = len(model.lines)
-    new = np.array(direction[count:], np.int64), np.array(offset[count:], np.float64)
-    return replace(model, lines=with_lines(model.lines, *new))
+                place = bisect.bisect(lines[d], t)
+                if all(abs(beside - t) > distance for beside in lines[d][max(place - 1, 0) : place + 1]):
+                    lines[d].insert(place, t)
+                    new.append((d, t))
+    direction = np.array([d for d, _ in new], np.int64)
+    offset = np.array([t for _, t in new], np.float64)
+    return replace(model, lines=with_lines(model.lines, direction, offset, most))
 
 
 def faces_of_labels(grid: OccupancyGrid, model: WallModel, labels: Ints32, config: FaceConfig) -> FaceDetails:
@@ -137,13 +153,9 @@ def faces_of_labels(grid: OccupancyGrid, model: WallModel, labels: Ints32, confi
     """
     arrangement = arrange_lines(grid, model, config.margin)
     painted = paint_faces(arrangement, grid.shape, grid.resolution)
-    owner = _owners(
-        painted,
-        np.ascontiguousarray(labels),
-        len(arrangement),
-        int(labels.max(initial=0)) + 1,
-        config.inside_share,
-    )
+    count, rooms = len(arrangement), int(labels.max(initial=0)) + 1
+    owners = _owners if count * rooms <= LARGEST_TABLE else _owners_by_sorting
+    owner = owners(painted, np.ascontiguousarray(labels), count, rooms, config.inside_share)
     covered, weight, is_open = open_edges(arrangement, model, config)
     left, right = arrangement.sides.T
     group, count = dissolve(arrangement, is_open & (owner[left] == owner[right]))
@@ -175,3 +187,19 @@ def _owners(painted: Ints32, labels: Ints32, count: int, rooms: int, least: floa
                     best = room
             out[k] = best
     return out
+
+
+def _owners_by_sorting(painted: Ints32, labels: Ints32, count: int, rooms: int, least: float) -> Ints:
+    """What `_owners` finds, without a table of all cells of the arrangement and all rooms."""
+    inside = painted >= 0
+    key, number = np.unique(painted[inside].astype(np.int64) * rooms + labels[inside], return_counts=True)
+    face, room = np.divmod(key, rooms)
+    total = np.bincount(face, number, count)
+    labelled = room > 0
+    face, room, number = face[labelled], room[labelled], number[labelled]
+    order = np.lexsort((room, -number, face))
+    order = order[np.concatenate(([True], np.diff(face[order]) > 0))] if len(order) else order
+    out = np.zeros(count, np.int64)
+    out[face[order]] = room[order]
+    enough = (total > 0) & (np.bincount(face, number, count) >= least * total)
+    return np.where(enough, out, 0)

@@ -15,6 +15,7 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.runs import run_end
+from layoutexplore.layout.limits import cells_at_most
 
 LONGEST_RUN = 5.0
 """A wall beside a gap is followed no farther than this [m]."""
@@ -167,7 +168,7 @@ def list_gaps(
         longest: A wall beside a gap is followed no farther than this [m].
     """
     lengths = config.door_min, config.door_max, config.door_run, config.widening, config.reach, config.slack
-    sizes = GapSizes(*(max(round(v / resolution), 1) for v in (*lengths, longest)))
+    sizes = GapSizes(*(cells_at_most(v, resolution, 10**6) for v in (*lengths, longest)))
     upright = np.ascontiguousarray(blocked)
     lying = cv2.transpose(upright.view(np.uint8)).view(np.bool_)
     return _gaps_along_rows(upright, sizes), _gaps_along_rows(lying, sizes)

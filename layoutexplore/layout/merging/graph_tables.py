@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Floats, Ints32
@@ -129,15 +130,20 @@ def add_edge(whole: Floats, part: Floats) -> None:
 
 
 @njit(cache=True, nogil=True)
-def find_edge(a: int, b: int, ends: Ints32, heads: Ints32, links: Ints32) -> int:
-    """Row of contact (a, b) with a < b in the chain of a, or -1.
+def edge_slots(most: int) -> Ints32:
+    """An empty hash table for at most so many contacts: int32 of a power of two, at least half of it free."""
+    size = 16
+    while size < 2 * most:
+        size *= 2
+    return np.full(size, -1, np.int32)
 
-    A chain holds the contacts of one lower end: `heads[a]` is its last row, `links[e]` the one before `e`, -1
-    the end.
-    """
-    e = heads[a]
-    while e >= 0:
-        if ends[e, 1] == b:
-            return int(e)
-        e = links[e]
-    return -1
+
+@njit(cache=True, nogil=True)
+def find_slot(a: int, b: int, ends: Ints32, slots: Ints32) -> int:
+    """Where the row of contact (a, b) stands in the hash table, or has to be written: `slots` is -1 there."""
+    mask = len(slots) - 1
+    slot = (a * 73856093 ^ b * 19349663) & mask
+    # a table that is never full has a free place behind every contact
+    while slots[slot] >= 0 and (ends[slots[slot], 0] != a or ends[slots[slot], 1] != b):
+        slot = (slot + 1) & mask
+    return int(slot)

@@ -35,17 +35,18 @@ from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.alignment import Turned, main_direction, surfaces, turn, turn_back
 from layoutexplore.layout.canonical import canonical_orientation, trinary_part
 from layoutexplore.layout.frame import angles_to_world, to_world
+from layoutexplore.layout.limits import cells_at_most, left_out, most_lines, most_questions, most_regions
 from layoutexplore.layout.lines.assemble import freed, place_walls
 from layoutexplore.layout.lines.declutter import DeclutterConfig, Directions, find_directions
 from layoutexplore.layout.lines.face_model import WallModel
 from layoutexplore.layout.lines.rose2 import Rose2Config, chain_walls, with_perpendicular
 from layoutexplore.layout.lines.segments import find_segments
-from layoutexplore.layout.merging.adjacency_graph import region_graph
-from layoutexplore.layout.merging.agglomeration import Rest, merge_regions
+from layoutexplore.layout.merging.adjacency_graph import region_graph, rooms_of_regions
+from layoutexplore.layout.merging.agglomeration import Rest, merge_within
 from layoutexplore.layout.merging.details import MergingDetails
 from layoutexplore.layout.merging.door_gaps import DoorGapConfig, find_door_gaps
 from layoutexplore.layout.merging.graph_tables import RegionGraph
-from layoutexplore.layout.merging.line_evidence import find_evidence
+from layoutexplore.layout.merging.line_evidence import LineEvidence, find_evidence
 from layoutexplore.layout.merging.line_rooms import split_line_rooms
 from layoutexplore.layout.merging.merge_forest import load_forest
 from layoutexplore.layout.merging.slivers import absorb_slivers
@@ -121,6 +122,7 @@ class Oversegmentation:
         part: int32 (k + 1,), the region of the graph that each labelled one is a part of, 0 for none.
         structure: The directions of its walls, in the frame of its known part (the profile in the frame it
             was brought into).
+        doubts: What was left out, in words.
     """
 
     turned: Turned
@@ -129,6 +131,7 @@ class Oversegmentation:
     graph: RegionGraph
     part: Ints32
     structure: Directions
+    doubts: tuple[str, ...] = ()
 
 
 def find_regions(
@@ -166,30 +169,52 @@ def find_regions(
     with timer("graph"):
         padded = cv2.copyMakeBorder(inside.view(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
         distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1] - np.float32(0.5)
+        lines, free = find_evidence(turned.cells, wall, resolution), turned.cells == FREE
         graph = region_graph(
             labels,
-            free=turned.cells == FREE,
+            free=free,
             clutter=clutter,
             wall=wall,
             distance=distance,
             gaps=gaps,
-            lines=find_evidence(turned.cells, wall, resolution),
+            lines=lines,
             resolution=resolution,
         )
         graph, part_of = absorb_slivers(graph, config.sliver_area)
+        graph, doubts = _with_line_rooms(graph, part_of, labels, free, lines)
         graph = split_line_rooms(graph, config.room_pass)
-    return Oversegmentation(turned, labels, clutter, graph, part_of, structure)
+    return Oversegmentation(turned, labels, clutter, graph, part_of, structure, doubts)
+
+
+def _with_line_rooms(
+    graph: RegionGraph, part: Ints32, labels: Ints32, free: Mask, lines: LineEvidence
+) -> tuple[RegionGraph, tuple[str, ...]]:
+    """The graph with the rooms of the lines, counted now where there were too many regions with the slivers.
+
+    Of still more regions than can be compared room by room, they are left out, with a warning.
+    """
+    count, most = len(graph.nodes) - 1, most_regions(labels.shape)
+    rooms = int(lines.room.max(initial=0))
+    if count > most or (count + 1) * (rooms + 1) > most**2:
+        doubt = f"what the wall lines say of the rooms was left out: the map has {count} regions"
+        return replace(graph, rooms=np.zeros((count + 1, 1))), (doubt,)
+    if rooms and graph.rooms.shape[1] == 1:
+        table = rooms_of_regions(part[labels], free, lines, count, graph.resolution)
+        table[0] = 0.0
+        graph = replace(graph, rooms=table)
+    return graph, ()
 
 
 def merge_into_rooms(
     regions: Oversegmentation, grid: OccupancyGrid, config: MergingConfig, forest: Forest
-) -> tuple[Ints32, Ints32]:
-    """Room labels int32 of the grid's cells that are not occupied, and the rooms' footprints.
+) -> tuple[Ints32, Ints32, bool]:
+    """Room labels int32 of the cells that are not occupied, the rooms' footprints, and if all is merged.
 
     A footprint is a room with its furniture and half its walls.
     """
-    rest = Rest(config.room_area, config.nook_area, config.nook_level)
-    into = merge_regions(regions.graph, forest, level=config.merge_level, rest=rest)[regions.part]
+    rest = Rest(config.room_area, config.nook_area, config.nook_level, most_questions(grid.shape))
+    into, done = merge_within(regions.graph, forest, config.merge_level, rest)
+    into = into[regions.part]
     footprint = turn_back(regions.labels, regions.turned, grid.shape)
     if regions.turned.angle:
         grow_in_place(footprint, grid.free)
@@ -197,9 +222,11 @@ def merge_into_rooms(
     cells = np.require(grid.cells, requirements=("C", "W"))
     labels = _number_large(footprint, into, cells, grid.resolution**2, config.room_area)
     spread_in_place(
-        footprint, np.ascontiguousarray(grid.occupied), max(round(config.wall_half / grid.resolution), 1)
+        footprint,
+        np.ascontiguousarray(grid.occupied),
+        cells_at_most(config.wall_half, grid.resolution, 10**6),
     )
-    return labels, footprint
+    return labels, footprint, done
 
 
 @njit(cache=True, nogil=True)
@@ -271,7 +298,7 @@ def reconstruct_with(grid: OccupancyGrid, config: MergingConfig, forest: Forest)
     timer = StageTimer()
     regions = find_regions(grid.cells, grid.resolution, config, timer)
     with timer("merging"):
-        labels, footprint = merge_into_rooms(regions, grid, config, forest)
+        labels, footprint, done = merge_into_rooms(regions, grid, config, forest)
     with timer("walls"):
         structure = with_perpendicular(regions.structure)
         clutter = true_cells(turn_back(regions.clutter, regions.turned, grid.shape) & grid.occupied)
@@ -293,7 +320,7 @@ def reconstruct_with(grid: OccupancyGrid, config: MergingConfig, forest: Forest)
         segments=segments,
         walls=walls,
         timings=timer.seconds,
-        warnings=tuple(_doubts(rooms, structure)),
+        warnings=(*_doubts(rooms, structure), *regions.doubts, *_limits(model, len(ends) // 2, grid, done)),
         details=details,
     )
 
@@ -307,10 +334,16 @@ def _doubts(rooms: tuple[LayoutRoom, ...], structure: Directions) -> Iterator[st
         yield f"structure score {structure.score:.2f} is above 0.4: do not trust the walls"
 
 
+def _limits(model: WallModel | None, segments: int, grid: OccupancyGrid, done: bool) -> Iterator[str]:
+    yield from left_out(grid.shape, segments, 0 if model is None else len(model.lines))
+    if not done:
+        yield "regions were left unmerged: the map has too many of them that touch"
+
+
 def find_walls_of(clean: OccupancyGrid, structure: Directions) -> WallModel | None:
     """Walls and representative lines of a map without clutter, as ROSE2 finds them; None without a wall."""
     segments = find_segments(surfaces(clean.cells), clean.resolution, WALLS)
-    chained = chain_walls(segments, structure, WALLS)
+    chained = chain_walls(segments, structure, WALLS, most_lines(clean.shape))
     if chained is None:
         return None
     aligned, kept, walls, lines = chained

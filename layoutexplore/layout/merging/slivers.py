@@ -15,7 +15,15 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.grids.components import root_of
-from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph, add_edge, add_node, find_edge
+from layoutexplore.layout.merging.graph_tables import (
+    EDGE,
+    NODE,
+    RegionGraph,
+    add_edge,
+    add_node,
+    edge_slots,
+    find_slot,
+)
 
 
 class HalfEdges(NamedTuple):
@@ -141,7 +149,7 @@ def _coarsen(nodes: Floats, ends: Ints32, edges: Floats, into: Ints32) -> tuple[
             add_node(out[into[k]], nodes[k])
     new_ends = np.empty((len(ends), 2), np.int32)
     new_edges = np.zeros((len(ends), len(EDGE)))
-    heads, links = np.full(count, -1, np.int32), np.empty(len(ends), np.int32)
+    slots = edge_slots(len(ends))
     m = 0
     for e in range(len(ends)):
         a, b = into[ends[e, 0]], into[ends[e, 1]]
@@ -151,13 +159,12 @@ def _coarsen(nodes: Floats, ends: Ints32, edges: Floats, into: Ints32) -> tuple[
         if a == b or a == 0 or b == 0:
             continue
         low, high = min(a, b), max(a, b)
-        f = find_edge(low, high, new_ends, heads, links)
+        slot = find_slot(low, high, new_ends, slots)
+        f = slots[slot]
         if f < 0:
-            f = m
+            f = slots[slot] = m
             m += 1
             new_ends[f, 0], new_ends[f, 1] = low, high
-            links[f] = heads[low]
-            heads[low] = f
         add_edge(new_edges[f], edges[e])
     out[0] = 0.0
     return out, new_ends[:m].copy(), new_edges[:m].copy()

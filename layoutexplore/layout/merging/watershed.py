@@ -18,6 +18,9 @@ STEPS = 8
 HIGHEST = 65535
 """What is higher counts as this high: few maps are open for 8000 cells all around."""
 
+LARGEST_DISC = 20
+"""Larger discs are not drawn: space is closed by distances, whose time does not grow with the radius."""
+
 
 @njit(cache=True, nogil=True)
 def _highest_first(levels: NDArray[np.uint16], inside: Ints) -> Ints32:
@@ -173,6 +176,14 @@ def watershed_basins(blocked: Mask, resolution: float, *, share: float, wide: fl
     return np.asarray(_flood(np.ascontiguousarray(distance), inside, share, round(wide / resolution * STEPS)))
 
 
+def _closed_by_distance(free: Mask, steps: int) -> Mask:
+    """The closing by a disc, by two distance transforms: their time does not grow with the disc."""
+    wide = np.pad(free, steps + 1)
+    near = cv2.distanceTransform((~wide).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= steps
+    inside = cv2.distanceTransform(near.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) > steps
+    return np.asarray(inside[steps + 1 : -steps - 1, steps + 1 : -steps - 1])
+
+
 def closed_space(cells: Cells, resolution: float, radius: float) -> Mask:
     """Free cells, and the unknown cells in the chinks between them: the morphological closing by a disc.
 
@@ -182,9 +193,11 @@ def closed_space(cells: Cells, resolution: float, radius: float) -> Mask:
         radius: Of the disc [m].
     """
     free = cells == FREE
-    steps = round(radius / resolution)
+    steps = round(min(radius / resolution, max(cells.shape)))
     if steps < 1:
         return np.asarray(free)
+    if steps > LARGEST_DISC:
+        return np.asarray(free | (_closed_by_distance(free, steps) & (cells == UNKNOWN)))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * steps + 1, 2 * steps + 1))
     wide = cv2.copyMakeBorder(free.astype(np.uint8), steps, steps, steps, steps, cv2.BORDER_CONSTANT, value=0)
     closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, disc)[steps:-steps, steps:-steps] > 0

@@ -23,8 +23,10 @@ class Borders:
         count = int(labels.max(initial=0)) + 1
         self.area: list[int] = np.bincount(labels.ravel(), minlength=count).tolist()
         self.shares: list[dict[int, int]] = [{} for _ in range(count)]
-        for label, other, cells in _border_cells(np.ascontiguousarray(np.pad(labels, 1)), count).tolist():
-            self.shares[label][other] = cells
+        padded = np.ascontiguousarray(np.pad(labels, 1))
+        keys, cells = np.unique(_border_cells(padded, count), return_counts=True)
+        for key, number in zip(keys.tolist(), cells.tolist(), strict=True):
+            self.shares[key // count][key % count] = number
         self.perimeter = [sum(shares.values()) for shares in self.shares]
 
     def merge(self, gone: int, into: int) -> None:
@@ -49,7 +51,7 @@ class Borders:
 
 @njit(cache=True, nogil=True)
 def _border_cells(padded: Ints32, count: int) -> Ints:
-    """Rows (label, other, cells of the other with an 8-neighbour of the label), rising; a cell counts once.
+    """Pairs as label * count + other, for each cell of the other beside the label, once a label and cell.
 
     `padded` are the labels with a border of zeros.
     """
@@ -83,18 +85,7 @@ def _border_cells(padded: Ints32, count: int) -> Ints:
                         pairs[n, 0] = other
                         pairs[n, 1] = mine
                         n += 1
-    # pairs as single numbers: sorted, equal ones are counted in one pass
-    keys = np.sort(pairs[:n, 0] * count + pairs[:n, 1])
-    out = np.empty((n, 3), np.int64)
-    k = 0
-    for i in range(n):
-        if i == 0 or keys[i] != keys[i - 1]:
-            out[k, 0] = keys[i] // count
-            out[k, 1] = keys[i] % count
-            out[k, 2] = 0
-            k += 1
-        out[k - 1, 2] += 1
-    return out[:k]
+    return pairs[:n, 0] * count + pairs[:n, 1]
 
 
 def merge_target(borders: Borders, region: int, area: float, merge_area: float) -> int:

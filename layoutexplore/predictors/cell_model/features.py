@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32, Mask
+from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.bit_map import (
     ALONG_COLS,
     ALONG_ROWS,
@@ -20,7 +21,6 @@ from layoutexplore.predictors.bit_map import (
     BitMap,
     draw_bit_map,
 )
-from layoutexplore.predictors.seen_rooms import Regions
 
 STRIDE = 0.3
 """Metres between the cells of a lattice, of which one is classified for all around it."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32
+from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.bit_map import (
     ALONG_COLS,
     ALONG_ROWS,
@@ -24,7 +25,6 @@ from layoutexplore.predictors.bit_map import (
     draw_bit_map,
 )
 from layoutexplore.predictors.cell_model.features import FEATURES, SIGHT, CandidateCells
-from layoutexplore.predictors.seen_rooms import Regions
 
 _BITS = (FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT, ALONG_ROWS, ALONG_COLS)
 

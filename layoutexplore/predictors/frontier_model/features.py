@@ -14,7 +14,7 @@ from numba import njit
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32
-from layoutexplore.grids.grid import FREE
+from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.bit_map import BitMap, draw_bit_map
 from layoutexplore.predictors.frontier_model.feature_cache import (
     BARRIERS,
@@ -24,7 +24,6 @@ from layoutexplore.predictors.frontier_model.feature_cache import (
     FeatureCache,
 )
 from layoutexplore.predictors.frontier_model.feature_kernels import FORWARD, SIDEWAYS, TOUCHED
-from layoutexplore.predictors.seen_rooms import Regions, home_regions
 
 _CONTACTS = tuple(f"{barrier}_{what}" for barrier in BARRIERS for what in ("other_share", "other_rooms"))
 
@@ -128,13 +127,26 @@ def frontier_features(around: Surroundings, visible: Floats) -> Floats32:
     )
     rest = out[:, -len(_REGION) :]
     rest[:, _AT.visible] = visible
-    rest[:, _AT.known] = math.log(1.0 + np.count_nonzero(around.cells == FREE) * resolution**2)
+    rest[:, _AT.known] = math.log(1.0 + _count_free(around.cells) * resolution**2)
     rest[:, _AT.frontiers] = len(frontiers)
     frames = around.frames - np.array([bit_map.margin] * 2 + [0] * 6)
     grids, sums = (regions.labels, regions.door_width), (regions.boxes, regions.doors)
     clusters = Clusters(frontiers.cells, frontiers.offsets)
     _region_features(clusters, around.homes, frames, grids, sums, resolution, rest)
     return out
+
+
+@njit(cache=True, nogil=True)
+def _count_free(cells: Cells) -> int:
+    """The free cells of a grid."""
+    count = 0
+    for r in range(cells.shape[0]):
+        # A row's count by itself, without a branch, so that it compiles to SIMD.
+        row, free = cells[r], 0
+        for c in range(row.size):
+            free += row[np.uint64(c)] == 0
+        count += free
+    return count
 
 
 @njit(cache=True, nogil=True)
@@ -211,3 +223,23 @@ def _region_features(
         out[:, _AT.finished_rooms] = np.count_nonzero(finished)
         out[:, _AT.finished_long] = np.median(longer[finished])
         out[:, _AT.finished_short] = np.median(shorter[finished])
+
+
+def home_regions(regions: Regions, frontiers: FrontierClusters) -> Ints:
+    """The region int64 (k,) that holds most cells of each frontier; the lowest of equals."""
+    rows, cols = frontiers.cells.T
+    return _most_common(regions.labels[rows, cols].astype(np.int64), frontiers.offsets)
+
+
+@njit(cache=True, nogil=True)
+def _most_common(owners: Ints, offsets: Ints) -> Ints:
+    """Per group the most common value, the lowest of equals."""
+    out = np.zeros(len(offsets) - 1, np.int64)
+    for k in range(len(out)):
+        group = np.sort(owners[offsets[k] : offsets[k + 1]])
+        run, best = 0, 0
+        for n in range(len(group)):
+            run = run + 1 if n and group[n] == group[n - 1] else 1
+            if run > best:
+                best, out[k] = run, group[n]
+    return out

@@ -170,7 +170,7 @@ def test_explorations_of_something_else(searched: Path, tmp_path: Path) -> None:
     with pytest.raises(ResultsError, match="not a file of explorations"):
         read_explorations(tmp_path / EXPLORATIONS, 4)
     (tmp_path / EXPLORATIONS).write_bytes(b"\xff\xfe\n")
-    with pytest.raises(ResultsError, match="not a file of explorations"):
+    with pytest.raises(ResultsError, match="no text in UTF-8"):
         read_explorations(tmp_path / EXPLORATIONS, 4)
     (tmp_path / EXPLORATIONS).write_text("group,member,d95,d99\n0,0,x,3.0\n")
     with pytest.raises(ResultsError, match="damaged"):

@@ -50,6 +50,22 @@ def test_structured_maps_score_low_and_noise_scores_high():
     assert find_structure(noise, 0.05, CONFIG).score > 0.4
 
 
+def test_scores_are_the_ridges_of_the_whole_square() -> None:
+    """By numpy's transforms of the padded square: every row is transformed, those of the padding too."""
+    cells = rooms()[100:300, 60:340]
+    crop = cells[bounding_box(cells)]
+    side = 244  # 243 columns, 163 rows: the next even length that is fast to transform
+    spectrum = np.fft.fft2(np.pad(crop.astype(float), [(0, side - n) for n in crop.shape]))
+    u, v = np.meshgrid(*2 * [np.fft.fftfreq(side, 1 / side)])
+    half = max(side * 0.05 / CONFIG.wall_length, 2.0) / 2
+    found = find_structure(cells, 0.05, CONFIG)
+    near = [np.abs(u * np.cos(t) + v * np.sin(t)) <= half for t in found.directions]
+    kept = spectrum * np.any(near, axis=0) * (np.abs(v) < side / 2)
+    values = np.abs(np.fft.ifft2(kept).real)[: crop.shape[0], : crop.shape[1]]
+    expected = values * crop / (values * crop).max()
+    assert np.abs(found.cell_scores[bounding_box(cells)] - expected).max() < 2e-3
+
+
 def test_where_the_building_lies_does_not_matter():
     here = find_structure(rooms(10), 0.05, CONFIG)
     moved = find_structure(np.pad(rooms(10), ((37, 0), (0, 61))), 0.05, CONFIG)

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
+from layoutexplore.layout.doorways import doorway_regions
 from layoutexplore.predictors.cell_model.features import find_candidates
 from layoutexplore.predictors.cell_model.network import LAYERS
 from layoutexplore.predictors.cell_model.network_input import NetworkInput, make_network_input
-from layoutexplore.predictors.seen_rooms import seen_regions
 
 GRIDS = hnp.arrays(
     np.int8,
@@ -20,7 +20,7 @@ GRIDS = hnp.arrays(
 
 
 def scene_of(cells: NDArray[np.int8]) -> NetworkInput:
-    regions = seen_regions(cells, 0.1)
+    regions = doorway_regions(cells, 0.1)
     return make_network_input(cells, regions, find_candidates(cells, regions, 0.1), 0.1)
 
 

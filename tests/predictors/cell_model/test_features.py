@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from layoutexplore.layout.doorways import doorway_regions
 from layoutexplore.predictors.cell_model.features import FEATURES as CELL_FEATURES
 from layoutexplore.predictors.cell_model.features import add_first_estimate, find_candidates
-from layoutexplore.predictors.seen_rooms import seen_regions
 
 
 def test_cells_are_offered_to_two_regions_and_judged_by_their_neighbourhood() -> None:
     cells = np.full((40, 60), -1, np.int8)
     cells[:, :20], cells[:, 40:] = 0, 0
-    regions = seen_regions(cells, 0.1)
+    regions = doorway_regions(cells, 0.1)
     candidates = find_candidates(cells, regions, 0.1)
     assert sorted(set(candidates.region.tolist())) == [1, 2] and set(candidates.rank.tolist()) == {0, 1}
     assert (cells[candidates.cells[:, 0], candidates.cells[:, 1]] == -1).all()

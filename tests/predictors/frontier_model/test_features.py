@@ -9,6 +9,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters, find_frontiers
+from layoutexplore.layout.doorways import Regions, doorway_regions
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, UNKNOWN_BIT, draw_bit_map
 from layoutexplore.predictors.frontier_model.feature_cache import (
     BLOCK,
@@ -19,8 +20,12 @@ from layoutexplore.predictors.frontier_model.feature_cache import (
     compute_local_features,
 )
 from layoutexplore.predictors.frontier_model.feature_kernels import TOUCHED, FloodScratch, flood_unknown
-from layoutexplore.predictors.frontier_model.features import FEATURES, frontier_features, look_around
-from layoutexplore.predictors.seen_rooms import seen_regions
+from layoutexplore.predictors.frontier_model.features import (
+    FEATURES,
+    frontier_features,
+    home_regions,
+    look_around,
+)
 from tests.predictors.cases import grids, nothing_seen
 
 
@@ -31,7 +36,7 @@ from tests.predictors.cases import grids, nothing_seen
     )
 )
 def test_every_free_cell_has_a_region_and_features_are_finite(cells: NDArray[np.int8]) -> None:
-    regions = seen_regions(cells, 0.2)
+    regions = doorway_regions(cells, 0.2)
     assert ((regions.labels > 0) == (cells == 0)).all()
     clusters = find_frontiers(cells)
     if len(clusters):
@@ -49,7 +54,10 @@ def test_mirrored_and_turned_frontiers_look_the_same() -> None:
     for turns in range(4):
         for mirrored in (False, True):
             seen = np.ascontiguousarray(np.rot90(cells[:, ::-1] if mirrored else cells, turns))
-            first, regions = FrontierClusters.of([find_frontiers(seen).cluster(0)]), seen_regions(seen, 0.1)
+            first, regions = (
+                FrontierClusters.of([find_frontiers(seen).cluster(0)]),
+                doorway_regions(seen, 0.1),
+            )
             features = frontier_features(look_around(seen, first, regions, 0.1), np.zeros(1))
             names = [
                 k
@@ -64,7 +72,7 @@ def features_of(
     cells: NDArray[np.int8], clusters: FrontierClusters, resolution: float, memory: FeatureCache | None = None
 ) -> NDArray[np.float32]:
     """The features of frontiers with nothing in sight."""
-    around = look_around(cells, clusters, seen_regions(cells, resolution), resolution, memory)
+    around = look_around(cells, clusters, doorway_regions(cells, resolution), resolution, memory)
     return frontier_features(around, np.zeros(len(clusters)))
 
 
@@ -144,3 +152,12 @@ def test_changed_blocks_against_a_slow_version(seed: int) -> None:
     for r, c in np.argwhere(before != after):
         expected[r // BLOCK, c // BLOCK] = True
     assert changed.shape == tuple(-(-n // BLOCK) for n in before.shape) and ((changed > 0) == expected).all()
+
+
+def test_the_home_of_a_frontier() -> None:
+    labels = np.array([[1, 1, 2, 2, 3]], np.int32)
+    regions = Regions(labels, 3, np.zeros(labels.shape, np.float32))
+    clusters = FrontierClusters.of(
+        [np.array([[0, k] for k in part], np.int32) for part in ((0, 2, 3), (1, 2), (4,))]
+    )
+    assert home_regions(regions, clusters).tolist() == [2, 1, 3]

@@ -9,6 +9,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters, find_frontiers
+from layoutexplore.layout.doorways import doorway_regions
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
 from layoutexplore.predictors.frontier_model.features import Surroundings, look_around
 from layoutexplore.predictors.frontier_model.network_input import (
@@ -24,7 +25,6 @@ from layoutexplore.predictors.frontier_model.network_input import (
     draw_crops,
     draw_truth,
 )
-from layoutexplore.predictors.seen_rooms import seen_regions
 
 GRIDS = hnp.arrays(
     np.int8,
@@ -34,7 +34,7 @@ GRIDS = hnp.arrays(
 
 
 def around_of(cells: NDArray[np.int8], clusters: FrontierClusters, resolution: float = 0.1) -> Surroundings:
-    return look_around(cells, clusters, seen_regions(cells, resolution), resolution)
+    return look_around(cells, clusters, doorway_regions(cells, resolution), resolution)
 
 
 def slow_window(around: Surroundings, k: int) -> NDArray[np.float64]:

@@ -1,0 +1,307 @@
+"""A leaderboard: which results are of the same cells, whole and repeatable, and how their agents rank.
+
+What counts is decided by the files alone: the cells by their hash, the version, the weights and code of the
+agents by their fingerprints. A sample of the runs is then made again and must be the same bit for bit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import layoutexplore
+from layoutexplore.benchmark.analysis import POOLED, Comparison, compare
+from layoutexplore.benchmark.rows import TIMING_COLUMNS, Row, fingerprints, knows_the_plan
+from layoutexplore.benchmark.runner import Task, run_task
+from layoutexplore.benchmark.store import ResultsFolder, format_row
+from layoutexplore.benchmark.suite import Suite, cells_of
+from layoutexplore.errors import LayoutExploreError, ResultsError
+
+REPEATED = 3
+"""Runs of each agent that are made again."""
+
+Cell = tuple[str, int, str]
+"""Floor plan, start and sensor."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entrant:
+    """An agent whose results count.
+
+    Attributes:
+        agent: Its name.
+        folder: Where its results lie.
+        repeated: The runs that were made again, bit for bit the same.
+        rows: All its runs.
+    """
+
+    agent: str
+    folder: Path
+    repeated: tuple[Cell, ...]
+    rows: tuple[Row, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """Results that do not count, and why.
+
+    Attributes:
+        agent: Its name; empty where a whole folder does not count.
+        folder: Where they lie.
+        reason: One sentence.
+    """
+
+    agent: str
+    folder: Path
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """A line of the ranking.
+
+    Attributes:
+        rank: From 1; 0 for an agent that knows the floor plan, which is a bound and no competitor.
+        entrant: The agent.
+        ratios: Its metres against the baseline's by level (d90, d95, d99), all sensors, intervals over
+            buildings.
+        by_sensor: The same to 95 % by sensor.
+        tied: Whether the best agent's lead over it may be chance: the interval of their ratio holds 1.
+    """
+
+    rank: int
+    entrant: Entrant
+    ratios: Mapping[str, Comparison]
+    by_sensor: Mapping[str, Comparison]
+    tied: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leaderboard:
+    """The ranking of a suite.
+
+    Attributes:
+        suite: Its name.
+        hash: The hash of its cells.
+        baseline: The agent that the others are compared with.
+        cells: Number of runs of each agent.
+        buildings: Number of buildings.
+        standings: Bounds first, then the best agent.
+        left_out: What does not count.
+    """
+
+    suite: str
+    hash: str
+    baseline: str
+    cells: int
+    buildings: int
+    standings: tuple[Standing, ...]
+    left_out: tuple[LeftOut, ...]
+
+
+def make_leaderboard(
+    folders: Sequence[Path],
+    suite: Suite,
+    *,
+    repeat: int = REPEATED,
+    say: Callable[[str], None] = lambda text: None,
+) -> Leaderboard:
+    """Check results, repeat a sample of their runs, and rank the agents.
+
+    Args:
+        folders: Results of `layoutexplore benchmark --suite NAME`.
+        suite: The cells that count.
+        repeat: Runs of each agent that are made again; 0 believes the files.
+        say: Told what happens.
+
+    Raises:
+        ResultsError: No agent's results count, or none of the baseline.
+        ConfigError: The floor plans or defaults that are installed are not those of the suite.
+    """
+    entrants: dict[str, Entrant] = {}
+    left_out: list[LeftOut] = []
+    for folder in folders:
+        for found in _of_folder(ResultsFolder(folder), suite, repeat, say):
+            if isinstance(found, LeftOut):
+                left_out.append(found)
+            elif found.agent in entrants:
+                left_out += _second(found, entrants[found.agent])
+            else:
+                entrants[found.agent] = found
+    baseline = suite.config().baseline
+    if baseline not in entrants:
+        reasons = "".join(f"\n  {out.folder} {out.agent}: {out.reason}" for out in left_out)
+        raise ResultsError(f"there are no results of {baseline} to compare with in these folders{reasons}")
+    buildings = {name: plan.building for name, plan in suite.plans.items()}
+    return Leaderboard(
+        suite=suite.name,
+        hash=suite.hash,
+        baseline=baseline,
+        cells=len(_cells(suite.cells)),
+        buildings=len(set(buildings.values())),
+        standings=tuple(_ranked(entrants, baseline, buildings)),
+        left_out=tuple(left_out),
+    )
+
+
+def _second(found: Entrant, first: Entrant) -> list[LeftOut]:
+    """What is said of a second folder with results of the same agent."""
+    same = [format_row(_timeless(r)) for r in found.rows] == [format_row(_timeless(r)) for r in first.rows]
+    if same:
+        return []
+    reason = f"{first.folder} holds other results of the same agent, and those count"
+    return [LeftOut(agent=found.agent, folder=found.folder, reason=reason)]
+
+
+def _of_folder(
+    folder: ResultsFolder, suite: Suite, repeat: int, say: Callable[[str], None]
+) -> list[Entrant | LeftOut]:
+    """Every agent of a folder, as it counts or does not."""
+    try:
+        manifest, rows = folder.manifest(), folder.rows()
+    except ResultsError as error:
+        return [LeftOut(agent="", folder=folder.path, reason=str(error))]
+    if reason := _of_other_cells(manifest, suite.cells):
+        return [LeftOut(agent="", folder=folder.path, reason=reason)]
+    wanted = _cells(suite.cells)
+    found: list[Entrant | LeftOut] = []
+    for agent in sorted({row.agent for row in rows} | set(manifest["agents"])):
+        mine = sorted((row for row in rows if row.agent == agent), key=lambda row: row.key)
+        reason = _incomplete(mine, wanted) or _of_other_weights(agent, manifest)
+        chosen = [] if reason else _sample(mine, repeat)
+        for row in chosen:
+            say(f"repeating {agent} on {row.plan}, start {row.start}, {row.sensor}")
+            reason = reason or _differs(row, folder, suite)
+        if reason:
+            found.append(LeftOut(agent=agent, folder=folder.path, reason=reason))
+        else:
+            repeated = tuple((row.plan, row.start, row.sensor) for row in chosen)
+            found.append(Entrant(agent=agent, folder=folder.path, repeated=repeated, rows=tuple(mine)))
+    return found
+
+
+def _of_other_cells(manifest: Mapping[str, Any], cells: Mapping[str, Any]) -> str:
+    """Why the results of a folder are not of the suite; empty where they are."""
+    version = manifest["settings"]["version"]
+    if version != layoutexplore.__version__:
+        return f"made by version {version}; this is {layoutexplore.__version__}, which may run otherwise"
+    theirs = cells_of(manifest)
+    different = ", ".join(name for name in cells if theirs[name] != cells[name])
+    return f"other cells than the suite's: different {different}" if different else ""
+
+
+def _cells(cells: Mapping[str, Any]) -> set[Cell]:
+    """Every cell of a suite."""
+    return {(p, k, s) for p in cells["plans"] for k in range(cells["starts"]) for s in cells["lidars"]}
+
+
+def _incomplete(rows: Sequence[Row], wanted: set[Cell]) -> str:
+    """What is missing of an agent's runs; empty where nothing is."""
+    there = {(row.plan, row.start, row.sensor) for row in rows if not row.error}
+    failed = sum(bool(row.error) for row in rows)
+    if missing := len(wanted - there):
+        return f"incomplete: {missing} of {len(wanted)} runs are missing" + (
+            f", {failed} of them failed" if failed else ""
+        )
+    if len(rows) != len(wanted):
+        return f"{len(rows)} rows for {len(wanted)} cells"
+    return ""
+
+
+def _of_other_weights(agent: str, manifest: Mapping[str, Any]) -> str:
+    """Why an agent here is not the one that ran; empty where it is."""
+    try:
+        now = fingerprints([agent]).get(agent, "")
+    except LayoutExploreError as error:
+        return f"cannot be repeated here: {error}"
+    noted = manifest["settings"].get("models", {}).get(agent, "")
+    return (
+        "" if now == noted else f"it ran with other weights or code ({noted or 'none'}; here {now or 'none'})"
+    )
+
+
+def _sample(rows: Sequence[Row], count: int) -> list[Row]:
+    """Some runs; which ones follows from the results, so that nobody can choose them."""
+    text = "".join(format_row(_timeless(row)) for row in rows)
+    seed = int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "little")
+    picked = np.random.default_rng(seed).choice(len(rows), min(count, len(rows)), replace=False)
+    return [rows[k] for k in sorted(picked.tolist())]
+
+
+def _differs(row: Row, folder: ResultsFolder, suite: Suite) -> str:
+    """How a run comes out otherwise when it is made again; empty where it does not."""
+    asked = math.isfinite(row.layout_changed) and row.prediction_seconds != 0
+    config = suite.config((row.agent,), explain=asked)
+    task = Task(suite.plans[row.plan], row.start, row.sensor, row.agent)
+    cell = f"{row.plan}, start {row.start}, {row.sensor}"
+    with tempfile.TemporaryDirectory() as place:
+        again = ResultsFolder(Path(place))
+        made = run_task(task, config, again)
+        for name in (f.name for f in dataclasses.fields(Row) if f.name not in TIMING_COLUMNS):
+            was, now = getattr(row, name), getattr(made, name)
+            if was != now and not (was != was and now != now):
+                return f"{cell} comes out otherwise when repeated: {name} was {was}, is {now}"
+        try:
+            theirs = folder.episode(row)
+        except ResultsError as error:
+            return str(error)
+        pairs = zip(("curve", "way"), theirs, again.episode(row), strict=True)
+        for name, was_there, is_there in pairs:
+            if not np.array_equal(was_there, is_there):
+                return f"{cell} comes out otherwise when repeated: its {name} differs"
+    return ""
+
+
+def _timeless(row: Row) -> Row:
+    times: dict[str, Any] = dict.fromkeys(TIMING_COLUMNS, 0.0)
+    return dataclasses.replace(row, **times)
+
+
+def _ranked(
+    entrants: Mapping[str, Entrant], baseline: str, buildings: Mapping[str, str]
+) -> Iterable[Standing]:
+    """Bounds first, then the agents with the fewest metres to 95 %."""
+    rows = [row for entrant in entrants.values() for row in entrant.rows]
+    ratios = _by_agent(compare(rows, baseline, buildings))
+    bounds = {agent for agent in entrants if knows_the_plan(agent)}
+    order = sorted(entrants, key=lambda agent: (agent not in bounds, _estimate(ratios[agent], "d95"), agent))
+    best = next((agent for agent in order if agent not in bounds), baseline)
+    against_best = _by_agent(compare(rows, best, buildings))
+    for k, agent in enumerate(order):
+        mine = ratios[agent]
+        lead = against_best[agent][_group(against_best[agent]), "d95"].ratio
+        yield Standing(
+            rank=0 if agent in bounds else k + 1 - len(bounds),
+            entrant=entrants[agent],
+            ratios={metric: c for (group, metric), c in mine.items() if group == _group(mine)},
+            by_sensor={
+                group: c for (group, metric), c in mine.items() if metric == "d95" and group != POOLED
+            },
+            tied=agent not in bounds and agent != best and not (lead.low > 1),
+        )
+
+
+def _by_agent(comparisons: Iterable[Comparison]) -> dict[str, dict[tuple[str, str], Comparison]]:
+    """Comparisons by agent, and there by (group, level)."""
+    found: dict[str, dict[tuple[str, str], Comparison]] = {}
+    for c in comparisons:
+        found.setdefault(c.agent, {})[c.sensor, c.metric] = c
+    return found
+
+
+def _group(comparisons: Mapping[tuple[str, str], Comparison]) -> str:
+    """The group that holds all sensors; the only one where there is one sensor."""
+    groups = {group for group, _ in comparisons}
+    return POOLED if POOLED in groups else min(groups)
+
+
+def _estimate(comparisons: Mapping[tuple[str, str], Comparison], metric: str) -> float:
+    return comparisons[_group(comparisons), metric].ratio.estimate

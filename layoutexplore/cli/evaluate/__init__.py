@@ -1,0 +1,60 @@
+"""`layoutexplore evaluate`: layout methods and predictors against ground truth, a module a command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import typer
+
+from layoutexplore.cli.evaluate.closed_doors import HELP as CLOSED_DOORS_HELP
+from layoutexplore.cli.evaluate.closed_doors import closed_doors
+from layoutexplore.cli.evaluate.clutter import HELP as CLUTTER_HELP
+from layoutexplore.cli.evaluate.clutter import clutter
+from layoutexplore.cli.evaluate.in_the_loop import HELP as IN_THE_LOOP_HELP
+from layoutexplore.cli.evaluate.in_the_loop import in_the_loop
+from layoutexplore.cli.evaluate.layouts import evaluate_layout
+from layoutexplore.cli.evaluate.partial_rooms import HELP as PARTIAL_ROOMS_HELP
+from layoutexplore.cli.evaluate.partial_rooms import partial_rooms
+from layoutexplore.cli.evaluate.robustness import HELP as ROBUSTNESS_HELP
+from layoutexplore.cli.evaluate.robustness import robustness
+from layoutexplore.cli.evaluate.segmentation import segmentation, train_merging
+from layoutexplore.cli.evaluate.train_predictor import HELP as TRAIN_PREDICTOR_HELP
+from layoutexplore.cli.evaluate.train_predictor import train_predictor
+
+COMMANDS: dict[str, tuple[Callable[..., None], str | None]] = {
+    "partial-rooms": (partial_rooms, PARTIAL_ROOMS_HELP),
+    "train-predictor": (train_predictor, TRAIN_PREDICTOR_HELP),
+    "in-the-loop": (in_the_loop, IN_THE_LOOP_HELP),
+    "robustness": (robustness, ROBUSTNESS_HELP),
+    "closed-doors": (closed_doors, CLOSED_DOORS_HELP),
+    "segmentation": (segmentation, None),
+    "train": (train_merging, None),
+    "layout": (evaluate_layout, None),
+    "clutter": (clutter, CLUTTER_HELP),
+}
+"""What runs, and its help where that is not its docstring, in the order in which the help shows them."""
+
+EXAMPLES = {
+    "partial-rooms": "office-01 school-01 -p layout -p hull --snapshots kept/",
+    "train-predictor": "schools/ office:0-99 --folds 4 --store kept/ --out models/",
+    "in-the-loop": "test -p reconstruct:rose2 -p layout -p oracle --out in-the-loop",
+    "robustness": "quick --out robustness",
+    "closed-doors": "maps/ --out predicted",
+    "segmentation": "maps/ -m default -m rose2 --out report",
+    "train": "maps/ --plans schools/ --out merging_model.json",
+    "layout": "schools/ -m default -m ias15",
+    "clutter": "maps/*.png",
+}
+
+group = typer.Typer(
+    name="evaluate", help="Score the layout methods against ground truth.", no_args_is_help=True
+)
+for _name, (_run, _help) in COMMANDS.items():
+    group.command(_name, help=_help, epilog=f"Example: layoutexplore evaluate {_name} {EXAMPLES[_name]}")(
+        _run
+    )
+
+
+def register(app: typer.Typer) -> None:
+    """Add `evaluate` to the command line."""
+    app.add_typer(group)

@@ -1,0 +1,144 @@
+"""`layoutexplore evaluate robustness`: what noise costs strategies and predictors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from layoutexplore.files import check_places
+
+if TYPE_CHECKING:
+    from layoutexplore.benchmark.rows import Row
+
+AGENTS = ("nearest", "latency-tour", "layout-tour")
+"""Who explores when nobody is named."""
+
+HELP = (
+    "Strategies and predictors at each level of noise: metres, who still sees 99 %, and how right rooms are."
+)
+
+
+def robustness(
+    plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
+    out: Annotated[
+        Path, typer.Option(help="Folder for the page and the runs; the same command goes on in it.")
+    ],
+    agents: Annotated[
+        list[str] | None,
+        typer.Option(help="Agent; nearest, latency-tour and layout-tour without. Repeatable."),
+    ] = None,
+    predictor: Annotated[
+        list[str] | None, typer.Option("--predictor", "-p", help="Predictor; layout when none is named.")
+    ] = None,
+    sensor: Annotated[
+        list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
+    ] = None,
+    starts: Annotated[int, typer.Option(min=1, help="Starts on each floor plan.")] = 1,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
+) -> None:
+    """Measure robustness; `HELP` is what the command line says."""
+    from layoutexplore.errors import require
+    from layoutexplore.evaluation.robustness import LEVELS, agents_under_noise, predictors_under_noise
+    from layoutexplore.maps.library import find_plans
+    from layoutexplore.processes import command_line
+    from layoutexplore.report.robustness import write_robustness_report
+    from layoutexplore.sensing.lidar import sensor as find_sensor
+    from layoutexplore.training.explorations import SENSORS
+
+    require("jinja2", "bench")
+    check_places(out)
+    sources, names = find_plans(plans), tuple(dict.fromkeys(agents or AGENTS))
+    sensors = [find_sensor(name).name for name in sensor or SENSORS]
+    rows = {level: _explore(level, sources, names, sensors, starts, out, jobs) for level in LEVELS}
+    summaries = {
+        level: _ask(level, sources, predictor or ["layout"], sensors, starts, out) for level in LEVELS
+    }
+    found = agents_under_noise(rows)
+    facts = {
+        "command": command_line(),
+        "plans": len(sources),
+        "starts": starts,
+        "sensors": sensors,
+        "levels": LEVELS,
+    }
+    written = write_robustness_report(out, found, predictors_under_noise(summaries), facts=facts)
+    for line in found:
+        typer.echo(
+            f"{line.agent:<16} {line.level:<7} saw 99 %: {line.reached:4.0%}  to 95 %: "
+            f"{line.d95.estimate:.2f} ({line.d95.low:.2f}-{line.d95.high:.2f})  "
+            f"to 99 %: {line.d99.estimate:.2f}"
+        )
+    typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
+
+
+def _explore(
+    level: str,
+    sources: Sequence[str],
+    agents: Sequence[str],
+    sensors: Sequence[str],
+    starts: int,
+    out: Path,
+    jobs: int | None,
+) -> list[Row]:
+    """The runs at a level of noise."""
+    from rich.console import Console
+
+    from layoutexplore.benchmark.config import BenchmarkConfig
+    from layoutexplore.cli.benchmark import run_with_progress
+    from layoutexplore.evaluation.robustness import NOISELESS
+    from layoutexplore.simulation.config import SimulationConfig
+
+    config = BenchmarkConfig(
+        plans=tuple(sources),
+        starts=starts,
+        sensors=tuple(sensors),
+        agents=tuple(agents),
+        baseline=agents[0],
+        explain=False,
+        simulation=SimulationConfig(noise="" if level == NOISELESS else level),
+    )
+    outcome = run_with_progress(Console(highlight=False), config, out / f"runs-{level}", jobs=jobs)
+    for row in outcome.failed:
+        typer.echo(f"failed: {level} {row.plan} {row.sensor} {row.agent}: {row.error}")
+    return outcome.rows
+
+
+def _ask(
+    level: str,
+    sources: Sequence[str],
+    predictors: Sequence[str],
+    sensors: Sequence[str],
+    starts: int,
+    out: Path,
+) -> dict[str, Any]:
+    """How right the predictors are on snapshots at a level of noise."""
+    from rich.console import Console
+
+    from layoutexplore.agents import make_agent
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
+    from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
+    from layoutexplore.evaluation.robustness import NOISELESS
+    from layoutexplore.maps.library import load_plan
+    from layoutexplore.predictors import make_room_predictor
+    from layoutexplore.training.explorations import protocol_explorations
+
+    asked = [make_room_predictor(name) for name in dict.fromkeys(predictors)]
+    scores = Scores([], [], {p.name: [] for p in asked})
+    noise = "" if level == NOISELESS else level
+    done, total = 0, len(sources) * len(sensors) * starts
+    with ProgressLine(Console(highlight=False), f"explorations judged, noise {level}") as line:
+        for source in sources:
+            plan = load_plan(source)
+            store = out / "snapshots"
+            explorations = protocol_explorations(
+                plan, make_agent, store, sensors=sensors, starts=starts, noise=noise
+            )
+            for part in explorations:
+                scores.extend(score_predictors(part, asked))
+                done += 1
+                line.advance(done, total, done / total, plan.name)
+    return summarise_partial_rooms(scores)

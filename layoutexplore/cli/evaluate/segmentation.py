@@ -1,0 +1,271 @@
+"""`layoutexplore evaluate segmentation` and `train`: rooms of grid maps, and the classifier behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from layoutexplore.files import check_places, write_json
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from layoutexplore.evaluation.segmentation import MapScore
+    from layoutexplore.maps.painted_rooms import Case
+
+Methods = Annotated[
+    list[str] | None, typer.Option("--method", "-m", help="Method; repeat for several side by side.")
+]
+Resolution = Annotated[float, typer.Option(min=0.001, help="Metres a pixel.")]
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")]
+Weights = Annotated[
+    list[str] | None,
+    typer.Option("--weight", help="FOLDER=NUMBER: weight in training of a folder's maps, else 1; repeat."),
+]
+Jobs = Annotated[int, typer.Option(min=1, help="Processes; compare times with 1 only.")]
+
+
+Protocol = Annotated[
+    str, typer.Option(help="rose2, or bormann: segments and rooms up to 100 pixels are dropped.")
+]
+MergingFolds = Annotated[
+    int, typer.Option(min=0, help="Cross-validate the default method over so many folds of buildings.")
+]
+Seeds = Annotated[int, typer.Option(min=1, help="Train the folds' judges so often, with other seeds.")]
+BuildingsFile = Annotated[
+    Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME), for the folds.")
+]
+Simulated = Annotated[int, typer.Option(min=0, help="Simulated maps each fold is trained on besides.")]
+PlanFolders = Annotated[
+    list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
+]
+
+
+def segmentation(
+    folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
+    method: Methods = None,
+    protocol: Protocol = "rose2",
+    folds: MergingFolds = 0,
+    seeds: Seeds = 1,
+    buildings: BuildingsFile = None,
+    simulated: Simulated = 150,
+    plans: PlanFolders = None,
+    weight: Weights = None,
+    resolution: Resolution = 0.05,
+    json_file: JsonFile = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for report.html, results.csv and a picture per map.")
+    ] = None,
+    jobs: Jobs = 1,
+) -> None:
+    """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all."""
+    from layoutexplore.cli.progress import progress_lines
+    from layoutexplore.errors import ConfigError, require
+    from layoutexplore.evaluation.cross_validation import CrossValidationConfig, cross_validate_merging
+    from layoutexplore.evaluation.segmentation import evaluate_cases, seed_spread, summarise_segmentation
+    from layoutexplore.layout.pipeline import layout_method
+    from layoutexplore.maps.painted_rooms import find_cases
+    from layoutexplore.metrics.segmentation import PROTOCOLS
+
+    if protocol not in PROTOCOLS:
+        raise ConfigError(f"unknown protocol {protocol!r}: known are {', '.join(PROTOCOLS)}")
+    methods = list(dict.fromkeys(method or ["default"]))
+    for name in methods:
+        layout_method(name)
+    cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
+    _check_folds(folds, methods, {"--seeds": seeds > 1, "--plans": bool(plans), "--weight": bool(weight)})
+    check_places(out, json_file)
+    if out is not None:
+        require("jinja2", "bench")
+    if folds:
+        config = CrossValidationConfig(
+            folds=folds,
+            protocol=protocol,
+            resolution=resolution,
+            simulated=simulated,
+            plans=tuple(_plans(plans)),
+            seeds=seeds,
+            weights=_weights(weight, cases),
+        )
+        results = cross_validate_merging(cases, config, progress=progress_lines())
+    else:
+        results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
+    collected = []
+    for case, row, labels in results:
+        collected.append((case, row, labels))
+        typer.echo(_line(row))
+    rows = [row for _, row, _ in collected]
+    _print_summary(summarise_segmentation(rows))
+    if seeds > 1:
+        _print_spread(seed_spread(rows))
+    _write_results(collected, json_file, out, protocol=protocol, resolution=resolution, folds=folds)
+
+
+def _check_folds(folds: int, methods: Sequence[str], training: dict[str, bool]) -> None:
+    """Refuse other methods with folds, and options of the training, given or not, without."""
+    from layoutexplore.errors import ConfigError
+
+    if folds and methods != ["default"]:
+        raise ConfigError("--folds cross-validates the default method, the only one that is trained")
+    for option, given in training.items():
+        if given and not folds:
+            raise ConfigError(f"{option} is about training: it needs --folds")
+
+
+def _write_results(
+    results: Sequence[tuple[Case, MapScore, NDArray[np.int32]]],
+    json_file: Path | None,
+    out: Path | None,
+    *,
+    protocol: str,
+    resolution: float,
+    folds: int,
+) -> None:
+    """Write every number and the report where they are wanted."""
+    from layoutexplore.evaluation.segmentation import seed_spread, summarise_segmentation
+
+    rows = [row for _, row, _ in results]
+    if json_file is not None:
+        numbers = {
+            "protocol": protocol,
+            "resolution": resolution,
+            "folds": folds,
+            "maps": [asdict(r) for r in rows],
+        }
+        write_json(json_file, numbers | {"summary": summarise_segmentation(rows), "seeds": seed_spread(rows)})
+        typer.echo(f"written: {json_file}")
+    if out is not None:
+        from layoutexplore.processes import command_line
+        from layoutexplore.report.segmentation import write_segmentation_report
+
+        title = "Room segmentation" + (f", {folds} folds of buildings" if folds else "")
+        written = write_segmentation_report(
+            out, results, title=title, protocol=protocol, resolution=resolution, command=command_line()
+        )
+        for path in written:
+            typer.echo(f"written: {path}")
+
+
+def _line(row: MapScore) -> str:
+    from layoutexplore.metrics.segmentation import MEASURES
+
+    values = " ".join(f"{100 * getattr(row, m):5.1f}" for m in MEASURES)
+    note = f"  ({row.warnings})" if row.warnings else ""
+    return (
+        f"{row.folder}/{row.map} {row.method}: {values}  {row.segments}/{row.rooms} rooms  {row.ms:.0f} "
+        f"ms{note}"
+    )
+
+
+def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
+
+    table = Table("set", "method", "maps", *HEADINGS.values(), "segments/rooms", "ms", box=None)
+    for line in lines:
+        values = [f"{100 * line[m]:.1f}±{100 * line[m + '_std']:.1f}" for m in MEASURES]
+        counts = f"{line['segments']:.1f}/{line['rooms']:.1f}"
+        table.add_row(
+            line["folder"],
+            line["method"],
+            str(line["maps"]),
+            *values,
+            counts,
+            f"{line['ms']:.0f}±{line['ms_std']:.0f}",
+        )
+    console = Console()
+    (console if console.is_terminal else Console(width=200)).print(table)
+
+
+def _print_spread(lines: Sequence[dict[str, Any]]) -> None:
+    from layoutexplore.metrics.segmentation import HEADINGS
+
+    for line in lines:
+        values = ", ".join(f"{name} {100 * line[m]:.1f}" for m, name in HEADINGS.items())
+        typer.echo(f"{line['folder']}, standard deviation of the mean over {line['seeds']} seeds: {values}")
+
+
+def _read_buildings(path: Path) -> dict[str, str]:
+    from layoutexplore.errors import ConfigError
+    from layoutexplore.files import read_csv
+
+    header, *lines = read_csv(path, error=ConfigError, what="table of buildings") or [[]]
+    if not {"map", "building"} <= {*header} or any(len(line) != len(header) for line in lines):
+        raise ConfigError(f"{path}: a CSV with the columns map and building is needed")
+    of_map, building = header.index("map"), header.index("building")
+    return {line[of_map]: line[building] for line in lines}
+
+
+def _plans(folders: Sequence[str] | None) -> list[str]:
+    from layoutexplore.maps import expand_plans
+
+    return [plan for folder in folders or () for plan in expand_plans(folder)]
+
+
+def _weights(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, float]:
+    from layoutexplore.errors import ConfigError
+
+    folders, weights = {case.folder for case in cases}, {}
+    for text in given or ():
+        folder, _, number = text.rpartition("=")
+        try:
+            weights[folder] = float(number)
+        except ValueError:
+            raise ConfigError(f"--weight {text}: FOLDER=NUMBER is needed, such as cluttered=4") from None
+        if folder not in folders:
+            raise ConfigError(
+                f"--weight {text}: no folder of that name is given; there are {', '.join(sorted(folders))}"
+            )
+        if not 0 < weights[folder] < float("inf"):
+            raise ConfigError(f"--weight {text}: a weight must be above 0")
+    return weights
+
+
+def train_merging(
+    folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
+    out: Annotated[Path, typer.Option(help="File for the numbers of the judge.")],
+    buildings: Annotated[
+        Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")
+    ] = None,
+    simulated: Annotated[int, typer.Option(min=0, help="Simulated maps to train on besides.")] = 150,
+    plans: Annotated[
+        list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
+    ] = None,
+    weight: Weights = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
+    resolution: Resolution = 0.05,
+) -> None:
+    """Train the judge of the default method, which decides what pieces of a map are one room."""
+    from layoutexplore.cli.progress import progress_lines
+    from layoutexplore.layout.merging.merge_forest import save_forest
+    from layoutexplore.maps.painted_rooms import find_cases
+    from layoutexplore.training.room_merging import train_classifier
+
+    check_places(out.parent)
+    cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
+    weights = _weights(weight, cases)
+    forest = train_classifier(
+        cases,
+        resolution=resolution,
+        simulated=simulated,
+        plans=_plans(plans),
+        seed=seed,
+        weights=weights,
+        progress=progress_lines(),
+    )
+    note = (
+        f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} "
+        "simulated ones"
+    )
+    note += f", seed {seed}" + "".join(
+        f", weight {value:g} for {folder}" for folder, value in weights.items()
+    )
+    save_forest(forest, out, note=note)
+    typer.echo(f"written: {out}, {len(forest.roots)} trees")

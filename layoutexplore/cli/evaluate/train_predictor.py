@@ -1,0 +1,167 @@
+"""`layoutexplore evaluate train-predictor`: trains the predictor `layout`, tests it on other buildings."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from layoutexplore.predictors.snapshot import Snapshot
+    from layoutexplore.training.predictor import Explored
+
+
+HELP = """
+Explore floor plans, train the predictor `layout` on what is seen, and say how it does on buildings it never
+saw.
+
+Plans that do not come from files are trained on in every fold and tested in none.
+"""
+
+
+Plans = Annotated[
+    list[str], typer.Argument(help="Floor plans: names, FAMILY:FIRST-LAST, splits, files or folders.")
+]
+Out = Annotated[Path, typer.Option(help="Folder for the models; use them as layout:model=FOLDER.")]
+Folds = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        help="Also train on all but one fold of buildings at a time, test there, and keep these models.",
+    ),
+]
+Starts = Annotated[
+    int, typer.Option(min=1, help="Explorations per sensor of a plan from a file; others take one.")
+]
+Stretched = Annotated[
+    int,
+    typer.Option(min=0, help="Copies of each plan from a file, stretched at random, to learn from as well."),
+]
+Stops = Annotated[int, typer.Option(min=1, help="Decisions kept of an exploration.")]
+Trees = Annotated[int, typer.Option(min=2, help="Trees of a forest; few for a quick try.")]
+Forests = Annotated[bool, typer.Option(help="Train the trees.")]
+Network = Annotated[bool, typer.Option(help="Train the networks that judge with them (needs torch).")]
+FirstSteps = Annotated[
+    int, typer.Option(min=1, help="Steps of the network for rooms on generated plans alone.")
+]
+Steps = Annotated[
+    int, typer.Option(min=1, help="Steps of the network for rooms on all plans, in every fold.")
+]
+FrontierSteps = Annotated[int, typer.Option(min=1, help="Steps of the network for frontiers, in every fold.")]
+Store = Annotated[
+    Path | None, typer.Option(help="Folder that keeps the explorations, to go on or train again later.")
+]
+
+
+Train = Callable[[Path, Callable[[str], bool], Mapping[str, str]], None]
+"""Trains all models, of the wanted groups of buildings, into a folder; notes what is held out."""
+
+
+def train_predictor(
+    plans: Plans,
+    out: Out,
+    folds: Folds = 0,
+    starts: Starts = 1,
+    stretched: Stretched = 0,
+    stops: Stops = 8,
+    trees: Trees = 200,
+    forests: Forests = True,
+    network: Network = True,
+    first_steps: FirstSteps = 7000,
+    steps: Steps = 3500,
+    frontier_steps: FrontierSteps = 1500,
+    store: Store = None,
+) -> None:
+    """Explore, train and test; `HELP` is what the command line says."""
+    from rich.console import Console
+
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.errors import ConfigError, require
+    from layoutexplore.maps.library import find_plans
+    from layoutexplore.training.predictor import NetworkTrainer, buildings_of, explore_plans, forget_networks
+    from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
+    from layoutexplore.training.predictor_samples import join_samples
+
+    if folds and not forests:
+        raise ConfigError("folds are tested with trees and networks: leave --no-forests out, or --folds")
+    if network:
+        require("torch", "rl")
+    sources = find_plans(plans)
+    with ProgressLine(Console(), "plans") as line:
+
+        def advance(done: int, total: int, name: str) -> None:
+            line.advance(done, total, done / total, name)
+
+        counts = starts, stretched, stops, store
+        seen = explore_plans(sources, *counts, forests=forests, network=network, progress=advance)
+    groups = buildings_of(seen, folds)
+    config = PredictorForestConfig(trees=trees, cell_trees=trees // 2)
+    samples = join_samples(seen.samples, groups) if forests else None
+    if samples:
+        typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells")
+    trainer = (
+        NetworkTrainer(seen, groups, first_steps, steps, frontier_steps, _steps_line) if network else None
+    )
+
+    def train(folder: Path, wanted: Callable[[str], bool], held_out: Mapping[str, str]) -> None:
+        if samples:
+            train_models(samples.of_buildings(wanted), folder, held_out, config)
+        if trainer:
+            trainer.write(folder, wanted)
+        else:
+            forget_networks(folder)
+        without = f", trained without {', '.join(sorted(set(held_out.values())))}" if held_out else ""
+        typer.echo(f"written: {folder}{without}")
+
+    if folds:
+        _train_folds(train, seen, groups, folds, out)
+    train(out, lambda group: True, {})
+
+
+def _train_folds(train: Train, seen: Explored, groups: Mapping[str, str], folds: int, out: Path) -> None:
+    """Train on all but one fold at a time, keep the models, and print how each does on its fold."""
+    from layoutexplore.training.folds import deal_folds
+
+    fold = deal_folds(groups.values(), folds, "name")
+    models = [out / f"fold{k + 1}" for k in range(folds)]
+    for k, folder in enumerate(models):
+        held_out = {plan.name: plan.building for plan in seen.files if fold[groups[plan.name]] == k}
+        train(folder, lambda group, k=k: fold.get(group) != k, held_out)  # type: ignore[misc]
+    _test(seen.asked, {name: models[fold[group]] for name, group in groups.items()})
+
+
+@contextlib.contextmanager
+def _steps_line(what: str) -> Iterator[Callable[[int, int, float], None]]:
+    """A progress line over steps, with the loss."""
+    from rich.console import Console
+
+    from layoutexplore.cli.progress import ProgressLine
+
+    with ProgressLine(Console(), "steps") as line:
+        yield lambda done, total, loss: line.advance(done, total, done / total, f"{what}, loss {loss:.3f}")
+
+
+def _test(asked: Mapping[str, Sequence[Snapshot]], models: Mapping[str, Path]) -> None:
+    """Print how each plan's rooms and frontiers are predicted by the model that never saw its building."""
+    from rich.console import Console
+
+    from layoutexplore.cli.evaluate.partial_rooms import print_summary
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
+    from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
+    from layoutexplore.predictors import make_room_predictor
+    from layoutexplore.predictors.learned import LearnedPredictor
+
+    merged = Scores([], [], {})
+    with ProgressLine(Console(), "plans tested") as progress:
+        for k, (name, snapshots) in enumerate(asked.items()):
+            layout = LearnedPredictor(models[name])
+            layout.name = "layout"
+            part = score_predictors(snapshots, [layout, make_room_predictor("none")])
+            merged.extend(part)
+            progress.advance(k + 1, len(asked), (k + 1) / len(asked), name)
+    typer.echo("held out:")
+    print_summary(summarise_partial_rooms(merged))

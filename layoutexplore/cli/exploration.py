@@ -1,0 +1,159 @@
+"""What `layoutexplore explore` does with a run: pictures, a film, its state in a file, a summary."""
+
+from __future__ import annotations
+
+import time
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from layoutexplore.benchmark.rows import Row
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.drawing.film import Film
+    from layoutexplore.grids.arrays import Bytes
+    from layoutexplore.simulation.simulation import Simulation
+
+SAVED_EVERY = 1.0
+"""Seconds between two states of a run in its file; a run that is ended in between goes on from the last."""
+
+
+class RunWatcher:
+    """Looks at a run at every decision.
+
+    Args:
+        line: Shows how far it is.
+        agent: Name of the strategy.
+        pictures: Whether to keep a picture and the rooms believed of each quarter.
+        state_file: Where the run's state is kept; nowhere when None.
+
+    Attributes:
+        pictures: PNG files by percent seen.
+        layouts: Rooms believed, as GeoJSON, by percent seen.
+    """
+
+    def __init__(self, line: ProgressLine, agent: str, *, pictures: bool, state_file: Path | None) -> None:
+        self._line, self._agent, self._draws, self._file = line, agent, pictures, state_file
+        self._saved = 0.0
+        self.pictures: dict[int, bytes] = {}
+        self.layouts: dict[int, dict[str, Any]] = {}
+
+    def draw(self, state: Simulation) -> Bytes:
+        """A picture of what is known."""
+        from layoutexplore.drawing.pictures import draw_state
+
+        return draw_state(state, agent=self._agent)
+
+    def note(self, state: Simulation) -> None:
+        """A decision is due, or the run is over."""
+        share = min(1.0, state.coverage / state.config.coverage_goal)
+        text = f"{state.distance:.0f} m, {state.decisions} decisions"
+        self._line.advance(int(100 * state.coverage), 100, share, text)
+        quarter = 25 * int(4 * state.coverage)
+        if self._draws and (quarter not in self.pictures or state.done):
+            self._keep_picture(state, 100 if state.done else quarter)
+        if self._file and time.monotonic() - self._saved >= SAVED_EVERY:
+            self.save(state)
+
+    def save(self, state: Simulation) -> None:
+        """Write the state of the run, if there is a file for it."""
+        from layoutexplore.simulation.saved_run import save_simulation
+
+        if self._file:
+            save_simulation(state, self._file, {"agent": self._agent})
+            self._saved = time.monotonic()
+
+    def _keep_picture(self, state: Simulation, percent: int) -> None:
+        from layoutexplore.grids.ros_map import encode_png
+        from layoutexplore.layout.export import layout_to_geojson
+
+        self.pictures[percent] = encode_png(self.draw(state))
+        if state.decision.rooms is not None:
+            self.layouts[percent] = layout_to_geojson(state.decision.rooms.layout)
+
+
+def save_run(folder: Path, simulation: Simulation, watcher: RunWatcher) -> list[Path]:
+    """Write map, track, curve, pictures and layouts (by percent seen) of a run; the files written."""
+    import io
+    import json
+
+    import numpy as np
+
+    from layoutexplore.files import write_atomically
+    from layoutexplore.grids.ros_map import save_grid
+
+    pictures, layouts = watcher.pictures, watcher.layouts
+    save_grid(simulation.mapper.grid, folder / "map.yaml")
+    tables = {
+        "track": (simulation.track, "%.4f", "x,y,theta"),
+        "curve": (simulation.curve, "%.6f", "distance,coverage,scan"),
+    }
+    for name, (table, digits, header) in tables.items():
+        text = io.StringIO()
+        np.savetxt(text, table, digits, ",", header=header, comments="")
+        write_atomically(folder / f"{name}.csv", text.getvalue().encode())
+    for percent, picture in pictures.items():
+        write_atomically(folder / f"seen_{percent:03}.png", picture)
+    for percent, layout in layouts.items():
+        write_atomically(folder / f"rooms_{percent:03}.geojson", json.dumps(layout) + "\n")
+    names = ["map.yaml", "track.csv", "curve.csv", *(f"seen_{percent:03}.png" for percent in pictures)]
+    names += [f"rooms_{percent:03}.geojson" for percent in layouts]
+    return [folder / name for name in names]
+
+
+def film_of(path: Path | None, fps: float) -> AbstractContextManager[Film | None]:
+    """A film that is written to a path; nothing without one."""
+    if path is None:
+        return nullcontext()
+    from layoutexplore.drawing.film import Film
+
+    return Film(path, fps=fps)
+
+
+def way_home(simulation: Simulation) -> str:
+    """Send the robot back to its start; what became of it."""
+    from layoutexplore.simulation.way_back import return_to_start
+
+    metres, arrived = return_to_start(simulation)
+    return f"{metres:.1f} m, {'arrived' if arrived else 'did not arrive'}"
+
+
+def summary(row: Row, *, filmed: bool, back: str = "") -> Table:
+    """The table that is printed in the end.
+
+    Args:
+        row: The run.
+        filmed: Whether a film was made meanwhile.
+        back: What became of the way back, if there was one.
+    """
+    from rich.table import Table
+
+    from layoutexplore.simulation.stop_reasons import StopReason
+
+    table = Table(box=None, show_header=False, pad_edge=False)
+    reached = {"d90": row.reached90, "d95": row.reached95, "d99": row.reached99}
+    lines = [
+        ("floor plan", f"{row.plan}, {row.target_area:.0f} m² to see"),
+        ("agent, sensor", f"{row.agent}, {row.sensor}"),
+        (
+            "ended by",
+            f"{row.stop_reason}: {StopReason(row.stop_reason).sentence}"
+            if row.stop_reason
+            else "nothing: paused at a decision",
+        ),
+        ("seen", f"{100 * row.coverage:.1f} %, {row.rooms_finished} of {row.rooms} rooms finished"),
+        ("travelled", f"{row.distance:.1f} m, {100 * row.revisits:.0f} % of it where it had been before"),
+        *([("way back", back)] if back else ()),
+        *(
+            (f"{name[1:]} % seen after", f"{getattr(row, name):.1f} m" if ok else "not reached")
+            for name, ok in reached.items()
+        ),
+        ("decisions", f"{row.decisions}, {row.ms_decision_median:.2f} ms each (median)"),
+        ("scans", f"{row.scans}"),
+        ("took", f"{row.wall_seconds:.1f} s{', filming included' if filmed else ''}"),
+    ]
+    for line in lines:
+        table.add_row(*line)
+    return table

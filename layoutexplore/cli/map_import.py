@@ -1,0 +1,138 @@
+"""`layoutexplore maps import`: a user's own building becomes a floor plan, with what to correct in it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from layoutexplore.importing.building import Building
+    from layoutexplore.importing.findings import Finding
+    from layoutexplore.importing.pictures import PictureConfig
+    from layoutexplore.maps.floorplan import FloorPlan
+
+Resolution = Annotated[float | None, typer.Option(help="Metres a pixel of a plain image (0.05 without).")]
+ScaleBy = Annotated[
+    str | None,
+    typer.Option(metavar="'3.2 m = 118 px'", help="Instead: a length known in the image or drawing."),
+]
+Blueprint = Annotated[
+    bool,
+    typer.Option("--blueprint", help="A drawn plan: erase words (by tesseract), symbols and door swings."),
+]
+UnknownGreyOption = Annotated[
+    str,
+    typer.Option("--unknown-grey", help="Grey level that is unknown: auto, none or a number such as 205."),
+]
+ImageAnywhere = Annotated[
+    bool, typer.Option("--image-anywhere", help="A ROS map's image may lie outside of the YAML's folder.")
+]
+KeepOutside = Annotated[
+    bool, typer.Option("--keep-outside", help="Free space around the building is floor, too.")
+]
+
+MOST_FINDINGS = 30
+"""Findings that are printed; all are drawn."""
+
+
+def import_plan(
+    source: Annotated[
+        Path, typer.Argument(help="A ROS map's YAML, an image, or a floor plan of any format that is read.")
+    ],
+    out: Annotated[Path, typer.Option(help="GeoJSON file to write; a picture lands beside it.")],
+    resolution: Resolution = None,
+    scale_by: ScaleBy = None,
+    blueprint: Blueprint = False,
+    unknown_grey: UnknownGreyOption = "auto",
+    image_anywhere: ImageAnywhere = False,
+    keep_outside: KeepOutside = False,
+    rooms: Annotated[
+        str, typer.Option(help="Layout method that finds the rooms of maps and images, or none.")
+    ] = "default",
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="room=NAME", help="GeoJSON property with a room's name (or kind, width)."),
+    ] = None,
+    robot: Annotated[
+        Path | None,
+        typer.Option(help="Folder for a robot: cleaned map (YAML, PGM), rooms and doors, graph of rooms."),
+    ] = None,
+    robot_radius: Annotated[float, typer.Option(help="Metres, for the goals of the graph.")] = 0.25,
+) -> None:
+    """Read a building of your own, find its rooms and doors, and say what to correct.
+
+    A ROS map or a picture is cleaned and divided into rooms by a layout method, unless an image of its rooms
+    lies beside it. OUT.geojson is the floor plan, for every command that takes one; OUT.png shows it with the
+    places of the findings.
+    """
+    from layoutexplore.drawing.findings import draw_findings
+    from layoutexplore.files import check_places, write_atomically
+    from layoutexplore.grids.ros_map import encode_png
+    from layoutexplore.importing.findings import find_faults
+    from layoutexplore.importing.pictures import picture_config
+    from layoutexplore.importing.robot_files import write_robot_files
+    from layoutexplore.maps.geojson import save_plan
+
+    check_places(robot)
+    config = picture_config(
+        resolution=resolution,
+        scale_by=scale_by,
+        blueprint=blueprint,
+        unknown_grey=unknown_grey,
+        image_anywhere=image_anywhere,
+        keep_outside=keep_outside,
+    )
+    building = _building(source, config, rooms, _columns(column or []))
+    findings = find_faults(building.plan)
+    save_plan(building.plan, out)
+    picture = out.with_suffix(".png")
+    write_atomically(picture, encode_png(draw_findings(building.plan, findings)))
+    for line in _summary(out, picture, building.plan, findings):
+        typer.echo(line)
+    for path in [] if robot is None else write_robot_files(building, robot, radius=robot_radius):
+        typer.echo(f"wrote {path}")
+
+
+def _columns(words: list[str]) -> dict[str, str]:
+    """What `--column` says: meaning -> name of the property."""
+    from layoutexplore.errors import ConfigError
+
+    pairs = [word.partition("=") for word in words]
+    if wrong := [word for word, (key, _, name) in zip(words, pairs, strict=True) if not (key and name)]:
+        raise ConfigError(f"--column needs room=NAME, kind=NAME or width=NAME, got {wrong[0]!r}")
+    return {key: name for key, _, name in pairs}
+
+
+def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str, str]) -> Building:
+    """The building of a map or image with rooms found in it, or of a floor plan as it is."""
+    from layoutexplore.importing.building import building_of_plan, import_building
+    from layoutexplore.maps import load_plan
+    from layoutexplore.maps.library import shows_rooms
+
+    if shows_rooms(source):
+        config.check_unused(source)
+        plan = load_plan(source, resolution=config.resolution, columns=columns)
+        if config.resolution is not None and plan.source is None:
+            plan = plan.stretched(config.resolution, config.resolution)
+        return building_of_plan(plan)
+    return import_building(source, config, method=rooms)
+
+
+def _summary(out: Path, picture: Path, plan: FloorPlan, findings: list[Finding]) -> list[str]:
+    """What was imported, and what to correct in it, with places in metres."""
+    note = f", {plan.metadata['scale']}" if "scale" in plan.metadata else ""
+    lines = [
+        f"{out}: {plan.name}, {len(plan.rooms)} rooms, {len(plan.doors)} doors, {plan.area:.0f} m2{note}",
+        f"drawn into {picture}",
+    ]
+    if findings:
+        kinds = ", ".join(f"{count} {kind}" for kind, count in Counter(f.kind for f in findings).items())
+        lines.append(f"to look at ({kinds}), by number in the picture:")
+    for number, finding in enumerate(findings[:MOST_FINDINGS], start=1):
+        lines.append(f"  {number}. at x {finding.x:.1f}, y {finding.y:.1f}: {finding.text}")
+    if len(findings) > MOST_FINDINGS:
+        lines.append(f"  ... and {len(findings) - MOST_FINDINGS} more, all in the picture")
+    return lines

@@ -1,0 +1,106 @@
+"""`layoutexplore warm-up`: compile everything that the commands use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from layoutexplore.maps.floorplan import FloorPlan
+    from layoutexplore.simulation.config import SimulationConfig
+
+OTHER_AGENTS = ("mapex-gain", "aamas-2021", "policy", "layout-gain", "gain-exp", "distance-advantage")
+"""Agents with kernels that those of the quick benchmark do not use."""
+
+PREDICTORS = ("rectangle", "hull", "parallel-wall", "face-subset", "oracle:flip=0.1", "layout:network=off")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the application."""
+    app.command("warm-up", epilog="Example: layoutexplore warm-up")(warm_up_kernels)
+
+
+def warm_up_kernels() -> None:
+    """Compile all kernels now instead of at their first use; they are kept for the next time."""
+    import time
+
+    from rich.console import Console
+
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.processes.compilation import LISTENER
+
+    began = time.monotonic()
+    steps = list(warm_up_steps())
+    console = Console(highlight=False)
+    LISTENER.is_silent = True  # the bar says it
+    with ProgressLine(console, "steps") as line:
+        for done, (name, step) in enumerate(steps):
+            line.advance(done, len(steps), done / len(steps), name)
+            step()
+        line.advance(len(steps), len(steps), 1.0)
+    seconds = time.monotonic() - began
+    console.print(f"compiled for {LISTENER.seconds:.0f} s of {seconds:.0f} s; it is kept for the next time")
+
+
+def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
+    """Names of what the commands use, each with a call that compiles its kernels."""
+    from layoutexplore.benchmark.config import QUICK_AGENTS
+    from layoutexplore.benchmark.runner import WARM_UP_PLAN
+    from layoutexplore.closed_doors.prediction import predict_closed_rooms
+    from layoutexplore.layout.pipeline import METHOD_MODULES, reconstruct
+    from layoutexplore.maps.library import load_plan
+    from layoutexplore.maps.tracing import floorplan_from_ascii
+    from layoutexplore.sensing.lidar import SENSORS
+    from layoutexplore.simulation.config import SimulationConfig
+    from layoutexplore.simulation.robot import OdometryNoise
+
+    tiny, whole = (
+        floorplan_from_ascii(WARM_UP_PLAN, resolution=0.5, name="warm-up"),
+        load_plan("apartment-01"),
+    )
+    for agent in (*QUICK_AGENTS, *OTHER_AGENTS):
+        yield f"agent {agent}", partial(_explore, tiny, SimulationConfig(), agent)
+    noise = OdometryNoise(translation=0.02, rotation=0.01)
+    for sensor in SENSORS:
+        config = SimulationConfig(sensor=sensor, odometry_noise=noise)
+        yield f"sensor {sensor}", partial(_explore, tiny, config, "nearest")
+    yield "a whole exploration", partial(_explore, whole, SimulationConfig(), "layout-tour")
+    grid = whole.rasterize(0.05).grid
+    for method in METHOD_MODULES:
+        yield f"layout method {method}", partial(reconstruct, grid, method)
+    for name in (*PREDICTORS, *(f"reconstruct:{method}" for method in METHOD_MODULES)):
+        yield f"predictor {name}", partial(_predict, tiny, name)
+    yield "closed doors", partial(predict_closed_rooms, grid)
+    for environment in ("Frontier", "Motion"):
+        yield f"environment {environment}", partial(_step, tiny, environment)
+
+
+def _explore(plan: FloorPlan, simulation: SimulationConfig, agent: str) -> None:
+    from layoutexplore.benchmark.counterfactual import CounterfactualRollouts
+    from layoutexplore.benchmark.rows import prepare
+    from layoutexplore.simulation.episode import play
+
+    play(*prepare(plan, simulation, agent), probe=CounterfactualRollouts)
+
+
+def _predict(plan: FloorPlan, name: str) -> None:
+    from layoutexplore.predictors import make_room_predictor
+    from layoutexplore.simulation.config import SimulationConfig
+    from layoutexplore.simulation.simulation import Simulation
+
+    predictor = make_room_predictor(name)
+    decision = Simulation(plan, SimulationConfig(), predictor).reset(seed=0)
+    if decision.frontiers:
+        predictor.rooms(decision)
+
+
+def _step(plan: FloorPlan, environment: str) -> None:
+    import gymnasium
+
+    env = gymnasium.make(f"LayoutExplore/{environment}-v0", plan=plan)
+    env.reset(seed=0)
+    for _ in range(3):
+        env.step(env.action_space.sample())

@@ -1,0 +1,1 @@
+"""The documentation: Markdown pages, runnable examples, and the site that is built from them."""

@@ -1,0 +1,127 @@
+"""What noise costs: metres of strategies, and how right predictors are, level by level."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from layoutexplore.benchmark.analysis import POOLED, Comparison, agents_of, compare
+from layoutexplore.benchmark.rows import Row
+from layoutexplore.metrics.statistics import Interval
+from layoutexplore.simulation.config import NOISE
+
+NOISELESS = "none"
+"""The level that the others are compared with."""
+
+LEVELS = (NOISELESS, *NOISE)
+"""All levels, from exact sensors to bad ones."""
+
+BASELINE = "nearest"
+"""The strategy that the others are compared with at each level."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentUnderNoise:
+    """One strategy at one level of noise; intervals over floor plans.
+
+    Attributes:
+        agent: The strategy.
+        level: One of `LEVELS`.
+        runs: How many.
+        reached: Share of them that saw 99 %, 0..1.
+        d95: Metres to 95 % over those of the same strategy without noise in the same cells.
+        d99: The same to 99 %.
+        to_baseline: Metres to 95 % over those of `BASELINE` at the same level; None where it did not run.
+    """
+
+    agent: str
+    level: str
+    runs: int
+    reached: float
+    d95: Interval
+    d99: Interval
+    to_baseline: Interval | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictorUnderNoise:
+    """One predictor at one level of noise, on snapshots of explorations.
+
+    Attributes:
+        predictor: Its name.
+        level: One of `LEVELS`.
+        mcc: Matthews' correlation of closed and open frontiers.
+        hidden_iou: IoU of the predicted and the true hidden parts of rooms, interval over buildings.
+    """
+
+    predictor: str
+    level: str
+    mcc: float
+    hidden_iou: Interval
+
+
+def agents_under_noise(rows: Mapping[str, Sequence[Row]]) -> list[AgentUnderNoise]:
+    """One line an agent and level, in the order of the levels given.
+
+    Args:
+        rows: By level, the runs of the same cells.
+    """
+    exact = rows[NOISELESS]
+    found = []
+    for agent in agents_of(exact):
+        for level, part in rows.items():
+            mine = [row for row in part if row.agent == agent and not row.error]
+            if mine:
+                found.append(_line(agent, level, mine, [row for row in exact if row.agent == agent], part))
+    return found
+
+
+def _line(
+    agent: str, level: str, mine: Sequence[Row], exact: Sequence[Row], part: Sequence[Row]
+) -> AgentUnderNoise:
+    # `compare` pairs by agents: the runs of one strategy at two levels are handed to it under two names.
+    pairs = [dataclasses.replace(row, agent=NOISELESS) for row in exact]
+    pairs += [dataclasses.replace(row, agent="noisy") for row in mine]
+    own = _pooled(compare(pairs, NOISELESS), "noisy")
+    baseline = _pooled(compare(part, BASELINE), agent).get("d95")
+    return AgentUnderNoise(
+        agent=agent,
+        level=level,
+        runs=len(mine),
+        reached=sum(row.reached99 for row in mine) / len(mine),
+        d95=own["d95"].ratio,
+        d99=own["d99"].ratio,
+        to_baseline=baseline.ratio if baseline else None,
+    )
+
+
+def _pooled(found: Sequence[Comparison], agent: str) -> dict[str, Comparison]:
+    """The comparisons of an agent over all sensors, by their metric."""
+    alone = len({c.sensor for c in found}) == 1
+    return {c.metric: c for c in found if c.agent == agent and (alone or c.sensor == POOLED)}
+
+
+def predictors_under_noise(summaries: Mapping[str, Mapping[str, Any]]) -> list[PredictorUnderNoise]:
+    """One line a predictor and level.
+
+    Args:
+        summaries: By level, what `layoutexplore.evaluation.partial_rooms_summary.summarise_partial_rooms`
+            made.
+    """
+    found = []
+    for level, summary in summaries.items():
+        for name, part in summary.items():
+            rooms, frontiers = part["rooms"], part["frontiers"]
+            nan = float("nan")
+            hidden = rooms[0] if rooms else {"hidden_iou": nan, "hidden_low": nan, "hidden_high": nan}
+            found.append(
+                PredictorUnderNoise(
+                    predictor=name,
+                    level=level,
+                    mcc=frontiers[0]["mcc"] if frontiers else nan,
+                    hidden_iou=Interval(hidden["hidden_iou"], hidden["hidden_low"], hidden["hidden_high"]),
+                )
+            )
+    return sorted(found, key=lambda line: line.predictor)

@@ -1,0 +1,41 @@
+"""Files: written whole or not at all, read within limits with errors that say what is wrong.
+
+Every kind of file has one function that reads it, and nothing else in the package does; nothing is unpickled.
+"""
+
+from __future__ import annotations
+
+from layoutexplore.files.archives import ArrayRule, is_sound, is_whole, read_arrays, write_arrays
+from layoutexplore.files.documents import parse_json, parse_toml, read_json, read_toml, read_yaml
+from layoutexplore.files.limits import limits
+from layoutexplore.files.names import safe_name
+from layoutexplore.files.reading import fingerprint, read_bytes, read_text
+from layoutexplore.files.tables import parse_csv, read_csv, write_csv
+from layoutexplore.files.writing import HALF, atomic, check_places, to_toml, write_atomically, write_json
+
+__all__ = [
+    "HALF",
+    "ArrayRule",
+    "atomic",
+    "check_places",
+    "fingerprint",
+    "is_sound",
+    "is_whole",
+    "limits",
+    "parse_csv",
+    "parse_json",
+    "parse_toml",
+    "read_arrays",
+    "read_bytes",
+    "read_csv",
+    "read_json",
+    "read_text",
+    "read_toml",
+    "read_yaml",
+    "safe_name",
+    "to_toml",
+    "write_arrays",
+    "write_atomically",
+    "write_csv",
+    "write_json",
+]

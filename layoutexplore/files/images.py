@@ -1,0 +1,169 @@
+"""Images: the size that the header declares is compared with the limit before anything is decoded."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import MapError
+from layoutexplore.files.limits import limits, raise_it
+from layoutexplore.files.reading import Kind, read_bytes
+
+_PNM = re.compile(rb"P[1-6](?:\s+|#[^\n\r]*[\n\r])+(\d+)(?:\s+|#[^\n\r]*[\n\r])+(\d+)")
+_FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
+"""Markers of a JPEG file behind which its size stands."""
+
+
+Levels = NDArray[np.uint8] | NDArray[np.uint16]
+
+
+def read_pixels(path: Path, *, error: Kind = MapError) -> NDArray[np.uint8]:
+    """The pixels uint8 (h, w) or (h, w, channels) of an image file; of 16 bits the upper eight.
+
+    Raises:
+        LayoutExploreError: As `read_levels` does.
+    """
+    pixels = read_levels(path, error=error)
+    return (pixels // 257 if pixels.dtype == np.uint16 else pixels).astype(np.uint8, copy=False)
+
+
+def read_levels(path: Path, *, error: Kind = MapError) -> Levels:
+    """The pixels uint8 or uint16 (h, w) or (h, w, channels) of an image file as they are stored.
+
+    PNG, JPEG, BMP, TIFF and the PNM family are read, whatever the file's ending.
+
+    Raises:
+        LayoutExploreError: Of the kind `error`: it cannot be read, is none of these or damaged, has more
+            pixels than the limit, or pixels of neither 8 nor 16 bits.
+    """
+    data = read_bytes(path, error, "image")
+    size = declared_size(data)
+    if size is None:
+        raise error(f"{path}: not an image, or a damaged one: PNG, JPEG, BMP, TIFF and PNM (.pgm) are read")
+    width, height = size
+    if width * height > limits().image_pixels:
+        raise error(
+            f"{path}: {width} x {height} pixels, and the limit image_pixels is {limits().image_pixels:g}: "
+            f"make it smaller, or {raise_it('image_pixels', width * height)}"
+        )
+    pixels = _decoded(data)
+    if pixels is None or not pixels.size:
+        raise error(f"{path}: not an image, or a damaged one")
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise error(f"{path}: images of {pixels.dtype} pixels are not supported; use 8 or 16 bits")
+    deep: Levels = pixels
+    return deep
+
+
+def _decoded(data: bytes) -> Any:
+    import cv2
+
+    with _silent_opencv():
+        try:
+            return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        except Exception:  # OpenCV's own, and that of memory
+            return None
+
+
+@contextmanager
+def _silent_opencv() -> Iterator[None]:
+    """A damaged image is our error to report, not OpenCV's; its switch has moved between versions."""
+    import cv2
+
+    home = getattr(getattr(cv2, "utils", None), "logging", cv2)
+    switch = getattr(home, "setLogLevel", None)
+    if switch is None:
+        yield
+        return
+    level = switch(0)
+    try:
+        yield
+    finally:
+        switch(level)
+
+
+def declared_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height that an image's header declares; None where it is of no kind that is read.
+
+    Example:
+        >>> declared_size(b"P5 3 2 255 ......"), declared_size(b"GIF89a")
+        ((3, 2), None)
+    """
+    for start, read in _HEADERS.items():
+        if data.startswith(start):
+            try:
+                width, height = read(data)
+            except (struct.error, IndexError, KeyError, ValueError, TypeError):
+                return None
+            return (width, height) if width > 0 and height > 0 else None
+    return None
+
+
+def _png(data: bytes) -> tuple[int, int]:
+    width, height = struct.unpack_from(">II", data, 16)
+    if data[12:16] != b"IHDR":
+        raise ValueError
+    return width, height
+
+
+def _pnm(data: bytes) -> tuple[int, int]:
+    match = _PNM.match(data[:4096])
+    if not match or max(map(len, match.groups())) > 9:
+        raise ValueError
+    return int(match[1]), int(match[2])
+
+
+def _bmp(data: bytes) -> tuple[int, int]:
+    if struct.unpack_from("<I", data, 14)[0] == 12:
+        width, height = struct.unpack_from("<HH", data, 18)
+    else:
+        width, height = struct.unpack_from("<ii", data, 18)
+    return width, abs(height)
+
+
+def _jpeg(data: bytes) -> tuple[int, int]:
+    place = 2
+    while True:
+        if data[place] != 0xFF:
+            raise ValueError
+        marker = data[place + 1]
+        if marker == 0xFF:
+            place += 1
+        elif marker in _FRAMES:
+            height, width = struct.unpack_from(">HH", data, place + 5)
+            return width, height
+        elif marker == 0x01 or 0xD0 <= marker <= 0xD7:
+            place += 2
+        else:
+            place += 2 + max(struct.unpack_from(">H", data, place + 2)[0], 2)
+
+
+def _tiff(data: bytes) -> tuple[int, int]:
+    order = "<" if data[:2] == b"II" else ">"
+    (place,) = struct.unpack_from(f"{order}I", data, 4)
+    (count,) = struct.unpack_from(f"{order}H", data, place)
+    found = {}
+    for k in range(count):
+        tag, kind, _ = struct.unpack_from(f"{order}HHI", data, place + 2 + 12 * k)
+        if tag in (256, 257):
+            form = {3: "H", 4: "I"}[kind]
+            (found[tag],) = struct.unpack_from(f"{order}{form}", data, place + 10 + 12 * k)
+    return found[256], found[257]
+
+
+_HEADERS: dict[bytes, Callable[[bytes], tuple[int, int]]] = {
+    b"\x89PNG\r\n\x1a\n": _png,
+    b"\xff\xd8": _jpeg,
+    b"BM": _bmp,
+    b"II*\0": _tiff,
+    b"MM\0*": _tiff,
+    **{b"P%d" % k: _pnm for k in range(1, 7)},
+}
+"""Readers of headers by what a file begins with."""

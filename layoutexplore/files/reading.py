@@ -1,0 +1,104 @@
+"""Reading what may be anything: regular files only, of a size that is known before."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+
+from layoutexplore.errors import LayoutExploreError, shortened
+from layoutexplore.files.limits import limits, raise_it
+
+MEGA = 1_000_000
+
+_NO_WAITING = sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
+
+Kind = type[LayoutExploreError]
+"""The class of the error that a reader raises."""
+
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+def read_bytes(path: Path, error: Kind, what: str = "file", *, limit: str = "file_mb") -> bytes:
+    """The content of a regular file.
+
+    Args:
+        path: The file; a link to one is followed.
+        error: What is raised.
+        what: What it is to be, for messages: "image", "plan".
+        limit: The limit of its size.
+
+    Raises:
+        LayoutExploreError: Of the kind `error`: there is no such file, it may not be read, is a folder, pipe
+            or device, or is larger than the limit.
+    """
+    most = int(getattr(limits(), limit) * MEGA)
+    try:
+        _check_regular(path.stat().st_mode, path, error, what)  # before it is opened: that can do something
+        # A pipe that took the file's place meanwhile must not make us wait for a writer.
+        with open(os.open(path, os.O_RDONLY | _NO_WAITING), "rb") as file:  # noqa: PTH123
+            status = os.fstat(file.fileno())
+            _check_regular(status.st_mode, path, error, what)
+            size = status.st_size
+            data = b"" if size > most else file.read(size + 1)
+    except (OSError, ValueError) as problem:
+        if isinstance(problem, LayoutExploreError):
+            raise
+        reason = getattr(problem, "strerror", None) or problem
+        raise error(f"{shown_path(path)}: cannot read the {what}: {reason}") from problem
+    if len(data) > size <= most:
+        raise error(f"{path}: the {what} grew while it was read: try again")
+    if size > most:
+        raise error(
+            f"{path}: the {what} has {size / MEGA:.4g} MB, and the limit {limit} is {most / MEGA:g}: "
+            f"{raise_it(limit, size / MEGA)}"
+        )
+    return data
+
+
+def _check_regular(mode: int, path: Path, error: Kind, what: str) -> None:
+    if not stat.S_ISREG(mode):
+        kind = next((name for test, name in _KINDS if test(mode)), "no file")
+        raise error(f"{path}: is {kind}: the {what} must be a regular file")
+
+
+def read_text(path: Path, error: Kind, what: str = "file", *, limit: str = "file_mb") -> str:
+    """The content of a regular UTF-8 file; see `read_bytes`."""
+    data = read_bytes(path, error, what, limit=limit)
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as problem:
+        raise error(
+            f"{path} is damaged or no text in UTF-8: byte {problem.start} of the {what} is "
+            f"0x{data[problem.start]:02x}"
+        ) from problem
+
+
+def shown_path(path: Path) -> str:
+    """A path as it can be printed, whatever characters it has."""
+    text = str(path)
+    return text if text.isprintable() and len(text) < 500 else shortened(text)
+
+
+def fingerprint(files: Iterable[Path]) -> str:
+    """12 hexadecimal digits that change when a file's content or its place in the order does.
+
+    Raises:
+        OSError: A file cannot be read.
+
+    Example:
+        >>> fingerprint([])
+        'e3b0c44298fc'
+    """
+    digest = hashlib.sha256()
+    for path in files:
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()[:12]

@@ -1,0 +1,73 @@
+"""Weights in safetensors files: plain numbers, all finite, nothing unpickled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ResultsError, shortened
+from layoutexplore.files.documents import parse_json
+from layoutexplore.files.reading import Kind, read_bytes
+from layoutexplore.files.schema import Record, TableOf, Text
+
+_LONGEST_HEADER = 1 << 22
+_HEADER = Record({}, {"__metadata__": TableOf(Text(most=_LONGEST_HEADER))})
+
+
+def read_tensors(
+    path: Path,
+    shapes: Mapping[str, tuple[int, ...]] | None = None,
+    *,
+    error: Kind = ResultsError,
+    what: str = "file of weights",
+) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+    """Tensors and metadata of a safetensors file.
+
+    Args:
+        path: The file.
+        shapes: Tensors that it must hold, and their shapes; any when None.
+        error: What is raised.
+        what: What it is to be, for messages.
+
+    Returns:
+        Arrays by name, all of them finite, and the texts of the header.
+
+    Raises:
+        LayoutExploreError: Of the kind `error`: it cannot be read, is cut off or damaged, lacks a tensor, or
+            a number is not finite.
+    """
+    import safetensors.numpy
+
+    data = read_bytes(path, error, what)
+    metadata = _metadata(data, path, error, what)
+    try:
+        tensors = safetensors.numpy.load(data)
+    except Exception as problem:  # its own class, and that of NumPy for types that NumPy does not have
+        raise error(f"{path} is damaged: {shortened(str(problem))}; copy or train it again") from problem
+    for name, values in tensors.items():
+        if values.dtype.kind == "f" and not np.isfinite(values).all():
+            raise error(f"{path}: {shortened(name)} is not finite throughout: train it again")
+    for name, shape in (shapes or {}).items():
+        if name not in tensors or tensors[name].shape != shape:
+            found = "is missing" if name not in tensors else f"has the shape {tensors[name].shape}"
+            raise error(f"{path}: {name} {found}, expected {shape}: train it again with this version")
+    return tensors, metadata
+
+
+def read_metadata(path: Path, *, error: Kind = ResultsError, what: str = "file of weights") -> dict[str, str]:
+    """The texts in the header of a safetensors file that is whole; see `read_tensors`."""
+    return _metadata(read_bytes(path, error, what), path, error, what)
+
+
+def _metadata(data: bytes, path: Path, error: Kind, what: str) -> dict[str, str]:
+    size = int.from_bytes(data[:8], "little")
+    if len(data) < 8 or not 0 < size <= min(_LONGEST_HEADER, len(data) - 8):
+        raise error(f"{path} is not a {what}: it does not begin like a safetensors file, or is cut off")
+    text = data[8 : 8 + size].decode("utf-8", errors="replace")
+    header = parse_json(text, f"{path}: the header", _HEADER, error=error)
+    metadata: dict[str, str] = header.get("__metadata__", {})
+    return metadata

@@ -1,0 +1,113 @@
+"""Files written whole or not at all: texts, JSON, TOML."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from layoutexplore.errors import ConfigError, WriteError
+
+HALF = ".part"
+"""How the names of files end that are being written."""
+
+
+@contextmanager
+def atomic(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path` that replaces it when the block ends well, and vanishes otherwise.
+
+    Raises:
+        WriteError: The file cannot be written.
+    """
+    temporary = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=HALF, dir=path.parent)
+        os.close(handle)
+        temporary = Path(name)
+        yield temporary
+        temporary.chmod(0o644)
+        temporary.replace(path)
+    except OSError as error:
+        raise WriteError(f"{path}: cannot write: {error.strerror or error}") from error
+    finally:
+        if temporary:
+            temporary.unlink(missing_ok=True)
+
+
+def write_atomically(path: Path, data: bytes | str) -> None:
+    """Write a file beside its place and move it there, so that nobody ever sees half of it.
+
+    Raises:
+        WriteError: It cannot be written.
+    """
+    with atomic(path) as temporary:
+        temporary.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def write_json(path: Path, data: Mapping[str, Any], *, indent: int | None = 1) -> None:
+    """Write numbers; what is not a finite number becomes null, as JSON has no other word for it."""
+    write_atomically(path, json.dumps(_finite(data), indent=indent, allow_nan=False) + "\n")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def to_toml(table: Mapping[str, Any]) -> str:
+    """Nested tables of strings, numbers, booleans and lists as TOML; keys with the value None are left out.
+
+    Example:
+        >>> print(to_toml({"a": [1, "x"], "t": {"b": None, "c": True}}))
+        a = [
+            1,
+            "x",
+        ]
+        <BLANKLINE>
+        [t]
+        c = true
+        <BLANKLINE>
+    """
+    return tomli_w.dumps(_without_none(table))
+
+
+def _without_none(table: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        key: _without_none(value) if isinstance(value, Mapping) else value
+        for key, value in table.items()
+        if value is not None
+    }
+
+
+def check_places(out: Path | None, json_file: Path | None = None) -> None:
+    """See whether a folder of results and a file of numbers can be written; nothing is made yet.
+
+    Args:
+        out: What `--out` names.
+        json_file: What `--json` names.
+
+    Raises:
+        ConfigError: There is a file where the folder is to be, a folder where the file is to be, or no
+            permission.
+    """
+    if json_file is not None and json_file.is_dir():
+        raise ConfigError(f"{json_file} is a folder: --json must name a file")
+    for option, folder in (("--out", out), ("--json", None if json_file is None else json_file.parent)):
+        if folder is None:
+            continue
+        there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+        if not there.is_dir():
+            raise ConfigError(f"{there} is a file: {option} cannot name a folder there")
+        if not os.access(there, os.W_OK | os.X_OK):
+            raise ConfigError(f"{there}: no permission to write there; choose another place with {option}")

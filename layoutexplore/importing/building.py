@@ -1,0 +1,115 @@
+"""From a map or a picture to a floor plan with rooms and doors, by a layout method."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Ints32
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, IMAGE_SUFFIXES
+from layoutexplore.importing.cleaning import without_noise
+from layoutexplore.importing.findings import resolution_for
+from layoutexplore.importing.pictures import PictureConfig, read_picture
+from layoutexplore.layout.pipeline import reconstruct
+from layoutexplore.maps.floorplan import Door, FloorPlan
+from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.maps.tracing import plan_from_raster
+
+LEAST_DOOR = 0.25
+"""Metres; where two rooms touch along less than this, a leak of the map joins them and no door."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Building:
+    """A user's building.
+
+    Attributes:
+        grid: The map, cleaned, in its own frame.
+        room_ids: int32 (rows, cols), the room of each cell of the grid, 0 for none.
+        plan: The floor plan, its rooms numbered alike; axes along the rows and columns of the map.
+        warnings: Of the layout method.
+    """
+
+    grid: OccupancyGrid
+    room_ids: Ints32
+    plan: FloorPlan
+    warnings: tuple[str, ...] = ()
+
+
+def import_building(path: Path, config: PictureConfig | None = None, *, method: str = "default") -> Building:
+    """Read a map or a picture and find its rooms and doors.
+
+    Args:
+        path: A ROS map's YAML, or an image.
+        config: What is said about the picture.
+        method: A method of `reconstruct` that makes rooms; "none": each separate free area is a room.
+
+    Raises:
+        MapError: The picture cannot be read, or no room is found in it.
+        UnknownNameError: There is no such method.
+    """
+    config = config or PictureConfig()
+    grid = read_picture(path, config)
+    if not grid.free.any():
+        raise MapError(f"{path}: the map shows no free space")
+    metadata = {"format": "image" if path.suffix.lower() in IMAGE_SUFFIXES else "ROS map"}
+    if path.suffix.lower() in IMAGE_SUFFIXES:
+        said = "assumed: the image has no scale" if config.resolution is None else "as given"
+        metadata["scale"] = f"{config.resolution or DEFAULT_RESOLUTION:g} m a pixel ({said})"
+    return building_from_grid(grid, name=path.stem, method=method, metadata=metadata)
+
+
+def building_from_grid(
+    grid: OccupancyGrid, *, name: str, method: str = "default", metadata: Mapping[str, str] | None = None
+) -> Building:
+    """Find the rooms and doors of a grid map.
+
+    Args:
+        grid: The map, complete or partial.
+        name: The plan's name.
+        method: A method of `reconstruct` that makes rooms; "none": each separate free area is a room.
+        metadata: Where the map comes from.
+
+    Raises:
+        MapError: No room is found.
+        UnknownNameError: There is no such method.
+    """
+    clean = without_noise(grid)
+    room_ids, warnings = np.zeros(clean.shape, np.int32), tuple[str, ...]()
+    if method != "none":
+        layout = reconstruct(clean, method)
+        room_ids, warnings = np.where(clean.free, layout.room_labels(), 0).astype(np.int32), layout.warnings
+        if not room_ids.any():
+            raise MapError(f"{name}: the layout method {method} finds no room; {'; '.join(warnings)}")
+    # A floor plan has no yaw: its axes are the rows and columns of the map.
+    frame = Pose(grid.origin.x, grid.origin.y, 0.0)
+    notes = {"rooms": f"by the layout method {method}", **(metadata or {})}
+    if grid.origin.theta:
+        turn = f"turned by {-grid.origin.theta:g} rad about the map's origin"
+        notes["frame"] = f"{turn}, so that its rows run along x"
+    plan = plan_from_raster(
+        PlanRaster(~clean.free, room_ids, clean.resolution, frame), name=name, metadata=notes, oblique=True
+    )
+    plan = replace(plan, doors=tuple(door for door in plan.doors if is_door(door)))
+    assert plan.source is not None
+    return Building(grid=clean, room_ids=plan.source.room_ids, plan=plan, warnings=warnings)
+
+
+def building_of_plan(plan: FloorPlan) -> Building:
+    """The building that a floor plan tells of, with a map of it.
+
+    Raises:
+        MapError: The plan has no free space at the map's resolution.
+    """
+    raster = plan.rasterize(resolution_for(plan))
+    return Building(grid=raster.grid, room_ids=raster.room_ids, plan=plan)
+
+
+def is_door(door: Door) -> bool:
+    """Whether an opening is wide enough for a door."""
+    return door.width >= LEAST_DOOR

@@ -1,0 +1,138 @@
+"""What to correct in a floor plan that was imported: each finding in words, with its place in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from layoutexplore.grids.polygons import Point
+from layoutexplore.maps.floorplan import Door, FloorPlan
+
+ROBOT_RADIUS = 0.2
+"""Metres; what a robot of this radius cannot get to is disconnected."""
+
+TINY_ROOM, LOST_AREA = 1.5, 1.0
+"""Square metres; smaller rooms, and larger separate pieces of floor, are found."""
+
+NARROW_DOOR, WIDE_OPENING = 0.5, 3.0
+"""Metres; narrower doors are leaks of the map, and openings wider than this tell nothing about its scale."""
+
+DOOR_WIDTHS = (0.7, 1.4)
+"""Metres between which the median door of a building lies (0.8 to 1.2 with something for gaps and grids)."""
+
+TYPICAL_DOOR, ENOUGH_DOORS = 0.9, 4
+"""Metres of a usual door, and how many doors it takes to judge the scale by them."""
+
+UNITS = {"ft": 0.3048, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+"""Metres of units that are taken for metres now and then."""
+
+FINEST, LONGEST_SIDE = 0.05, 4000
+"""Metres of a cell of the map on which a plan is checked, and cells of its longest side for large plans."""
+
+
+def resolution_for(plan: FloorPlan) -> float:
+    """Metres a cell at which a plan is looked at: 0.05 for buildings, more where metres are no metres."""
+    x0, y0, x1, y1 = plan.bounds
+    return max(FINEST, max(x1 - x0, y1 - y0) / LONGEST_SIDE)
+
+
+class Finding(NamedTuple):
+    """Something to look at: its kind, a sentence, and where it is (x, y) in metres."""
+
+    kind: str
+    text: str
+    x: float
+    y: float
+
+
+def find_faults(plan: FloorPlan) -> list[Finding]:
+    r"""What looks wrong in a floor plan: its scale first, then floor out of reach, rooms, and doors.
+
+    Example:
+        >>> from layoutexplore.maps.tracing import floorplan_from_ascii
+        >>> plan = floorplan_from_ascii("#########\n#aaa#bbb#\n#aaa#bbb#\n#########")
+        >>> [finding.kind for finding in find_faults(plan)]
+        ['out of reach', 'no door', 'no door']
+    """
+    return [*_scale(plan), *_out_of_reach(plan), *_rooms(plan), *_doors(plan)]
+
+
+def _scale(plan: FloorPlan) -> Iterator[Finding]:
+    """Doors are of one width all over the world: they tell whether metres are metres."""
+    widths = np.array([door.width for door in plan.doors if door.width <= WIDE_OPENING])
+    narrow = len(widths) >= ENOUGH_DOORS and float(np.median(widths)) < DOOR_WIDTHS[0]
+    if len(widths) < ENOUGH_DOORS or len(widths) < len(plan.doors) / 2:
+        widths = np.array([door.width for door in plan.doors])
+    if len(widths) < ENOUGH_DOORS:
+        return
+    median = float(np.median(widths))
+    if narrow or median > DOOR_WIDTHS[1]:
+        x0, y0, x1, y1 = plan.bounds
+        factor = TYPICAL_DOOR / median
+        unit = next((u for u, m in UNITS.items() if 0.8 < factor / m < 1.25), "")
+        hint = f" (is it in {unit}? --scale-by '1 {unit} = 1 unit')" if unit else ""
+        yield Finding(
+            "scale",
+            f"the scale is doubtful: half of the {len(widths)} doors are "
+            f"{'narrower' if narrow else 'wider'} than {median:.2f} m; with doors of {TYPICAL_DOOR:g} m "
+            f"every length would be {factor:.2g} times what it is now{hint}",
+            (x0 + x1) / 2,
+            (y0 + y1) / 2,
+        )
+
+
+def _out_of_reach(plan: FloorPlan) -> Iterator[Finding]:
+    resolution = resolution_for(plan)
+    raster = plan.rasterize(resolution)
+    open_cells = (~raster.blocked(ROBOT_RADIUS)).astype(np.uint8)
+    count, parts = cv2.connectedComponents(open_cells, connectivity=4, ltype=cv2.CV_32S)
+    sizes = np.bincount(parts.ravel(), minlength=count) * resolution**2
+    sizes[0] = 0.0
+    for part in np.argsort(-sizes)[1:]:
+        if sizes[part] < LOST_AREA:
+            break
+        place = _middle(parts == part)
+        x, y = raster.cell_to_world(*place)
+        yield Finding(
+            "out of reach",
+            f"{sizes[part]:.0f} m2 cannot be reached from the rest by a robot of {2 * ROBOT_RADIUS:g} m",
+            x,
+            y,
+        )
+
+
+def _middle(mask: np.ndarray) -> tuple[int, int]:
+    """The cell (row, col) of a mask farthest from everything else."""
+    depth = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    row, col = np.unravel_index(int(depth.argmax()), depth.shape)
+    return int(row) - 1, int(col) - 1
+
+
+def _rooms(plan: FloorPlan) -> Iterator[Finding]:
+    joined = {room for door in plan.doors for room in door.rooms}
+    for room in plan.rooms:
+        place: Point = room.polygon.representative_point().coords[0]
+        name = f"room {room.id}" + (f" ({room.label})" if room.label else "")
+        if room.id not in joined and len(plan.rooms) > 1 and not plan.passages.dwithin(room.polygon, FINEST):
+            yield Finding("no door", f"{name} of {room.polygon.area:.1f} m2 has no door", *place)
+        if room.polygon.area < TINY_ROOM:
+            yield Finding("tiny room", f"{name} has only {room.polygon.area:.1f} m2", *place)
+
+
+def _doors(plan: FloorPlan) -> Iterator[Finding]:
+    for number, door in enumerate(plan.doors):
+        if door.width < NARROW_DOOR:
+            yield Finding(
+                "narrow door",
+                f"door {number}, {_sides(door)}, is only {door.width:.2f} m wide: a leak in a wall?",
+                (door.start[0] + door.end[0]) / 2,
+                (door.start[1] + door.end[1]) / 2,
+            )
+
+
+def _sides(door: Door) -> str:
+    names = [f"room {room}" if room else "outside" for room in door.rooms]
+    return f"between {names[0]} and {names[1]}"

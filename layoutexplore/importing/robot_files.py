@@ -1,0 +1,141 @@
+"""What a robot needs of a building: its cleaned map, the outlines of its rooms, its doors, and a room graph.
+
+All of it is in the frame of the map that the robot knows: metres of the map's own origin and yaw.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import shapely
+from shapely.geometry import mapping
+from shapely.geometry.base import BaseGeometry
+
+from layoutexplore.files import write_atomically, write_json
+from layoutexplore.grids.arrays import Mask
+from layoutexplore.grids.grid import Pose
+from layoutexplore.grids.polygons import Point
+from layoutexplore.grids.ros_map import save_grid
+from layoutexplore.importing.building import Building
+from layoutexplore.maps.floorplan import Room
+from layoutexplore.maps.raster import PlanRaster
+
+OUTLINE_TOLERANCE = 0.1
+"""Metres by which a simple outline may miss the cells."""
+
+CLEARANCE = 1.0
+"""Metres to walls beyond which a goal is not better for being farther from them."""
+
+
+def room_goals(building: Building, *, radius: float = 0.25) -> dict[int, Point | None]:
+    """A place in each room that a robot can reach and that is away from walls, in the world frame.
+
+    Args:
+        building: The building.
+        radius: Of the robot, in metres.
+
+    Returns:
+        (x, y) in metres by room; None where the robot cannot get into the room.
+    """
+    grid = building.grid
+    raster = PlanRaster(~grid.free, building.room_ids, grid.resolution, grid.origin)
+    reachable = raster.reachable(radius)
+    depth = cv2.distanceTransform(np.pad(grid.free, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    clearance = np.minimum(depth[1:-1, 1:-1] * grid.resolution, CLEARANCE)
+    goals: dict[int, Point | None] = {}
+    for room in building.plan.rooms:
+        cell = _goal_cell((building.room_ids == room.id) & reachable, clearance)
+        goals[room.id] = None if cell is None else _rounded(grid.cell_to_world(*cell))
+    return goals
+
+
+def _goal_cell(places: Mask, clearance: np.ndarray[Any, Any]) -> tuple[int, int] | None:
+    """Of the places (rows, cols) about as far from walls as any, the one nearest to their middle."""
+    if not places.any():
+        return None
+    cells = np.argwhere(places)
+    far = clearance[places] >= 0.9 * clearance[places].max()
+    away = np.linalg.norm(cells[far] - cells.mean(axis=0), axis=1)
+    row, col = cells[far][int(away.argmin())]
+    return int(row), int(col)
+
+
+def room_graph(building: Building, *, radius: float = 0.25) -> dict[str, Any]:
+    """Rooms as nodes, with area, label and goal, and doors as edges, with place and width, for JSON."""
+    origin = building.grid.origin
+    goals = room_goals(building, radius=radius)
+    nodes = [
+        {
+            "id": room.id,
+            "label": room.label,
+            "area": round(room.polygon.area, 2),
+            "goal": goals[room.id],
+            "doors": [k for k, door in enumerate(building.plan.doors) if room.id in door.rooms],
+        }
+        for room in building.plan.rooms
+    ]
+    edges = [
+        {
+            "id": k,
+            "rooms": list(door.rooms),
+            "place": _rounded(_turned(shapely.LineString([door.start, door.end]), origin).centroid.coords[0]),
+            "width": round(door.width, 2),
+            "open": door.is_open,
+        }
+        for k, door in enumerate(building.plan.doors)
+    ]
+    return {"frame": "map", "robot_radius": radius, "nodes": nodes, "edges": edges}
+
+
+def write_robot_files(building: Building, folder: Path, *, radius: float = 0.25) -> list[Path]:
+    """Write map.yaml with map.pgm, rooms.geojson (outlines, doors, goals) and graph.json; the files written.
+
+    Args:
+        building: The building.
+        folder: Where the files go.
+        radius: Of the robot, in metres, for the goals.
+
+    Raises:
+        WriteError: A file cannot be written.
+    """
+    save_grid(building.grid, folder / "map.yaml")
+    graph = room_graph(building, radius=radius)
+    write_json(folder / "graph.json", graph)
+    origin = building.grid.origin
+    features = [
+        _feature(_outline(room, origin), "room", id=room.id, label=room.label) for room in building.plan.rooms
+    ]
+    features += [
+        _feature(shapely.Point(node["goal"]), "goal", room=node["id"])
+        for node in graph["nodes"]
+        if node["goal"]
+    ]
+    for edge, door in zip(graph["edges"], building.plan.doors, strict=True):
+        line = _turned(shapely.LineString([door.start, door.end]), origin)
+        features.append(_feature(line, "door", id=edge["id"], rooms=edge["rooms"], width=edge["width"]))
+    collection = {"type": "FeatureCollection", "features": features}
+    write_atomically(folder / "rooms.geojson", json.dumps(collection) + "\n")
+    return [folder / name for name in ("map.yaml", "map.pgm", "rooms.geojson", "graph.json")]
+
+
+def _outline(room: Room, origin: Pose) -> BaseGeometry:
+    """A room's outline with few corners, in the world frame."""
+    return _turned(room.polygon.simplify(OUTLINE_TOLERANCE), origin)
+
+
+def _turned(shape: BaseGeometry, origin: Pose) -> BaseGeometry:
+    """A shape of the plan, whose axes are the map's rows and columns, in the world frame."""
+    turned = shapely.affinity.rotate(shape, origin.theta, origin=(origin.x, origin.y), use_radians=True)
+    return shapely.transform(turned, lambda points: np.round(points, 3))
+
+
+def _rounded(point: tuple[float, ...]) -> Point:
+    return round(float(point[0]), 3), round(float(point[1]), 3)
+
+
+def _feature(geometry: BaseGeometry, kind: str, **properties: Any) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": mapping(geometry), "properties": {"kind": kind, **properties}}

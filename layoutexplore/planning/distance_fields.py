@@ -1,0 +1,184 @@
+"""Lengths of the shortest paths from a robot, on the map as it is at one decision.
+
+On a small map they are those of one search over all cells; on a large one those to single cells come from the
+map's corners, and the search over cells is made when somebody asks for all of them, or for a path.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.grid import Cell
+from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Search, to_metres
+from layoutexplore.planning.corner_paths import CornerPaths
+from layoutexplore.planning.distance_cache import DistanceCache
+from layoutexplore.planning.shortest_paths import distances_between, flat_indices, walk_down
+
+NOWHERE = np.empty(0, np.int64)
+"""For a search that does not stop before its end."""
+
+
+class Turn:
+    """Counts the decisions whose distances share memory, so that those which are over are known.
+
+    Attributes:
+        number: That of the last one.
+    """
+
+    def __init__(self) -> None:
+        self.number = 0
+
+
+class DistanceField:
+    """Lengths of the shortest paths from one cell: a view of their search, which the next search takes away.
+
+    Args:
+        search: It has been made.
+        turn: Its next number ends this view.
+        cache: Keeps lengths between other cells.
+        resolution: Side of a cell in metres.
+        settled: As of `Search.spread`.
+
+    Attributes:
+        units: int32 (rows + 2, cols + 2), lengths in units of the search, from an origin on.
+        settled: The greatest of them that is a length; what lies above is not reached.
+    """
+
+    def __init__(
+        self, search: Search, turn: Turn, cache: DistanceCache, resolution: float, settled: int
+    ) -> None:
+        self._search, self._turn, self._number = search, turn, turn.number
+        self._cache, self._scale = cache, resolution / STRAIGHT
+        self.units: NDArray[np.integer] = search.distance.reshape(search.moves.shape)
+        self.settled = settled
+        self._reached: Mask | None = None
+
+    @property
+    def reached(self) -> Mask:
+        """Bool (rows, cols): the cells that have a length."""
+        if self._reached is None:
+            self._check()
+            self._reached = np.asarray(self.units[1:-1, 1:-1] <= self.settled)
+        return self._reached
+
+    def to_cells(self, cells: NDArray[np.integer]) -> Floats32:
+        """Lengths float32 (n,) in metres to cells (n, 2) of the grid, inf where there is no path."""
+        self._check()
+        units = self.units[cells[:, 0] + 1, cells[:, 1] + 1]
+        lengths = ((units - float(self._search.origin)) * self._scale).astype(np.float32)
+        return np.where(units <= self.settled, lengths, np.float32(np.inf))
+
+    def metres(self) -> Floats32:
+        """Lengths float32 (rows, cols) in metres to every cell, inf where there is no path."""
+        self._check()
+        return self._metres(self.settled)
+
+    def path_to(self, target: Cell) -> Ints32:
+        """The shortest path int32 (k, 2) to a cell, both ends included, as `shortest_paths.descend` finds it.
+
+        Raises:
+            ConfigError: There is no path.
+        """
+        self._check()
+        row, col = int(target[0]), int(target[1])
+        if self.units[row + 1, col + 1] > self.settled:
+            raise ConfigError(f"cell ({row}, {col}) cannot be reached: its distance is infinite")
+        return self._walk(row, col, self.settled)
+
+    def between(self, cells: Ints32, resolution: float) -> Floats32:
+        """Lengths float32 (n, n) in metres between cells (n, 2) that have one, kept for later decisions."""
+        return self._cache.lengths(self.reached, cells, resolution)
+
+    def lengths_from(self, source: Cell, cells: Ints32, resolution: float) -> Floats32:
+        """Lengths float32 (n,) in metres from one cell that has a length to others (n, 2)."""
+        return distances_between(self.reached, source, cells, resolution)
+
+    def _metres(self, settled: int) -> Floats32:
+        search = self._search
+        lengths = np.empty((search.moves.shape[0] - 2, search.moves.shape[1] - 2), np.float32)
+        to_metres(search.distance, float(search.origin), self._scale, settled, lengths)
+        return lengths
+
+    def _walk(self, row: int, col: int, settled: int) -> Ints32:
+        search = self._search
+        units, origin = search.distance.reshape(search.moves.shape), float(search.origin)
+        return walk_down(units, 1, origin, self._scale, float(settled), search.moves, row, col)
+
+    def _check(self) -> None:
+        if self._turn.number != self._number:
+            raise ConfigError(
+                "these distances belong to a decision that is over: copy `decision.distances` while it is due"
+            )
+
+
+class CornerField(DistanceField):
+    """The same by the corners of the map.
+
+    Args:
+        search: On the same map, to be made when it is needed.
+        turn: Its next number ends this view.
+        cache: Is not used.
+        resolution: Side of a cell in metres.
+        source: Where the robot is.
+        paths: The corners of the map; the source counts as traversable.
+        barred: uint8 (rows + 2, cols + 2), 0 where a cell is connected with the source, 1 elsewhere.
+
+    Attributes:
+        units: `barred`; with `settled` it tells what is reached, as in a `DistanceField`.
+        settled: 0.
+    """
+
+    def __init__(
+        self,
+        search: Search,
+        turn: Turn,
+        cache: DistanceCache,
+        resolution: float,
+        *,
+        source: Cell,
+        paths: CornerPaths,
+        barred: Bytes,
+    ) -> None:
+        super().__init__(search, turn, cache, resolution, 0)
+        self._source, self._paths, self.units = source, paths, barred
+
+    def to_cells(self, cells: NDArray[np.integer]) -> Floats32:
+        """Lengths float32 (n,) in metres to cells (n, 2) of the grid, inf where there is no path."""
+        self._check()
+        lengths = np.full(len(cells), np.float32(np.inf))
+        reached = np.flatnonzero(self.units[cells[:, 0] + 1, cells[:, 1] + 1] == 0)
+        if len(reached):
+            units = self._paths.lengths_from(self._source, np.asarray(cells[reached], np.int64))
+            lengths[reached] = self._in_metres(units, self._scale)
+        return lengths
+
+    def metres(self) -> Floats32:
+        """Lengths float32 (rows, cols) in metres to every cell, inf where there is no path."""
+        self._check()
+        return self._metres(self._spread(NOWHERE))
+
+    def between(self, cells: Ints32, resolution: float) -> Floats32:
+        """Lengths float32 (n, n) in metres between cells (n, 2) that have one, kept for later decisions."""
+        self._check()
+        return self._in_metres(self._paths.between(cells), resolution / STRAIGHT)
+
+    def lengths_from(self, source: Cell, cells: Ints32, resolution: float) -> Floats32:
+        """Lengths float32 (n,) in metres from one cell that has a length to others (n, 2)."""
+        self._check()
+        return self._in_metres(self._paths.lengths_from(source, cells), resolution / STRAIGHT)
+
+    def _walk(self, row: int, col: int, settled: int) -> Ints32:
+        # Nearer cells than the target are all that a path to it is walked down over.
+        stops = flat_indices(np.array([[row, col]]), self._search)
+        return super()._walk(row, col, self._spread(stops))
+
+    def _spread(self, stops: Ints) -> int:
+        row, col = self._source
+        return self._search.spread((row + 1) * self._search.cols + col + 1, stops)
+
+    @staticmethod
+    def _in_metres(units: Ints, scale: float) -> Floats32:
+        return np.where(units == FAR, np.inf, units * scale).astype(np.float32)

@@ -1,0 +1,1 @@
+"""What is chosen by name (agents, predictors, layout methods), and users' own code beside what ships."""

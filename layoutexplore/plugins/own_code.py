@@ -1,0 +1,204 @@
+"""A user's own code: `FILE.py:NAME` and `package.module:NAME`, loaded once, and again when a file changes.
+
+While a benchmark runs, its references are pinned: what was loaded when it began is what all its runs get.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib
+import linecache
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from layoutexplore.errors import ConfigError, OwnCodeError, unknown_name
+from layoutexplore.plugins.code_digest import digest_of_files, files_of
+from layoutexplore.plugins.tracebacks import told
+
+_FILE = re.compile(r"(?P<place>[^=]*?\.py):(?P<name>[A-Za-z_]\w*)(?=:|$)")
+_MODULE = re.compile(r"(?P<place>[A-Za-z_]\w*(\.[A-Za-z_]\w*)*):(?P<name>[A-Za-z_]\w*)(?=:|$)")
+
+
+class Loaded(NamedTuple):
+    """A module of a user's own.
+
+    Attributes:
+        module: It.
+        files: Its file and those that it imports from beside it, as they were when it was loaded.
+    """
+
+    module: ModuleType
+    files: dict[Path, bytes]
+
+    @property
+    def digest(self) -> str:
+        """Changes with any of the files."""
+        return digest_of_files(self.files)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether no file has changed since."""
+        return all(path.is_file() and path.read_bytes() == data for path, data in self.files.items())
+
+
+class Pin(NamedTuple):
+    """Where a reference leads, and the digest of what lies there: in every process of a benchmark."""
+
+    place: str
+    digest: str
+
+
+_loaded: dict[str, Loaded] = {}
+_places: dict[str, str] = {}
+_pins: dict[str, Pin] = {}
+
+
+class Reference(NamedTuple):
+    """What a text refers to.
+
+    Attributes:
+        text: `FILE.py:NAME` or `package.module:NAME`.
+        place: The file or module.
+        name: Of a class, function or object there.
+    """
+
+    text: str
+    place: str
+    name: str
+
+    def load(self) -> Any:
+        """The class, function or object.
+
+        Raises:
+            ConfigError: There is no such file, module or name.
+            OwnCodeError: The code fails while it is loaded, or is not what a running benchmark began with.
+        """
+        there = vars(self._loaded().module)
+        if self.name not in there:
+            known = [name for name, value in there.items() if callable(value) and not name.startswith("_")]
+            raise unknown_name(f"name in {self.place}:", self.name, known)
+        return there[self.name]
+
+    def digest(self) -> str:
+        """Changes with the code that `load` loads."""
+        return self._loaded().digest
+
+    def _loaded(self) -> Loaded:
+        pin = _pins.get(self.place)
+        place = pin.place if pin else self.place
+        if place.endswith(".py"):
+            key, load = str(_absolute(place)), _execute
+        else:
+            key, load = place, _import
+        there = _loaded.get(key)
+        stays = pin is not None or load is _import  # Python imports a module once
+        if there is None or not (stays or there.is_current):
+            there = _loaded[key] = load(key, there)
+        _places[self.place] = key
+        if pin and there.digest != pin.digest:
+            raise OwnCodeError(f"{self.place} has changed since the benchmark began: give the command again")
+        return there
+
+
+def reference_in(spec: str) -> Reference | None:
+    """The reference that a text begins with; None where there is none.
+
+    Example:
+        >>> reference_in("strategies/mine.py:MyAgent:size=2").name
+        'MyAgent'
+        >>> reference_in("nearest:min_size=2")
+    """
+    if found := _FILE.match(spec):
+        return Reference(found.group(), found["place"], found["name"])
+    found = _MODULE.match(spec)
+    if not found:
+        return None
+    if "." not in found["place"]:
+        with _here_importable():
+            if find_spec(found["place"]) is None:
+                return None
+    return Reference(found.group(), found["place"], found["name"])
+
+
+def pins() -> dict[str, Pin]:
+    """Where all references of this process lead now, by the places that they name."""
+    return {place: Pin(key, _loaded[key].digest) for place, key in _places.items()}
+
+
+@contextlib.contextmanager
+def pinned(places: Mapping[str, Pin]) -> Iterator[None]:
+    """Inside the block, references lead where they led when the pins were made, or to an error."""
+    before = dict(_pins)
+    _pins.update(places)
+    try:
+        yield
+    finally:
+        _pins.clear()
+        _pins.update(before)
+
+
+def _absolute(place: str) -> Path:
+    return Path(place).expanduser().resolve()
+
+
+def _execute(place: str, before: Loaded | None) -> Loaded:
+    """Run a Python file as a module of its own; modules beside it can be imported."""
+    path = Path(place)
+    try:
+        source = path.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot read it: {error.strerror}") from error
+    for changed in before.files if before else ():
+        _forget(changed)
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
+    module = ModuleType(f"{path.stem}_{hashlib.sha256(place.encode()).hexdigest()[:8]}")
+    module.__file__ = place
+    sys.modules[module.__name__] = module  # dataclasses look for their module there
+    linecache.checkcache(place)
+    _run(place, lambda: exec(compile(source, place, "exec"), vars(module)))
+    return Loaded(module, {**files_of(module), path: source})
+
+
+def _import(place: str, before: Loaded | None) -> Loaded:
+    del before
+    modules: list[ModuleType] = []
+    with _here_importable():
+        _run(place, lambda: modules.append(importlib.import_module(place)))
+    return Loaded(modules[0], files_of(modules[0]))
+
+
+def _run(place: str, function: Callable[[], None]) -> None:
+    try:
+        function()
+    except (Exception, SystemExit) as error:
+        if isinstance(error, ModuleNotFoundError) and place.startswith(error.name or " "):
+            raise ConfigError(f"{place}: there is no such module") from error
+        raise OwnCodeError(f"{place} cannot be loaded:\n{told(error)}") from error
+
+
+def _forget(path: Path) -> None:
+    """Let a module beside a changed file be imported anew."""
+    for name, module in list(sys.modules.items()):
+        if getattr(module, "__file__", None) == str(path):
+            del sys.modules[name]
+
+
+@contextlib.contextmanager
+def _here_importable() -> Iterator[None]:
+    """Inside the block, modules of the working folder can be imported, after all others."""
+    here = str(Path.cwd())
+    added = here not in sys.path and "" not in sys.path
+    if added:
+        sys.path.append(here)
+    try:
+        yield
+    finally:
+        if added:
+            sys.path.remove(here)

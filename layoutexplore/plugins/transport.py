@@ -1,0 +1,82 @@
+"""A user's own code on its way to worker processes: references as they are pinned, definitions by value."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import pickle
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from layoutexplore.errors import OwnCodeError
+from layoutexplore.plugins.own_code import Pin, pinned, pins
+from layoutexplore.plugins.registry import Entry, Registry
+
+Travelling = tuple[str, str, Entry[object]]
+"""The module and the kind of a registry, and an entry of it."""
+
+
+@dataclass(frozen=True)
+class OwnCode:
+    """What a worker needs to make what users have added.
+
+    Attributes:
+        pins: References by their places.
+        registered: What was registered in the session, pickled; empty where it is not needed.
+    """
+
+    pins: dict[str, Pin] = field(default_factory=dict)
+    registered: bytes = b""
+
+    @contextlib.contextmanager
+    def installed(self) -> Iterator[None]:
+        """Inside the block, names and references mean what they meant where this was packed."""
+        if self.registered and self.registered not in _restored:
+            entries: list[Travelling] = pickle.loads(self.registered)
+            for module, kind, entry in entries:
+                importlib.import_module(module)
+                Registry.by_kind[kind].restore(entry)
+            _restored.add(self.registered)
+        with pinned(self.pins):
+            yield
+
+
+NO_CODE = OwnCode()
+"""What it takes where only what ships is used."""
+
+_restored: set[bytes] = set()
+
+
+def pack_own_code(*, registered: bool = True) -> OwnCode:
+    """What workers of this process need, of all that it has loaded and registered.
+
+    References travel as such, definitions of a notebook or a program by value.
+
+    Args:
+        registered: Whether what was registered in this process has to travel.
+
+    Raises:
+        OwnCodeError: Something registered cannot travel.
+    """
+    registries = Registry.by_kind.items() if registered else ()
+    entries = [(r.module, kind, _bare(entry)) for kind, r in registries for entry in r.own()]
+    return OwnCode(pins(), _pickled(entries) if entries else b"")
+
+
+def _pickled(entries: list[Travelling]) -> bytes:
+    import cloudpickle  # type: ignore[import-untyped]
+
+    for _, kind, entry in entries:
+        try:
+            cloudpickle.dumps(entry)
+        except Exception as error:
+            where = f"{kind} {entry.name!r} cannot be sent to worker processes"
+            raise OwnCodeError(f"{where}: {error}") from error
+    data: bytes = cloudpickle.dumps(entries)
+    return data
+
+
+def _bare(entry: Entry[object]) -> Entry[object]:
+    """An entry without what follows from the thing itself."""
+    options = entry.options if entry.given else None
+    return Entry(entry.name, entry.doc, entry.thing, options, entry.thing, entry.given, entry.digest)

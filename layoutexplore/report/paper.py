@@ -1,0 +1,253 @@
+"""A benchmark for a paper: every chart of its report as SVG and PDF, every table as LaTeX and CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from layoutexplore.benchmark.analysis import METRICS, Comparison, compare, groups, pooled_curves
+from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.drawing import palette
+from layoutexplore.errors import require
+from layoutexplore.files import atomic, safe_name, write_atomically
+from layoutexplore.report.benchmark import report_view
+from layoutexplore.report.plots import Look, label_places
+from layoutexplore.report.profiles import FARTHEST, share_within
+from layoutexplore.report.templates import interval, number, percent
+
+_STYLE: Any = {
+    "font.size": 8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "layoutexplore",
+}
+_DASHES: dict[str, Any] = {
+    "": "-",
+    "7 3": (0, (7, 3)),
+    "2 3": (0, (2, 3)),
+    "9 3 2 3": (0, (9, 3, 2, 3)),
+    "5 4": (0, (5, 4)),
+}
+_SIZE = (4.2, 2.6)
+"""Inches of a chart: a column and a half."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of text: its name, its header and its rows."""
+
+    name: str
+    header: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+
+
+def write_paper(folder: ResultsFolder, out: Path, *, baseline: str | None = None) -> list[Path]:
+    """Write charts and tables.
+
+    Args:
+        folder: What `layoutexplore benchmark` left.
+        out: Where they go.
+        baseline: The agent to compare with; None for the one of the run.
+
+    Returns:
+        The files written.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+        ResultsError: The folder holds no benchmark, or is damaged.
+    """
+    require("matplotlib", "paper")
+    manifest = folder.manifest()
+    rows = sorted(folder.rows(), key=lambda row: row.key)
+    baseline = baseline or str(manifest["baseline"])
+    comparisons = compare(rows, baseline)
+    view = report_view(folder, rows, manifest, baseline, comparisons)
+    written = [path for table in tables_of(view) for path in _write_table(table, out)]
+    for name, part in groups(rows).items():
+        mine = [c for c in comparisons if c.sensor == name]
+        curves = pooled_curves(part, baseline, folder.curve)
+        if mine:
+            written += _save(_draw_ratios(mine, baseline), out / f"ratios-{safe_name(name)}")
+        if curves:
+            written += _save(
+                _draw_curves(curves, view["looks"], baseline), out / f"coverage-{safe_name(name)}"
+            )
+    if view["profile"]:
+        written += _save(_draw_profiles(view["profile"]), out / "profiles")
+    for name, (plot, _) in view["stops"].items():
+        written += _save(_draw_stops(plot), out / f"stops-{safe_name(name)}")
+    return written
+
+
+def tables_of(view: Mapping[str, Any]) -> list[Table]:
+    """The tables of a report, as text.
+
+    Args:
+        view: What `layoutexplore.report.benchmark.report_view` gives.
+    """
+    levels = tuple(f"to {m[1:]} %" for m in METRICS)
+    found = []
+    header: tuple[str, ...]
+    for group in view["groups"]:
+        lines = [
+            (
+                line.agent,
+                *(interval(line.ratios[m].ratio) if m in line.ratios else "–" for m in METRICS),
+                percent(line.reached["d99"]),
+                str(line.summary.runs),
+            )
+            for line in group.table
+        ]
+        found.append(
+            Table(f"ratios-{safe_name(group.name)}", ("agent", *levels, "reached 99 %", "runs"), lines)
+        )
+    order = view["order"]
+    plans = [
+        (line.plan, line.sensor, number(line.area, 0), *(number(line.metres.get(a), 0) for a in order))
+        for line in view["plans"]
+    ]
+    found.append(Table("plans", ("floor plan", "sensor", "m²", *order), plans))
+    header = ("agent", "seen", "rooms finished", "walked twice", "decisions", "ms a decision", "seconds")
+    first = view["groups"][:1]
+    found += [Table("behaviour", header, [_behaviour(line) for line in group.table]) for group in first]
+    header = ("agent", "choices changed", "true rooms would", "ms a prediction")
+    for name, lines in view["effects"].items():
+        body = [
+            (e.agent, percent(e.changed.estimate), percent(e.misled.estimate), number(e.prediction_ms, 1))
+            for e in (line.effect for line in lines)
+        ]
+        found.append(Table(f"layout-{safe_name(name)}", header, body))
+    header = ("agent", "metres saved", "points lost", "lost more than 2")
+    for name, (_, stops) in view["stops"].items():
+        body = [
+            (s.agent, interval(s.saved), number(100 * s.lost.estimate, 1), percent(s.too_early))
+            for s in stops
+        ]
+        found.append(Table(f"stops-{safe_name(name)}", header, body))
+    return [table for table in found if table.rows]
+
+
+def _behaviour(line: Any) -> tuple[str, ...]:
+    s = line.summary
+    shares = (percent(s.coverage, 1), percent(s.rooms_finished), percent(s.revisits))
+    return (line.agent, *shares, number(s.decisions, 0), number(s.ms_decision), number(s.seconds, 1))
+
+
+def latex(text: str) -> str:
+    r"""Text as LaTeX shows it.
+
+    Example:
+        >>> latex("a_b 5 % m² {x}")
+        'a\\_b 5 \\% m$^2$ \\{x\\}'
+    """
+    named = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+    named |= {"²": "$^2$", "–": "--", "−": "$-$", "\N{NO-BREAK SPACE}": "~"}
+    named |= {letter: rf"\{letter}" for letter in "&%$#_{}"}
+    return "".join(named.get(letter, letter) for letter in re.sub(r"\s*\n\s*", " ", text))
+
+
+def _write_table(table: Table, out: Path) -> list[Path]:
+    """A table as CSV and as a tabular with the rules of the package booktabs."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([table.header, *table.rows])
+    body = [" & ".join(map(latex, row)) + r" \\" for row in table.rows]
+    columns = "l" + "r" * (len(table.header) - 1)
+    head = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", " & ".join(map(latex, table.header)) + r" \\"]
+    lines = [*head, r"\midrule", *body, r"\bottomrule", r"\end{tabular}", ""]
+    write_atomically(out / f"{table.name}.csv", text.getvalue())
+    write_atomically(out / f"{table.name}.tex", "\n".join(lines))
+    return [out / f"{table.name}.csv", out / f"{table.name}.tex"]
+
+
+def _axes(x_title: str, y_title: str, size: tuple[float, float] = _SIZE) -> tuple[Any, Any]:
+    """An empty chart; made without a screen, and without touching the settings of the process."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.add_subplot()
+        axes.set_xlabel(x_title)
+        axes.set_ylabel(y_title)
+    return figure, axes
+
+
+def _label_ends(axes: Any, ends: Sequence[tuple[str, Look, float]]) -> None:
+    """Names at the right of the frame, where the lines end (percent from the top)."""
+    for (name, look, _), at in zip(ends, label_places([end for _, _, end in ends]), strict=True):
+        axes.text(1.02, 1 - at / 100, name, color=look[0], transform=axes.transAxes, va="center", fontsize=7)
+
+
+def _draw_curves(curves: Sequence[Any], looks: Mapping[str, Look], baseline: str) -> Any:
+    figure, axes = _axes(f"metres travelled / metres of {baseline} to 99 %", "coverage, %")
+    axes.set(xlim=(0, curves[0].x[-1]), ylim=(0, 100))
+    for curve in curves:
+        colour, dash = looks[curve.agent]
+        axes.plot(curve.x, 100 * curve.mean, color=colour, linestyle=_DASHES[dash], linewidth=1.2)
+    _label_ends(axes, [(c.agent, looks[c.agent], 100 * (1 - float(c.mean[-1]))) for c in curves])
+    return figure
+
+
+def _draw_ratios(comparisons: Sequence[Comparison], baseline: str) -> Any:
+    shown = sorted((c for c in comparisons if c.metric == "d95"), key=lambda c: -c.ratio.estimate)
+    size = (_SIZE[0], 0.7 + 0.2 * len(shown))
+    figure, axes = _axes(f"metres to 95 % / metres of {baseline}", "", size)
+    for place, c in enumerate(shown):
+        ends = [v if math.isfinite(v) else c.ratio.estimate for v in (c.ratio.low, c.ratio.high)]
+        colour = palette.BETTER if c.ratio.high < 1 else palette.WORSE if c.ratio.low > 1 else palette.GREY
+        axes.plot(ends, [place, place], color=palette.to_hex(colour), linewidth=1.2)
+        axes.plot([c.ratio.estimate], [place], "o", color=palette.to_hex(colour), markersize=4)
+    axes.axvline(1, color=palette.to_hex(palette.RULE), linestyle="--", linewidth=0.8, zorder=0)
+    axes.set_yticks(range(len(shown)), [c.agent for c in shown])
+    return figure
+
+
+def _draw_profiles(profile: Any) -> Any:
+    figure, axes = _axes("metres to 95 % / metres of the best agent in the cell", "share of cells, %")
+    axes.set_xscale("log")
+    axes.set(xlim=(1, FARTHEST), ylim=(0, 100))
+    for line in profile.lines:
+        values, shares = share_within(line.factors)
+        x, y = [*values.tolist(), max(FARTHEST, float(values[-1]))], [*shares.tolist(), float(shares[-1])]
+        style = _DASHES[line.dash]
+        axes.step(x, [100 * v for v in y], where="post", color=line.colour, linestyle=style, clip_on=True)
+    axes.set_xticks([1, 1.25, 1.5, 2, 3], ["1", "1.25", "1.5", "2", "3"])
+    axes.set_xticks([], minor=True)
+    _label_ends(axes, [(line.name, (line.colour, line.dash), line.end) for line in profile.lines])
+    return figure
+
+
+def _draw_stops(plot: Any) -> Any:
+    figure, axes = _axes("points of coverage lost", "metres saved, %")
+    for mark in plot.marks:
+        colour, stop = mark.colour, mark.stop
+        lost, saved = ([100 * getattr(run, name) for run in stop.runs] for name in ("lost", "saved"))
+        middle = (100 * stop.lost.estimate, 100 * stop.saved.estimate)
+        axes.plot(lost, saved, ".", color=colour, alpha=0.35, markersize=3)
+        axes.plot(*middle, "o", color=colour, markersize=5)
+    axes.set_xlim(left=min(0.0, axes.get_xlim()[0]))
+    low, high = axes.get_ylim()
+    places = [100 * (high - 100 * mark.stop.saved.estimate) / (high - low) for mark in plot.marks]
+    marks = zip(plot.marks, places, strict=True)
+    _label_ends(axes, [(mark.stop.agent, (mark.colour, ""), place) for mark, place in marks])
+    return figure
+
+
+def _save(figure: Any, path: Path) -> list[Path]:
+    """A chart as SVG and PDF; the same chart gives the same bytes."""
+    import matplotlib as mpl
+
+    written = []
+    for kind, metadata in (("svg", {"Date": None}), ("pdf", {"CreationDate": None})):
+        target = path.with_name(f"{path.name}.{kind}")
+        with mpl.rc_context(_STYLE), atomic(target) as temporary:
+            figure.savefig(temporary, format=kind, metadata=metadata)
+        written.append(target)
+    return written

@@ -1,0 +1,236 @@
+"""Where a scan fits the map: correlative scan matching around the pose that odometry tells.
+
+A robot's SLAM corrects its odometry by laying each new scan over the map made so far. The map is kept as the
+mean of the points measured in each cell, which is finer than the cell (Grisetti, Stachniss and Burgard,
+"Improved techniques for grid mapping with Rao-Blackwellized particle filters", 2007); poses are searched from
+coarse to fine (Olson, "Real-time correlative scan matching", 2009), and how far odometry can be wrong weighs
+against how well a scan fits. There is no loop closure: where the map is bent it stays bent.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from layoutexplore.grids.arrays import Floats, Floats32
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.options import COUNT, POSITIVE, Rule, check
+from layoutexplore.sensing.lidar import LidarConfig, around, beam_table, position_in_cells
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanMatcherConfig:
+    """How scans are matched with the map.
+
+    Attributes:
+        beams: Number of a scan's beams that are compared, evenly spread over those that met something.
+        spread: Standard deviation in metres of a measured point around the mean of its cell's points.
+        weight: Natural logarithm of how much likelier a point is on a wall than anywhere; beams beside each
+            other tell the same, so it is less than for beams alone.
+        levels: Number of times that the steps of the search are halved.
+
+    Raises:
+        ConfigError: A value is out of its range.
+    """
+
+    beams: int = 120
+    spread: float = 0.05
+    weight: float = 0.5
+    levels: int = 5
+
+    def __post_init__(self) -> None:
+        check(self, beams=COUNT, spread=POSITIVE, weight=POSITIVE, levels=Rule(kind=int, low=1, high=12))
+
+
+PoseInCells = tuple[float, float, float]
+"""(x, y, heading): in cells from the grid's corner, and in radians."""
+
+
+class MatchModel(NamedTuple):
+    """What a pose is judged by; lengths in cells.
+
+    Attributes:
+        spread: As in `ScanMatcherConfig`.
+        weight: As in `ScanMatcherConfig`.
+        position_std: Standard deviation of the prior along x and along y.
+        heading_std: Its standard deviation of the heading, in radians.
+    """
+
+    spread: float
+    weight: float
+    position_std: float
+    heading_std: float
+
+
+class MeasuredPoints(NamedTuple):
+    """The points measured in each cell, (rows, cols).
+
+    Attributes:
+        number: float32, how many, at most `MOST`.
+        x: float32, their mean in cells from the grid's corner; likewise y.
+        y: See x.
+    """
+
+    number: Floats32
+    x: Floats32
+    y: Floats32
+
+
+MOST = 50.0
+"""A mean of more points than this moves as if there were so many."""
+
+
+class ScanMatcher:
+    """Corrects poses by the map that a robot makes.
+
+    Args:
+        grid: The robot's grid, which a mapper changes in place.
+        config: How to match.
+    """
+
+    def __init__(self, grid: OccupancyGrid, config: ScanMatcherConfig | None = None) -> None:
+        self.config = config or ScanMatcherConfig()
+        self._grid = grid
+        self._points = MeasuredPoints(*(np.zeros(grid.cells.shape, np.float32) for _ in range(3)))
+
+    def match(
+        self,
+        pose: Pose,
+        ranges: Floats32,
+        lidar: LidarConfig,
+        *,
+        position_std: float,
+        heading_std: float,
+        full_turn: bool = False,
+    ) -> Pose:
+        """The pose near to a believed one from which the ranges fit the map best.
+
+        Args:
+            pose: Where the robot believes it stands.
+            ranges: float32 (beams,) in metres, as `Mapper.integrate` takes them.
+            lidar: The lidar that measured them.
+            position_std: How far the position may be wrong along x and along y, in metres.
+            heading_std: How far the heading may be wrong, in radians.
+            full_turn: The ranges come from `Lidar.scan_full_turn`.
+
+        Returns:
+            The corrected pose; the believed one where nothing of the map is in sight.
+        """
+        ends = self._ends(ranges, lidar, full_turn)
+        if len(ends) == 0 or (position_std <= 0.0 and heading_std <= 0.0):
+            return pose
+        grid, size = self._grid, self._grid.resolution
+        x, y = position_in_cells(pose, size, grid.origin)
+        model = MatchModel(self.config.spread / size, self.config.weight, position_std / size, heading_std)
+        found = search_pose(self._points, ends, (x, y, pose.theta), model, self.config.levels)
+        return Pose(grid.origin.x + found[0] * size, grid.origin.y + found[1] * size, found[2])
+
+    def add(self, pose: Pose, ranges: Floats32, lidar: LidarConfig, *, full_turn: bool = False) -> None:
+        """Keep the points of a scan that the mapper has integrated from the same pose."""
+        grid = self._grid
+        config = around(lidar) if full_turn else lidar
+        measured = np.asarray(ranges, np.float64) / grid.resolution
+        x, y = position_in_cells(pose, grid.resolution, grid.origin)
+        _add_points(self._points, x, y, pose.theta, *beam_table(config), measured)
+
+    def _ends(self, ranges: Floats32, lidar: LidarConfig, full_turn: bool) -> Floats:
+        """Measured points float64 (n, 2) as the robot sees them, in cells, evenly spread over the beams."""
+        config = around(lidar) if full_turn else lidar
+        met = np.flatnonzero(np.isfinite(ranges))
+        if len(met) > self.config.beams:
+            met = met[np.linspace(0, len(met) - 1, self.config.beams).astype(np.int64)]
+        unit_x, unit_y = beam_table(config)
+        lengths = ranges[met].astype(np.float64) / self._grid.resolution
+        return np.column_stack([lengths * unit_x[met], lengths * unit_y[met]])
+
+
+@njit(cache=True, nogil=True)
+def _add_points(
+    points: MeasuredPoints, x: float, y: float, heading: float, unit_x: Floats, unit_y: Floats, ranges: Floats
+) -> None:
+    """Move the means of the cells that the beams end in; beams that met nothing or failed end nowhere."""
+    rows, cols = points.number.shape
+    cos, sin = math.cos(heading), math.sin(heading)
+    for i in range(ranges.size):
+        if not math.isfinite(ranges[i]):
+            continue
+        end_x = x + ranges[i] * (unit_x[i] * cos - unit_y[i] * sin)
+        end_y = y + ranges[i] * (unit_x[i] * sin + unit_y[i] * cos)
+        if 0.0 <= end_x < cols and 0.0 <= end_y < rows:
+            row, col = int(end_y), int(end_x)
+            # A wall's surface lies on the border of two cells as often as inside one: the point counts for
+            # the cell that it lies in, and the search looks at the cells around.
+            number = min(points.number[row, col] + 1.0, MOST)
+            points.x[row, col] += (end_x - points.x[row, col]) / number
+            points.y[row, col] += (end_y - points.y[row, col]) / number
+            points.number[row, col] = number
+
+
+@njit(cache=True, nogil=True)
+def match_score(points: MeasuredPoints, ends: Floats, pose: PoseInCells, spread: float) -> float:
+    """Sum over a scan's ends of exp(-d^2 / 2 spread^2), d to the nearest mean in the 3 x 3 cells around."""
+    rows, cols = points.number.shape
+    x, y, heading = pose
+    cos, sin = math.cos(heading), math.sin(heading)
+    scale = -0.5 / (spread * spread)
+    total = 0.0
+    for i in range(ends.shape[0]):
+        end_x = x + ends[i, 0] * cos - ends[i, 1] * sin
+        end_y = y + ends[i, 0] * sin + ends[i, 1] * cos
+        if not (1.0 <= end_x < cols - 1 and 1.0 <= end_y < rows - 1):
+            continue
+        # A mean lies somewhere in its cell: the nearest one to a point is among the nine around it, or more
+        # than a cell away.
+        row, col = int(end_y), int(end_x)
+        least = np.inf
+        for r in range(row - 1, row + 2):
+            for c in range(col - 1, col + 2):
+                if points.number[r, c] > 0.0:
+                    dx, dy = points.x[r, c] - end_x, points.y[r, c] - end_y
+                    least = min(least, dx * dx + dy * dy)
+        if least < 9.0 * spread * spread:
+            total += math.exp(least * scale)
+    return total
+
+
+@njit(cache=True, nogil=True)
+def search_pose(
+    points: MeasuredPoints, ends: Floats, prior: PoseInCells, model: MatchModel, levels: int
+) -> PoseInCells:
+    """The best pose of a lattice of 5 x 5 x 5 around the prior, and of `levels` ever finer ones of 3 x 3 x 3.
+
+    The first lattice spans three standard deviations to either side. A pose wins by strictly more than those
+    before it, and the prior comes first: without evidence nothing moves.
+    """
+    best = prior
+    best_value = model.weight * match_score(points, ends, best, model.spread)
+    step, turn, half = 1.5 * model.position_std, 1.5 * model.heading_std, 2
+    for _ in range(levels + 1):
+        middle = best
+        for i in range(-half, half + 1):
+            for j in range(-half, half + 1):
+                for k in range(-half, half + 1):
+                    pose = (middle[0] + i * step, middle[1] + j * step, middle[2] + k * turn)
+                    value = model.weight * match_score(points, ends, pose, model.spread)
+                    value -= _unlikeliness(pose, prior, model)
+                    if value > best_value:
+                        best_value, best = value, pose
+        step, turn, half = 0.5 * step, 0.5 * turn, 1
+    return best
+
+
+@njit(cache=True, nogil=True)
+def _unlikeliness(pose: PoseInCells, prior: PoseInCells, model: MatchModel) -> float:
+    """Half the squared distance from the prior, in standard deviations; an axis without one does not move."""
+    total = 0.0
+    if model.position_std > 0.0:
+        x, y = pose[0] - prior[0], pose[1] - prior[1]
+        total += (x * x + y * y) / (model.position_std * model.position_std)
+    if model.heading_std > 0.0:
+        turn = (pose[2] - prior[2]) / model.heading_std
+        total += turn * turn
+    return 0.5 * total

@@ -1,0 +1,41 @@
+"""Where a robot with drifting odometry believes it is, corrected by every scan."""
+
+from __future__ import annotations
+
+import math
+
+from layoutexplore.grids.arrays import Floats32
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.sensing.lidar import LidarConfig
+from layoutexplore.sensing.scan_matching import ScanMatcher
+from layoutexplore.simulation.robot import OdometryNoise, Robot
+
+POSITION_FLOOR, HEADING_FLOOR = 0.01, 0.003
+"""Metres and radians by which a pose may be wrong where the robot has hardly moved since the last scan."""
+
+
+class Localiser:
+    """Matches scans with the map, as wide around the believed pose as odometry can have drifted since.
+
+    Args:
+        grid: The robot's grid.
+        noise: How its odometry drifts.
+    """
+
+    def __init__(self, grid: OccupancyGrid, noise: OdometryNoise) -> None:
+        self._matcher, self._noise, self._walked = ScanMatcher(grid), noise, 0.0
+
+    def correct(self, robot: Robot, ranges: Floats32, lidar: LidarConfig, *, full_turn: bool) -> Pose:
+        """The pose from which a scan is to be integrated; the robot believes it from now on."""
+        metres, self._walked = robot.walked - self._walked, robot.walked
+        pose = self._matcher.match(
+            robot.believed,
+            ranges,
+            lidar,
+            position_std=POSITION_FLOOR + self._noise.translation * math.sqrt(metres),
+            heading_std=HEADING_FLOOR + self._noise.rotation * math.sqrt(metres),
+            full_turn=full_turn,
+        )
+        robot.relocate(pose)
+        self._matcher.add(pose, ranges, lidar, full_turn=full_turn)
+        return pose

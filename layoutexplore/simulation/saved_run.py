@@ -1,0 +1,258 @@
+"""Runs in a file: how one began and every move since, from which it goes on as if it had never stopped.
+
+A run is decided by its floor plan, configuration, seed and moves. The file holds these (JSON in an .npz
+archive, nothing pickled) with the grid and the pose that they led to. To go on, the moves are made again,
+without an agent and without predictions, and grid, pose and metres are compared to the bit: a run never goes
+on from anything but where it stopped.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from layoutexplore.errors import ConfigError, ResultsError, cause
+from layoutexplore.files import ArrayRule, parse_json, read_arrays, write_arrays
+from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged
+from layoutexplore.grids.grid import Pose
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.options import check_kind, from_table
+from layoutexplore.sensing.lidar import LidarConfig
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.robot import OdometryNoise
+from layoutexplore.simulation.simulation import Simulation
+
+FORMAT = 1
+"""Of the file; another one is refused."""
+
+_CHOICE, _PATH, _DRIVE = range(3)
+"""Kinds of moves: the number of a frontier or STOP, a path of cells, a motion primitive."""
+
+_ELSEWHERE = "the moves of this saved run lead elsewhere: another version of layoutexplore has saved it"
+
+_FIELDS = {"format": int, "plan": str, "content_hash": str, "seed": int, "config": dict, "notes": dict}
+
+
+@dataclass(frozen=True, eq=False)
+class SavedRun:
+    """A run that was saved.
+
+    Attributes:
+        plan: Name of the floor plan.
+        content_hash: Of the floor plan.
+        config: How it was simulated.
+        seed: Of the run.
+        start: Where it was told to begin; None where the seed decided.
+        moves: As in `SimulationState`.
+        notes: What whoever saved it wanted to be kept: texts and numbers by name.
+        arrays: What the moves led to: "cells" int8 (rows, cols), "pose" float64 (6,), the true and the
+            believed pose, "metres" float64 (1,).
+    """
+
+    plan: str
+    content_hash: str
+    config: SimulationConfig
+    seed: int
+    start: Pose | None
+    moves: list[Choice | tuple[float, float]]
+    notes: dict[str, Any]
+    arrays: dict[str, NDArray[Any]]
+
+    def restore(self, simulation: Simulation, agent: Agent | None = None) -> Decision:
+        """Bring a simulation to where the run stopped; the decision that is due there.
+
+        Args:
+            simulation: Of the same floor plan and configuration; it is reset.
+            agent: Who goes on, if anybody: it is reset and shown the truth if it may know it. One that
+                remembers (all but those that say `remembers = False`) is asked at every decision again, with
+                predictions; the moves are those of the file whatever it answers.
+
+        Raises:
+            ConfigError: The simulation has another floor plan or configuration.
+            ResultsError: The same moves lead elsewhere: the file comes from another version.
+        """
+        if simulation.plan.content_hash != self.content_hash or simulation.config != self.config:
+            raise ConfigError(f"this run was saved on {self.plan!r} with another plan or configuration")
+        remembers = agent is not None and getattr(agent, "remembers", True)
+        predictor = simulation.predictor
+        simulation.predictor = predictor if remembers else None
+        try:
+            simulation.reset(self.seed, self.start)
+            if agent is not None:
+                agent.reset(self.seed)
+                if isinstance(agent, Privileged):
+                    agent.reveal(simulation.truth)
+            for move in self.moves:
+                if agent is not None and remembers:
+                    agent.act(simulation.decision)
+                _make(simulation, move)
+        except ConfigError as error:
+            raise ResultsError(f"{_ELSEWHERE}: {cause(error)}") from error
+        finally:
+            simulation.predictor = predictor
+        told: object = None if remembers else predictor
+        if isinstance(told, Privileged):
+            told.reveal(simulation.truth)
+        simulation.state.decision = None
+        self._check(simulation)
+        return simulation.decision
+
+    def _check(self, simulation: Simulation) -> None:
+        reached = _reached(simulation)
+        if not all(np.array_equal(self.arrays[name], reached[name]) for name in reached):
+            raise ResultsError(_ELSEWHERE)
+
+
+def _make(simulation: Simulation, move: Choice | tuple[float, float]) -> None:
+    """Make a move again."""
+    if isinstance(move, tuple):
+        simulation.drive(*move)
+    else:
+        simulation.step(move)
+
+
+def _reached(simulation: Simulation) -> dict[str, NDArray[Any]]:
+    robot = simulation.robot
+    return {
+        "cells": simulation.mapper.grid.cells,
+        "pose": np.array([*robot.pose, *robot.believed]),
+        "metres": np.array([simulation.distance]),
+    }
+
+
+def save_simulation(simulation: Simulation, path: str | Path, notes: dict[str, Any] | None = None) -> None:
+    """Write a run, between two moves, to a file from which `load_simulation` goes on.
+
+    Args:
+        simulation: It has been reset.
+        path: The file; .npz is its usual ending.
+        notes: Texts and numbers to be kept with it.
+
+    Raises:
+        ConfigError: The simulation has not been reset, or its robot has returned to the start.
+        WriteError: The file cannot be written.
+    """
+    check_kind("simulation", simulation, Simulation)
+    check_kind("path", path, str, Path)
+    state = getattr(simulation, "state", None)
+    if state is None:
+        raise ConfigError("there is no run to save: call reset() first")
+    if state.explored is not None:
+        raise ConfigError("a run whose robot has returned to its start is not saved: save before the return")
+    table = {
+        "format": FORMAT,
+        "plan": simulation.plan.name,
+        "content_hash": simulation.plan.content_hash,
+        "seed": state.seed,
+        "start": state.start,
+        "config": dataclasses.asdict(simulation.config),
+        "notes": notes or {},
+    }
+    kinds, values, paths = [], [], [np.empty((0, 2), np.int32)]
+    for move in state.moves:
+        kind = _DRIVE if isinstance(move, tuple) else _PATH if isinstance(move, np.ndarray) else _CHOICE
+        kinds.append(kind)
+        values.append(move if kind == _DRIVE else (len(move) if isinstance(move, np.ndarray) else move, 0.0))
+        if isinstance(move, np.ndarray):
+            paths.append(move)
+    moves: dict[str, NDArray[Any]] = {
+        "kinds": np.array(kinds, np.int8),
+        "values": np.array(values, np.float64).reshape(-1, 2),
+        "paths": np.concatenate(paths),
+    }
+    arrays: dict[str, NDArray[Any]] = {"run": np.array(json.dumps(table)), **moves, **_reached(simulation)}
+    write_arrays(Path(path), arrays)
+
+
+_ARRAYS = {
+    "run": ArrayRule(kinds="U"),
+    "kinds": ArrayRule(kinds="iu", shape=("moves",)),
+    "values": ArrayRule(shape=("moves", 2), low=-1e9, high=1e9),
+    "paths": ArrayRule(kinds="i", shape=("path cells", 2), low=-1e6, high=1e6),
+    "cells": ArrayRule(kinds="i", shape=("rows", "cols"), low=-1, high=100),
+    "pose": ArrayRule(shape=(6,), low=-1e9, high=1e9),
+    "metres": ArrayRule(shape=(1,), low=0, high=1e9),
+}
+"""What the file of a run must hold."""
+
+
+def read_saved_run(path: str | Path) -> SavedRun:
+    """A run from a file of `save_simulation`.
+
+    Raises:
+        ResultsError: The file is missing, damaged, or no saved run of this version.
+    """
+    check_kind("path", path, str, Path)
+    arrays = read_arrays(Path(path), rules=_ARRAYS)
+    try:
+        table = parse_json(str(arrays["run"]), str(path), error=ResultsError)
+        good = isinstance(table, dict) and all(isinstance(table.get(k), kind) for k, kind in _FIELDS.items())
+        if not good or table["format"] != FORMAT:
+            raise ResultsError(f"{path} is no saved run that this version can read")
+        start = table.get("start")
+        return SavedRun(
+            plan=table["plan"],
+            content_hash=table["content_hash"],
+            config=_config(table["config"], str(path)),
+            seed=table["seed"],
+            start=None if start is None else Pose(*map(float, start)),
+            moves=_moves(arrays["kinds"], arrays["values"], arrays["paths"]),
+            notes=table["notes"],
+            arrays={name: arrays[name] for name in ("cells", "pose", "metres")},
+        )
+    except (ValueError, TypeError, IndexError, OverflowError) as error:
+        raise ResultsError(f"{path} is damaged: {cause(error)}") from error
+
+
+def _config(table: dict[str, Any], where: str) -> SimulationConfig:
+    """The configuration that `dataclasses.asdict` made a table of."""
+    nested: dict[str, Any] = {
+        "odometry_noise": from_table(OdometryNoise, table.pop("odometry_noise", {}), where)
+    }
+    if isinstance(table.get("sensor"), dict):
+        nested["sensor"] = from_table(LidarConfig, table.pop("sensor"), where)
+    return from_table(SimulationConfig, table | nested, where)
+
+
+def _moves(
+    kinds: NDArray[Any], values: NDArray[Any], paths: NDArray[Any]
+) -> list[Choice | tuple[float, float]]:
+    """Moves as they were made."""
+    found: list[Choice | tuple[float, float]] = []
+    begin = 0
+    for kind, (first, second) in zip(kinds.tolist(), values.tolist(), strict=True):
+        if kind == _DRIVE:
+            found.append((first, second))
+        elif kind == _PATH:
+            found.append(np.ascontiguousarray(paths[begin : begin + int(first)], np.int32))
+            begin += int(first)
+        else:
+            found.append(int(first))
+    return found
+
+
+def load_simulation(
+    path: str | Path, plan: FloorPlan | str | Path | None = None, predictor: Predictor | None = None
+) -> Simulation:
+    """A simulation at the decision at which it was saved; it goes on bit for bit as it would have then.
+
+    Args:
+        path: The file.
+        plan: The floor plan; the one of the saved name when None.
+        predictor: As the simulation had one.
+
+    Raises:
+        ResultsError: The file is missing, damaged, or of another version.
+        ConfigError: The floor plan is another one.
+        UnknownNameError: No plan is given, and none that ships has the saved name.
+    """
+    saved = read_saved_run(path)
+    simulation = Simulation(saved.plan if plan is None else plan, saved.config, predictor)
+    saved.restore(simulation)
+    return simulation

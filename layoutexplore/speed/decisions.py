@@ -1,0 +1,87 @@
+"""Seconds a decision as a map grows: offices of growing area, explored to the end, by quarter of a run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from layoutexplore.agents.base import make_agent
+from layoutexplore.agents.room_aware import RoomAwareHeuristic
+from layoutexplore.grids.arrays import Floats
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.predictors import make_predictor
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.simulation import Simulation
+from layoutexplore.speed.floors import plan_of
+from layoutexplore.speed.measurement import SpeedRow
+
+AREAS = (500.0, 1000.0, 2000.0, 4000.0, 8000.0)
+"""Square metres of floor."""
+
+AGENTS = ("nearest", "latency-tour", "layout-tour")
+
+RESOLUTION = 0.05
+"""Metres a cell."""
+
+_MOST_GROWTH = 2.0
+"""The last quarter of a run is to take at most so many times as long as the first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GrowthRow(SpeedRow):
+    """Milliseconds a decision in the last quarter of a run, beside those in the first.
+
+    Attributes:
+        agent: Whose decisions.
+        area: Floor area in square metres.
+        quarters: Mean milliseconds a decision in each quarter of the run, by number of decisions.
+    """
+
+    agent: str
+    area: float
+    quarters: tuple[float, ...]
+
+
+def decisions() -> Iterator[SpeedRow]:
+    """Choice, path, scans, map, frontiers, distances and prediction, by agent and floor area."""
+    for agent in AGENTS:
+        decision_times(plan_of(AREAS[0]), agent, RESOLUTION)  # Compiles.
+        for area in AREAS:
+            times = 1e3 * decision_times(plan_of(area), agent, RESOLUTION)
+            quarters = tuple(float(part.mean()) for part in np.array_split(times, 4))
+            yield GrowthRow(
+                name=f"decision, {agent}, {area:.0f} m2",
+                ours=quarters[-1],
+                unit="ms",
+                reference=quarters[0],
+                reference_name="in the first quarter",
+                ratio=quarters[0] / quarters[-1],
+                goal=f"<= {_MOST_GROWTH:g}x the first quarter",
+                reached=_MOST_GROWTH * quarters[0] / quarters[-1],
+                agent=agent,
+                area=area,
+                quarters=quarters,
+            )
+
+
+def decision_times(plan: FloorPlan, name: str, resolution: float) -> Floats:
+    """Processor seconds float64 (n,) of each decision of a run, from one choice to the next.
+
+    Args:
+        plan: What is explored, from the start of seed 0.
+        name: Of the agent.
+        resolution: Metres a cell.
+    """
+    agent = make_agent(name)
+    predictor = make_predictor(agent.predictor) if isinstance(agent, RoomAwareHeuristic) else None
+    simulation = Simulation(plan, SimulationConfig(resolution=resolution), predictor)
+    agent.reset(0)
+    decision, times = simulation.reset(0), []
+    while not simulation.done:
+        begun = time.process_time()
+        decision = simulation.step(agent.act(decision))
+        times.append(time.process_time() - begun)
+    return np.array(times)

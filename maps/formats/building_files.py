@@ -1,0 +1,57 @@
+"""Files that hold several floors: which format one is of, and FILE#LEVEL as the name of a floor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.formats.imdf import imdf_levels, is_imdf, load_imdf
+from layoutexplore.maps.formats.osm import load_osm, osm_levels
+from layoutexplore.maps.formats.rmf import is_rmf, load_rmf, rmf_levels
+
+
+class BuildingFormat(NamedTuple):
+    """How a kind of file is told from others, which floors are in one, and how one floor is read."""
+
+    recognises: Callable[[Path], bool]
+    levels: Callable[[Path], list[str]]
+    load: Callable[[Path, str], FloorPlan]
+
+
+def _is_osm(path: Path) -> bool:
+    return path.suffix.lower() == ".osm"
+
+
+FORMATS = (
+    BuildingFormat(is_imdf, imdf_levels, load_imdf),
+    BuildingFormat(_is_osm, osm_levels, load_osm),
+    BuildingFormat(is_rmf, rmf_levels, load_rmf),
+)
+
+
+def building_format(path: Path) -> BuildingFormat | None:
+    """The format of a file or folder that holds several floors; None for everything else."""
+    return next((known for known in FORMATS if known.recognises(path)), None)
+
+
+def split_level(text: str) -> tuple[Path, str]:
+    """The file and the floor of FILE#LEVEL; without one, or for a file with a # in its name, no floor.
+
+    Example:
+        >>> split_level("campus.osm#-1")
+        (PosixPath('campus.osm'), '-1')
+    """
+    path, _, level = text.rpartition("#")
+    return (Path(path), level) if path and not Path(text).exists() else (Path(text), "")
+
+
+def floors_of(path: Path) -> list[str]:
+    """FILE#LEVEL for every floor of a file of several.
+
+    Raises:
+        MapError: The file is broken.
+    """
+    known = building_format(path)
+    return [] if known is None else [f"{path}#{level}" for level in known.levels(path)]

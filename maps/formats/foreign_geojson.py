@@ -1,0 +1,202 @@
+"""GeoJSON of other programs, QGIS above all: polygons are rooms, lines and points are doors.
+
+What a feature is may stand in a property (`kind`); without one, polygons are rooms, and lines of up to 10 m
+and points are doors. A door drawn as a line is as wide as the line, one drawn as a polygon as wide as its
+longer side, a point 0.9 m. The names of the properties are the user's: `columns` says which mean what.
+Coordinates are metres; degrees are recognised and projected, other coordinate systems are not.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from shapely import LineString, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from layoutexplore.errors import ConfigError, MapError, MapWarning
+from layoutexplore.files import read_json
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.formats.geographic import LocalFrame, looks_geographic
+from layoutexplore.maps.formats.polygons import Dropped, geometry_of, mended
+from layoutexplore.maps.formats.wall_plans import plan_from_walls
+from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
+from layoutexplore.maps.sizes import check_outlines
+
+COLUMNS = {
+    "room": ("label", "name", "Name", "NAME", "room"),
+    "kind": ("kind", "type", "layer"),
+    "width": ("width",),
+}
+"""Properties that are looked at, the first that is there."""
+
+DOOR_KINDS = ("door", "doors", "opening", "portal", "entrance")
+WALL_KINDS = ("wall", "walls", "line", "face", "window")
+SOLID_KINDS = ("wall", "walls", "window", "inaccessible_space", "column")
+FLOOR_KINDS = ("building_outline", "floor_outline", "footprint")
+"""With one of these in it, a file draws the walls: rooms are what they leave of the floor."""
+
+LONGEST_DOOR, LARGEST_EXTENT = 10.0, 5_000.0
+"""Metres; longer lines are no doors, and a building this large is measured in something else than metres."""
+
+
+class _Part(NamedTuple):
+    """A feature: what it says it is, its properties, and its geometry as it stands in the file."""
+
+    kind: str
+    properties: Mapping[str, Any]
+    geometry: BaseGeometry
+
+
+def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None) -> FloorPlan:
+    """Read rooms and doors of a GeoJSON file that is not of our own format.
+
+    Args:
+        path: The file.
+        columns: What means what: "room" -> the property with a room's label, "kind" -> the one that says
+            what a feature is, "width" -> the one with a door's width in metres.
+
+    Raises:
+        MapError: It holds no polygon, or is not in metres or degrees.
+        ConfigError: A column that is named is in no feature, or nothing of that name is looked for.
+
+    Warns:
+        MapWarning: Degrees were projected; features were left out or mended.
+    """
+    data = read_json(path)
+    dropped = Dropped(path)
+    names = _names(columns or {}, path)
+    features = data.get("features") if isinstance(data, dict) else None
+    if not isinstance(features, list):
+        raise MapError(f"{path}: must be a GeoJSON FeatureCollection")
+    parts = _in_metres(list(_parts(features, names, dropped)), path)
+    for name in (columns or {}).values():
+        if not any(name in part.properties for part in parts):
+            there = ", ".join(sorted({k for part in parts for k in part.properties}))[:1000]
+            raise ConfigError(f"{path}: no feature has the property {name!r}; there are: {there}")
+    if floor := [part.geometry for part in parts if part.kind in FLOOR_KINDS]:
+        whole = [polygon for part in floor for polygon in mended(part, dropped)]
+        return _from_walls(path, parts, shapely.union_all(whole), dropped)
+    outlines: dict[int, Polygon] = {}
+    labels: dict[int, str] = {}
+    openings: list[Opening] = []
+    for part in parts:
+        if part.kind in DOOR_KINDS or (not part.kind and part.geometry.geom_type != "Polygon"):
+            openings += _opening(part, names, dropped)
+        elif part.geometry.geom_type != "Polygon" or part.kind in WALL_KINDS:
+            dropped.add(f"{part.geometry.geom_type} features of kind {part.kind!r} are left out")
+        else:
+            for outline in mended(part.geometry, dropped)[:1]:
+                labels[len(outlines) + 1] = str(_first(part.properties, names["room"]) or "")
+                outlines[len(outlines) + 1] = outline
+    dropped.warn()
+    if not outlines:
+        raise MapError(f"{path}: no polygon that could be a room (--column kind=NAME names the property)")
+    return plan_from_outlines(
+        outlines, labels, openings, name=path.stem, metadata={"format": "GeoJSON of another program"}
+    )
+
+
+def _from_walls(path: Path, parts: list[_Part], floor: BaseGeometry, dropped: Dropped) -> FloorPlan:
+    """A plan of walls and doors with a thickness inside of an outline of the floor."""
+    solid, doors, places = list[BaseGeometry](), list[LineString](), list[tuple[str, Polygon]]()
+    for part in parts:
+        if part.kind in FLOOR_KINDS:
+            continue
+        if part.geometry.geom_type != "Polygon":
+            dropped.add(f"{part.geometry.geom_type} features of kind {part.kind!r} are left out")
+        elif part.kind in DOOR_KINDS:
+            doors.append(_middle_line(part.geometry))
+        elif part.kind in SOLID_KINDS:
+            solid += mended(part.geometry, dropped)
+        else:
+            label = str(_first(part.properties, COLUMNS["room"]) or part.kind)
+            places += [(label, area) for area in mended(part.geometry, dropped)]
+    dropped.warn()
+    check_outlines(str(path), solid)
+    return plan_from_walls(
+        floor,
+        shapely.union_all(solid),
+        [line for line in doors if 0.0 < line.length <= LONGEST_DOOR],
+        name=path.stem,
+        places=places,
+        metadata={"format": "GeoJSON of another program"},
+    )
+
+
+def _middle_line(shape: BaseGeometry) -> LineString:
+    """The line along the middle of a longish polygon, from one short side to the other."""
+    corners = shapely.get_coordinates(shape.minimum_rotated_rectangle)
+    if len(corners) != 5:
+        return LineString()
+    sides = np.hypot(*np.diff(corners, axis=0).T)
+    short = 0 if sides[0] < sides[1] else 1
+    middles = (corners[:-1] + corners[1:]) / 2
+    return LineString([middles[short], middles[short + 2]])
+
+
+def _names(columns: Mapping[str, str], path: Path) -> dict[str, tuple[str, ...]]:
+    if unknown := sorted(set(columns) - set(COLUMNS)):
+        raise ConfigError(f"{path}: columns can be named for {', '.join(COLUMNS)}, not for {unknown[0]!r}")
+    return {key: (columns[key],) if key in columns else usual for key, usual in COLUMNS.items()}
+
+
+def _first(properties: Mapping[str, Any], names: tuple[str, ...]) -> Any:
+    """The first property of these names that is there and says something."""
+    return next((properties[name] for name in names if properties.get(name) not in (None, "")), None)
+
+
+def _parts(features: list[Any], names: dict[str, tuple[str, ...]], dropped: Dropped) -> Iterator[_Part]:
+    """Every single geometry of the features."""
+    for feature in features:
+        properties = (feature.get("properties") if isinstance(feature, dict) else None) or {}
+        whole = geometry_of(feature)
+        if whole.is_empty or not isinstance(properties, dict):
+            dropped.add("features without a usable geometry are left out")
+            continue
+        kind = str(_first(properties, names["kind"]) or "").lower()
+        for single in shapely.get_parts(whole):
+            yield _Part(kind, properties, single)
+
+
+def _in_metres(parts: list[_Part], path: Path) -> list[_Part]:
+    """The parts in metres, degrees projected.
+
+    Raises:
+        MapError: They are neither.
+    """
+    everything = shapely.GeometryCollection([part.geometry for part in parts])
+    if looks_geographic(everything):
+        warnings.warn(f"{path}: longitude and latitude are projected to metres", MapWarning, stacklevel=3)
+        frame = LocalFrame.around(shapely.get_coordinates(everything))
+        return [part._replace(geometry=frame.project(part.geometry)) for part in parts]
+    x0, y0, x1, y1 = everything.bounds if parts else (0.0, 0.0, 0.0, 0.0)
+    if max(x1 - x0, y1 - y0) > LARGEST_EXTENT:
+        raise MapError(
+            f"{path}: {x1 - x0:.0f} x {y1 - y0:.0f} is no size of a building in metres: export it in metres "
+            "(a UTM zone) or as longitude and latitude (WGS84)"
+        )
+    return parts
+
+
+def _opening(part: _Part, names: dict[str, tuple[str, ...]], dropped: Dropped) -> list[Opening]:
+    """The door that a part is, if it can be one."""
+    shape = part.geometry
+    length = {"LineString": shape.length, "Point": DOOR_WIDTH}.get(shape.geom_type)
+    if length is None:
+        corners = shapely.get_coordinates(shape.minimum_rotated_rectangle)
+        length = float(np.hypot(*np.diff(corners, axis=0).T).max(initial=0.0))
+    try:
+        width = float(_first(part.properties, names["width"]) or length)
+    except (TypeError, ValueError):
+        width = math.nan
+    if not 0.0 < width <= LONGEST_DOOR:
+        dropped.add("doors without a usable width are left out")
+        return []
+    middle = shape.interpolate(0.5, normalized=True) if isinstance(shape, LineString) else shape.centroid
+    return [Opening((middle.x, middle.y), width)]

@@ -1,0 +1,127 @@
+"""IMDF (Indoor Mapping Data Format) folders: one floor of a building, by its level.
+
+`level.geojson` lists the floors, `unit.geojson` holds the rooms and `opening.geojson` the doors, joined by
+`level_id`. Neighbouring units share their outlines; a door is a line along the wall, as long as it is wide.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import shapely
+from shapely import Polygon
+
+from layoutexplore.errors import MapError
+from layoutexplore.files import read_json
+from layoutexplore.files.schema import Anything, Items, Number, Record, Schema, TableOf
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.formats.geographic import LocalFrame
+from layoutexplore.maps.formats.levels import choose_level
+from layoutexplore.maps.formats.polygons import Dropped, geometry_of, mended
+from layoutexplore.maps.shared_walls import Opening, plan_from_outlines
+from layoutexplore.maps.sizes import check_count
+
+NO_ROOM = ("column", "opentobelow", "structure", "void")
+CORRIDORS = ("walkway", "walkway.island")
+
+_LONGEST_NAME = 100
+_FEATURES = Record({"features": Items(Record({"properties": TableOf(Anything())}))})
+_FLOOR = Record({}, {"ordinal": Number(low=-1e6, high=1e6), "building_ids": Items(Anything())})
+_FLOORS = Record({"features": Items(Record({"properties": _FLOOR}))})
+"""What a file must hold, and the one of the floors."""
+
+
+def is_imdf(path: Path) -> bool:
+    """Whether a folder is one of IMDF."""
+    return all((path / f"{part}.geojson").is_file() for part in ("level", "unit"))
+
+
+def imdf_levels(path: Path) -> list[str]:
+    """The names of the floors, by building and height: "BUILDING/FLOOR" where there are several buildings."""
+    return list(_levels(path))
+
+
+def load_imdf(path: Path, level: str = "") -> FloorPlan:
+    """Read one floor.
+
+    Args:
+        path: The folder.
+        level: Which floor; may be empty where there is only one.
+
+    Raises:
+        MapError: A file is missing or broken, there is no such floor, or it has no unit.
+
+    Warns:
+        MapWarning: Units or openings were left out or mended.
+    """
+    levels = _levels(path)
+    name = choose_level(path, level, list(levels))
+    dropped = Dropped(f"{path}#{name}")
+    units = _features(path / "unit.geojson", levels[name])
+    doors = _features(path / "opening.geojson", levels[name]) if (path / "opening.geojson").is_file() else []
+    shapes = [geometry_of(feature) for feature in units]
+    points = shapely.get_coordinates(shapely.GeometryCollection(shapes))
+    if not len(points):
+        raise MapError(f"{path}#{name}: this floor has no unit")
+    frame = LocalFrame.around(points)
+    outlines: dict[int, Polygon] = {}
+    labels: dict[int, str] = {}
+    for feature, shape in zip(units, shapes, strict=True):
+        category = str(feature["properties"].get("category") or "")[:_LONGEST_NAME]
+        if category in NO_ROOM:
+            continue
+        for outline in mended(frame.project(shape), dropped)[:1]:
+            number = len(outlines) + 1
+            outlines[number] = outline
+            labels[number] = "corridor" if category in CORRIDORS else category
+    openings = []
+    for feature in doors:
+        line = frame.project(geometry_of(feature))
+        if line.geom_type != "LineString" or line.length == 0:
+            dropped.add("openings that are no line are left out")
+            continue
+        middle = line.interpolate(0.5, normalized=True)
+        openings.append(Opening((middle.x, middle.y), float(line.length)))
+    dropped.warn()
+    home = f"{path.resolve().name}-{name}"
+    return plan_from_outlines(
+        outlines,
+        labels,
+        openings,
+        name=home.replace("/", "-"),
+        building=home.rpartition("/")[0] or path.resolve().name,
+        metadata={"format": "IMDF", "level": name},
+    )
+
+
+def _levels(path: Path) -> dict[str, str]:
+    """Id of the level of each floor's name, buildings in the order of their ids, floors from below."""
+    found = []
+    for feature in _features(path / "level.geojson", schema=_FLOORS):
+        properties = feature["properties"]
+        names = properties.get("short_name") or properties.get("name") or {}
+        name = str(next(iter(names.values()), "") if isinstance(names, dict) else names)[:_LONGEST_NAME]
+        home = str(next(iter(properties.get("building_ids") or [""])))[:8]
+        found.append((home, float(properties.get("ordinal") or 0), name, str(feature.get("id"))))
+    several = len({home for home, *_ in found}) > 1
+    levels = {}
+    for home, ordinal, name, key in sorted(found):
+        floor = name or f"{ordinal:g}"
+        levels[f"{home}/{floor}" if several else floor] = key
+    if len(levels) < len(found):  # floors of one name are told apart by their height
+        levels = {
+            f"{home}/{ordinal:g}" if several else f"{ordinal:g}": key for home, ordinal, _, key in found
+        }
+    return levels
+
+
+def _features(path: Path, level: str | None = None, schema: Schema = _FEATURES) -> list[dict[str, Any]]:
+    """The features of a file, of one level or all.
+
+    Raises:
+        MapError: It is missing, or no FeatureCollection.
+    """
+    features: list[dict[str, Any]] = read_json(path, schema)["features"]
+    check_count(str(path), "features", len(features), "vertices")
+    return [f for f in features if level is None or f["properties"].get("level_id") == level]

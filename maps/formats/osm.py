@@ -1,0 +1,187 @@
+"""OpenStreetMap XML of buildings: simple indoor tagging, and area graphs (osmAG), one floor at a time.
+
+Simple indoor tagging: a room is a closed way with `indoor` = room, corridor or area, a door a node with
+`door` on the outline that two ways share. osmAG: a room is a way with `osmAG:areaType` = room, a door a way
+of two nodes with `osmAG:type` = passage that names the two areas it joins. Walls have no thickness.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from layoutexplore.errors import MapError, shortened
+from layoutexplore.files.markup import read_xml
+from layoutexplore.grids.arrays import Floats
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.formats.geographic import LocalFrame
+from layoutexplore.maps.formats.levels import choose_level, numbers_of
+from layoutexplore.maps.formats.polygons import Dropped, mended
+from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
+
+INDOOR_ROOMS = ("room", "corridor", "area")
+
+
+@dataclass(frozen=True)
+class _Element:
+    """A node or way with its tags; a node is its own only place."""
+
+    key: str
+    tags: dict[str, str]
+    nodes: tuple[str, ...]
+
+    @property
+    def levels(self) -> set[str]:
+        return numbers_of(self.tags.get("level", "")) | numbers_of(self.tags.get("repeat_on", ""))
+
+    @property
+    def is_room(self) -> bool:
+        if "osmAG:type" in self.tags:
+            return self.tags.get("osmAG:areaType") == "room"
+        return self.tags.get("indoor") in INDOOR_ROOMS
+
+    @property
+    def label(self) -> str:
+        return self.tags.get("room") or ("corridor" if self.tags.get("indoor") == "corridor" else "")
+
+
+@dataclass(frozen=True)
+class _Building:
+    """What a file holds: places of nodes by id (longitude, latitude), tagged nodes, and ways."""
+
+    places: dict[str, tuple[float, float]]
+    nodes: tuple[_Element, ...]
+    ways: tuple[_Element, ...]
+
+    def points(self, element: _Element) -> Floats:
+        return np.array([self.places[key] for key in element.nodes if key in self.places]).reshape(-1, 2)
+
+
+def osm_levels(path: Path) -> list[str]:
+    """The floors that have rooms, from below."""
+    return _levels(_read(path))
+
+
+def load_osm(path: Path, level: str = "") -> FloorPlan:
+    """Read one floor.
+
+    Args:
+        path: The file.
+        level: Which floor; may be empty where there is only one.
+
+    Raises:
+        MapError: The file is broken or larger than the limits, or there is no such floor.
+
+    Warns:
+        MapWarning: Rooms or doors were left out or mended.
+    """
+    building = _read(path)
+    name = choose_level(path, level, _levels(building))
+    dropped = Dropped(f"{path}#{name}")
+    ways = [way for way in building.ways if way.is_room and name in way.levels]
+    frame = LocalFrame.around(np.vstack([building.points(way) for way in ways]))
+    outlines: dict[int, Polygon] = {}
+    rooms: dict[int, _Element] = {}
+    for way in ways:
+        points = frame.to_metres(building.points(way))
+        if len(points) < 4 or not np.array_equal(points[0], points[-1]):
+            dropped.add("rooms whose outline is not closed are left out")
+            continue
+        for outline in mended(Polygon(points), dropped)[:1]:
+            rooms[len(outlines) + 1] = way
+            outlines[len(outlines) + 1] = outline
+    openings = [*_doors(building, name, rooms, frame), *_passages(building, name, rooms, frame)]
+    dropped.warn()
+    return plan_from_outlines(
+        outlines,
+        {number: way.label for number, way in rooms.items()},
+        openings,
+        name=f"{path.stem}-{name}",
+        building=path.stem,
+        metadata={"format": "OpenStreetMap", "level": name},
+    )
+
+
+def _read(path: Path) -> _Building:
+    """The nodes and ways of a file."""
+    root = read_xml(path)
+    if root.tag != "osm":
+        raise MapError(f"{path}: must be OpenStreetMap XML (<osm>), got {shortened(root.tag)}")
+    places, nodes = {}, []
+    for node in root.iter("node"):
+        key = node.get("id", "")
+        try:
+            places[key] = float(node.get("lon", "")), float(node.get("lat", ""))
+        except ValueError:
+            places[key] = math.nan, math.nan
+        if not all(abs(degrees) <= 360 for degrees in places[key]):
+            raise MapError(f"{path}: node {shortened(key)} has no usable lon and lat")
+        if tags := _tags(node):
+            nodes.append(_Element(key, tags, (key,)))
+    ways = [
+        _Element(way.get("id", ""), _tags(way), tuple(nd.get("ref", "") for nd in way.iter("nd")))
+        for way in root.iter("way")
+    ]
+    return _Building(places, tuple(nodes), tuple(ways))
+
+
+def _tags(element: ElementTree.Element) -> dict[str, str]:
+    return {tag.get("k", ""): tag.get("v", "") for tag in element.iter("tag")}
+
+
+def _levels(building: _Building) -> list[str]:
+    rooms = [way for way in building.ways if way.is_room and len(way.nodes) > 3]
+    return sorted({level for way in rooms for level in way.levels}, key=float)
+
+
+def _doors(building: _Building, level: str, rooms: dict[int, _Element], frame: LocalFrame) -> list[Opening]:
+    """Nodes that are doors, on the outlines of this floor's rooms."""
+    users: dict[str, list[int]] = {}
+    for number, way in rooms.items():
+        for key in set(way.nodes):
+            users.setdefault(key, []).append(number)
+    openings = []
+    for node in building.nodes:
+        if not {"door", "entrance"} & set(node.tags) or (node.levels and level not in node.levels):
+            continue
+        sides = users.get(node.key, [])
+        if not sides and not node.levels:
+            continue  # somewhere else in the file
+        place = frame.to_metres(building.points(node))[0]
+        pair = (sides[0], sides[1]) if len(sides) == 2 else None
+        openings.append(Opening((float(place[0]), float(place[1])), _width(node.tags), pair))
+    return openings
+
+
+def _width(tags: dict[str, str]) -> float:
+    """The width that a door is tagged with, in metres; 0.9 m without a usable one."""
+    try:
+        width = float((tags.get("door:width") or tags.get("width") or "").removesuffix("m"))
+    except ValueError:
+        return DOOR_WIDTH
+    return width if 0.3 < width < 20.0 else DOOR_WIDTH
+
+
+def _passages(
+    building: _Building, level: str, rooms: dict[int, _Element], frame: LocalFrame
+) -> list[Opening]:
+    """Ways that are passages of an area graph, between areas of this floor or out of one."""
+    numbers = {way.key: number for number, way in rooms.items()}
+    openings = []
+    for way in building.ways:
+        if way.tags.get("osmAG:type") != "passage" or (way.levels and level not in way.levels):
+            continue
+        points = frame.to_metres(building.points(way))
+        line = shapely.LineString(points) if len(points) > 1 else None
+        sides = sorted(numbers.get(way.tags.get(f"osmAG:{end}", ""), 0) for end in ("from", "to"))
+        if line is None or line.length == 0 or sides[1] == 0:
+            continue  # stairs to another floor, or a passage of the ground outside
+        middle = line.interpolate(0.5, normalized=True)
+        openings.append(Opening((middle.x, middle.y), float(line.length), (sides[0], sides[1])))
+    return openings

@@ -1,0 +1,83 @@
+"""Polygons as files hold them: mended where they cross themselves, with what was mended counted."""
+
+from __future__ import annotations
+
+import warnings
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry import shape as as_shape
+from shapely.geometry.base import BaseGeometry
+
+from layoutexplore.errors import MapWarning
+from layoutexplore.grids.polygons import polygons_of
+from layoutexplore.maps.sizes import MOST_METRES, check_outlines
+
+LEAST_AREA = 0.05
+"""Square metres; smaller parts of a polygon are slips of a hand."""
+
+
+class Dropped:
+    """Counts what a reader leaves out or mends, and says it once at the end.
+
+    Args:
+        path: The file.
+
+    Example:
+        >>> dropped = Dropped(Path("a.osm"))
+        >>> dropped.add("rooms without an outline")
+        >>> dropped.counts
+        Counter({'rooms without an outline': 1})
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = path
+        self.counts: Counter[str] = Counter()
+
+    def add(self, what: str) -> None:
+        """Count one of these."""
+        self.counts[what] += 1
+
+    def warn(self) -> None:
+        """Say what was left out or mended, if anything was."""
+        if self.counts:
+            text = ", ".join(f"{count} {what}" for what, count in self.counts.items())
+            warnings.warn(f"{self.path}: {text}", MapWarning, stacklevel=3)
+
+
+def geometry_of(feature: Any) -> BaseGeometry:
+    """The flat geometry of a GeoJSON feature; an empty polygon where it has none that can be read.
+
+    Example:
+        >>> geometry_of({"geometry": {"type": "Point", "coordinates": [1, 2, 3]}}).wkt
+        'POINT (1 2)'
+    """
+    try:
+        whole: BaseGeometry = shapely.force_2d(as_shape(feature["geometry"]))
+    except Exception:  # whatever shapely, GEOS and NumPy say of coordinates that are none
+        return Polygon()
+    return whole if (np.abs(shapely.get_coordinates(whole)) <= MOST_METRES).all() else Polygon()
+
+
+def mended(shape: BaseGeometry, dropped: Dropped) -> list[Polygon]:
+    """The valid polygons of a shape in metres, the largest first; without area, none.
+
+    Args:
+        shape: Polygons, valid or not.
+        dropped: Is told of shapes that cross themselves or have no area.
+
+    Raises:
+        MapError: Its corners are too many or too far away, or it crosses itself too often.
+    """
+    check_outlines(str(dropped.path), [shape])
+    if not shape.is_valid:
+        dropped.add("polygons crossed themselves and are mended")
+        shape = shapely.make_valid(shape)
+    parts = [part for part in polygons_of(shape) if part.area >= LEAST_AREA]
+    if not parts:
+        dropped.add("polygons without area are left out")
+    return sorted(parts, key=lambda part: -part.area)

@@ -1,0 +1,172 @@
+"""Building files of Open-RMF's traffic editor (`NAME.building.yaml`), one level at a time.
+
+Vertices are pixels of a drawing with y down; walls and doors are pairs of vertices, and `measurements` of
+known length give the metres of a pixel. There are no rooms: they are what walls and doors leave of the floor.
+Walls are drawn 0.2 m thick.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely import LineString, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from layoutexplore.errors import MapError, shortened
+from layoutexplore.files import read_yaml
+from layoutexplore.grids.arrays import Floats
+from layoutexplore.grids.polygons import polygons_of
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.formats.levels import choose_level
+from layoutexplore.maps.formats.polygons import Dropped
+from layoutexplore.maps.formats.wall_plans import plan_from_walls
+from layoutexplore.maps.shared_walls import WALL_THICKNESS
+from layoutexplore.maps.sizes import MOST_METRES, check_outlines
+
+ENDING = ".building.yaml"
+METRIC = ("cartesian_meters", "wgs84")
+
+
+def is_rmf(path: Path) -> bool:
+    """Whether a file is a building of the traffic editor, by its name."""
+    return path.name.lower().endswith(ENDING)
+
+
+def rmf_levels(path: Path) -> list[str]:
+    """The levels that have walls."""
+    return list(_levels(path))
+
+
+def load_rmf(path: Path, level: str = "") -> FloorPlan:
+    """Read one level.
+
+    Args:
+        path: The file.
+        level: Which level; may be empty where there is only one.
+
+    Raises:
+        MapError: The file is broken, has no such level, or a level has no scale.
+
+    Warns:
+        MapWarning: Walls or doors were left out.
+    """
+    levels = _levels(path)
+    name = choose_level(path, level, list(levels))
+    where, entries = f"{path}#{name}", levels[name]
+    dropped = Dropped(where)
+    points = _vertices(entries, where)
+    points = points * _scale(entries, points, where) * np.array([1.0, -1.0])
+    lines = _segments(_listed(entries, "walls", where), points, "walls", dropped)
+    doors = _segments(_listed(entries, "doors", where), points, "doors", dropped)
+    check_outlines(where, [*lines, *doors])
+    dropped.warn()
+    walls = shapely.union_all(
+        [line.buffer(WALL_THICKNESS / 2, cap_style="square", join_style="mitre") for line in lines]
+    )
+    stem = path.name[: -len(ENDING)]
+    return plan_from_walls(
+        _floor(entries, points, walls, doors, where),
+        walls,
+        doors,
+        name=f"{stem}-{name}",
+        building=stem,
+        metadata={"format": "Open-RMF building", "level": name},
+    )
+
+
+def _levels(path: Path) -> dict[str, dict[str, Any]]:
+    """The levels with walls, by name.
+
+    Raises:
+        MapError: The file cannot be read as such a building.
+    """
+    data = read_yaml(path, what="building")
+    levels = data.get("levels") if isinstance(data, dict) else None
+    if not isinstance(levels, dict):
+        raise MapError(f"{path}: a building needs the entry 'levels'")
+    if data.get("coordinate_system") in METRIC:
+        raise MapError(f"{path}: coordinate_system {data['coordinate_system']} is not read, only drawings")
+    return {str(k): v for k, v in levels.items() if isinstance(v, dict) and v.get("walls")}
+
+
+def _listed(entries: dict[str, Any], key: str, where: str) -> list[Any]:
+    """An entry of a level that is a list, or may be missing."""
+    found = entries.get(key) or []
+    if not isinstance(found, list):
+        raise MapError(f"{where}: {key} must be a list, got {shortened(found)}")
+    return found
+
+
+def _vertices(entries: dict[str, Any], where: str) -> Floats:
+    """Float64 (n, 2) in pixels.
+
+    Raises:
+        MapError: A vertex has no two finite numbers.
+    """
+    try:
+        listed = _listed(entries, "vertices", where)
+        points = np.array([[float(v[0]), float(v[1])] for v in listed]).reshape(-1, 2)
+    except (TypeError, ValueError, IndexError, KeyError, OverflowError):
+        points = np.full((1, 2), math.nan)
+    if not (np.abs(points) <= MOST_METRES).all():
+        raise MapError(
+            f"{where}: vertices must be lists that begin with two finite numbers, at most {MOST_METRES:g}"
+        )
+    return points
+
+
+def _scale(entries: dict[str, Any], points: Floats, where: str) -> float:
+    """Metres a pixel: the mean over the measurements.
+
+    Raises:
+        MapError: There is no usable measurement.
+    """
+    found = []
+    for measurement in _listed(entries, "measurements", where):
+        try:
+            a, b, said = measurement[0], measurement[1], measurement[2]["distance"]
+            metres = float(said[1] if isinstance(said, list) else said)
+            found.append(metres / math.dist(points[a], points[b]))
+        except (TypeError, ValueError, IndexError, KeyError, OverflowError, ZeroDivisionError):
+            continue
+    usable = [scale for scale in found if 0 < scale <= MOST_METRES]
+    if not usable:
+        raise MapError(f"{where}: no usable measurement, so that nobody can say how long a pixel is")
+    return float(np.mean(usable))
+
+
+def _segments(pairs: list[Any], points: Floats, what: str, dropped: Dropped) -> list[LineString]:
+    """Segments between vertices; those of no length or of vertices that do not exist are left out."""
+    found = []
+    for pair in pairs:
+        try:
+            a, b = int(pair[0]), int(pair[1])
+            line = LineString([points[a], points[b]])
+        except (TypeError, ValueError, IndexError, KeyError, OverflowError):
+            line = LineString()
+        if line.is_empty or line.length < 1e-6 or min(a, b) < 0:
+            dropped.add(f"{what} without two different vertices are left out")
+            continue
+        found.append(line)
+    return found
+
+
+def _floor(
+    entries: dict[str, Any], points: Floats, walls: BaseGeometry, doors: list[LineString], where: str
+) -> BaseGeometry:
+    """What walls and doors enclose; where they are not closed, the slabs of the floor."""
+    shell = shapely.union_all([walls, *(door.buffer(WALL_THICKNESS, cap_style="square") for door in doors)])
+    inside = shapely.union_all([Polygon(part.exterior) for part in polygons_of(shell)])
+    slabs = []
+    for slab in _listed(entries, "floors", where):
+        try:
+            slabs.append(Polygon(points[[int(v) for v in slab["vertices"]]]))
+        except (TypeError, ValueError, IndexError, KeyError, OverflowError):
+            continue
+    check_outlines(where, slabs)
+    ground = shapely.union_all([slab.buffer(0) for slab in slabs])
+    return inside if inside.difference(walls).area >= 0.5 * ground.area else inside.union(ground)

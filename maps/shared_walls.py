@@ -1,0 +1,205 @@
+"""Floor plans from rooms that share their outlines: walls of a thickness, and doors cut through them.
+
+Many formats draw rooms as polygons that meet in a line, with a point or a segment for a door. Walls are drawn
+0.2 m thick along all outlines. The outlines of neighbouring rooms do not always coincide: slits between them
+are wall, and an opening cuts through whatever lies between its two rooms.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import LineString, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from layoutexplore.errors import MapError, MapWarning
+from layoutexplore.grids.arrays import Floats
+from layoutexplore.grids.polygons import Point, polygons_of
+from layoutexplore.maps.floorplan import Door, FloorPlan, Room
+from layoutexplore.maps.sizes import check_outlines, check_plan, check_work
+
+WALL_THICKNESS = 0.2
+DOOR_WIDTH = 0.9
+CLOSED_GAP = 0.6
+"""Metres; slits between rooms up to this width are solid wall."""
+
+WALL_REACH = 0.75
+"""Metres from the outline of a room within which a door is one of it."""
+
+
+class Opening(NamedTuple):
+    """A door as a file tells of it: where, how wide, and the rooms that it joins if the file says so."""
+
+    place: Point
+    width: float = DOOR_WIDTH
+    rooms: tuple[int, int] | None = None
+
+
+def plan_from_outlines(
+    outlines: Mapping[int, Polygon],
+    labels: Mapping[int, str],
+    openings: Sequence[Opening],
+    *,
+    name: str,
+    building: str = "",
+    metadata: Mapping[str, str] | None = None,
+) -> FloorPlan:
+    """A floor plan of rooms that share their outlines.
+
+    Args:
+        outlines: Room id -> valid outline in metres, in the middle of its walls.
+        labels: Room id -> label.
+        openings: Doors; without rooms, they join the two nearest, or the only one and the outside.
+        name: The plan's name.
+        building: The building's name.
+        metadata: Where it comes from.
+
+    Raises:
+        MapError: There is no room, or there are more rooms, doors, corners or crossings than the limits.
+
+    Warns:
+        MapWarning: Doors that lie on no wall are left out.
+
+    Example:
+        >>> rooms = {1: shapely.box(0, 0, 4, 3), 2: shapely.box(4, 0, 8, 3)}
+        >>> plan = plan_from_outlines(rooms, {1: "office"}, [Opening((4.0, 1.5))], name="pair")
+        >>> plan.doors[0].rooms, round(plan.doors[0].width, 3)
+        ((1, 2), 0.9)
+    """
+    if not outlines:
+        raise MapError(f"{name}: there is no room on this floor")
+    shapes = list(outlines.values())
+    check_plan(name, shapes, openings)
+    check_outlines(name, shapes, shared=True)
+    # Distances are measured in C, tens of them a microsecond.
+    check_work(name, "doors and rooms", 0.05 * len(openings) * shapely.get_num_coordinates(shapes).sum())
+    walls = walls_along(shapes)
+    rooms, scraps = floors_between(dict(outlines), walls, {k: labels.get(k, "") for k in outlines})
+    rings = np.array([outline.exterior for outline in shapes])
+    placed = [_place(outlines, rings, opening) for opening in openings]
+    doors = tuple(door for door in placed if door is not None)
+    if lost := len(placed) - len(doors):
+        warnings.warn(
+            f"{name}: {lost} of {len(placed)} doors lie on no wall and are left out", MapWarning, stacklevel=2
+        )
+    bare = FloorPlan(name=name, rooms=rooms, doors=doors)
+    return FloorPlan(
+        name=name,
+        building=building,
+        rooms=rooms,
+        doors=doors,
+        walls=walls.difference(shapely.union_all([bare.opening(door) for door in doors])),
+        passages=scraps,
+        metadata=metadata or {},
+    )
+
+
+def _place(outlines: Mapping[int, Polygon], rings: NDArray[Any], opening: Opening) -> Door | None:
+    """The door in the wall of its rooms, whose exteriors are `rings`, or None where no wall is near."""
+    ids = np.array(list(outlines))
+    away = shapely.distance(rings, shapely.Point(opening.place))
+    rooms = opening.rooms
+    if away.min() > WALL_REACH:
+        return None
+    if rooms is None:
+        near = ids[np.argsort(away, kind="stable")][: int((away <= WALL_REACH).sum())].tolist()
+        best = away.min()
+        # A room across the wall is as near as the wall is thick; the one after next lies round a corner.
+        across = len(near) > 1 and np.sort(away)[1] <= best + CLOSED_GAP
+        rooms = (near[0], near[1]) if across else (0, near[0])
+    a, b = sorted(rooms)
+    if a == 0:
+        foot, along = _wall_at(outlines[b], opening.place)
+        start, end = (foot + sign * 0.5 * opening.width * along for sign in (-1.0, 1.0))
+        return Door(start=_point_of(start), end=_point_of(end), rooms=(0, b))
+    return place_door(outlines[a], outlines[b], opening.place, (a, b), opening.width)
+
+
+def _point_of(values: Floats) -> Point:
+    return float(values[0]), float(values[1])
+
+
+def walls_along(outlines: list[Polygon]) -> BaseGeometry:
+    """Walls along all outlines, and what fills the slits between neighbouring rooms."""
+    lines = shapely.union_all([outline.exterior for outline in outlines])
+    rooms = shapely.union_all(outlines)
+    half = CLOSED_GAP / 2
+    slits = rooms.buffer(half, join_style="mitre").buffer(-half, join_style="mitre").difference(rooms)
+    return shapely.union_all(
+        [lines.buffer(WALL_THICKNESS / 2, cap_style="square", join_style="mitre", mitre_limit=2.0), slits]
+    )
+
+
+def floors_between(
+    outlines: dict[int, Polygon], walls: BaseGeometry, labels: dict[int, str]
+) -> tuple[tuple[Room, ...], BaseGeometry]:
+    """Rooms up to the faces of their walls, and the scraps of floor that a wall cuts off."""
+    rooms, scraps = [], []
+    for number, outline in outlines.items():
+        parts = sorted(polygons_of(outline.difference(walls)), key=lambda part: -part.area) or [outline]
+        rooms.append(Room(id=number, polygon=parts[0], label=labels[number]))
+        scraps.extend(parts[1:])
+    return tuple(rooms), shapely.union_all(scraps)
+
+
+def place_door(
+    a: Polygon, b: Polygon, place: Point, rooms: tuple[int, int], width: float = DOOR_WIDTH
+) -> Door:
+    """A door through the wall near a portal's point, moved along the wall until it joins the two rooms.
+
+    Portals often lie at the corner of a room, where an opening would run along a wall instead of through it.
+    """
+    shifts = np.array(sorted(np.arange(-30, 31) * 0.05, key=abs))
+    found: list[tuple[float, Floats, Floats]] = []
+    for outline, other in ((a, b), (b, a)):
+        foot, along = _wall_at(outline, place)
+        gap = _gap(other, foot, np.array([-along[1], along[0]]))
+        middles = foot + shifts[:, None] * along + 0.5 * gap
+        scores = _misses((a, b), middles, along, 0.5 * float(np.hypot(*gap)), width) + 0.1 * np.abs(shifts)
+        best = int(scores.argmin())
+        found.append((float(scores[best]), middles[best], along))
+    _, middle, along = min(found, key=lambda candidate: round(candidate[0], 6))
+    start, end = (middle + sign * 0.5 * width * along for sign in (-1.0, 1.0))
+    return Door(start=(float(start[0]), float(start[1])), end=(float(end[0]), float(end[1])), rooms=rooms)
+
+
+def _wall_at(outline: Polygon, place: Point) -> tuple[Floats, Floats]:
+    """The point of an outline nearest to a place, and the direction of the longest edge near it."""
+    points = shapely.get_coordinates(outline.exterior)
+    edges = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
+    near = shapely.distance(edges, shapely.Point(place))
+    lengths = np.where(near <= near.min() + 0.05, shapely.length(edges), 0.0)
+    edge: LineString = edges[int(lengths.argmax())]
+    (x0, y0), (x1, y1) = edge.coords
+    along = np.array([x1 - x0, y1 - y0]) / edge.length
+    foot = edge.interpolate(edge.project(shapely.Point(place)))
+    return np.array([foot.x, foot.y]), along
+
+
+def _gap(other: Polygon, foot: Floats, across: Floats) -> Floats:
+    """The way from the wall of one room straight to the other room, zero where they touch or overlap."""
+    point = shapely.Point(*foot)
+    if other.distance(point) < 1e-6:
+        return np.zeros(2)
+    nearest = shapely.shortest_line(point, other).coords[1]
+    way = np.asarray(nearest) - foot
+    return np.asarray(across * float(way @ across), np.float64)
+
+
+def _misses(
+    rooms: tuple[Polygon, Polygon], middles: Floats, along: Floats, half_gap: float, width: float
+) -> Floats:
+    """For each middle (n, 2) of an opening: how many of three places across it do not join the two rooms."""
+    steps = np.array([-0.45, 0.0, 0.45])[:, None] * width * along
+    through_wall = (half_gap + WALL_THICKNESS / 2 + 0.25) * np.array([-along[1], along[0]])
+    sides = (
+        middles[:, None, None] + steps + np.stack([-through_wall, through_wall])[:, None]
+    )  # (n, 2 sides, 3 places, xy)
+    in_a, in_b = (shapely.contains_xy(room, sides[..., 0], sides[..., 1]) for room in rooms)
+    through = (in_a[:, 0] & in_b[:, 1]) | (in_b[:, 0] & in_a[:, 1])
+    return np.asarray(np.count_nonzero(~through, axis=1), np.float64)

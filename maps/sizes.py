@@ -1,0 +1,193 @@
+"""How much a floor plan may hold: counted before anything is done with it that takes long.
+
+Intersecting outlines takes time and memory with every place where two edges meet, tracing an image with every
+corner between two rooms. Both are counted in a fraction of a second; public floor plans stay far below.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.errors import MapError
+from layoutexplore.files.limits import limits, raise_it
+from layoutexplore.grids.arrays import Floats, Ints32, Mask
+
+MOST_METRES = 1e8
+"""No coordinate is larger: no building stands further from the origin of its coordinates."""
+
+_PAIRS = 2_000_000_000
+"""Pairs of edges that are compared at most: a second or two."""
+
+_WORK = 100
+"""Corners that are looked at for rooms and doors together, over the limit of vertices."""
+
+_MEETINGS, _SHARED_MEETINGS = 2, 10
+"""Places an edge in which it may meet others: rooms side by side touch at corners, or share whole edges."""
+
+_BOXES, _SMALL = 10, 400_000
+"""How many rooms may lie over each other, as far as their boxes tell; and cells of the least image."""
+
+
+def check_count(where: str, what: str, count: int, limit: str = "rooms") -> None:
+    """Raise `MapError` where there are more of something than a limit allows.
+
+    Args:
+        where: The file or plan, for the message.
+        what: What is counted, in the plural.
+        count: How many there are.
+        limit: Name of the limit.
+    """
+    most = getattr(limits(), limit)
+    if count > most:
+        raise MapError(
+            f"{where}: {count} {what}, and the limit {limit} is {most:g}: {raise_it(limit, count)}"
+        )
+
+
+def check_work(where: str, what: str, steps: float) -> None:
+    """Raise `MapError` where every room or door would be compared with too many corners.
+
+    Args:
+        where: The file, for the message.
+        what: What is compared.
+        steps: How many comparisons of a thing with a corner.
+    """
+    most = _WORK * limits().vertices
+    if steps > most:
+        raise MapError(
+            f"{where}: comparing {what} takes {steps:.2g} steps, and the limit vertices allows {most:g}: "
+            f"{raise_it('vertices', steps / _WORK)}"
+        )
+
+
+def check_outlines(where: str, outlines: Iterable[Any], *, shared: bool = False) -> None:
+    """Raise `MapError` unless outlines can be intersected soon: in their number, their corners, their tangle.
+
+    Args:
+        where: The file, for the message.
+        outlines: Geometries, lines among them, or lists of points (x, y) that are closed to rings.
+        shared: Whether neighbouring rooms share their outlines.
+    """
+    edges = _edges_of(outlines)
+    check_count(where, "corners of outlines", len(edges), "vertices")
+    if not (np.abs(edges) <= MOST_METRES).all():
+        raise MapError(f"{where}: coordinates must be finite numbers of at most {MOST_METRES:g} m")
+    most = limits().crossings + (_SHARED_MEETINGS if shared else _MEETINGS) * len(edges)
+    order = np.argsort(np.minimum(edges[:, 0], edges[:, 2]), kind="stable")
+    found = _meetings(np.ascontiguousarray(edges[order]), order, int(most), _PAIRS)
+    if found > most:
+        raise MapError(
+            f"{where}: outlines cut across themselves or each other more than {limits().crossings:g} times, "
+            "the limit crossings: this is no floor plan, or its points are in the wrong order"
+        )
+
+
+def _edges_of(outlines: Iterable[Any]) -> Floats:
+    """Edges float64 (n, 4) as (x0, y0, x1, y1) of all rings."""
+    parts = [np.zeros((0, 4))]
+    for outline in outlines:
+        if isinstance(outline, shapely.LineString):
+            rings = [shapely.get_coordinates(outline)]
+        elif isinstance(outline, shapely.Geometry):
+            rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(outline)]
+        else:
+            points = np.asarray(outline, np.float64).reshape(-1, 2)
+            rings = [np.vstack([points, points[:1]])]
+        parts += [np.hstack([ring[:-1], ring[1:]]) for ring in rings]
+    return np.ascontiguousarray(np.vstack(parts))
+
+
+@njit(cache=True, nogil=True)
+def _meetings(edges: Floats, order: NDArray[np.int64], most: int, pairs: int) -> int:
+    """How many pairs of edges meet, not counting neighbours of a ring; `most` + 1 where it is given up.
+
+    The edges are sorted by their lower x: those that begin right of an edge's end cannot meet it, nor can any
+    behind them. An edge meets another where neither has both ends strictly on one side of the other.
+    """
+    # Neighbours of a ring always meet; their numbers in the file differ by one.
+    found = compared = 0
+    for i in range(len(edges)):
+        ax, ay, bx, by = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        right, low, high = max(ax, bx), min(ay, by), max(ay, by)
+        for j in range(i + 1, len(edges)):
+            cx, cy, dx, dy = edges[j, 0], edges[j, 1], edges[j, 2], edges[j, 3]
+            if min(cx, dx) > right:
+                break
+            compared += 1
+            if max(cy, dy) < low or min(cy, dy) > high or abs(order[i] - order[j]) == 1:
+                continue
+            c = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+            d = (bx - ax) * (dy - ay) - (by - ay) * (dx - ax)
+            a = (dx - cx) * (ay - cy) - (dy - cy) * (ax - cx)
+            b = (dx - cx) * (by - cy) - (dy - cy) * (bx - cx)
+            if not ((c > 0 and d > 0) or (c < 0 and d < 0) or (a > 0 and b > 0) or (a < 0 and b < 0)):
+                found += 1
+        if found > most or compared > pairs:
+            return most + 1
+    return found
+
+
+def check_raster(where: str, occupied: Mask, room_ids: Ints32) -> None:
+    """Raise `MapError` unless the rooms of a raster can be traced soon.
+
+    Args:
+        where: The plan, for the message.
+        occupied: bool (rows, cols).
+        room_ids: int32 (rows, cols), 0 for none.
+    """
+    check_count(where, "cells", occupied.size, "image_pixels")
+    ids = np.where(occupied, -1, room_ids)
+    check_count(where, "corners between rooms and walls", _corners(ids), "vertices")
+    windows(where, room_ids)
+
+
+Window = tuple[slice, slice]
+
+
+def windows(where: str, ids: Ints32) -> list[tuple[int, Window]]:
+    """Every id above 0 of an image int32 (rows, cols), with the window of its cells.
+
+    Args:
+        where: The plan, for the message.
+        ids: 0 for none.
+
+    Raises:
+        MapError: There are too many, or they lie scattered over each other.
+    """
+    from scipy.ndimage import find_objects
+
+    count = int(np.count_nonzero(np.bincount(ids.ravel())[1:]))
+    check_count(where, "rooms, doors and passages", count, "vertices")
+    found = [(k, (w[0], w[1])) for k, w in enumerate(find_objects(ids), start=1) if w is not None]
+    cells = sum((rows.stop - rows.start) * (cols.stop - cols.start) for _, (rows, cols) in found)
+    if cells > _BOXES * max(ids.size, _SMALL):
+        raise MapError(
+            f"{where}: its {len(found)} rooms or passages lie scattered over each other: this is no image of "
+            "rooms with one grey level or colour a room"
+        )
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _corners(ids: Ints32) -> int:
+    """Places between four cells in which an outline turns, or two cross."""
+    found = 0
+    for r in range(ids.shape[0] - 1):
+        for c in range(ids.shape[1] - 1):
+            a, b, below, beside = ids[r, c], ids[r, c + 1], ids[r + 1, c], ids[r + 1, c + 1]
+            # Straight on: the two upper cells are alike and the two lower ones, or left and right.
+            if not ((a == b and below == beside) or (a == below and b == beside)):
+                found += 1
+    return found
+
+
+def check_plan(where: str, rooms: Sequence[Any], doors: Sequence[Any]) -> None:
+    """Raise `MapError` where there are too many rooms or doors."""
+    check_count(where, "rooms", len(rooms))
+    check_count(where, "doors", len(doors), "rooms")

@@ -1,0 +1,171 @@
+"""Agents of a user's own in the benchmark: named, as objects, on workers; changed, and failing."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.benchmark.rows import prepare
+from layoutexplore.benchmark.runner import run_benchmark
+from layoutexplore.cli import app
+from layoutexplore.errors import OwnCodeError, ResultsError
+from layoutexplore.frontiers.decision import STOP, Decision
+from layoutexplore.maps.library import load_plan
+from layoutexplore.simulation.config import SimulationConfig
+from tests.benchmark.cases import timeless
+from tests.plugins.cases import AGENT, write
+
+FAILING = AGENT.replace(
+    "return min(",
+    "if decision.step == 2:\n"
+    "            raise RuntimeError(f'{decision.pose.x:.9f} {decision.distance:.9f}')\n"
+    "        return min(",
+)
+ROOMS = """
+import numpy as np
+class Mine:
+    def __init__(self, width: int = 3):
+        self.width = width
+    def rooms(self, decision):
+        return np.where(decision.grid.cells == 0, 1, 0)
+"""
+METHOD = "def mine(grid, room: int = 1):\n    return (grid.cells == 0) * room\n"
+
+
+class First:
+    """The first frontier."""
+
+    def reset(self, seed: int) -> None: ...
+
+    def act(self, decision: Decision) -> int:
+        return 0 if decision.frontiers else STOP
+
+
+def config(plans: Path, *agents: object, simulation: SimulationConfig | None = None) -> BenchmarkConfig:
+    return BenchmarkConfig(
+        plans=(str(plans / "cottage.geojson"),),
+        starts=1,
+        agents=["nearest:min_size=0", *agents],
+        baseline="nearest:min_size=0",
+        simulation=simulation or SimulationConfig(),
+        explain=False,
+    )
+
+
+def test_an_own_agent_runs_here_and_on_workers(plans: Path, tmp_path: Path) -> None:
+    wanted = config(plans, f"{write(tmp_path)}:Mine", First, f"{write(tmp_path)}:Mine:skip=1")
+    assert wanted.agents[2] == "First"
+    here, there = (run_benchmark(wanted, tmp_path / str(jobs), jobs=jobs) for jobs in (1, 2))
+    assert timeless(here.rows) == timeless(there.rows) and not here.failed
+    nearest, first, mine, skipping = (
+        next(r for r in here.rows if r.agent == name)
+        for name in sorted(wanted.agents, key=wanted.agents.index)
+    )
+    assert nearest.distance == pytest.approx(mine.distance) == pytest.approx(first.distance)
+    assert skipping.distance > 0
+
+
+def test_changed_code_is_another_configuration(plans: Path, tmp_path: Path) -> None:
+    wanted = config(plans, f"{write(tmp_path)}:Mine")
+    run_benchmark(wanted, tmp_path / "out")
+    assert run_benchmark(wanted, tmp_path / "out").ran == 0
+    write(tmp_path, AGENT.replace("STEP = 0", "STEP = 1"))
+    with pytest.raises(ResultsError, match="holds the results of another configuration"):
+        run_benchmark(wanted, tmp_path / "out")
+    assert run_benchmark(wanted, tmp_path / "out", force=True).ran == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "spec"),
+    [(ROOMS, "{}:Mine"), (METHOD, "reconstruct:{}:mine"), (METHOD, "reconstruct:{}:mine;room=2")],
+)
+def test_own_rooms_count_too(plans: Path, tmp_path: Path, text: str, spec: str) -> None:
+    agent = f"layout-tour:predictor={spec.format(write(tmp_path, text))}"
+    done = run_benchmark(config(plans, agent), tmp_path / "out")
+    assert not done.failed and done.rows[0].prediction_seconds > 0
+    write(tmp_path, text + "\n")
+    with pytest.raises(ResultsError, match=r"settings\.models"):
+        run_benchmark(config(plans, agent), tmp_path / "out")
+
+
+@pytest.mark.parametrize("simulation", [SimulationConfig(), SimulationConfig(turn_cost=0.5, resolution=0.2)])
+def test_a_crash_names_the_command_that_repeats_it(
+    plans: Path, tmp_path: Path, simulation: SimulationConfig
+) -> None:
+    path = write(tmp_path, FAILING)
+    done = run_benchmark(config(plans, f"{path}:Mine:skip=1", simulation=simulation), tmp_path / "out")
+    (row,) = done.failed
+    assert row.error.startswith("RuntimeError") and row.error.endswith("(mine.py, line 16)")
+    trace, _, command = done.folder.failure(row).partition("Repeat it: ")
+    assert f'File "{path}", line 16, in act' in trace and "runner" not in trace
+    result = CliRunner().invoke(app, shlex.split(command)[1:])
+    assert isinstance(result.exception, RuntimeError) and str(result.exception) in trace
+
+
+def test_a_repaired_run_has_no_failure(plans: Path, tmp_path: Path) -> None:
+    path = write(tmp_path, FAILING)
+    done = run_benchmark(config(plans, f"{path}:Mine"), tmp_path / "out")
+    assert done.folder.failure(done.failed[0])
+    write(tmp_path)
+    again = run_benchmark(config(plans, f"{path}:Mine"), tmp_path / "out", force=True)
+    assert not again.failed and not list((tmp_path / "out").rglob("*.error.txt"))
+
+
+def test_code_that_cannot_be_loaded_is_told_before_anything_runs(plans: Path, tmp_path: Path) -> None:
+    with pytest.raises(OwnCodeError, match="SyntaxError"):
+        run_benchmark(config(plans, f"{write(tmp_path, 'class Mine')}:Mine"), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_program_s_own_classes_travel_to_workers(plans: Path, tmp_path: Path) -> None:
+    """A class of the program itself, as of a notebook: no worker could import it."""
+    program = write(
+        tmp_path,
+        "import sys\nfrom pathlib import Path\n"
+        "from layoutexplore.agents import register_agent\n"
+        "from layoutexplore.benchmark.config import BenchmarkConfig\n"
+        "from layoutexplore.benchmark.runner import run_benchmark\n"
+        "from layoutexplore.predictors import register_predictor\n"
+        + AGENT.replace("min(self.skip", "helper(self.skip")
+        + "helper = min\n"
+        + ROOMS.replace("Mine", "Rooms")
+        + "if __name__ == '__main__':\n"
+        "    register_predictor('my-rooms', 'mine', Rooms)\n"
+        "    register_agent('mine', 'mine', Mine)\n"
+        f"    config = BenchmarkConfig(plans=[{str(plans / 'cottage.geojson')!r}], starts=1, explain=False,\n"
+        "        agents=['mine:skip=1', Mine, 'layout-tour:predictor=my-rooms'], baseline='Mine')\n"
+        "    done = run_benchmark(config, Path(sys.argv[1]), jobs=2)\n"
+        "    print([row.error for row in done.rows], done.ran)\n",
+        "program.py",
+    )
+    for expected in ("['', '', ''] 3", "['', '', ''] 0"):  # what is done is known in another session
+        words = [sys.executable, program, str(tmp_path / "out")]
+        done = subprocess.run(words, capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == expected, done.stdout + done.stderr
+
+
+def test_a_choice_that_is_none_is_told(plans: Path, tmp_path: Path) -> None:
+    path = write(tmp_path, AGENT.replace("return min(self.skip, len(decision.frontiers) - 1)", "return 99"))
+    done = run_benchmark(config(plans, f"{path}:Mine"), tmp_path / "out")
+    assert "99" in done.failed[0].error
+
+
+def test_an_agent_brings_a_predictor_as_an_object() -> None:
+    class Rooms:
+        name = "rooms"
+
+        def predict(self, decision: Decision) -> Decision:
+            return decision
+
+    class Mine(First):
+        predictor = Rooms()
+
+    wanted = BenchmarkConfig(agents=[Mine])
+    simulation, _ = prepare(load_plan("apartment-03"), SimulationConfig(), wanted.agents[0])
+    assert simulation.predictor is not None and simulation.predictor.name == "rooms"

@@ -1,0 +1,58 @@
+"""`layoutexplore explore`: regions, ways back, runs that pause and go on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from layoutexplore import cli
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.simulation.saved_run import read_saved_run
+from tests.plans import offices
+
+RUNNER = CliRunner(env={"COLUMNS": "120", "TERM": "dumb"})
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> str:
+    path = tmp_path_factory.mktemp("plans") / "offices.geojson"
+    save_plan(offices(), path)
+    return str(path)
+
+
+def explore(*arguments: str) -> list[str]:
+    result = RUNNER.invoke(cli.app, ["explore", *arguments])
+    assert result.exit_code == 0, result.output
+    return result.output.splitlines()
+
+
+def line(lines: list[str], name: str) -> str:
+    return next(text.removeprefix(name).strip() for text in lines if text.startswith(name))
+
+
+def test_a_run_pauses_and_goes_on(plan: str, tmp_path: Path) -> None:
+    state, options = tmp_path / "run.npz", ["--agent", "random", "--sensor", "indoor", "--seed", "4"]
+    whole = explore(plan, *options, "--out", str(tmp_path / "whole"))
+    first = explore(plan, *options, "--pause-after", "15", "--save-state", str(state))
+    assert "paused" in line(first, "ended by") and f"wrote {state}" in first
+    assert read_saved_run(state).notes == {"agent": "random"}
+    second = explore(plan, "--continue", str(state), "--out", str(tmp_path / "rest"))
+    for name in ("floor plan", "agent, sensor", "ended by", "seen", "travelled", "99 % seen after", "scans"):
+        assert line(second, name) == line(whole, name)
+    for name in ("map.pgm", "track.csv", "curve.csv"):
+        assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "rest" / name).read_bytes()
+
+
+def test_a_robot_explores_a_region_and_returns(plan: str, tmp_path: Path) -> None:
+    options = [plan, "--sensor", "indoor", "--region", "0,0 9,0 9,8 0,8"]
+    stays, returns = explore(*options), explore(*options, "--return", "--out", str(tmp_path / "run"))
+    assert "arrived" in line(returns, "way back") and not any("way back" in text for text in stays)
+    assert [line(stays, n) for n in ("travelled", "99 % seen after")] == [
+        line(returns, n) for n in ("travelled", "99 % seen after")
+    ]
+    assert line(stays, "ended by").startswith("coverage: as much was seen")
+    x, y, _ = (tmp_path / "run" / "track.csv").read_text().splitlines()[1].split(",")
+    last = (tmp_path / "run" / "track.csv").read_text().splitlines()[-1].split(",")
+    assert abs(float(x) - float(last[0])) < 0.2 and abs(float(y) - float(last[1])) < 0.2

@@ -1,0 +1,18 @@
+"""Lines that say how far a long command is."""
+
+from __future__ import annotations
+
+import io
+
+from rich.console import Console
+
+from layoutexplore.cli.progress import ProgressLine
+
+
+def test_the_end_is_told_once_however_often_it_is_reached() -> None:
+    console = Console(file=io.StringIO(), width=200)
+    with ProgressLine(console, "steps") as line:
+        for done in (1, 10, 10, 10):  # as of training, whose last rollout goes past its end
+            line.advance(done, 10, done / 10)
+    assert isinstance(console.file, io.StringIO)
+    assert console.file.getvalue().count("10/10 steps") == 1

@@ -1,0 +1,39 @@
+"""The web site: it builds without a warning, and a fault in a page stops it."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import typer
+
+from layoutexplore.cli import app
+from layoutexplore.documentation import site
+from layoutexplore.documentation.reference import command_page
+from layoutexplore.errors import LayoutExploreError
+
+
+def test_every_command_is_on_the_page_of_commands() -> None:
+    page = command_page(typer.main.get_command(app))
+    for command in ("benchmark", "explore", "maps import", "evaluate in-the-loop"):
+        assert f"## `layoutexplore {command}`" in page
+    assert "| `--plans` |" in page and "[bold]" not in page
+
+
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocs")
+    page = site.build_site(tmp_path / "site", typer.main.get_command(app))
+    assert "<h1" in page.read_text()
+    modules = tmp_path / "site" / "reference" / "modules"
+    assert "layoutexplore.frontiers.decision.Decision" in (modules / "frontiers.html").read_text()
+    assert (tmp_path / "site" / "reference" / "commands.html").is_file()
+
+
+def test_a_broken_link_stops_the_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mkdocs")
+    shutil.copytree(site.PAGES, tmp_path / "pages")
+    (tmp_path / "pages" / "index.md").write_text("# Start\n\n[nowhere](nowhere.md)\n")
+    monkeypatch.setattr(site, "PAGES", tmp_path / "pages")
+    with pytest.raises(LayoutExploreError, match=r"nowhere\.md"):
+        site.build_site(tmp_path / "site", typer.main.get_command(app), reference=False)

@@ -1,0 +1,87 @@
+"""Files: whole or not at all, tables, numbers, archives."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from layoutexplore.errors import ConfigError, MapError, ResultsError, WriteError
+from layoutexplore.files import (
+    atomic,
+    is_whole,
+    read_arrays,
+    read_toml,
+    to_toml,
+    write_arrays,
+    write_atomically,
+    write_csv,
+    write_json,
+)
+
+
+def test_a_file_is_whole_or_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "a.txt"
+    write_atomically(path, "one\n")
+    with pytest.raises(RuntimeError), atomic(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert path.read_bytes() == b"one\n" and [p.name for p in path.parent.iterdir()] == ["a.txt"]
+
+
+def test_what_cannot_be_written_is_an_error_of_maps_and_of_results(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    for kind in (WriteError, MapError, ResultsError):
+        with pytest.raises(kind, match=r"a\.txt: cannot write"):
+            write_atomically(tmp_path / "file" / "a.txt", b"")
+
+
+def test_tables(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    write_csv(path, [{"a": 1, "b": 1 / 3}, {"a": "x,y", "b": None}])
+    assert path.read_bytes() == b'a,b\n1,0.333333\n"x,y",\n'
+    write_csv(path, [{"a": 100.0}], digits=None)
+    assert path.read_bytes() == b"a\n100.0\n"
+    write_csv(path, [], columns=["a", "b"])
+    assert path.read_bytes() == b"a,b\n"
+    write_csv(path, [])
+    assert path.read_bytes() == b""
+
+
+def test_json_files_hold_no_word_that_json_does_not_know(tmp_path: Path) -> None:
+    path = tmp_path / "n.json"
+    write_json(path, {"a": math.nan, "b": [1.5, math.inf], "c": {"d": (1, -math.inf)}, "e": "NaN"})
+    data = json.loads(path.read_text(), parse_constant=lambda word: pytest.fail(word))
+    assert data == {"a": None, "b": [1.5, None], "c": {"d": [1, None]}, "e": "NaN"}
+
+
+def test_toml_is_read_as_it_was_written(tmp_path: Path) -> None:
+    table = {"a": 1, "b": ["x", "ü\"'"], "c": {"d.e": True, "f": {"g": 0.5}}, "none": None}
+    write_atomically(tmp_path / "t.toml", to_toml(table))
+    del table["none"]
+    assert read_toml(tmp_path / "t.toml") == table
+    with pytest.raises(ConfigError, match="cannot read the configuration"):
+        read_toml(tmp_path / "none.toml")
+    write_atomically(tmp_path / "t.toml", b"a = \xff")
+    with pytest.raises(ConfigError, match="no text in UTF-8"):
+        read_toml(tmp_path / "t.toml")
+
+
+def test_archives(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    write_arrays(path, {"x": np.arange(3), "y": np.ones((2, 2), np.float32)})
+    assert is_whole(path) and list(read_arrays(path)) == ["x", "y"] and list(read_arrays(path, "y")) == ["y"]
+    path.write_bytes(path.read_bytes()[:100])
+    assert not is_whole(path)
+    with pytest.raises(ResultsError, match="damaged"):
+        read_arrays(path)
+
+
+def test_every_text_and_number_is_valid_toml(tmp_path: Path) -> None:
+    table = {"a\x7f": "b\x7f\x00\u2028", "list": [math.inf, -math.inf, 1e300], "nested": {"x": 1.0}}
+    write_atomically(tmp_path / "t.toml", to_toml({**table, "nan": math.nan}))
+    read = read_toml(tmp_path / "t.toml")
+    assert math.isnan(read.pop("nan")) and read == table

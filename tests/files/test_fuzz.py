@@ -1,0 +1,36 @@
+"""Damaged files of every kind are read, or refused with an error of ours: a short run, and a long one."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from tests.files.fuzzing import fuzz
+from tests.files.targets import TARGETS
+
+QUICK = [name for name in TARGETS if name not in ("network policy", "resume", "report")]
+"""Readers that need neither torch nor a report."""
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_damaged_files_are_taken_or_refused(name: str) -> None:
+    found = fuzz(name, round(40 * TARGETS[name].share), seed=1)
+    assert found.failed == 0, found.faults
+    assert found.refused + found.accepted == found.tried > 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="memory is limited as Linux does")
+def test_many_damaged_files_are_taken_or_refused() -> None:
+    """`LAYOUTEXPLORE_FUZZ=N` sets how many, `LAYOUTEXPLORE_FUZZ_SEED` which."""
+    inputs, seed = (
+        os.environ.get("LAYOUTEXPLORE_FUZZ", "60000"),
+        os.environ.get("LAYOUTEXPLORE_FUZZ_SEED", "1"),
+    )
+    command = [sys.executable, "-m", "tests.files.fuzzing", "--inputs", inputs, "--seed", seed]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    print(run.stdout)
+    assert run.returncode == 0, run.stdout + run.stderr[-3000:]

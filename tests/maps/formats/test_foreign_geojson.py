@@ -1,0 +1,110 @@
+"""GeoJSON as QGIS and others write it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from shapely import LineString, MultiPolygon, Point, Polygon, box
+from shapely.geometry import mapping
+
+from layoutexplore.errors import ConfigError, MapError, MapWarning
+from layoutexplore.maps import load_plan
+from layoutexplore.maps.geojson import save_plan
+from tests.maps.cases import share_reached, two_rooms
+
+
+def write(folder: Path, *features: tuple[Any, dict[str, Any]], name: str = "qgis") -> Path:
+    """A file as QGIS exports a layer."""
+    data = {
+        "type": "FeatureCollection",
+        "name": name,
+        "crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::25833"}},
+        "features": [
+            {"type": "Feature", "properties": properties, "geometry": mapping(shape)}
+            for shape, properties in features
+        ],
+    }
+    (folder / f"{name}.geojson").write_text(json.dumps(data))
+    return folder / f"{name}.geojson"
+
+
+ROOMS = (
+    (MultiPolygon([box(0, 0, 4, 5)]), {"fid": 1, "Bezeichnung": "Office"}),
+    (MultiPolygon([box(4, 0, 9, 5)]), {"fid": 2, "Bezeichnung": "Lab"}),
+    (LineString([(4, 2), (4, 3.2)]), {"fid": 3, "Bezeichnung": None}),
+    (Point(0, 2.5), {"fid": 4, "Bezeichnung": None}),
+)
+
+
+def test_multipolygons_with_columns_of_any_name(tmp_path: Path) -> None:
+    plan = load_plan(write(tmp_path, *ROOMS), columns={"room": "Bezeichnung"})
+    assert [room.label for room in plan.rooms] == ["Office", "Lab"]
+    assert [door.rooms for door in plan.doors] == [(1, 2), (0, 1)]
+    assert [door.width for door in plan.doors] == pytest.approx([1.2, 0.9])
+    assert plan.rooms[0].polygon.area == pytest.approx(3.8 * 4.8)
+    assert share_reached(plan) == 1.0
+    assert [room.label for room in load_plan(write(tmp_path, *ROOMS)).rooms] == ["", ""]
+
+
+def test_columns_that_are_not_there_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"no feature has the property 'Raum'; there are: Bezeichnung, fid"):
+        load_plan(write(tmp_path, *ROOMS), columns={"room": "Raum"})
+    with pytest.raises(ConfigError, match="columns can be named for"):
+        load_plan(write(tmp_path, *ROOMS), columns={"colour": "Raum"})
+
+
+def test_degrees_are_projected_and_feet_of_a_country_refused(tmp_path: Path) -> None:
+    degrees = write(
+        tmp_path,
+        (box(13.7, 51.0, 13.7 + 10 / 70055.2, 51.0 + 6 / 111320), {"name": "hall"}),
+        (box(13.7 + 10 / 70055.2, 51.0, 13.7 + 20 / 70055.2, 51.0 + 6 / 111320), {"name": "store"}),
+    )
+    with pytest.warns(MapWarning, match="projected"):
+        plan = load_plan(degrees)
+    assert plan.bounds[2] - plan.bounds[0] == pytest.approx(20.2, abs=0.05)
+    far = write(tmp_path, (box(0, 0, 1, 1), {}), (box(9e5, 4e6, 9e5 + 5, 4e6 + 5), {}))
+    with pytest.raises(MapError, match="no size of a building in metres"):
+        load_plan(far)
+
+
+def test_what_is_dropped_is_said(tmp_path: Path) -> None:
+    crossed = Polygon([(10, 0), (14, 4), (14, 0), (10, 4)])
+    path = write(
+        tmp_path,
+        *((shape, {**properties, "art": ""}) for shape, properties in ROOMS),
+        (crossed, {"fid": 9}),
+        (Point(50, 50), {"fid": 5}),
+        (LineString([(0, 0), (40, 0)]), {"fid": 6}),
+        (box(0, 0, 9, 5), {"art": "Wall"}),
+        (Polygon(), {"fid": 8}),
+    )
+    with pytest.warns(MapWarning) as caught:
+        plan = load_plan(path, columns={"kind": "art"})
+    said = " ".join(str(warning.message) for warning in caught)
+    parts = ("crossed themselves", "without a usable width", "of kind 'wall'", "without a usable geometry")
+    for part in parts:
+        assert part in said, part
+    assert "1 of 3 doors lie on no wall" in said
+    assert len(plan.rooms) == 3 and len(plan.doors) == 2
+    with pytest.raises(MapError, match="no polygon that could be a room"):
+        load_plan(write(tmp_path, (Point(1, 1), {})))
+
+
+def test_our_own_format_saved_by_a_gis_is_read_as_ours(tmp_path: Path) -> None:
+    plan = two_rooms()
+    save_plan(plan, tmp_path / "own.geojson")
+    data = json.loads((tmp_path / "own.geojson").read_text())
+    for key in ("format", "version", "units", "metadata", "building"):
+        data.pop(key)
+    for feature in data["features"]:
+        geometry = feature["geometry"]
+        if not geometry["type"].startswith("Multi"):
+            feature["geometry"] = {
+                "type": f"Multi{geometry['type']}",
+                "coordinates": [geometry["coordinates"]],
+            }
+    (tmp_path / "own.geojson").write_text(json.dumps(data))
+    assert load_plan(tmp_path / "own.geojson").content_hash == plan.content_hash

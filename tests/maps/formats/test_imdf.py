@@ -1,0 +1,48 @@
+"""IMDF folders that are broken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from shapely import Point, Polygon, box
+
+from layoutexplore.errors import MapError, MapWarning
+from layoutexplore.maps import load_plan
+from tests.maps.formats.cases import feature, write_collection, write_imdf
+
+
+def test_broken_parts_are_named(tmp_path: Path) -> None:
+    path = write_imdf(tmp_path / "school")
+    (path / "unit.geojson").write_text("{")
+    with pytest.raises(MapError, match=r"unit\.geojson: broken JSON"):
+        load_plan(f"{path}#0")
+    (path / "unit.geojson").write_text('{"features": [1]}')
+    with pytest.raises(MapError, match=r"unit\.geojson: features\[0\] must be a table"):
+        load_plan(f"{path}#0")
+    write_collection(path / "unit.geojson", feature(box(0, 0, 1, 1), level_id="b9", category="room"))
+    with pytest.raises(MapError, match="#0: this floor has no unit"):
+        load_plan(f"{path}#0")
+
+
+def test_what_is_left_out_is_counted(tmp_path: Path) -> None:
+    path = write_imdf(tmp_path / "school")
+    bow = Polygon([(0, 0), (4, 4), (4, 0), (0, 4)])
+    write_collection(
+        path / "unit.geojson",
+        feature(bow, level_id="a0", category="room"),
+        feature(box(5, 0, 9, 4), level_id="a0", category="room"),
+        feature(None, level_id="a0", category="room"),
+    )
+    write_collection(path / "opening.geojson", feature(Point(5, 1), level_id="a0"))
+    with pytest.warns(MapWarning) as caught:
+        plan = load_plan(f"{path}#0")
+    said = " ".join(str(warning.message) for warning in caught)
+    assert "crossed themselves" in said and "without area" in said and "no line are left out" in said
+    assert len(plan.rooms) == 2
+
+
+def test_a_folder_without_openings_has_no_doors(tmp_path: Path) -> None:
+    path = write_imdf(tmp_path / "school")
+    (path / "opening.geojson").unlink()
+    assert load_plan(f"{path}#0").doors == ()

@@ -1,0 +1,91 @@
+"""OpenStreetMap files that are broken, or hold more than rooms and doors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from shapely import box
+
+from layoutexplore.errors import MapError, MapWarning
+from layoutexplore.maps import load_plan
+from layoutexplore.maps.formats.levels import numbers_of
+from tests.maps.formats.cases import OsmFile, corners, write_osm, write_osmag
+
+
+@pytest.mark.parametrize(
+    ("text", "floors"),
+    [
+        ("0", {"0"}),
+        ("-1-1", {"-1", "0", "1"}),
+        ("1;3", {"1", "3"}),
+        ("0.5", {"0.5"}),
+        ("", set()),
+        ("G", set()),
+    ],
+)
+def test_levels(text: str, floors: set[str]) -> None:
+    assert numbers_of(text) == floors
+
+
+def test_entrances_widths_and_open_outlines(tmp_path: Path) -> None:
+    file = OsmFile()
+    file.node(0, 2, entrance="main", width="1.6 m".replace(" ", ""), level="0")
+    file.node(60, 60, door="yes", level="0")
+    file.way([(0, 0), (6, 0), (6, 4), (0, 4), (0, 2), (0, 0)], indoor="room", level="0")
+    file.way([(6, 0), (9, 0), (9, 4)], indoor="room", level="0")
+    file.way([(0, 10), (4, 14), (4, 10), (0, 14), (0, 10)], indoor="room", level="0")
+    path = file.write(tmp_path / "hall.osm")
+    with pytest.warns(MapWarning) as caught:
+        plan = load_plan(path)
+    said = " ".join(str(warning.message) for warning in caught)
+    assert (
+        "outline is not closed" in said
+        and "crossed themselves" in said
+        and "1 of 2 doors lie on no wall" in said
+    )
+    assert len(plan.rooms) == 2
+    assert [(door.rooms, door.width) for door in plan.doors] == [((0, 1), pytest.approx(1.6))]
+
+
+def test_passages_to_other_floors_are_no_doors(tmp_path: Path) -> None:
+    path = write_osmag(tmp_path / "campus.osm")
+    text = path.read_text().replace("v='-1001'", "v='-77'").replace("v='-1000'", "v='-76'")
+    path.write_text(text)
+    assert load_plan(path).doors == ()
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda text: text[:200], "not readable as XML"),
+        (lambda text: "<gpx/>", "must be OpenStreetMap"),
+        (lambda text: text.replace("lon='13", "lon='east"), "no usable lon and lat"),
+        (lambda text: text.replace("indoor", "outdoor"), "no floor in this file"),
+    ],
+)
+def test_broken_files_are_named(tmp_path: Path, damage, message: str) -> None:  # type: ignore[no-untyped-def]
+    path = write_osm(tmp_path / "house.osm")
+    path.write_text(damage(path.read_text()))
+    with pytest.raises(MapError, match=message) as caught:
+        load_plan(f"{path}#0")
+    assert "house.osm" in str(caught.value)
+
+
+def test_towns_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "town.osm"
+    with path.open("wb") as file:
+        file.truncate(100_000_001)
+    assert path.stat().st_blocks * 512 < 10**6  # a hole, not 100 MB
+    with pytest.raises(MapError, match="100 MB, and the limit text_mb is 32"):
+        load_plan(path)
+
+
+def test_rooms_inside_of_rooms(tmp_path: Path) -> None:
+    file = OsmFile()
+    file.way(corners(box(0, 0, 10, 8)), indoor="room", level="0")
+    file.way(corners(box(2, 2, 4, 5)), indoor="room", level="0")
+    plan = load_plan(file.write(tmp_path / "shaft.osm"))
+    raster = plan.rasterize(0.1)
+    assert len(plan.rooms) == 2
+    assert (raster.room_ids == 2).sum() * 0.01 == pytest.approx(1.8 * 2.8, abs=0.2)

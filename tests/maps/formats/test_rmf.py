@@ -1,0 +1,42 @@
+"""Open-RMF buildings that are broken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from layoutexplore.errors import MapError, MapWarning
+from layoutexplore.maps import load_plan
+from tests.maps.formats.cases import RMF, write_rmf
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("levels:", "floors:", "needs the entry 'levels'"),
+        ("name: two", "name: [two", "broken YAML"),
+        ("name: two", "coordinate_system: wgs84", "coordinate_system wgs84 is not read"),
+        ("distance: [3, 10.0]", "distance: [3, 0]", "no usable measurement"),
+        ("- [0, 0, 0", "- [zero, 0, 0", "two finite numbers"),
+        ("    walls:", "    lanes:", "no floor in this file"),
+    ],
+)
+def test_broken_buildings_are_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = write_rmf(tmp_path / "two.building.yaml")
+    path.write_text(RMF.replace(old, new, 1))
+    with pytest.raises(MapError, match=message) as caught:
+        load_plan(path)
+    assert "two.building.yaml" in str(caught.value)
+
+
+def test_walls_and_doors_that_are_none_are_counted(tmp_path: Path) -> None:
+    path = write_rmf(tmp_path / "two.building.yaml")
+    path.write_text(RMF.replace("    - [1, 6, {}]", "    - [1, 6, {}]\n    - [3, 99, {}]\n    - [2, 2, {}]"))
+    with pytest.warns(MapWarning, match="2 walls without two different vertices"):
+        assert len(load_plan(path).rooms) == 2
+
+
+def test_y_points_up(tmp_path: Path) -> None:
+    plan = load_plan(write_rmf(tmp_path / "two.building.yaml"))
+    assert plan.doors[0].start == pytest.approx((5.0, -1.6)) and plan.bounds[3] == pytest.approx(0.1)

@@ -1,0 +1,39 @@
+"""Tracebacks show the user's own code."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from layoutexplore.agents import make_agent
+from layoutexplore.options import read_value
+from layoutexplore.plugins.tracebacks import own_frames, told
+from layoutexplore.simulation.episode import play
+from layoutexplore.simulation.simulation import Simulation
+from tests.plugins.cases import AGENT, write
+
+
+def test_frames_of_this_package_are_left_out(tmp_path: Path) -> None:
+    path = write(tmp_path, AGENT.replace("return min(", "return decision.path_lengths_from(99, [0]) or min("))
+    with pytest.raises(IndexError) as caught:
+        play(Simulation("apartment-03"), make_agent(f"{path}:Mine"))
+    text = told(caught.value)
+    assert text.count("File ") == len(own_frames(caught.value))
+    assert f'File "{path}", line 15, in act' in text and "simulation" not in text
+    assert text.endswith(str(caught.value))
+
+
+def test_an_error_without_own_code_says_its_message() -> None:
+    def inner(value: Any) -> None:
+        read_value("size", 1, value)
+
+    with pytest.raises(ValueError, match="size") as caught:
+        inner("x")
+    assert [frame.name for frame in own_frames(caught.value)][-1] == "inner"
+    assert told(ValueError("plain")) == "ValueError: plain"
+    with pytest.raises(ValueError, match="shape") as caught:
+        np.zeros(3).reshape(2, 2)
+    assert "reshape" in told(caught.value)

@@ -1,0 +1,62 @@
+"""A benchmark for a paper: charts as SVG and PDF, tables as LaTeX and CSV."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from typer.testing import CliRunner
+
+from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.benchmark.runner import run_benchmark
+from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.cli import app
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.report.paper import write_paper
+from tests.plans import HOUSE
+
+pytest.importorskip("matplotlib")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
+    plans = tmp_path_factory.mktemp("plans")
+    for name, scale in (("a_1 & co", 0.6), ("b", 0.8)):
+        save_plan(floorplan_from_ascii(HOUSE, resolution=scale, name=name), plans / f"{scale}.geojson")
+    config = BenchmarkConfig(plans=(str(plans),), starts=1, agents=("nearest", "layout-tour", "random"))
+    return run_benchmark(config, tmp_path_factory.mktemp("results") / "out").folder
+
+
+def test_every_chart_and_table_is_written(folder: ResultsFolder, tmp_path: Path) -> None:
+    written = write_paper(folder, tmp_path)
+    assert all(path.is_file() for path in written)
+    kinds = {path.stem: {p.suffix for p in written if p.stem == path.stem} for path in written}
+    assert kinds["ratios-stage"] == {".svg", ".pdf", ".tex", ".csv"}
+    assert kinds["coverage-stage"] == kinds["profiles"] == {".svg", ".pdf"}
+    assert kinds["plans"] == kinds["behaviour"] == kinds["layout-stage"] == {".tex", ".csv"}
+    for path in written:
+        if path.suffix == ".svg":
+            assert ElementTree.parse(path).getroot().tag.endswith("svg")
+        if path.suffix == ".pdf":
+            assert path.read_bytes().startswith(b"%PDF-") and path.read_bytes().rstrip().endswith(b"%%EOF")
+    (found,) = [row for row in csv.reader((tmp_path / "plans.csv").open()) if row[0] == "a_1 & co"]
+    text = (tmp_path / "plans.tex").read_text()
+    assert r"a\_1 \& co" in text and " & ".join(found[2:]) in text
+    rows = [line for line in text.splitlines() if line.endswith(r"\\")]
+    assert len({line.replace(r"\&", "").count("&") for line in rows}) == 1
+
+
+def test_the_same_results_give_the_same_bytes(folder: ResultsFolder, tmp_path: Path) -> None:
+    for here in ("one", "two"):
+        write_paper(folder, tmp_path / here)
+    for path in sorted((tmp_path / "one").iterdir()):
+        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes(), path.name
+
+
+def test_the_command_writes_them(folder: ResultsFolder) -> None:
+    done = CliRunner().invoke(app, ["report", str(folder.path), "--paper"])
+    assert done.exit_code == 0 and "profiles.pdf" in done.output.replace("\n", "")
+    assert (folder.path / "paper" / "ratios-stage.pdf").is_file()

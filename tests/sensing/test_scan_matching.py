@@ -1,0 +1,127 @@
+"""Scan matching: a pose that odometry has wrong is found again; without anything in sight nothing moves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.grids.grid import Pose
+from layoutexplore.sensing.lidar import SENSORS, Lidar, LidarConfig
+from layoutexplore.sensing.mapper import Mapper
+from layoutexplore.sensing.scan_matching import MeasuredPoints, ScanMatcher, ScanMatcherConfig, match_score
+
+ORIGIN = Pose(0.0, 0.0, 0.0)
+INDOOR = SENSORS["indoor"]
+
+
+def room() -> np.ndarray:
+    """Two rooms and a doorway on 8 m x 6 m, cells of 0.1 m."""
+    world = np.zeros((60, 80), bool)
+    world[[0, 1, -1, -2]] = True
+    world[:, [0, 1, -1, -2]] = True
+    world[2:40, 38:40] = True
+    world[20:28, 10:16] = True
+    return world
+
+
+def matched(world: np.ndarray, config: LidarConfig, noise: float = 0.0) -> tuple[Lidar, ScanMatcher]:
+    """A matcher with the map of a few exact scans."""
+    lidar, mapper = Lidar(config, world, 0.1, ORIGIN), Mapper(world.shape, 0.1, ORIGIN)
+    matcher = ScanMatcher(mapper.grid)
+    rng = np.random.default_rng(5)
+    for x, y in ((2.5, 4.6), (3.0, 3.5), (5.5, 4.0), (6.0, 2.0)):
+        pose = Pose(x, y, 0.3)
+        ranges = lidar.scan(pose)
+        if noise:
+            ranges = ranges + rng.normal(0.0, noise, ranges.shape).astype(np.float32)
+        mapper.integrate(pose, ranges, config)
+        matcher.add(pose, ranges, config)
+    return lidar, matcher
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.floats(-0.15, 0.15),
+    st.floats(-0.15, 0.15),
+    st.floats(-0.06, 0.06),
+    st.sampled_from([(2.5, 4.6), (3.2, 3.6), (5.6, 3.8)]),
+)
+def test_a_wrong_pose_is_found_again(dx: float, dy: float, turn: float, place: tuple[float, float]) -> None:
+    lidar, matcher = matched(room(), INDOOR)
+    true = Pose(*place, 0.4)
+    believed = Pose(true.x + dx, true.y + dy, true.theta + turn)
+    found = matcher.match(believed, lidar.scan(true), INDOOR, position_std=0.08, heading_std=0.03)
+    assert math.hypot(found.x - true.x, found.y - true.y) < 0.03
+    assert abs(found.theta - true.theta) < 0.02
+
+
+def test_a_right_pose_stays_under_noise() -> None:
+    lidar, matcher = matched(room(), INDOOR, noise=0.03)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        true = Pose(*rng.uniform((2.0, 4.3), (6.5, 5.2)), rng.uniform(-3, 3))
+        ranges = lidar.scan(true) + rng.normal(0.0, 0.03, INDOOR.beams).astype(np.float32)
+        found = matcher.match(true, ranges, INDOOR, position_std=0.05, heading_std=0.02)
+        assert math.hypot(found.x - true.x, found.y - true.y) < 0.05
+
+
+def test_nothing_moves_without_a_map_or_without_a_reading() -> None:
+    world = room()
+    lidar, matcher = matched(world, INDOOR)
+    pose = Pose(2.5, 4.6, 0.1)
+    empty = ScanMatcher(Mapper(world.shape, 0.1, ORIGIN).grid)
+    assert empty.match(pose, lidar.scan(pose), INDOOR, position_std=0.1, heading_std=0.1) == pose
+    nothing = np.full(INDOOR.beams, np.inf, np.float32)
+    assert matcher.match(pose, nothing, INDOOR, position_std=0.1, heading_std=0.1) == pose
+    assert matcher.match(pose, lidar.scan(pose), INDOOR, position_std=0.0, heading_std=0.0) == pose
+
+
+def test_along_a_corridor_without_ends_odometry_is_believed() -> None:
+    world = np.zeros((16, 400), bool)
+    world[[0, 1, -1, -2]] = True
+    config = LidarConfig(range_max=5.0, fov=2 * math.pi, beams=360)
+    lidar, mapper = Lidar(config, world, 0.1, ORIGIN), Mapper(world.shape, 0.1, ORIGIN)
+    matcher = ScanMatcher(mapper.grid)
+    for x in np.arange(12.0, 28.0, 0.37):
+        matcher.add(Pose(x, 0.8, 0.0), lidar.scan(Pose(x, 0.8, 0.0)), config)
+    believed, true = Pose(20.05, 0.9, 0.02), Pose(20.0, 0.8, 0.0)
+    found = matcher.match(believed, lidar.scan(true), config, position_std=0.05, heading_std=0.02)
+    assert abs(found.x - believed.x) < 0.03  # Nothing tells how far along the robot is.
+    assert abs(found.y - true.y) < 0.02 and abs(found.theta) < 0.005
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_score_is_that_of_the_slow_version(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    number = (rng.random((12, 15)) < 0.3).astype(np.float32)
+    cols, rows = np.meshgrid(np.arange(15), np.arange(12))
+    x = (cols + rng.random((12, 15))).astype(np.float32)
+    y = (rows + rng.random((12, 15))).astype(np.float32)
+    ends, pose, spread = rng.uniform(-5, 5, (30, 2)), (7.0, 6.0, rng.uniform(-3, 3)), 0.4
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    total = 0.0
+    for end in ends:
+        at_x, at_y = pose[0] + end[0] * cos - end[1] * sin, pose[1] + end[0] * sin + end[1] * cos
+        if 1 <= at_x < 14 and 1 <= at_y < 11:
+            near = [
+                (float(x[r, c]) - at_x) ** 2 + (float(y[r, c]) - at_y) ** 2
+                for r in range(int(at_y) - 1, int(at_y) + 2)
+                for c in range(int(at_x) - 1, int(at_x) + 2)
+                if number[r, c] > 0
+            ]
+            if near and min(near) < 9 * spread**2:
+                total += math.exp(-0.5 * min(near) / spread**2)
+    assert match_score(MeasuredPoints(number, x, y), ends, pose, spread) == pytest.approx(total, rel=1e-9)
+
+
+def test_options_are_checked() -> None:
+    with pytest.raises(ConfigError, match="beams"):
+        ScanMatcherConfig(beams=0)
+    with pytest.raises(ConfigError, match="levels"):
+        ScanMatcherConfig(levels=99)

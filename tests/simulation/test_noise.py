@@ -1,0 +1,122 @@
+"""Noisy robots: levels of noise, drift that scans correct, and the second look before a run is over."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from layoutexplore.agents import make_agent
+from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.grids.grid import Cell, Pose
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.planning.traversability import Traversability
+from layoutexplore.sensing.lidar import sensor
+from layoutexplore.simulation.config import NOISE, SimulationConfig
+from layoutexplore.simulation.robot import OdometryNoise
+from layoutexplore.simulation.second_look import way_back
+from layoutexplore.simulation.simulation import Simulation
+
+TWO_ROOMS = """
+####################
+#..................#
+#..................#
+#..................#
+#........#.........#
+#........#.........#
+#........#.........#
+####################
+"""
+
+
+def explored(config: SimulationConfig, plan: str, seed: int) -> Simulation:
+    simulation, agent = Simulation(plan, config), make_agent("nearest")
+    agent.reset(seed=seed)
+    decision = simulation.reset(seed=seed)
+    while not simulation.done:
+        decision = simulation.step(agent.act(decision))
+    return simulation
+
+
+def error(simulation: Simulation) -> float:
+    """Metres between where the robot is and where it believes to be."""
+    believed, true = simulation.robot.believed, simulation.robot.pose
+    return float(np.hypot(believed.x - true.x, believed.y - true.y))
+
+
+@pytest.mark.parametrize("level", NOISE)
+def test_a_level_sets_odometry_and_lidar(level: str) -> None:
+    config = SimulationConfig(sensor="indoor", noise=level)
+    assert config.odometry_noise == NOISE[level].odometry
+    assert config.lidar.range_noise_std == NOISE[level].range_std > 0
+    assert config.lidar.range_max == sensor("indoor").range_max
+
+
+def test_levels_rise() -> None:
+    low, middle, high = (NOISE[name] for name in ("low", "middle", "high"))
+    assert low.range_std < middle.range_std < high.range_std
+    assert low.odometry.rotation < middle.odometry.rotation < high.odometry.rotation
+
+
+def test_an_unknown_level_and_two_kinds_of_odometry_are_refused() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'middle'"):
+        SimulationConfig(noise="midle")
+    with pytest.raises(ConfigError, match="odometry_noise"):
+        SimulationConfig(noise="low", odometry_noise=OdometryNoise(translation=0.5))
+
+
+@pytest.mark.parametrize("level", ["low", "middle"])
+@pytest.mark.parametrize("seed", range(3))
+def test_noisy_robots_see_all(level: str, seed: int) -> None:
+    assert explored(SimulationConfig(sensor="indoor", noise=level), "apartment:3", seed).coverage >= 0.99
+
+
+def test_scans_correct_the_drift() -> None:
+    for seed in range(3):
+        config = SimulationConfig(sensor="indoor", noise="middle")
+        with_scans = explored(config, "office-01", seed)
+        assert error(with_scans) < 0.35
+    alone = SimulationConfig(sensor="indoor", noise="middle", scan_matching=False)
+    assert max(error(explored(alone, "office-01", seed)) for seed in range(3)) > 0.35
+
+
+def test_a_doorway_that_noise_has_closed_is_looked_at_anew() -> None:
+    plan = floorplan_from_ascii(TWO_ROOMS, resolution=0.4)
+    config = SimulationConfig(sensor="indoor", noise="low", robot_radius=0.15)
+    simulation = Simulation(plan, config)
+    simulation.reset(seed=0, start=Pose(2.0, 1.0, 0.0))
+    # Readings have drawn a wall across the passage, and a bump has shut a cell in it.
+    column = simulation.mapper.grid.nearest_cell(3.8, 2.0).col
+    rows = np.flatnonzero(~simulation.raster.occupied[:, column])
+    closed = np.array([(row, column + k) for row in rows for k in (0, 1)])
+    simulation.state.note_change(simulation.mapper.mark_occupied(closed).box)
+    simulation.state.traversability.shut(Cell(int(rows[-2]), column))
+    assert not simulation.decision.distances[rows, column].max() < np.inf
+    agent = make_agent("nearest")
+    decision = simulation.decision
+    while not simulation.done:
+        decision = simulation.step(agent.act(decision))
+    assert simulation.coverage >= 0.99
+
+
+def test_a_robot_that_noise_has_shut_in_goes_back() -> None:
+    plan = floorplan_from_ascii(TWO_ROOMS, resolution=0.4)
+    simulation = Simulation(plan, SimulationConfig(sensor="indoor", noise="low", robot_radius=0.15))
+    simulation.reset(seed=0, start=Pose(2.0, 1.0, 0.0))
+    grid = simulation.mapper.grid
+    grid.cells[:] = 0
+    here = grid.nearest_cell(1.95, 1.05)
+    grid.cells[here.row - 2 : here.row + 3, here.col - 5 : here.col + 5] = 100
+    grid.cells[here.row - 1 : here.row + 2, here.col - 4 : here.col + 4] = 0
+    traversability = Traversability(grid.cells.shape, 0.15, grid.resolution)
+    traversability.note((0, grid.cells.shape[0], 0, grid.cells.shape[1]))
+    track = np.array([(x, 1.05, 0.0) for x in (3.0, 2.7, 2.2, 1.95, 1.75)])
+    back = way_back(grid, track, traversability)
+    assert [tuple(cell) for cell in back.tolist()] == [
+        tuple(grid.nearest_cell(x, y)) for x, y, _ in track[:0:-1]
+    ]
+    assert len(way_back(grid, track[:1], traversability)) == 0
+
+
+def test_a_robot_without_noise_looks_no_second_time() -> None:
+    simulation = explored(SimulationConfig(sensor="indoor", coverage_goal=1.0), "apartment:3", 0)
+    assert not simulation.state.second_look.begun
