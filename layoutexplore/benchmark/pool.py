@@ -180,6 +180,9 @@ def _stop(pool: ProcessPoolExecutor) -> None:
             process.terminate()
 
 
+AGAIN = 1.0
+"""Seconds after which a task whose time is over is told so again."""
+
 STUCK = 30.0
 """Seconds after which a worker is ended whose task does not hear that its time is over."""
 
@@ -218,7 +221,8 @@ class Limited(Generic[T, R]):
 def _deadline(seconds: float) -> Iterator[None]:
     """Raise `CellTimeoutError` in this thread when the block takes longer, between two steps of Python.
 
-    A worker that is in compiled code for `STUCK` seconds more is ended.
+    It is raised again every `AGAIN` seconds: a finalizer or a callback of compiled code that it happens to
+    hit swallows it. A worker that is in compiled code for `STUCK` seconds more is ended.
     """
     if not seconds:
         yield
@@ -226,26 +230,39 @@ def _deadline(seconds: float) -> Iterator[None]:
     lock, over, late, thread = threading.Lock(), threading.Event(), threading.Event(), threading.get_ident()
 
     def watch() -> None:
-        if over.wait(seconds):
-            return
-        with lock:
-            if not over.is_set():
-                late.set()
-                error = ctypes.py_object(CellTimeoutError)
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), error)
-        if not over.wait(STUCK) and multiprocessing.parent_process() is not None:
-            os._exit(1)
+        wait, end = seconds, time.monotonic() + seconds + STUCK
+        while not over.wait(wait):
+            with lock:
+                if not over.is_set():
+                    late.set()
+                    _raise_in(thread, CellTimeoutError)
+            wait = AGAIN
+            if time.monotonic() > end and multiprocessing.parent_process() is not None:
+                os._exit(1)
+
+    def settle() -> None:
+        while not over.is_set():  # the error itself may come in here once more
+            with contextlib.suppress(CellTimeoutError), lock:
+                _raise_in(thread, None)
+                over.set()
 
     threading.Thread(target=watch, daemon=True).start()
     try:
-        yield
-    except CellTimeoutError:
-        over.set()
-        raise
-    with lock:
-        over.set()
-    while late.is_set():  # it is on its way to this thread, and may not come later than here
-        time.sleep(0.001)
+        try:
+            yield
+        finally:
+            settle()
+    finally:
+        settle()  # where the error came just before the first one began
+    if late.is_set():
+        raise CellTimeoutError
+
+
+def _raise_in(thread: int, error: type[BaseException] | None) -> None:
+    """Let a thread raise an error at its next step; None takes back what it has not raised yet."""
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(
+        ctypes.c_ulong(thread), None if error is None else ctypes.py_object(error)
+    )
 
 
 @contextlib.contextmanager

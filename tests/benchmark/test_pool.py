@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from layoutexplore.benchmark import pool
 from layoutexplore.benchmark.pool import Handout, Limited, run_all
 
 
@@ -58,6 +59,43 @@ def test_a_task_that_takes_too_long_or_too_much_ends() -> None:
         with pytest.raises(MemoryError):
             small(2**30)
         assert small(10) == 10
+
+
+def test_a_swallowed_end_of_time_does_not_wait_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a finalizer is hit by is only printed: the task goes on, and is told again or ends by itself."""
+    monkeypatch.setattr(pool, "AGAIN", 0.05)
+
+    def swallowing(times: int) -> str:
+        while times:
+            try:
+                while True:
+                    time.sleep(0.001)
+            except pool.CellTimeoutError:
+                times -= 1
+        return "done"
+
+    limited = Limited(swallowing, lambda task: "late", seconds=0.02)
+    assert [limited(times) for times in (1, 3)] == ["late", "late"]
+    monkeypatch.undo()
+    assert limited(1) == "late"
+
+
+def test_a_task_that_ends_as_its_time_does() -> None:
+    """Whoever wins, the outcome is one of the two, and nothing is raised after it."""
+    rng = np.random.default_rng(0)
+
+    def busy(seconds: float) -> str:
+        end = time.perf_counter() + seconds
+        while time.perf_counter() < end:
+            pass
+        return "done"
+
+    for _ in range(300):
+        seconds = rng.uniform(1e-4, 1e-3)
+        assert Limited(busy, lambda task: "late", seconds=seconds)(rng.uniform(0, 2 * seconds)) in (
+            "done",
+            "late",
+        )
 
 
 def test_short_tasks_go_out_several_at_a_time() -> None:
