@@ -8,7 +8,7 @@ oracle predictors and the clairvoyant agent are handed.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, runtime_checkable
@@ -16,6 +16,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.frontiers.table import Frontier, FrontierList, FrontierTable
 from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
@@ -126,6 +127,7 @@ class Decision:
         track: float64 (n, 3), the poses so far as (x, y, theta), as the robot believes them.
         goal: World point (x, y) in the middle of the frontier that the robot was last sent to; None before
             that.
+        foresee: Called once, when `foresight` is first asked for; None where nothing is foreseen.
     """
 
     step: int
@@ -139,6 +141,12 @@ class Decision:
     rooms: PredictedRooms | None = None
     track: Floats = dataclasses.field(default_factory=lambda: np.empty((0, 3)))
     goal: tuple[float, float] | None = None
+    foresee: Callable[[], Foresight | None] | None = None
+
+    @cached_property
+    def foresight(self) -> Foresight | None:
+        """What is foreseen of space that is not known yet; None where nothing is."""
+        return self.foresee() if self.foresee else None
 
     @cached_property
     def table(self) -> FrontierTable:

@@ -1,0 +1,88 @@
+"""Foresight: what is expected of space that no scan has reached yet, in the frame of the robot's grid.
+
+A predictor that knows more than the map tells (a plan on the wall, the truth in a study) hangs it on a
+`Decision`; whoever plans ways through unseen rooms reads it there. What the robot has seen always wins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grids.arrays import Cells, Floats, Ints32, Mask
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Foresight:
+    """Space that is foreseen at a decision; arrays are shared, so nobody writes into them.
+
+    Attributes:
+        cells: int8 (rows, cols), the shape and frame of the decision's grid: 0 foreseen free, 100 foreseen
+            wall, -1 nothing foreseen. It may repeat or contradict what is known: see `completed`.
+        room_ids: int32 (rows, cols), the foreseen room of each cell, 0 for none; seen rooms may have ids too.
+        confidence: Probability 0..1 that space is as it is foreseen; planners leave it aside where it is low.
+        predictor: Name of the predictor that it came from.
+        resolution: Side of a cell in metres.
+
+    Raises:
+        MapError: The arrays have different shapes or other kinds of numbers.
+        ConfigError: The confidence lies outside 0..1, or the resolution is not above 0.
+
+    Example:
+        A room of two cells is foreseen behind a door; the door's cell is known to be shut:
+
+        >>> cells = np.array([[100, 100, 100, 100], [0, 0, 0, 0]], np.int8)
+        >>> rooms = np.array([[0, 0, 0, 0], [0, 0, 7, 7]], np.int32)
+        >>> foresight = Foresight(cells=cells, room_ids=rooms, confidence=0.9, predictor="x", resolution=0.5)
+        >>> known = np.array([[-1, 100, -1, -1], [0, 100, -1, -1]], np.int8)
+        >>> foresight.completed(known).tolist()
+        [[100, 100, 100, 100], [0, 100, 0, 0]]
+        >>> foresight.areas.tolist()[7], int(foresight.hidden(known).sum())
+        (0.5, 2)
+    """
+
+    cells: Cells
+    room_ids: Ints32
+    confidence: float
+    predictor: str
+    resolution: float
+
+    def __post_init__(self) -> None:
+        if self.cells.dtype != np.int8 or self.room_ids.dtype != np.int32:
+            raise MapError(
+                f"foresight of {self.predictor!r} needs int8 cells and int32 room ids, "
+                f"got {self.cells.dtype} and {self.room_ids.dtype}"
+            )
+        if self.cells.ndim != 2 or self.cells.shape != self.room_ids.shape:
+            raise MapError(
+                f"foresight of {self.predictor!r}: cells {self.cells.shape} and room ids "
+                f"{self.room_ids.shape} must be one two-dimensional shape"
+            )
+        if not (0.0 <= self.confidence <= 1.0 and self.resolution > 0.0):
+            raise ConfigError(
+                f"foresight of {self.predictor!r} needs a confidence of 0..1 and a resolution above 0, "
+                f"got {self.confidence} and {self.resolution}"
+            )
+
+    @cached_property
+    def areas(self) -> Floats:
+        """float64 (highest id + 1,): foreseen free square metres of each room; entry 0 lies in no room."""
+        counts = np.bincount(self.room_ids[self.cells == FREE], minlength=int(self.room_ids.max()) + 1)
+        return np.asarray(counts * self.resolution**2, np.float64)
+
+    def completed(self, known: Cells) -> Cells:
+        """int8 (rows, cols): what is known (int8, same shape), and where that is unknown what is foreseen."""
+        return np.where(known == UNKNOWN, self.cells, known)
+
+    def hidden(self, known: Cells) -> Mask:
+        """Bool (rows, cols): cells that are foreseen free and not known yet."""
+        return (known == UNKNOWN) & (self.cells == FREE)
+
+    def contradicted(self, known: Cells) -> Mask:
+        """Bool (rows, cols): cells known to be otherwise than foreseen."""
+        free, wall = self.cells == FREE, self.cells == OCCUPIED
+        return (free & (known == OCCUPIED)) | (wall & (known == FREE))
