@@ -80,9 +80,9 @@ class Foresight:
 
     def hidden(self, known: Cells) -> Mask:
         """Bool (rows, cols): cells that are foreseen free and not known yet."""
-        return (known == UNKNOWN) & (self.cells == FREE)
+        return np.equal(known, UNKNOWN) & np.equal(self.cells, FREE)
 
     def contradicted(self, known: Cells) -> Mask:
         """Bool (rows, cols): cells known to be otherwise than foreseen."""
-        free, wall = self.cells == FREE, self.cells == OCCUPIED
-        return (free & (known == OCCUPIED)) | (wall & (known == FREE))
+        shut = np.equal(self.cells, FREE) & np.equal(known, OCCUPIED)
+        return shut | (np.equal(self.cells, OCCUPIED) & np.equal(known, FREE))
