@@ -1,10 +1,11 @@
 """Predictors: what a decision is told about rooms. Pluggable by name.
 
 `none` tells nothing, `oracle` tells the truth (the ceiling of prediction), and `oracle:flip=0.1` tells it
-with a share of the rooms judged wrongly, for the question how good a prediction has to be. `layout` is the
-one to use, `layout:model=FOLDER` the same with models of one's own, `layout:network=off` the same by trees
-alone, in less time; `learned:rooms=METHOD` lets these models complete the rooms of any layout method, where
-`layout` has those of `doorways`. `reconstruct:METHOD` completes a method's rooms by lines instead
+with a share of the rooms judged wrongly, for the question how good a prediction has to be;
+`oracle:horizon=2` also foresees the true plan up to two doors beyond what is seen. `layout` is the one to
+use, `layout:model=FOLDER` the same with models of one's own, `layout:network=off` the same by trees alone, in
+less time; `learned:rooms=METHOD` lets these models complete the rooms of any layout method, where `layout`
+has those of `doorways`. `reconstruct:METHOD` completes a method's rooms by lines instead
 (`reconstruct:rose2`, with options `reconstruct:ias15;sigma=0.2`); `rectangle`, `hull`, `parallel-wall` and
 `face-subset` are what the literature offers.
 """
@@ -53,6 +54,7 @@ class OracleOptions(Options):
     """Parameters of `oracle`."""
 
     flip: float = option(0.0, "probability that a room is judged wrongly", low=0.0, high=1.0)
+    horizon: str = option("0", "doors beyond what is seen up to which the plan is foreseen: 0, 1, ... or inf")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +97,7 @@ def _register_shipped() -> None:
     PREDICTORS.ship(
         "oracle",
         "the true rooms: the ceiling of prediction",
-        lambda name, options: OraclePredictor(flip=options.flip),
+        lambda name, options: OraclePredictor(flip=options.flip, horizon=_doors(options.horizon)),
         OracleOptions(),
     )
     PREDICTORS.ship(
@@ -110,6 +112,14 @@ def _register_shipped() -> None:
     }
     for name, doc in learned.items():
         PREDICTORS.ship(name, doc, functools.partial(_learned, name), LearnedOptions())
+
+
+def _doors(text: str) -> float:
+    """A number of doors, or infinity; NaN, which no horizon is, where it is neither."""
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
 
 
 def _learned(called: str, name: str, options: LearnedOptions) -> LearnedPredictor:

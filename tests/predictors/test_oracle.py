@@ -1,0 +1,107 @@
+"""The true plan ahead: doors counted by hand, walls around what is foreseen, kept while nothing changes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.frontiers.foresight import Foresight
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Pose
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.predictors import OraclePredictor, make_predictor
+from layoutexplore.predictors.room_graph import RoomGraph
+from layoutexplore.simulation.simulation import Simulation, SimulationConfig
+from tests.plans import HOUSE, WIDE_DOORS
+
+PLAN = floorplan_from_ascii(HOUSE, resolution=1.0)
+
+
+def foreseen_at(horizon: float, x: float = 6.5, y: float = 7.5) -> tuple[Simulation, Foresight]:
+    """A robot in room b of `HOUSE`, beside the door through which little of room a is seen."""
+    simulation = Simulation(PLAN, SimulationConfig(sensor="short"), OraclePredictor(horizon=horizon))
+    foresight = simulation.reset(start=Pose(x, y)).foresight
+    assert foresight is not None
+    return simulation, foresight
+
+
+def test_doors_are_counted() -> None:
+    raster = PLAN.rasterize(0.1)
+    names = {room.label: room.id for room in PLAN.rooms}
+    graph = RoomGraph(raster)
+    known = np.full(raster.shape, UNKNOWN, np.int8)
+    known[raster.room_ids == names["b"]] = FREE
+    doors = graph.doors_to(known, raster.world_to_cell(6.5, 7.5))
+    assert [doors[names[room]] for room in "abcde"] == [1, 0, 3, 2, 3]
+    assert np.isinf(doors[0])
+
+
+def test_a_glimpse_is_no_look_into_a_room() -> None:
+    raster = PLAN.rasterize(0.1)
+    names = {room.label: room.id for room in PLAN.rooms}
+    known = np.full(raster.shape, UNKNOWN, np.int8)
+    known[raster.room_ids == names["b"]] = FREE
+    inside = np.argwhere(raster.room_ids == names["a"])
+    known[tuple(inside[: len(inside) // 11].T)] = FREE
+    graph, here = RoomGraph(raster), raster.world_to_cell(6.5, 7.5)
+    assert graph.doors_to(known, here)[names["a"]] == 1
+    known[tuple(inside[: len(inside) // 9].T)] = FREE
+    assert graph.doors_to(known, here)[names["a"]] == 0
+    assert graph.doors_to(known, here)[names["d"]] == 1
+
+
+def test_the_horizon_says_how_far_the_plan_is_foreseen() -> None:
+    before = 0
+    for horizon, whole in ((0, False), (1, False), (2, True)):
+        simulation, foresight = foreseen_at(horizon)
+        free = foresight.cells == FREE
+        assert (free <= simulation.raster.free).all()
+        assert ((foresight.cells == OCCUPIED) <= simulation.raster.occupied).all()
+        assert free.sum() > before
+        assert np.array_equal(free, simulation.raster.free) == whole
+        assert set(np.unique(foresight.room_ids[~free])) == {0}
+        before = int(free.sum())
+
+
+def test_foreseen_space_ends_at_walls_or_at_the_door_of_the_next_room() -> None:
+    _, foresight = foreseen_at(1)
+    unknown = foresight.cells == UNKNOWN
+    free = foresight.cells == FREE
+    beside = np.zeros_like(free)
+    beside[1:] |= free[1:] & unknown[:-1]
+    beside[:-1] |= free[:-1] & unknown[1:]
+    beside[:, 1:] |= free[:, 1:] & unknown[:, :-1]
+    beside[:, :-1] |= free[:, :-1] & unknown[:, 1:]
+    assert beside.any()
+    assert set(np.unique(foresight.room_ids[beside])) == {0}
+
+
+def test_known_and_foreseen_never_contradict_the_truth() -> None:
+    simulation = Simulation(floorplan_from_ascii(WIDE_DOORS, resolution=0.5), predictor=OraclePredictor(0, 1))
+    decision = simulation.reset()
+    while not simulation.done:
+        foresight = decision.foresight
+        assert foresight is not None
+        assert not foresight.contradicted(decision.grid.cells).any()
+        assert foresight.confidence == 1.0
+        decision = simulation.step(0)
+
+
+def test_the_same_foresight_until_a_further_room_is_seen() -> None:
+    simulation, first = foreseen_at(math.inf)
+    assert simulation.step(0).foresight is first
+
+
+@pytest.mark.parametrize("spec", ["oracle:horizon=-1", "oracle:horizon=1.5", "oracle:horizon=two"])
+def test_a_horizon_is_a_number_of_doors(spec: str) -> None:
+    with pytest.raises(ConfigError, match="horizon"):
+        make_predictor(spec)
+
+
+def test_names_say_the_horizon() -> None:
+    for spec in ("oracle", "oracle:horizon=2", "oracle:flip=0.1,horizon=inf"):
+        made = make_predictor(spec)
+        assert made is not None
+        assert made.name == spec
