@@ -6,8 +6,18 @@
 
 from __future__ import annotations
 
-import importlib
+import os
+import signal
+import sys
 from pathlib import Path
+
+# Asked to end while the command is still being loaded, it ends without a word; `processes.end_on_signals`
+# takes over as soon as it can. Programs that import the package keep their own handlers.
+if sys.orig_argv[1:3] == ["-m", "layoutexplore"] or Path((*sys.orig_argv, "")[1]).name == "layoutexplore":
+    for _number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(_number, lambda number, frame: os._exit(128 + number))
+
+import importlib
 from typing import TYPE_CHECKING, Any
 
 from layoutexplore.processes.kernel_cache import keep_kernels_somewhere

@@ -63,6 +63,7 @@ _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 3, 120, 120
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = _SHORT.maxset = 8
 _LONGEST, _LONGEST_CAUSE = 300, 500
+_MOST_NAMES, _LONGEST_NAME = 60, 100
 
 
 def shortened(value: Any) -> str:
@@ -103,9 +104,11 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownNameError
         "unknown sensor 'stagee': did you mean 'stage'? Known: indoor, stage"
     """
     names = sorted(known)
-    close = difflib.get_close_matches(name[:100], names, n=3, cutoff=0.5)
+    close = difflib.get_close_matches(name[:100], [n for n in names if len(n) <= 100], n=3, cutoff=0.5)
     hint = f": did you mean {' or '.join(repr(c) for c in close)}? Known" if close else "; known"
-    return UnknownNameError(f"unknown {kind} {shortened(name)}{hint}: {', '.join(names)}")
+    listed = [n if len(n) <= _LONGEST_NAME else f"{n[:_LONGEST_NAME]}..." for n in names[:_MOST_NAMES]]
+    more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
+    return UnknownNameError(f"unknown {kind} {shortened(name)}{hint}: {', '.join(listed)}{more}")
 
 
 def require(module: str, extra: str) -> ModuleType:

@@ -15,7 +15,7 @@ from pathlib import Path
 from shapely.errors import GEOSException
 
 from layoutexplore.errors import MapError, cause, unknown_name
-from layoutexplore.files import read_json
+from layoutexplore.files import is_there, read_json
 from layoutexplore.files.schema import Items, TableOf, Text
 from layoutexplore.grids.grid import check_resolution
 from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, YAML_SUFFIXES
@@ -67,7 +67,7 @@ def load_plan(
 
         return generate(match[1], int(match[2]))
     path, level = split_level(text)
-    if not path.exists():
+    if not is_there(path):
         raise _missing(text)
     known = building_format(path)
     if level and not known:
@@ -187,15 +187,15 @@ def expand_plans(spec: str | Path) -> list[str]:
     if match := _SEEDS.fullmatch(text):
         return _expand_seeds(match[1], int(match[2]), int(match[3] or match[2]))
     path, level = split_level(text)
-    if building_format(path) and path.exists():
+    if not is_there(path):
+        raise _missing(text)
+    if building_format(path):
         return [text] if level else floors_of(path)
     if path.is_dir():
         found = _plans_in(path)
         if not found:
             raise MapError(f"{path}: no floor plan inside this folder")
         return found
-    if not path.is_file():
-        raise _missing(text)
     return [text]
 
 

@@ -18,7 +18,7 @@ from layoutexplore.agents.rl.hyperparameters import NetworkConfig, TrainingConfi
 from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
 from layoutexplore.errors import ConfigError, ResultsError, cause, shortened, unknown_name
-from layoutexplore.files import parse_toml
+from layoutexplore.files import is_there, parse_toml
 from layoutexplore.files.schema import Anything, Items, Record, TableOf, Text
 from layoutexplore.files.tensors import read_metadata
 from layoutexplore.frontiers.tour_features import TourConfig
@@ -107,14 +107,14 @@ def find_policy(name: str) -> Path:
     if name in shipped:
         return shipped[name]
     path = Path(name).expanduser()
-    if path.is_dir():
+    if is_there(path) and path.is_dir():
         for candidate in ("best.safetensors", "policy.safetensors"):
             if (path / candidate).is_file():
                 return path / candidate
         raise ConfigError(
             f"no policy in the folder {path}: it has neither best.safetensors nor policy.safetensors"
         )
-    if path.is_file():
+    if is_there(path) and path.is_file():
         return path
     if len(path.parts) == 1 and not path.suffix:
         raise unknown_name("policy", name, shipped)

@@ -9,7 +9,7 @@ from layoutexplore.files.archives import ArrayRule, is_sound, is_whole, read_arr
 from layoutexplore.files.documents import parse_json, parse_toml, read_json, read_toml, read_yaml
 from layoutexplore.files.limits import limits
 from layoutexplore.files.names import safe_name
-from layoutexplore.files.reading import fingerprint, read_bytes, read_text
+from layoutexplore.files.reading import fingerprint, is_there, read_bytes, read_text
 from layoutexplore.files.tables import parse_csv, read_csv, write_csv
 from layoutexplore.files.writing import HALF, atomic, check_places, to_toml, write_atomically, write_json
 
@@ -20,6 +20,7 @@ __all__ = [
     "check_places",
     "fingerprint",
     "is_sound",
+    "is_there",
     "is_whole",
     "limits",
     "parse_csv",

@@ -64,6 +64,14 @@ def read_bytes(path: Path, error: Kind, what: str = "file", *, limit: str = "fil
     return data
 
 
+def is_there(path: Path) -> bool:
+    """Whether there is such a file or folder: nowhere is one of a name that no file can have."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # a name that is too long, a character that none may hold
+        return False
+
+
 def _check_regular(mode: int, path: Path, error: Kind, what: str) -> None:
     if not stat.S_ISREG(mode):
         kind = next((name for test, name in _KINDS if test(mode)), "no file")

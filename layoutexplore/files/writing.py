@@ -13,7 +13,7 @@ from typing import Any
 
 import tomli_w
 
-from layoutexplore.errors import ConfigError, WriteError
+from layoutexplore.errors import ConfigError, WriteError, shortened
 
 HALF = ".part"
 """How the names of files end that are being written."""
@@ -27,6 +27,8 @@ def atomic(path: Path) -> Iterator[Path]:
         WriteError: The file cannot be written.
     """
     temporary = None
+    if "\0" in str(path):
+        raise WriteError(f"{shortened(str(path))}: cannot write: a name cannot hold a null character")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=HALF, dir=path.parent)

@@ -38,6 +38,9 @@ class OdometryNoise:
 
 PERFECT_ODOMETRY = OdometryNoise()
 
+BACK = 0.15
+"""Metres that a robot which drifts backs up from a wall that has stopped it."""
+
 
 class Motion(NamedTuple):
     """What a motion primitive did: metres moved, whether a wall stopped it, and cells newly known."""
@@ -225,6 +228,17 @@ class Robot:
         collided = share < 1.0
         self.collisions += collided
         return share * length, collided
+
+    def back_up(self) -> None:
+        """Leave a wall that has stopped it the way it came, as it believes; not without odometry noise.
+
+        A robot that drifts and stands against a wall touches it again wherever it goes.
+        """
+        end = self.walked + BACK
+        for x, y, _ in self.believed_track[-2::-1].tolist() if self._drifts else ():
+            _, collided = self.translate(x - self.believed.x, y - self.believed.y)
+            if collided or self.walked >= end:
+                return
 
     def arrive(self, track: Floats, pose: Pose, walked: float, turned: float) -> None:
         """Be where a path has led (see `layoutexplore.simulation.path_following`), without odometry noise.

@@ -7,16 +7,19 @@ looks around where it is, and then from the nearest place it can reach to each f
 
 from __future__ import annotations
 
+import math
+from itertools import groupby
+
 import numpy as np
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Floats, Ints, Ints32
-from layoutexplore.grids.grid import Cell, OccupancyGrid
+from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.planning.distance_fields import DistanceField
 from layoutexplore.planning.traversability import Traversability
 
 APART = 0.5
-"""Metres: nearer to a place that was looked from, no other is."""
+"""Metres: nearer to a place that was looked from, none is looked from again."""
 
 SCANS = 3
 """So often the robot looks all around from a place: one free scan does not open a wall."""
@@ -26,6 +29,12 @@ SHUT_IN = 1.0
 
 WAYS_BACK = 10
 """So often a robot that noise has shut in goes back where it came from."""
+
+SHUT_COST = 10.0
+"""A metre between a frontier and where the robot can go counts as so many on the way there."""
+
+TRIES = 3
+"""So often the robot sets out for a place that a wall which it does not know keeps it from."""
 
 
 class SecondLook:
@@ -38,12 +47,17 @@ class SecondLook:
     def __init__(self, min_size: float) -> None:
         self._min_size = min_size
         self._places: list[tuple[float, float]] = []
+        self._tries: list[tuple[float, float]] = []
         self._ways_back = 0
 
     @property
     def begun(self) -> bool:
         """Whether any place was looked from."""
-        return bool(self._places) or self._ways_back > 0
+        return bool(self._tries) or self._ways_back > 0
+
+    def note(self, pose: Pose) -> None:
+        """The robot has looked around from where it believes to be, wherever it set out for."""
+        self._places.append((pose.x, pose.y))
 
     def next_path(
         self, grid: OccupancyGrid, track: Floats, clusters: FrontierClusters, traversability: Traversability
@@ -64,10 +78,15 @@ class SecondLook:
         near = _near_frontiers(grid, clusters, traversability.distances(grid.cells, here), self._min_size)
         for cell in (here, *near):
             x, y = grid.cell_to_world(cell.row, cell.col)
-            if all(np.hypot(x - a, y - b) >= APART for a, b in self._places):
-                self._places.append((x, y))
+            if not _near((x, y), self._places) and _near((x, y), self._tries) < TRIES:
+                self._tries.append((x, y))
                 return traversability.path(grid.cells, here, cell)
         return None
+
+
+def _near(place: tuple[float, float], others: list[tuple[float, float]]) -> int:
+    """How many of the others are as near to a place (x, y) in metres as no two places are looked from."""
+    return sum(math.hypot(place[0] - x, place[1] - y) < APART for x, y in others)
 
 
 def way_back(grid: OccupancyGrid, track: Floats, traversability: Traversability) -> Ints32:
@@ -83,28 +102,31 @@ def way_back(grid: OccupancyGrid, track: Floats, traversability: Traversability)
         reached = traversability.distances(grid.cells, cell).reached
         return bool(np.count_nonzero(reached) * grid.resolution**2 < SHUT_IN)
 
-    back = [grid.nearest_cell(x, y) for x, y, _ in track[::-1].tolist()]
+    # A robot that touches a wall may not reach the centre of its own cell: each cell stands once.
+    back = [cell for cell, _ in groupby(grid.nearest_cell(x, y) for x, y, _ in track[::-1].tolist())]
     nowhere = np.empty((0, 2), np.int32)
     if not shut_in(back[0]):
         return nowhere
-    free = next((k for k, cell in enumerate(back) if cell != back[k - 1] and not shut_in(cell)), 0)
+    free = next((k for k, cell in enumerate(back) if not shut_in(cell)), 0)
     return np.array(back[: free + 1], np.int32) if free else nowhere
 
 
 def _near_frontiers(
     grid: OccupancyGrid, clusters: FrontierClusters, field: DistanceField, min_size: float
 ) -> list[Cell]:
-    """For each frontier long enough, the reachable cell nearest to its middle; the nearest pair first."""
+    """For each frontier long enough, the reachable cell nearest to its middle, in the order of the detour."""
     reached = np.argwhere(field.reached)
     kept = np.flatnonzero(np.diff(clusters.offsets) * grid.resolution >= min_size - 1e-9)
     if len(reached) == 0:
         return []
-    pairs = sorted(_nearest(reached, clusters.cluster(int(i)).mean(axis=0)) for i in kept)
-    return [Cell(int(reached[i, 0]), int(reached[i, 1])) for _, i in pairs]
+    pairs = np.array([_nearest(reached, clusters.cluster(int(i)).mean(axis=0)) for i in kept]).reshape(-1, 2)
+    cells = reached[pairs[:, 1].astype(np.int64)]
+    cost = field.to_cells(cells) + SHUT_COST * grid.resolution * pairs[:, 0]
+    return [Cell(int(row), int(col)) for row, col in cells[np.argsort(cost, kind="stable")].tolist()]
 
 
 def _nearest(cells: Ints, place: Floats) -> tuple[float, int]:
-    """The squared distance in cells to the nearest of the cells (n, 2), and its number."""
+    """The distance in cells to the nearest of the cells (n, 2), and its number."""
     squares = ((cells - place) ** 2).sum(axis=1)
     nearest = int(np.argmin(squares))
-    return float(squares[nearest]), nearest
+    return math.sqrt(squares[nearest]), nearest

@@ -86,7 +86,7 @@ class Simulation:
         self.raster = self.plan.rasterize(self.config.resolution)
         self.lidar = shared_lidar(self.raster, self.config.lidar)
         self.predictor = predictor
-        self._noisy = is_noisy(self.config)
+        self._noisy, self._cell = is_noisy(self.config), self.raster.resolution
         self.on_scan: Callable[[Simulation], None] | None = None
 
     def reset(self, seed: int = 0, start: Pose | None = None) -> Decision:
@@ -271,6 +271,7 @@ class Simulation:
         for _ in range(SCANS):
             if not self.done:
                 self._scan(full_turn=True)
+        self.state.second_look.note(self.robot.believed)
         return not self.done
 
     def _here(self) -> Cell:
@@ -355,8 +356,7 @@ class Simulation:
         self._scan()
         if not self.done and remaining_share(cells, frontier.cells) >= self.config.gone_share:
             self._scan(full_turn=True)
-        rest = cells_in_view(cells, frontier.cells, frontier.viewpoint, self.raster.resolution)
-        state.selector.blacklist(rest)
+        state.selector.blacklist(cells_in_view(cells, frontier.cells, frontier.viewpoint, self._cell))
 
     def _advance(self, cell: Cell) -> bool:
         """One step to the centre of a neighbouring cell; whether the robot can go on."""
@@ -366,6 +366,7 @@ class Simulation:
         _, collided = self._translate(x - here.x, y - here.y)
         if collided:
             state.traversability.shut(cell)
+            state.robot.back_up()
             self._scan()
         return not collided and not self.done
 
@@ -391,9 +392,8 @@ class Simulation:
             update = state.mapper.observe(self.lidar, state.robot.pose, full_turn=full_turn)
             state.coverage.update(state.mapper.grid.cells, update.box)
         state.note_change(update.box)
-        coverage = state.coverage.share
-        state.note_scan(state.distance, coverage)
-        if coverage >= self.config.coverage_goal:
+        state.note_scan(state.distance, state.coverage.share)
+        if state.coverage.share >= self.config.coverage_goal:
             state.finish(StopReason.COVERAGE)
         if self.on_scan:
             self.on_scan(self)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from layoutexplore.files import is_there
 from layoutexplore.maps.library import load_plan
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def explore_plans(
     seen = Explored([], {}, [], [], [], {})
     for k, source in enumerate(sources):
         plan = load_plan(source)
-        is_file = Path(source).exists()
+        is_file = is_there(Path(source))
         found = list(stopped_explorations(plan, make_agent, starts if is_file else 1, stops, store))
         if is_file:
             protocol = list(protocol_explorations(plan, make_agent, store))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from layoutexplore.files import is_there
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.imdf import imdf_levels, is_imdf, load_imdf
 from layoutexplore.maps.formats.osm import load_osm, osm_levels
@@ -44,7 +45,7 @@ def split_level(text: str) -> tuple[Path, str]:
         (PosixPath('campus.osm'), '-1')
     """
     path, _, level = text.rpartition("#")
-    return (Path(path), level) if path and not Path(text).exists() else (Path(text), "")
+    return (Path(path), level) if path and not is_there(Path(text)) else (Path(text), "")
 
 
 def floors_of(path: Path) -> list[str]:

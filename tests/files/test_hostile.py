@@ -21,7 +21,14 @@ import safetensors.numpy
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.rl.card import find_policy, read_card, read_spec
 from layoutexplore.agents.rl.hyperparameters import NetworkConfig
-from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, ResultsError
+from layoutexplore.errors import (
+    ConfigError,
+    LayoutExploreError,
+    MapError,
+    ResultsError,
+    WriteError,
+    unknown_name,
+)
 from layoutexplore.files import atomic, read_arrays, read_toml, read_yaml, to_toml, write_arrays
 from layoutexplore.files.archives import CHECKSUM
 from layoutexplore.files.images import declared_size
@@ -260,3 +267,16 @@ def test_trees_whose_ways_meet_again(tmp_path: Path) -> None:
     (tmp_path / "trees.json").write_text(json.dumps(forest))
     with pytest.raises(ConfigError, match="no tree"):
         load_forests(tmp_path / "trees.json", ("a",))
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "a\0b", "y" * 5000])
+def test_no_policy_and_no_new_file_has_a_name_that_no_file_can_have(name: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError):
+        find_policy(f"{name}/policy.safetensors")
+    with pytest.raises(WriteError, match="cannot write"), atomic(tmp_path / name):
+        pass
+
+
+def test_a_message_that_lists_names_stays_short() -> None:
+    message = str(unknown_name("sensor", "mine", ["x" * 5000, *(f"name-{k}" for k in range(500))]))
+    assert len(message) < 1500 and "more" in message

@@ -67,6 +67,13 @@ def test_unknown_names_and_files(tmp_path: Path, load: Callable[[Any], object]) 
         load(tmp_path)
 
 
+@pytest.mark.parametrize("name", ["x" * 300, "y" * 5000, "home.osm#" + "1" * 300, "a\0b.xml", "a\0b#1"])
+@pytest.mark.parametrize("load", [load_plan, expand_plans])
+def test_a_name_that_no_file_can_have(name: str, load: Callable[[Any], object]) -> None:
+    with pytest.raises((MapError, UnknownNameError)):
+        load(name)
+
+
 def test_a_text_file_is_no_plan(tmp_path: Path) -> None:
     (tmp_path / "plan.txt").write_text("four walls")
     with pytest.raises(MapError, match="known endings"):

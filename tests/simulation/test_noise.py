@@ -12,8 +12,8 @@ from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.planning.traversability import Traversability
 from layoutexplore.sensing.lidar import sensor
 from layoutexplore.simulation.config import NOISE, SimulationConfig
-from layoutexplore.simulation.robot import OdometryNoise
-from layoutexplore.simulation.second_look import way_back
+from layoutexplore.simulation.robot import BACK, OdometryNoise
+from layoutexplore.simulation.second_look import TRIES, SecondLook, way_back
 from layoutexplore.simulation.simulation import Simulation
 
 TWO_ROOMS = """
@@ -115,6 +115,39 @@ def test_a_robot_that_noise_has_shut_in_goes_back() -> None:
         tuple(grid.nearest_cell(x, y)) for x, y, _ in track[:0:-1]
     ]
     assert len(way_back(grid, track[:1], traversability)) == 0
+
+
+def test_a_place_that_cannot_be_reached_is_tried_and_then_left() -> None:
+    plan = floorplan_from_ascii(TWO_ROOMS, resolution=0.4)
+    simulation = Simulation(plan, SimulationConfig(sensor="indoor", noise="low", robot_radius=0.15))
+    simulation.reset(seed=0, start=Pose(2.0, 1.0, 0.0))
+    state = simulation.state
+    here = (
+        state.mapper.grid,
+        state.robot.believed_track,
+        state.detector.update(state.mapper.grid.cells, (0, 0, 0, 0)),
+    )
+    paths = [state.second_look.next_path(*here, state.traversability) for _ in range(20)]
+    goals = [tuple(path[-1].tolist()) for path in paths if path is not None]
+    assert paths[-1] is None and max(goals.count(goal) for goal in goals) == TRIES
+    fresh = SecondLook(0.4)
+    fresh.note(state.robot.believed)
+    path = fresh.next_path(*here, state.traversability)
+    assert path is None or tuple(path[-1].tolist()) != goals[0]
+
+
+def test_a_robot_that_drifts_backs_up_from_a_wall() -> None:
+    plan = floorplan_from_ascii(TWO_ROOMS, resolution=0.4)
+    for noise, leaves in (("low", True), ("", False)):
+        simulation = Simulation(plan, SimulationConfig(sensor="indoor", noise=noise))
+        simulation.reset(seed=0, start=Pose(2.0, 1.5, 0.0))
+        robot = simulation.robot
+        moved, collided = robot.translate(0.0, -5.0)
+        assert collided and moved > 0.3
+        touching = robot.pose
+        robot.back_up()
+        away = np.hypot(robot.pose.x - touching.x, robot.pose.y - touching.y)
+        assert away >= BACK if leaves else away == 0.0
 
 
 def test_a_robot_without_noise_looks_no_second_time() -> None:

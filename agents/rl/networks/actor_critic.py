@@ -41,7 +41,7 @@ class Actor(nn.Module):
         self.encode = make_encoder(spec, scores=True) if encodes else None
         self.score = _zero(nn.Linear(config.width, 1)) if encodes else None
         self.direct = _zero(nn.Linear(len(features), 1, bias=False))
-        self.tour_weight = nn.Parameter(torch.tensor(config.tour_weight))
+        self.tour_weight = nn.Parameter(torch.tensor(float(config.tour_weight)))
         self.stop = _zero(nn.Linear(config.width if encodes else 1, 1))
         self._rank = spec.rank_column
         first = "path_length" if self._rank is None else "detour"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ pytest.importorskip("safetensors")
 
 from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.card import read_card  # noqa: E402
+from layoutexplore.agents.rl.networks.actor_critic import Actor  # noqa: E402
 from layoutexplore.agents.rl.torch_policy_files import load_actor, save_policy  # noqa: E402
 from layoutexplore.errors import ResultsError  # noqa: E402
 from tests.agents.rl.cases import observations, random_actor, spec  # noqa: E402
@@ -27,6 +29,11 @@ def test_saved_and_loaded_bit_by_bit(saved: Path) -> None:
     assert read == spec()
     with torch.no_grad():
         assert torch.equal(actor(observations([3, 7])), random_actor()(observations([3, 7])))
+
+
+def test_a_whole_number_is_a_weight() -> None:
+    whole = dataclasses.replace(spec(), network=dataclasses.replace(spec().network, tour_weight=1))
+    assert Actor(whole).tour_weight.dtype == torch.float32
 
 
 def test_the_card_beside_it_is_the_one_inside(saved: Path) -> None:
