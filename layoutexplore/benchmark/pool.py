@@ -210,52 +210,61 @@ class Limited(Generic[T, R]):
 
     def __call__(self, task: T) -> R:
         """The result of a task."""
-        try:
-            with _memory(self.megabytes), _deadline(self.seconds):
+        with _memory(self.megabytes):
+            if not self.seconds:
                 return self.function(task)
-        except CellTimeoutError:
-            return self.late(task)
+            deadline = _Deadline(self.seconds)
+            # In one frame, without a context manager in between: the error may come between any two steps.
+            try:
+                try:
+                    try:
+                        deadline.begin()
+                        result = self.function(task)
+                    finally:
+                        deadline.settle()
+                finally:
+                    deadline.settle()  # where the error came just before the first one began
+            except CellTimeoutError:
+                return self.late(task)
+            return self.late(task) if deadline.late else result
 
 
-@contextlib.contextmanager
-def _deadline(seconds: float) -> Iterator[None]:
-    """Raise `CellTimeoutError` in this thread when the block takes longer, between two steps of Python.
+class _Deadline:
+    """Raises `CellTimeoutError` in the thread that makes it once its time is over, between two Python steps.
 
     It is raised again every `AGAIN` seconds: a finalizer or a callback of compiled code that it happens to
     hit swallows it. A worker that is in compiled code for `STUCK` seconds more is ended.
     """
-    if not seconds:
-        yield
-        return
-    lock, over, late, thread = threading.Lock(), threading.Event(), threading.Event(), threading.get_ident()
 
-    def watch() -> None:
-        wait, end = seconds, time.monotonic() + seconds + STUCK
-        while not over.wait(wait):
-            with lock:
-                if not over.is_set():
-                    late.set()
-                    _raise_in(thread, CellTimeoutError)
+    def __init__(self, seconds: float) -> None:
+        self.late = False
+        self._seconds, self._thread = seconds, threading.get_ident()
+        self._lock, self._over, self._gate = threading.Lock(), threading.Event(), threading.Lock()
+
+    def begin(self) -> None:
+        """The time runs from now on."""
+        with self._gate:  # the error must not come while the thread is being started
+            threading.Thread(target=self._watch, daemon=True).start()
+
+    def settle(self) -> None:
+        """Nothing is raised any more once this has returned."""
+        while not self._over.is_set():  # the error itself may come in here once more
+            with contextlib.suppress(CellTimeoutError), self._lock:
+                _raise_in(self._thread, None)
+                self._over.set()
+
+    def _watch(self) -> None:
+        with self._gate:
+            pass
+        wait, end = self._seconds, time.monotonic() + self._seconds + STUCK
+        while not self._over.wait(wait):
+            with self._lock:
+                if not self._over.is_set():
+                    self.late = True
+                    _raise_in(self._thread, CellTimeoutError)
             wait = AGAIN
             if time.monotonic() > end and multiprocessing.parent_process() is not None:
                 os._exit(1)
-
-    def settle() -> None:
-        while not over.is_set():  # the error itself may come in here once more
-            with contextlib.suppress(CellTimeoutError), lock:
-                _raise_in(thread, None)
-                over.set()
-
-    threading.Thread(target=watch, daemon=True).start()
-    try:
-        try:
-            yield
-        finally:
-            settle()
-    finally:
-        settle()  # where the error came just before the first one began
-    if late.is_set():
-        raise CellTimeoutError
 
 
 def _raise_in(thread: int, error: type[BaseException] | None) -> None:
