@@ -9,6 +9,7 @@ from typing import Any
 
 from layoutexplore.benchmark.analysis import POOLED, Comparison, agents_of, compare
 from layoutexplore.benchmark.rows import Row
+from layoutexplore.errors import unknown_name
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.simulation.config import NOISE
 
@@ -20,6 +21,18 @@ LEVELS = (NOISELESS, *NOISE)
 
 BASELINE = "nearest"
 """The strategy that the others are compared with at each level."""
+
+
+def chosen_levels(names: Sequence[str] | None) -> tuple[str, ...]:
+    """The levels that were named, in the order in which they rise, after the noiseless one; all without.
+
+    Raises:
+        UnknownNameError: There is no such level.
+    """
+    for name in names or ():
+        if name not in LEVELS:
+            raise unknown_name("level of noise", name, LEVELS)
+    return tuple(level for level in LEVELS if level == NOISELESS or level in (names or LEVELS))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 
 from layoutexplore import cli
 from layoutexplore.benchmark.rows import Row
-from layoutexplore.evaluation.robustness import LEVELS, agents_under_noise
+from layoutexplore.errors import UnknownNameError
+from layoutexplore.evaluation.robustness import LEVELS, agents_under_noise, chosen_levels
 from layoutexplore.maps.geojson import save_plan
 from tests.plans import offices
 
@@ -52,3 +53,15 @@ def test_the_command_writes_a_page_and_goes_on(tmp_path: Path) -> None:
     results = [(out / f"runs-{level}" / "results.csv").read_bytes() for level in LEVELS]
     assert CliRunner().invoke(cli.app, arguments).exit_code == 0
     assert [(out / f"runs-{level}" / "results.csv").read_bytes() for level in LEVELS] == results
+    result = CliRunner().invoke(cli.app, [*arguments, "--level", "low", "--agents-only"])
+    assert result.exit_code == 0 and "of 1 " in result.output, result.output
+    lines = list(csv.DictReader((out / "agents.csv").open(encoding="utf-8")))
+    assert [line["level"] for line in lines] == ["none", "low"]
+    assert not (out / "predictors.csv").read_text()
+
+
+def test_levels_are_chosen_by_name() -> None:
+    assert chosen_levels(None) == LEVELS
+    assert chosen_levels(["middle", "low"]) == ("none", "low", "middle")
+    with pytest.raises(UnknownNameError, match="did you mean 'middle'"):
+        chosen_levels(["midle"])

@@ -38,7 +38,7 @@ EXAMPLES = {
     "partial-rooms": "office-01 school-01 -p layout -p hull --snapshots kept/",
     "train-predictor": "schools/ office:0-99 --folds 4 --store kept/ --out models/",
     "in-the-loop": "test -p reconstruct:rose2 -p layout -p oracle --out in-the-loop",
-    "robustness": "quick --out robustness",
+    "robustness": "quick --level low --level middle --out robustness",
     "closed-doors": "maps/ --out predicted",
     "segmentation": "maps/ -m default -m rose2 --out report",
     "train": "maps/ --plans schools/ --out merging_model.json",

@@ -36,12 +36,17 @@ def robustness(
     sensor: Annotated[
         list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
     ] = None,
+    level: Annotated[
+        list[str] | None,
+        typer.Option("--level", "-l", help="Level of noise: low, middle, high; all without. Repeatable."),
+    ] = None,
+    agents_only: Annotated[bool, typer.Option("--agents-only", help="Leave the predictors out.")] = False,
     starts: Annotated[int, typer.Option(min=1, help="Starts on each floor plan.")] = 1,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
 ) -> None:
     """Measure robustness; `HELP` is what the command line says."""
     from layoutexplore.errors import require
-    from layoutexplore.evaluation.robustness import LEVELS, agents_under_noise, predictors_under_noise
+    from layoutexplore.evaluation.robustness import agents_under_noise, chosen_levels, predictors_under_noise
     from layoutexplore.maps.library import find_plans
     from layoutexplore.processes import command_line
     from layoutexplore.report.robustness import write_robustness_report
@@ -52,22 +57,21 @@ def robustness(
     check_places(out)
     sources, names = find_plans(plans), tuple(dict.fromkeys(agents or AGENTS))
     sensors = [find_sensor(name).name for name in sensor or SENSORS]
-    rows = {level: _explore(level, sources, names, sensors, starts, out, jobs) for level in LEVELS}
-    summaries = {
-        level: _ask(level, sources, predictor or ["layout"], sensors, starts, out) for level in LEVELS
-    }
+    levels, asked = chosen_levels(level), [] if agents_only else predictor or ["layout"]
+    rows = {each: _explore(each, sources, names, sensors, starts, out, jobs) for each in levels}
+    summaries = {each: _ask(each, sources, asked, sensors, starts, out) for each in levels if asked}
     found = agents_under_noise(rows)
     facts = {
         "command": command_line(),
         "plans": len(sources),
         "starts": starts,
         "sensors": sensors,
-        "levels": LEVELS,
+        "levels": levels,
     }
     written = write_robustness_report(out, found, predictors_under_noise(summaries), facts=facts)
     for line in found:
         typer.echo(
-            f"{line.agent:<16} {line.level:<7} saw 99 %: {line.reached:4.0%}  to 95 %: "
+            f"{line.agent:<16} {line.level:<7} saw 99 %: {line.reached:6.1%} of {line.runs}  to 95 %: "
             f"{line.d95.estimate:.2f} ({line.d95.low:.2f}-{line.d95.high:.2f})  "
             f"to 99 %: {line.d99.estimate:.2f}"
         )
