@@ -6,6 +6,31 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+_ONE_THREAD = 1 << 18
+"""Multiplications of one product up to which OpenBLAS keeps to one thread (its `interface/gemm.c`)."""
+
+
+def small_products(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """`values @ weight`, a few rows at a time: threads that share so little work wait longer than they work.
+
+    Where other processes use the cores, they may wait ten times as long.
+
+    Args:
+        values: float32 (n, inputs), C-contiguous.
+        weight: float32 (inputs, outputs).
+
+    Returns:
+        float32 (n, outputs). Sums of whole numbers below 2^24 are exact; others may differ in the last bit
+        with the number of rows.
+    """
+    rows = max(_ONE_THREAD // weight.size, 1)
+    whole = len(values) // rows * rows
+    out = np.empty((len(values), weight.shape[1]), np.float32)
+    blocks = values[:whole].reshape(-1, rows, values.shape[1])
+    np.matmul(blocks, weight, out=out[:whole].reshape(-1, rows, weight.shape[1]))
+    np.matmul(values[whole:], weight, out=out[whole:])
+    return out
+
 
 def convolve(
     values: NDArray[np.float32], weight: NDArray[np.float32], side: int, stride: int

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Floats32
-from layoutexplore.models.convolution import neighbourhoods
+from layoutexplore.models.convolution import neighbourhoods, small_products
 from layoutexplore.models.network_files import Layers, Weights, shapes_of
 from layoutexplore.predictors.frontier_model.network_input import PLANES, SIDE
 
@@ -83,7 +83,7 @@ class FrontierNetwork:
         for name, (_, _, side, stride) in LAYERS.items():
             weight, scale, bias = self._layers[name]
             shown = neighbourhoods(values, stride) if side > 1 else values.reshape(len(values), -1)
-            values = shown.reshape(-1, len(weight)) @ weight
+            values = small_products(shown.reshape(-1, len(weight)), weight)
             if name == "judge":
                 values = values * scale + bias
             else:
