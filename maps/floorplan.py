@@ -214,11 +214,16 @@ class FloorPlan:
             source=self.source and self.source.stretched(x, y),
         )
 
+    @cached_property
+    def _outlines(self) -> dict[int, Polygon]:
+        """The rooms' polygons by their ids."""
+        return {room.id: room.polygon for room in self.rooms}
+
     def opening(self, door: Door) -> Polygon:
         """The floor that a door cuts through its wall: its segment, widened until it meets the rooms."""
         line = LineString([door.start, door.end])
         probes = shapely.points([door.start, door.end, line.interpolate(0.5, normalized=True).coords[0]])
-        rooms = [room.polygon for room in self.rooms if room.id in door.rooms]
+        rooms = [self._outlines[number] for number in door.rooms if number in self._outlines]
         reach = max((float(shapely.distance(room, probes).max()) for room in rooms), default=0.0)
         depth = min(max(reach + DOOR_REACH[0], DOOR_REACH[0]), DOOR_REACH[1])
         return line.buffer(depth, cap_style="flat")
@@ -325,12 +330,13 @@ def _check(plan: FloorPlan) -> None:
         _check_shape(plan, room.polygon, f"room {room.id}", empty=False)
     for what in ("walls", "furniture", "passages"):
         _check_shape(plan, getattr(plan, what), what, empty=True)
+    known = {0, *ids}
     for k, door in enumerate(plan.doors):
         if not all(abs(v) <= MOST_METRES for v in (*door.start, *door.end)) or door.width == 0:
             raise MapError(
                 f"{plan._shown}, door {k}: needs two different finite ends, got {door.start} and {door.end}"
             )
-        if unknown := set(door.rooms) - {0, *ids}:
+        if unknown := set(door.rooms) - known:
             raise MapError(f"{plan._shown}, door {k}: there is no room {min(unknown)}")
     if plan.source is None and not plan.rooms and plan.passages.is_empty:
         raise MapError(f"{plan._shown} has no free space: it needs rooms or passages")

@@ -72,13 +72,17 @@ def _feature(geometry: BaseGeometry, **properties: Any) -> dict[str, Any]:
     return {"type": "Feature", "properties": properties, "geometry": mapping(geometry)}
 
 
-def load_geojson(path: Path) -> FloorPlan:
+def load_geojson(path: Path, data: Any = None) -> FloorPlan:
     """Read a plan.
+
+    Args:
+        path: The file.
+        data: What it holds, where that is known already.
 
     Raises:
         MapError: The file is not a plan of this format; the message names the feature that is wrong.
     """
-    data = read_json(path)
+    data = read_json(path) if data is None else data
     features = data.get("features") if isinstance(data, dict) else None
     if not isinstance(features, list) or data.get("type") != "FeatureCollection":
         raise MapError(f"{path}: must be a GeoJSON FeatureCollection")

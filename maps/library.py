@@ -90,12 +90,8 @@ def _loader(
     suffix = path.suffix.lower()
     if suffix == ".xml":
         return load_school_xml
-    if suffix == ".geojson" or (suffix == ".json" and _json_kind(path) == "geojson"):
-        if columns or not is_own_format(read_json(path)):
-            return lambda path: load_foreign_geojson(path, columns)
-        return load_geojson
-    if suffix == ".json":
-        return load_houseexpo
+    if suffix in (".geojson", ".json"):
+        return _json_loader(path, columns)
     if suffix in IMAGE_SUFFIXES and _is_kth(path):
         return load_kth
     if suffix in (*IMAGE_SUFFIXES, *YAML_SUFFIXES):
@@ -113,15 +109,24 @@ def shows_rooms(source: str | Path) -> bool:
     return _is_kth(path) or rooms_beside(path) is not None or path.stem.endswith(LABELS_ENDING)
 
 
-def _json_kind(path: Path) -> str:
-    """What a JSON file is: "geojson", "houseexpo", or empty for neither."""
+def _is_json_plan(path: Path) -> bool:
+    """Whether a JSON file is a FeatureCollection or a floor of HouseExpo."""
     try:
         data = read_json(path)
     except MapError:
-        return ""
-    if not isinstance(data, dict):
-        return ""
-    return "geojson" if data.get("type") == "FeatureCollection" else "houseexpo" if "verts" in data else ""
+        return False
+    return isinstance(data, dict) and (data.get("type") == "FeatureCollection" or "verts" in data)
+
+
+def _json_loader(path: Path, columns: Mapping[str, str] | None) -> Callable[[Path], FloorPlan]:
+    """The reader for a JSON file, which is parsed here: large ones take seconds."""
+    data = read_json(path)
+    is_collection = isinstance(data, dict) and data.get("type") == "FeatureCollection"
+    if path.suffix.lower() == ".json" and not is_collection:
+        return load_houseexpo
+    if columns or not is_own_format(data):
+        return functools.partial(load_foreign_geojson, columns=columns, data=data)
+    return functools.partial(load_geojson, data=data)
 
 
 def _is_kth(path: Path) -> bool:
@@ -228,7 +233,7 @@ def _is_plan(path: Path) -> bool:
     if not path.is_file() or suffix not in SUFFIXES or path.name.startswith("."):
         return False
     if suffix == ".json":
-        return not path.stem.endswith(SIDECARS) and _json_kind(path) != ""
+        return not path.stem.endswith(SIDECARS) and _is_json_plan(path)
     if suffix in IMAGE_SUFFIXES:
         part_of_another = any(path.with_suffix(ending).is_file() for ending in (".geojson", *YAML_SUFFIXES))
         of_layout = path.with_name(f"{path.stem.rpartition('_')[0]}_layout.geojson").is_file()

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -80,7 +79,7 @@ def plan_from_outlines(
     check_work(name, "doors and rooms", 0.05 * len(openings) * shapely.get_num_coordinates(shapes).sum())
     walls = walls_along(shapes)
     rooms, scraps = floors_between(dict(outlines), walls, {k: labels.get(k, "") for k in outlines})
-    rings = np.array([outline.exterior for outline in shapes])
+    rings = shapely.STRtree([outline.exterior for outline in shapes])
     placed = [_place(outlines, rings, opening) for opening in openings]
     doors = tuple(door for door in placed if door is not None)
     if lost := len(placed) - len(doors):
@@ -99,14 +98,17 @@ def plan_from_outlines(
     )
 
 
-def _place(outlines: Mapping[int, Polygon], rings: NDArray[Any], opening: Opening) -> Door | None:
+def _place(outlines: Mapping[int, Polygon], rings: shapely.STRtree, opening: Opening) -> Door | None:
     """The door in the wall of its rooms, whose exteriors are `rings`, or None where no wall is near."""
-    ids = np.array(list(outlines))
-    away = shapely.distance(rings, shapely.Point(opening.place))
+    place = shapely.Point(opening.place)
+    (x, y), far = opening.place, 2.0 * WALL_REACH
+    close = np.sort(rings.query(shapely.box(x - far, y - far, x + far, y + far)))
+    away = shapely.distance(rings.geometries[close], place)
     rooms = opening.rooms
-    if away.min() > WALL_REACH:
+    if away.min(initial=np.inf) > WALL_REACH:
         return None
     if rooms is None:
+        ids = np.array(list(outlines))[close]
         near = ids[np.argsort(away, kind="stable")][: int((away <= WALL_REACH).sum())].tolist()
         best = away.min()
         # A room across the wall is as near as the wall is thick; the one after next lies round a corner.
@@ -140,11 +142,36 @@ def floors_between(
 ) -> tuple[tuple[Room, ...], BaseGeometry]:
     """Rooms up to the faces of their walls, and the scraps of floor that a wall cuts off."""
     rooms, scraps = [], []
+    near = _Nearby(walls)
     for number, outline in outlines.items():
-        parts = sorted(polygons_of(outline.difference(walls)), key=lambda part: -part.area) or [outline]
+        found = polygons_of(outline.difference(near.around(outline)))
+        parts = sorted(found, key=lambda part: -part.area) or [outline]
         rooms.append(Room(id=number, polygon=parts[0], label=labels[number]))
         scraps.extend(parts[1:])
     return tuple(rooms), shapely.union_all(scraps)
+
+
+class _Nearby:
+    """Polygons with thousands of holes, of which an overlay with something small need not look at all.
+
+    Args:
+        whole: Polygons of any kind.
+    """
+
+    def __init__(self, whole: BaseGeometry) -> None:
+        self._whole = polygons_of(whole)
+        self._holes = [
+            (np.array(polygon.interiors, object), shapely.STRtree(polygon.interiors))
+            for polygon in self._whole
+        ]
+
+    def around(self, shape: BaseGeometry) -> BaseGeometry:
+        """The polygons without the holes that the box around a shape does not meet: within it the same."""
+        parts = []
+        for polygon, (holes, tree) in zip(self._whole, self._holes, strict=True):
+            met = holes[np.sort(tree.query(shape))]
+            parts.append(polygon if len(met) == len(holes) else Polygon(polygon.exterior, met))
+        return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
 
 
 def place_door(

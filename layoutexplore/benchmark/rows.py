@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+import sys
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +24,7 @@ from layoutexplore.simulation.simulation import Simulation
 NAN = float("nan")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Row:
     """One row of results.csv: one run of one agent.
 
@@ -110,6 +111,18 @@ class Row:
     def key(self) -> tuple[str, int, str, str]:
         """What tells the runs of one benchmark apart."""
         return self.plan, self.start, self.sensor, self.agent
+
+    def __reduce__(self) -> tuple[Callable[[tuple[Any, ...]], Row], tuple[tuple[Any, ...]]]:
+        """Rows come back from workers by the hundred thousand: without the names of their columns."""
+        return _received, (tuple(getattr(self, name) for name in Row.__slots__),)
+
+
+def _received(values: tuple[Any, ...]) -> Row:
+    """A row from another process; the names in it are kept once, whatever the number of rows."""
+    row, write = object.__new__(Row), object.__setattr__
+    for name, value in zip(Row.__slots__, values, strict=True):
+        write(row, name, sys.intern(value) if type(value) is str else value)
+    return row
 
 
 TIMING_COLUMNS = (

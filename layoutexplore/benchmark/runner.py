@@ -182,13 +182,13 @@ def _fill(
     work = sum(task.plan.reachable_area for task in missing)
     areas, done = {plan.name: plan.reachable_area for plan in plans}, 0.0
     try:
-        for count, row in enumerate(
-            _results(config, folder, missing, jobs, cluster), len(tasks) - len(missing) + 1
-        ):
-            folder.append(row)
-            rows[row.key] = row
-            done += areas[row.plan]
-            watcher.advance(BenchmarkProgress(row, count, len(tasks), done / work))
+        with folder.appending() as append:
+            results = _results(config, folder, missing, jobs, cluster)
+            for count, row in enumerate(results, len(tasks) - len(missing) + 1):
+                append(row)
+                rows[row.key] = row
+                done += areas[row.plan]
+                watcher.advance(BenchmarkProgress(row, count, len(tasks), done / work))
     finally:
         folder.rewrite(rows.values())
     return Outcome(folder, sorted(rows.values(), key=lambda row: row.key), len(missing))

@@ -18,7 +18,7 @@ import contextlib
 import csv
 import dataclasses
 import errno
-import io
+import operator
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -136,15 +136,36 @@ class ResultsFolder:
         return rows
 
     def append(self, row: Row) -> None:
-        """Add a row in a single write; `ResultsError` where that fails."""
+        """Add a row; `ResultsError` where that fails."""
+        with self.appending() as append:
+            append(row)
+
+    @contextlib.contextmanager
+    def appending(self) -> Iterator[Callable[[Row], None]]:
+        """Hold the table open, and give what adds a row to it in a single write.
+
+        Raises:
+            ResultsError: The table cannot be written, now or by what is given.
+        """
         try:
-            with self.table.open("ab", buffering=0) as file:
+            file = self.table.open("ab", buffering=0)
+        except OSError as error:
+            raise self._unwritable(error) from error
+
+        def append(row: Row) -> None:
+            try:
                 line, begin = format_row(row).encode(), file.tell()
                 if file.write(line) < len(line):  # a disk that is nearly full takes a part of it
                     file.truncate(begin)
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        except OSError as error:
-            raise ResultsError(f"cannot write {self.table}: {error.strerror}") from error
+            except OSError as error:
+                raise self._unwritable(error) from error
+
+        with file:
+            yield append
+
+    def _unwritable(self, error: OSError) -> ResultsError:
+        return ResultsError(f"cannot write {self.table}: {error.strerror}")
 
     def rewrite(self, rows: Iterable[Row]) -> None:
         """Replace all rows, sorted, at once."""
@@ -341,12 +362,21 @@ def _header() -> str:
     return ",".join(COLUMNS) + "\n"
 
 
+class _Line:
+    """What a CSV writer writes a line to: it hands the line back to whoever asked for it."""
+
+    def write(self, text: str, /) -> str:
+        return text
+
+
+_values = operator.attrgetter(*COLUMNS)
+_writer: Any = csv.writer(_Line(), lineterminator="\n")
+
+
 def format_row(row: Row) -> str:
     """A line of results.csv; NaN is an empty field."""
-    out = io.StringIO()
-    values = (getattr(row, name) for name in COLUMNS)
-    csv.writer(out, lineterminator="\n").writerow(["" if value != value else value for value in values])
-    return out.getvalue()
+    line: str = _writer.writerow(["" if value != value else value for value in _values(row)])
+    return line
 
 
 def parse_row(line: list[str], header: Sequence[str] = COLUMNS) -> Row:

@@ -136,18 +136,20 @@ def _checked(data: Any, where: str, schema: Schema | None, error: Kind) -> Any:
 def _check_values(data: Any, where: str, error: Kind) -> None:
     """See that every value is plain, of a size that others can work with, and not too deep."""
     waiting: list[tuple[Any, int]] = [(data, 1)]
-    count = 0
+    allowed, count = limits(), 0
     while waiting:
         value, depth = waiting.pop()
         kind = type(value)
         if kind is dict or kind is list:
-            _check_depth(depth, where, error)
             count += len(value)
-            _check_count(count, where, error)
+            if depth > allowed.depth:
+                _check_depth(depth, where, error)
+            if count > allowed.nodes:
+                _check_count(count, where, error)
             if kind is dict:
                 waiting.extend((key, depth) for key in value)
             waiting.extend((part, depth + 1) for part in (value.values() if kind is dict else value))
-        elif problem := _fault(value):
+        elif kind is not float and (problem := _fault(value)):
             raise error(f"{where}: {shortened(value)}: {problem}")
 
 

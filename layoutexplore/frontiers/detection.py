@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import MapError
-from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32
+from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32, Mask
 from layoutexplore.grids.components import root_of
 
 
@@ -43,6 +43,19 @@ class FrontierClusters:
     def cluster(self, i: int) -> Ints32:
         """Cells int32 (n, 2) as (row, col) of one cluster."""
         return self.cells[self.offsets[i] : self.offsets[i + 1]]
+
+    def chosen(self, kept: Mask) -> FrontierClusters:
+        """The clusters with some of their cells, bool (m,); those that are empty then fall away.
+
+        Example:
+            >>> clusters = FrontierClusters.of([np.array([[0, 0], [0, 1]]), np.array([[0, 3]])])
+            >>> some = clusters.chosen(np.array([False, True, False]))
+            >>> some.cells.tolist(), some.offsets.tolist()
+            ([[0, 1]], [0, 1])
+        """
+        ends = np.concatenate([[0], np.cumsum(kept)])[self.offsets]
+        # A cluster of which nothing is left ends where it begins.
+        return FrontierClusters(self.cells[kept], ends[np.concatenate([[True], np.diff(ends) > 0])])
 
 
 def find_frontiers(cells: Cells) -> FrontierClusters:

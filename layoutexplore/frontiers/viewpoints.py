@@ -114,7 +114,9 @@ class ViewpointSelector:
         """The clusters without the blacklisted cells."""
         if len(self._blacklisted) == 0:
             return clusters
-        return FrontierClusters(*_without(clusters.cells, clusters.offsets, self._cols, self._blacklisted))
+        indices = clusters.cells.astype(np.int64) @ np.array([self._cols, 1])
+        nearest = self._blacklisted.searchsorted(indices).clip(max=len(self._blacklisted) - 1)
+        return clusters.chosen(self._blacklisted[nearest] != indices)
 
 
 def choose_viewpoints(
@@ -162,26 +164,6 @@ def _nearest_first(radius: int) -> Ints32:
     """int32 (n, 2): the offsets within a radius in cells, nearest first, ties by row and column."""
     offsets = disc_offsets(radius, closed=True)
     return offsets[np.argsort((offsets**2).sum(axis=1), kind="stable")]
-
-
-@njit(cache=True, nogil=True)
-def _without(cells: Ints32, offsets: Ints, cols: int, left_out: Ints) -> tuple[Ints32, Ints]:
-    """Clusters without the cells of some sorted flat indices; those that are empty then fall away."""
-    kept, starts = np.empty_like(cells), np.empty_like(offsets)
-    least, most = left_out[0], left_out[-1]
-    count, clusters = 0, 0
-    starts[0] = 0
-    for k in range(len(offsets) - 1):
-        for n in range(offsets[k], offsets[k + 1]):
-            index = np.int64(cells[n, 0]) * cols + cells[n, 1]
-            if least <= index <= most and left_out[np.searchsorted(left_out, index)] == index:
-                continue
-            kept[count] = cells[n]
-            count += 1
-        if count > starts[clusters]:
-            clusters += 1
-            starts[clusters] = count
-    return kept[:count], starts[: clusters + 1]
 
 
 @njit(cache=True, nogil=True)

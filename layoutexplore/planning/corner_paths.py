@@ -14,8 +14,8 @@ from layoutexplore.planning.canonical_search import FAR
 from layoutexplore.planning.corner_graph import CornerGraph, outdated
 from layoutexplore.planning.corner_search import Links, find_links, lengths_at, shorten
 from layoutexplore.planning.distance_cache import next_source
+from layoutexplore.planning.known_lengths import UNKNOWN, KnownLengths
 
-_UNKNOWN = -1
 _MOST_PLACES = 512
 """Places that are kept; beyond it only those that are asked for are."""
 
@@ -38,9 +38,8 @@ class CornerPaths:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.graph = CornerGraph(shape)
-        self._cells = np.empty((0, 2), np.int64)
-        self._units = np.empty((0, 0), np.int64)
-        self._links = find_links(self.graph.ground, self._cells)
+        self._known = KnownLengths(_MOST_PLACES)
+        self._links = find_links(self.graph.ground, self._known.cells)
         self.searches = 0
 
     @property
@@ -54,7 +53,7 @@ class CornerPaths:
         Returns:
             int32 (n, 2), in the padded grid: the cells that have changed, and those beside them.
         """
-        change = self.graph.update(window, row + 1, col + 1, compare=len(self._cells) > 0)
+        change = self.graph.update(window, row + 1, col + 1, compare=len(self._known.cells) > 0)
         if change.old is not None and change.new is not None:
             self._forget(change.sums, change.old, change.new)
         return change.touched
@@ -73,11 +72,14 @@ class CornerPaths:
         All of them are traversable.
         """
         wanted = np.asarray(places, np.int64)
-        rows = self._rows(wanted)
-        units = self._units[np.ix_(rows, rows)]
-        if (units == _UNKNOWN).any():
+        before = self._known.cells
+        rows = self._known.rows(wanted)
+        if self._known.cells is not before:
+            self._links = find_links(self.graph.ground, self._known.cells)
+        units = self._known.units[np.ix_(rows, rows)]
+        if (units == UNKNOWN).any():
             self._fill(rows, units)
-            self._units[np.ix_(rows, rows)] = units
+            self._known.units[np.ix_(rows, rows)] = units
         return units
 
     def _search(self, links: Links, k: int, targets: Links) -> Ints:
@@ -95,43 +97,22 @@ class CornerPaths:
             if source < 0:
                 return
             first = source if first < 0 else first
-            missing = np.flatnonzero(units[source] == _UNKNOWN)
+            missing = np.flatnonzero(units[source] == UNKNOWN)
             found = self._search(targets, source, targets)[missing]
             units[source, missing] = units[missing, source] = found
             self.searches += 1
 
-    def _rows(self, wanted: Ints) -> Ints:
-        """The rows int64 (n,) of places in the table, which are added where they are new."""
-        scale = np.array([self.world.shape[1], 1])
-        keys, asked = self._cells @ scale, wanted @ scale
-        if len(keys) + len(asked) > _MOST_PLACES:
-            self._keep(np.flatnonzero(np.isin(keys, asked)))
-            keys = self._cells @ scale
-        known = {int(key): k for k, key in enumerate(keys)}
-        rows = np.array([known.setdefault(int(key), len(known)) for key in asked], np.int64)
-        old, count = len(keys), len(known)
-        if count > old:
-            units = np.full((count, count), _UNKNOWN, np.int64)
-            units[:old, :old] = self._units
-            np.fill_diagonal(units, 0)
-            self._units = units
-            self._cells = np.array([divmod(key, int(scale[0])) for key in known], np.int64).reshape(-1, 2)
-            self._links = find_links(self.graph.ground, self._cells)
-        return rows
-
-    def _keep(self, rows: Ints) -> None:
-        self._cells, self._units = self._cells[rows], self._units[np.ix_(rows, rows)]
-        self._links = _chosen(self._links, rows)
-
     def _forget(self, sums: Ints32, old: Ints, new: Ints) -> None:
         """Forget the places that see a change, and the lengths that may differ; see `GraphChange`."""
-        sees = np.zeros(len(self._cells), np.bool_)
+        known = self._known
+        sees = np.zeros(len(known.cells), np.bool_)
         sees[outdated(self._links.cell, self._links.seen, sums)] = True
-        self._keep(np.flatnonzero(~sees))
+        if sees.any():
+            known.keep(~sees)
+            self._links = _chosen(self._links, np.flatnonzero(~sees))
         for distance in (old, new):
             near = lengths_at(self._links, distance)
-            self._units[near[:, None] + near[None, :] <= self._units] = _UNKNOWN
-        np.fill_diagonal(self._units, 0)
+            known.forget(near[:, None] + near[None, :] <= known.units)
 
 
 def _chosen(links: Links, rows: Ints) -> Links:

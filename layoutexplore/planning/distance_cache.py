@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Mask
 from layoutexplore.grids.morphology import check_mask
 from layoutexplore.planning.canonical_search import DIAGONAL, FAR, STRAIGHT, workspace
+from layoutexplore.planning.known_lengths import UNKNOWN, KnownLengths
 from layoutexplore.planning.shortest_paths import check_cells, entrances, flat_indices
 
-_UNKNOWN = -1
 _MOST_CHANGES = 20_000
 """Changed cells from which everything is forgotten: looking at them all would take longer than searching."""
 _MOST_PLACES = 256
@@ -36,8 +36,7 @@ class DistanceCache:
 
     def __init__(self) -> None:
         self._mask = np.zeros((0, 0), np.bool_)
-        self._cells = np.empty((0, 2), np.int64)
-        self._units = np.empty((0, 0), np.int64)
+        self._known = KnownLengths(_MOST_PLACES)
         self.searches = 0
 
     def lengths(self, traversable: Mask, cells: NDArray[np.integer], resolution: float) -> Floats32:
@@ -45,46 +44,28 @@ class DistanceCache:
         world = check_mask(traversable)
         wanted = check_cells(cells, world.shape)
         self._adapt(world)
-        rows = self._rows(wanted, world.shape[1])
-        units = self._units[np.ix_(rows, rows)]
-        if (units == _UNKNOWN).any():
+        rows = self._known.rows(wanted)
+        units = self._known.units[np.ix_(rows, rows)]
+        if (units == UNKNOWN).any():
             self._search(world, wanted, units)
-            self._units[np.ix_(rows, rows)] = units
+            self._known.units[np.ix_(rows, rows)] = units
         return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
     def _adapt(self, world: Mask) -> None:
         """Forget the lengths that may differ on this map, and remember it."""
         if world.shape != self._mask.shape:
-            self._cells, self._units = np.empty((0, 2), np.int64), np.empty((0, 0), np.int64)
+            self._known.clear()
             self._mask = world.copy()
             return
         changes = _take_over(world.ravel().view(np.uint8), self._mask.ravel().view(np.uint8))
         if len(changes) == 0:
             return
+        known = self._known
         if len(changes) > _MOST_CHANGES:
-            self._units[:] = _UNKNOWN
-        elif len(self._cells):
-            near = nearest_change(self._cells, changes, world.shape[1])
-            touched = near[:, None] + near[None, :] - 2 * STRAIGHT <= self._units
-            self._units[touched] = _UNKNOWN
-        np.fill_diagonal(self._units, 0)
-
-    def _rows(self, wanted: Ints, cols: int) -> Ints:
-        """The rows int64 (n,) of places in the cache, which are added where they are new."""
-        keys, asked = self._cells @ np.array([cols, 1]), wanted @ np.array([cols, 1])
-        if len(keys) + len(asked) > _MOST_PLACES:
-            kept = np.flatnonzero(np.isin(keys, asked))
-            self._cells, self._units, keys = self._cells[kept], self._units[np.ix_(kept, kept)], keys[kept]
-        known = {int(key): k for k, key in enumerate(keys)}
-        rows = np.array([known.setdefault(int(key), len(known)) for key in asked], np.int64)
-        old, count = len(keys), len(known)
-        if count > old:
-            units = np.full((count, count), _UNKNOWN, np.int64)
-            units[:old, :old] = self._units
-            np.fill_diagonal(units, 0)
-            self._units = units
-            self._cells = np.array([divmod(key, cols) for key in known], np.int64)
-        return rows
+            known.forget(np.ones(known.units.shape, np.bool_))
+        elif len(known.cells):
+            near = nearest_change(known.cells, changes, world.shape[1])
+            known.forget(near[:, None] + near[None, :] - 2 * STRAIGHT <= known.units)
 
     def _search(self, world: Mask, places: Ints, units: Ints) -> None:
         """Fill the unknown entries of units int64 (n, n) in place."""
@@ -99,7 +80,7 @@ class DistanceCache:
             if source < 0:
                 return
             first = source if first < 0 else first
-            targets = np.flatnonzero(units[source] == _UNKNOWN)
+            targets = np.flatnonzero(units[source] == UNKNOWN)
             ahead = doors[targets]
             reached = (
                 space.lengths_to(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + steps[targets]
@@ -152,7 +133,7 @@ def next_source(units: Ints, first: int) -> int:
     for k in range(len(units)):
         missing = 0
         for length in units[k]:
-            missing += length == _UNKNOWN
+            missing += length == UNKNOWN
         farther = first >= 0 and most > 0 and missing == most and units[first, k] > units[first, source]
         if missing > most or farther:
             source, most = k, missing

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numba import njit
 
 from layoutexplore.errors import ConfigError, shortened
 from layoutexplore.files import read_json
 from layoutexplore.frontiers.detection import FrontierClusters
-from layoutexplore.grids.arrays import Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.polygons import fill, polygons_of
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.options import Rule
@@ -110,21 +109,4 @@ def clusters_inside(clusters: FrontierClusters, region: Mask) -> FrontierCluster
         >>> inside.cells.tolist(), inside.offsets.tolist()
         ([[0, 1]], [0, 1])
     """
-    return FrontierClusters(*_keep(clusters.cells, clusters.offsets, region))
-
-
-@njit(cache=True, nogil=True)
-def _keep(cells: Ints32, offsets: Ints, region: Mask) -> tuple[Ints32, Ints]:
-    """The cells and offsets that are left."""
-    kept, starts = np.empty_like(cells), np.zeros_like(offsets)
-    count, clusters = 0, 0
-    for k in range(len(offsets) - 1):
-        for n in range(offsets[k], offsets[k + 1]):
-            if region[cells[n, 0], cells[n, 1]]:
-                kept[count] = cells[n]
-                count += 1
-        # A cluster of which nothing is left has no number.
-        if count > starts[clusters]:
-            clusters += 1
-            starts[clusters] = count
-    return kept[:count], starts[: clusters + 1]
+    return clusters.chosen(region[clusters.cells[:, 0], clusters.cells[:, 1]])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import cv2
 
 from layoutexplore.errors import unknown_name
-from layoutexplore.speed import decisions, environment, kernels, layout, training, vector
+from layoutexplore.speed import decisions, engines, environment, kernels, layout, training, vector
 from layoutexplore.speed.measurement import Measurement, SpeedRow
 
 
@@ -33,6 +33,7 @@ def measurements(only: Sequence[str] = ()) -> list[Measurement]:
             Measurement("motion", environment.motion_steps),
             Measurement("vector", vector.vector_steps),
             Measurement("training", training.training),
+            Measurement("engines", engines.engines),
             Measurement("reset", environment.resets),
             Measurement("memory", environment.memory),
             Measurement("import", environment.import_time),

@@ -53,13 +53,14 @@ class _Part(NamedTuple):
     geometry: BaseGeometry
 
 
-def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None) -> FloorPlan:
+def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None, data: Any = None) -> FloorPlan:
     """Read rooms and doors of a GeoJSON file that is not of our own format.
 
     Args:
         path: The file.
         columns: What means what: "room" -> the property with a room's label, "kind" -> the one that says
             what a feature is, "width" -> the one with a door's width in metres.
+        data: What the file holds, where that is known already.
 
     Raises:
         MapError: It holds no polygon, or is not in metres or degrees.
@@ -68,7 +69,7 @@ def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None) -
     Warns:
         MapWarning: Degrees were projected; features were left out or mended.
     """
-    data = read_json(path)
+    data = read_json(path) if data is None else data
     dropped = Dropped(path)
     names = _names(columns or {}, path)
     features = data.get("features") if isinstance(data, dict) else None

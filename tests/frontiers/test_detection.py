@@ -161,3 +161,17 @@ def test_areas_that_are_kept_are_those_anew(seed: int, reach: float, rays: int) 
         cells[box[0] : box[1], box[2] : box[3]] = rng.choice(
             [-1, 0, 100], size=(box[1] - box[0], box[3] - box[2])
         )
+
+
+@given(seed=st.integers(0, 100_000))
+@settings(max_examples=60, deadline=None)
+def test_chosen_cells_are_those_of_each_cluster(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    given_ones = [rng.integers(0, 50, (int(rng.integers(1, 6)), 2)) for _ in range(int(rng.integers(0, 7)))]
+    clusters = FrontierClusters.of(given_ones)
+    kept = rng.random(len(clusters.cells)) < rng.choice([0.0, 0.5, 1.0])
+    parts = np.split(kept, clusters.offsets[1:-1]) if given_ones else []
+    expected = [cluster[part].tolist() for cluster, part in zip(given_ones, parts, strict=True) if part.any()]
+    found = clusters.chosen(kept)
+    assert [found.cluster(k).tolist() for k in range(len(found))] == expected
+    assert found.cells.dtype == np.int32 and found.offsets.dtype == np.int64 and found.offsets[0] == 0

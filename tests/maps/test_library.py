@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -89,3 +90,17 @@ def test_plans_are_kept_until_their_file_changes(tmp_path: Path) -> None:
     save_plan(floorplan_from_ascii(FLAT, name="plan"), path)
     os.utime(path, ns=(changed, changed))
     assert len(cached_plan(path).rooms) == 5 and cached_plan(path) is not first
+
+
+def test_a_large_file_is_parsed_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """GeoJSON, our own and that of others, whatever its ending."""
+    save_plan(load_plan("apartment-01"), tmp_path / "own.json")
+    square = {"type": "Polygon", "coordinates": [[[0, 0], [4, 0], [4, 4], [0, 4], [0, 0]]]}
+    feature = {"type": "Feature", "properties": {}, "geometry": square}
+    other = json.dumps({"type": "FeatureCollection", "features": [feature]})
+    (tmp_path / "other.geojson").write_text(other)
+    parsed: list[int] = []
+    loads = json.loads
+    monkeypatch.setattr(json, "loads", lambda text: (parsed.append(len(text)), loads(text))[1])
+    assert len(load_plan(tmp_path / "own.json").rooms) > 1 and len(parsed) == 1
+    assert len(load_plan(tmp_path / "other.geojson").rooms) == 1 and len(parsed) == 2

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from layoutexplore.errors import MapError, MapWarning
-from layoutexplore.maps.shared_walls import Opening, plan_from_outlines
+from layoutexplore.grids.polygons import polygons_of
+from layoutexplore.maps.shared_walls import (
+    WALL_REACH,
+    Opening,
+    floors_between,
+    plan_from_outlines,
+    walls_along,
+)
 from tests.maps.cases import share_reached
 
 
@@ -44,3 +53,29 @@ def test_doors_to_the_outside_and_doors_on_no_wall() -> None:
     assert door.rooms == (0, 5) and {round(v, 6) for v in (door.start[1], door.end[1])} == {0.0}
     with pytest.raises(MapError, match="no room"):
         plan_from_outlines({}, {}, [], name="nothing")
+
+
+def test_floors_are_those_that_all_walls_leave() -> None:
+    """Rooms cut out of the walls near them are those cut out of all walls; doors join the nearest rooms."""
+    rng = np.random.default_rng(3)
+    outlines, openings = {}, []
+    for number in range(1, 50):
+        row, col = divmod(number - 1, 7)
+        x, y = 4.1 * col + rng.uniform(-0.1, 0.1), 4.1 * row + rng.uniform(-0.1, 0.1)
+        outlines[number] = shapely.affinity.rotate(shapely.box(x, y, x + 3.7, y + 3.8), 0.3, origin=(0, 0))
+        place = shapely.affinity.rotate(shapely.Point(x + 3.9, y + 2.0), 0.3, origin=(0, 0))
+        openings.append(Opening((place.x, place.y)))
+    walls = walls_along(list(outlines.values()))
+    rooms, scraps = floors_between(outlines, walls, dict.fromkeys(outlines, ""))
+    left_over = []
+    for room in rooms:
+        parts = sorted(polygons_of(outlines[room.id].difference(walls)), key=lambda part: -part.area)
+        assert shapely.to_wkb(room.polygon) == shapely.to_wkb(parts[0])
+        left_over += parts[1:]
+    assert shapely.to_wkb(scraps) == shapely.to_wkb(shapely.union_all(left_over))
+    doors = plan_from_outlines(outlines, {}, openings, name="grid").doors
+    for opening, door in zip(openings, doors, strict=True):
+        away = {k: outline.exterior.distance(shapely.Point(opening.place)) for k, outline in outlines.items()}
+        nearest = sorted(away, key=lambda k: away[k])[:2]
+        joined = sorted(k for k in nearest if away[k] <= WALL_REACH)
+        assert door.rooms == (tuple(joined) if len(joined) == 2 else (0, *joined))

@@ -88,7 +88,7 @@ def test_the_table_does_not_grow_without_end() -> None:
         np.testing.assert_array_equal(
             cache.lengths(mask, places, 0.1), distance_matrix(mask, places.astype(np.int32), 0.1)
         )
-        assert len(cache._cells) <= 256 + 40
+        assert len(cache._known.cells) <= 256 + 40
 
 
 def test_another_shape_is_another_map() -> None:
