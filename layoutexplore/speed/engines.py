@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from layoutexplore.benchmark.cluster import run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
@@ -110,7 +111,7 @@ def _results(cluster: str, tasks: range) -> Iterator[Row]:
 def _empty_cell(number: int) -> Row:
     """A row as long as those of real runs."""
     value = number + 1 / 3
-    numbers = dict.fromkeys(_NUMBERS, value)
+    numbers: dict[str, Any] = dict.fromkeys(_NUMBERS, value)
     return Row(
         plan=f"plan-{number % 50}",
         start=number,
