@@ -25,7 +25,7 @@ def register(app: typer.Typer) -> None:
 def speed(
     only: Annotated[
         list[str] | None,
-        typer.Option("--only", help="Measure only this (repeatable): rays, mapping, frontiers, ..."),
+        typer.Option("--only", help="Measure only this (repeatable): rays, mapping, engines, ..."),
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", help="Write the figures to this file as well.")
@@ -42,7 +42,8 @@ def speed(
     """
     from rich.console import Console
 
-    from layoutexplore.speed import measure
+    from layoutexplore.evaluation.engines import engines
+    from layoutexplore.speed import Measurement, measure
 
     if picture and only and "decisions" not in only:
         raise ConfigError(
@@ -51,7 +52,8 @@ def speed(
     console = Console()
     rows: list[SpeedRow] = []
     with console.status("Measuring") as status:
-        rows.extend(measure(only or (), begin=lambda name: status.update(f"Measuring {name}")))
+        more = (Measurement("engines", engines),)
+        rows.extend(measure(only or (), more=more, begin=lambda name: status.update(f"Measuring {name}")))
     console.print(_table(rows))
     if json_file:
         write_json(json_file, {"versions": _versions(), "rows": [row.as_dict() for row in rows]})

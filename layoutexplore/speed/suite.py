@@ -7,12 +7,16 @@ from collections.abc import Callable, Iterator, Sequence
 import cv2
 
 from layoutexplore.errors import unknown_name
-from layoutexplore.speed import decisions, engines, environment, kernels, layout, training, vector
+from layoutexplore.speed import decisions, environment, kernels, layout, training, vector
 from layoutexplore.speed.measurement import Measurement, SpeedRow
 
 
-def measurements(only: Sequence[str] = ()) -> list[Measurement]:
+def measurements(only: Sequence[str] = (), *, more: Sequence[Measurement] = ()) -> list[Measurement]:
     """The measurements of these names, all by default.
+
+    Args:
+        only: Names of measurements.
+        more: Measurements of what lies above this folder.
 
     Raises:
         UnknownNameError: There is no measurement of that name.
@@ -33,10 +37,10 @@ def measurements(only: Sequence[str] = ()) -> list[Measurement]:
             Measurement("motion", environment.motion_steps),
             Measurement("vector", vector.vector_steps),
             Measurement("training", training.training),
-            Measurement("engines", engines.engines),
             Measurement("reset", environment.resets),
             Measurement("memory", environment.memory),
             Measurement("import", environment.import_time),
+            *more,
         )
     }
     for name in only:
@@ -46,18 +50,22 @@ def measurements(only: Sequence[str] = ()) -> list[Measurement]:
 
 
 def measure(
-    only: Sequence[str] = (), *, begin: Callable[[str], None] = lambda name: None
+    only: Sequence[str] = (),
+    *,
+    more: Sequence[Measurement] = (),
+    begin: Callable[[str], None] = lambda name: None,
 ) -> Iterator[SpeedRow]:
     """Run measurements one after the other, each on one thread.
 
     Args:
         only: Names of measurements; all by default.
+        more: Measurements of what lies above this folder.
         begin: Called with the name of each measurement when it begins.
     """
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        for measurement in measurements(only):
+        for measurement in measurements(only, more=more):
             begin(measurement.name)
             yield from measurement.run()
     finally:

@@ -42,7 +42,7 @@ def use(monkeypatch: pytest.MonkeyPatch, *rows: SpeedRow) -> None:
     def given() -> Iterator[SpeedRow]:
         yield from rows
 
-    monkeypatch.setattr(suite, "measurements", lambda only=(): [Measurement("walking", given)])
+    monkeypatch.setattr(suite, "measurements", lambda only=(), more=(): [Measurement("walking", given)])
 
 
 def invoke(*arguments: str) -> tuple[int, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from layoutexplore.speed import engines
+from layoutexplore.evaluation import engines
 
 
 def test_every_cell_becomes_a_row() -> None:
