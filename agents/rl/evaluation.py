@@ -63,7 +63,7 @@ class Evaluation:
 
         Args:
             agent: Who explores.
-            stop: Asked after every exploration whether to give up.
+            stop: Asked after every decision whether to give up.
 
         Returns:
             `d95` and `d99` (mean metres), `coverage`, and `d95_ratio.NAME`, `d99_ratio.NAME` for every
@@ -73,7 +73,7 @@ class Evaluation:
         for name in self.config.evaluation.references:
             if name not in self._references and not stop():
                 self._references[name] = self._explore(make_agent(name), stop)
-        metres = self._explore(agent, stop)
+        metres = [] if stop() else self._explore(agent, stop)
         if stop():
             return {}
         scores = {"d95": _mean(m.d95 for m in metres), "d99": _mean(m.d99 for m in metres)}
@@ -92,13 +92,14 @@ class Evaluation:
                 plan, simulation_config, make_predictor(getattr(agent, "predictor", "none"))
             )
             start = start_pose(plan, simulation_config, 0, cell.start)
-            episode = play(simulation, agent, seed=run_seed(0, plan.name, cell.start), start=start)
+            seed = run_seed(0, plan.name, cell.start)
+            episode = play(simulation, agent, seed=seed, start=start, until=lambda _: stop())
+            if stop():
+                break
             curve = score_curve(
                 episode.curve, budget=simulation.max_distance, target_area=simulation.target_area
             )
             metres.append(Metres(max(curve.d95, 0.1), max(curve.d99, 0.1), simulation.coverage))
-            if stop():
-                break
         return metres
 
 

@@ -28,8 +28,11 @@ from layoutexplore.processes import command_line, more_time
 CONFIG = "config.toml"
 EVALUATIONS = "evaluations.csv"
 
-CHECKPOINT_TIME = 30.0
-"""Seconds that the last checkpoint may take once the training was asked to stop."""
+CHECKPOINT_TIME = 4.5
+"""Seconds that the last checkpoint may take once the training was asked to stop.
+
+Where an update takes longer, the checkpoint before stays: `checkpoint_every` says how much that can cost.
+"""
 
 
 class Watcher(Protocol):

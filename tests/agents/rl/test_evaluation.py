@@ -21,3 +21,14 @@ def test_references_are_explored_once(tmp_path: Path) -> None:
     first = evaluation.compare(make_agent("nearest"))
     assert first["d95_ratio.nearest"] == first["d99_ratio.nearest"] == 1.0
     assert evaluation.compare(make_agent("tour"), lambda: True) == {}
+
+
+def test_it_is_given_up_within_an_exploration(tmp_path: Path) -> None:
+    asked = []
+
+    def stop() -> bool:
+        asked.append(True)
+        return len(asked) > 5
+
+    assert Evaluation(small_config(tmp_path)).compare(make_agent("nearest"), stop) == {}
+    assert len(asked) < 12
