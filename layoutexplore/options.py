@@ -270,7 +270,7 @@ def parse_options(what: str, spec: str, name: str, text: str | None, defaults: A
         return defaults
     if not text.strip():
         form = f"write {name!r} or NAME:key=value,key=value"
-        raise ConfigError(f"{what} {spec!r}: nothing follows the colon; {form}")
+        raise ConfigError(f"{what} {shortened(spec)}: nothing follows the colon; {form}")
     fields = {field.name: field for field in dataclasses.fields(defaults)}
     first = next((key for key, field in fields.items() if field.metadata.get("positional")), "")
     whole = bool(first) and fields[first].metadata["whole"]
@@ -279,16 +279,16 @@ def parse_options(what: str, spec: str, name: str, text: str | None, defaults: A
     if whole or (first and items[0].partition("=")[0].strip() not in fields):
         items[0] = f"{first}={items[0]}"
     values: dict[str, Value] = {}
-    for key, value in split_pairs(f"{what} {spec!r}", items).items():
+    for key, value in split_pairs(f"{what} {shortened(spec)}", items).items():
         if key not in fields:
             if not fields:
-                raise ConfigError(f"{what} {spec!r}: it has no parameters")
-            raise unknown_name(f"parameter of {what} {name!r}", key, fields)
-        values[key] = read_value(f"{what} {spec!r}: {key}", getattr(defaults, key), value)
+                raise ConfigError(f"{what} {shortened(spec)}: it has no parameters")
+            raise unknown_name(f"parameter of {what} {shortened(name)}", key, fields)
+        values[key] = read_value(f"{what} {shortened(spec)}: {key}", getattr(defaults, key), value)
     try:
         return dataclasses.replace(defaults, **values)
     except ConfigError as error:
-        raise ConfigError(f"{what} {spec!r}: {error}") from None
+        raise ConfigError(f"{what} {shortened(spec)}: {error}") from None
 
 
 def split_pairs(where: str, items: Iterable[str]) -> dict[str, str]:
@@ -305,9 +305,9 @@ def split_pairs(where: str, items: Iterable[str]) -> dict[str, str]:
     for item in items:
         key, equals, value = (part.strip() for part in item.partition("="))
         if not (equals and key and value):
-            raise ConfigError(f"{where}: {item.strip()!r} is not of the form key=value")
+            raise ConfigError(f"{where}: {shortened(item.strip())} is not of the form key=value")
         if key in pairs:
-            raise ConfigError(f"{where}: {key!r} is given twice")
+            raise ConfigError(f"{where}: {shortened(key)} is given twice")
         pairs[key] = value
     return pairs
 

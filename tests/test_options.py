@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from layoutexplore.agents import make_agent
 from layoutexplore.agents.greedy import NearestOptions
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.envs.curriculum import PlanSampler
 from layoutexplore.envs.motion import MotionConfig
 from layoutexplore.envs.observation import ObservationConfig
-from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.errors import ConfigError, LayoutExploreError, UnknownNameError
 from layoutexplore.frontiers.tour_features import TourConfig
 from layoutexplore.maps.generator import PlanConfig
 from layoutexplore.options import Options, Rule, check, format_spec, from_table, option, parse_spec, rule_like
@@ -136,3 +137,10 @@ def test_texts_are_read_as_they_are_written() -> None:
     ):
         with pytest.raises(ConfigError, match=said):
             parse_spec("toy", text, known)
+
+
+def test_a_message_about_a_long_text_is_short() -> None:
+    for text in ("nearest:min_size=" + "1" * 5000, "nearest:" + "x" * 5000, "nearest:" + "y" * 5000 + "=1"):
+        with pytest.raises(LayoutExploreError) as error:
+            make_agent(text)
+        assert len(str(error.value)) < 1200

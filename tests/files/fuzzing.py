@@ -22,8 +22,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from layoutexplore.errors import LayoutExploreError
+from tests.files.command_targets import READERS
 from tests.files.mutators import mutate
-from tests.files.targets import TARGETS, Target
+from tests.files.targets import Target
 
 SECONDS = 10
 GIBIBYTE = 1 << 30
@@ -47,7 +48,7 @@ class Figures:
 
 def fuzz(name: str, inputs: int, seed: int, keep: Path | None = None) -> Figures:
     """Read so many damaged files of a reader."""
-    target, figures, rng = TARGETS[name], Figures(), random.Random(f"{name} {seed}")
+    target, figures, rng = READERS[name], Figures(), random.Random(f"{name} {seed}")
     with tempfile.TemporaryDirectory() as folder:
         whole, place = Path(folder) / "whole", Path(folder) / "place"
         whole.mkdir()
@@ -130,14 +131,14 @@ def limit_memory() -> None:
 
 def inputs_of(name: str, inputs: int, names: list[str]) -> int:
     """The share of a reader."""
-    return max(round(inputs * TARGETS[name].share / sum(TARGETS[n].share for n in names)), 1)
+    return max(round(inputs * READERS[name].share / sum(READERS[n].share for n in names)), 1)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description="Read damaged files.")
     parser.add_argument("--inputs", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--readers", nargs="*", default=list(TARGETS), choices=list(TARGETS))
+    parser.add_argument("--readers", nargs="*", default=list(READERS), choices=list(READERS))
     parser.add_argument("--keep", type=Path)
     options = parser.parse_args()
     signal.signal(signal.SIGPROF, stop)

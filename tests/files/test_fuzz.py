@@ -8,16 +8,16 @@ import sys
 
 import pytest
 
+from tests.files.command_targets import READERS
 from tests.files.fuzzing import fuzz
-from tests.files.targets import TARGETS
 
-QUICK = [name for name in TARGETS if name not in ("network policy", "resume", "report")]
+QUICK = [name for name in READERS if name not in ("network policy", "resume", "report")]
 """Readers that need neither torch nor a report."""
 
 
 @pytest.mark.parametrize("name", QUICK)
 def test_damaged_files_are_taken_or_refused(name: str) -> None:
-    found = fuzz(name, round(40 * TARGETS[name].share), seed=1)
+    found = fuzz(name, round(40 * READERS[name].share), seed=1)
     assert found.failed == 0, found.faults
     assert found.refused + found.accepted == found.tried > 0
 
