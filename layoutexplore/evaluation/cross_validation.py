@@ -1,9 +1,11 @@
-"""The method `default` scored on buildings that its classifier has never seen.
+"""The method `default` scored on buildings, or whole sources, that its classifier has never seen.
 
-The buildings are dealt into folds; for each fold the classifier is trained on the maps of all the others, on
-these maps while being explored, and on maps simulated from floor plans, and the method is scored on the fold.
-Training takes chance: with several seeds, the spread of the means over the seeds is what a difference between
-two trainings has to exceed.
+The maps are held out by building, dealt into folds, or by source: where a map comes from (who drew or
+recorded it, with what). Folds inside one source flatter, for a new user's maps are of no source that was
+trained on. Either way the classifier is trained on the maps of all the others, on these maps while being
+explored, and on maps simulated from floor plans, and the method is scored on what was held out. Training
+takes chance: with several seeds, the spread of the means over the seeds is what a difference between two
+trainings has to exceed.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from layoutexplore.errors import ConfigError
 from layoutexplore.evaluation.segmentation import MapScore, score_case
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import OccupancyGrid
@@ -19,8 +22,12 @@ from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.models.forest import Forest
 from layoutexplore.training.folds import Progress, check_folds, deal_folds, silent
+from layoutexplore.training.merging_examples import Example
 from layoutexplore.training.room_merging import MergingTrainingConfig, train_forest, training_examples
 from layoutexplore.training.simulated_maps import simulated_examples
+
+Scored = tuple[Case, MapScore, Ints32]
+"""A map, its scores and its labels."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,27 +35,41 @@ class CrossValidationConfig:
     """How the default method is cross-validated.
 
     Attributes:
-        folds: Number of folds.
+        folds: Number of folds of buildings; not used where sources are left out.
         protocol: Of `layoutexplore.metrics.segmentation.PROTOCOLS`.
         resolution: Metres a pixel.
         simulated: Number of simulated maps to train on besides.
         plans: Floor plans to simulate maps of, besides generated ones.
         seeds: The classifiers are trained so many times, with seeds 0, 1, ...
         weights: Weight in training of a folder's maps where it is not 1.
+        sources: Source of a folder's maps where it is not the folder's own name.
     """
 
-    folds: int
+    folds: int = 0
     protocol: str
     resolution: float
     simulated: int
     plans: tuple[str, ...] = ()
     seeds: int = 1
     weights: Mapping[str, float] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
+
+    def source_of(self, case: Case) -> str:
+        """The source of a map."""
+        return self.sources.get(case.folder, case.folder)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """What is held out at once, and what is trained on for it."""
+
+    held: Sequence[Case]
+    examples: Sequence[Example]
 
 
 def cross_validate_merging(
     cases: Sequence[Case], config: CrossValidationConfig, progress: Progress = silent
-) -> Iterator[tuple[Case, MapScore, Ints32]]:
+) -> Iterator[Scored]:
     """Score the method on every map with a classifier that has not seen its building, once for each seed.
 
     Args:
@@ -60,18 +81,67 @@ def cross_validate_merging(
     dealt = deal_folds([case.building for case in cases], config.folds)
     examples = training_examples(cases, config.resolution, progress)
     extra = simulated_examples(config.simulated, config.plans, progress=progress)
+    parts = [
+        _Part(
+            [case for case in cases if dealt[case.building] == fold],
+            [*(e for e in examples if dealt[e.building] != fold), *extra],
+        )
+        for fold in range(config.folds)
+    ]
+    yield from _score_parts(parts, config, progress)
+
+
+def leave_sources_out(
+    cases: Sequence[Case], config: CrossValidationConfig, progress: Progress = silent
+) -> Iterator[Scored]:
+    """Score the method on every map with a classifier that has seen no map of its source, nor of its building.
+
+    A building that two sources have mapped is left out of the training with either of them. The scores'
+    `fold` counts the sources, in the order in which they come.
+
+    Args:
+        cases: The maps, of at least two sources.
+        config: How.
+        progress: Told of what takes long.
+
+    Raises:
+        ConfigError: There is one source only, or nothing is left to train on.
+    """
+    groups: dict[str, list[Case]] = {}
+    for case in cases:
+        groups.setdefault(config.source_of(case), []).append(case)
+    if len(groups) < 2:
+        raise ConfigError(f"leaving out a source takes at least two; all maps are of {next(iter(groups))!r}")
+    for source, held in groups.items():
+        if {case.building for case in cases} == {case.building for case in held} and not config.simulated:
+            raise ConfigError(f"without the buildings of source {source!r} nothing is left to train on")
+    learnt = {name: training_examples(part, config.resolution, progress) for name, part in groups.items()}
+    extra = simulated_examples(config.simulated, config.plans, progress=progress)
+    parts = []
+    for source, held in groups.items():
+        known = {case.building for case in held}
+        others = [e for name, part in learnt.items() if name != source for e in part]
+        parts.append(_Part(held, [*(e for e in others if e.building not in known), *extra]))
+    yield from _score_parts(parts, config, progress)
+
+
+def _score_parts(parts: Sequence[_Part], config: CrossValidationConfig, progress: Progress) -> Iterator[Scored]:
+    """Train for each part and score it, seed by seed; `fold` is the number of the part."""
     for seed in range(config.seeds):
-        for fold in range(config.folds):
+        for fold, part in enumerate(parts):
             training = MergingTrainingConfig(seed=seed, kind_weights=config.weights)
-            forest = train_forest([*(e for e in examples if dealt[e.building] != fold), *extra], training)
-            progress("judges trained", seed * config.folds + fold + 1, config.seeds * config.folds)
+            forest = train_forest(part.examples, training)
+            progress("judges trained", seed * len(parts) + fold + 1, config.seeds * len(parts))
 
             def run(grid: OccupancyGrid, forest: Forest = forest) -> Layout:
                 return reconstruct_with(grid, MergingConfig(), forest)
 
-            for case in cases:
-                if dealt[case.building] == fold:
-                    row, layout = score_case(
-                        case, "default", protocol=config.protocol, resolution=config.resolution, run=run
-                    )
-                    yield case, replace(row, fold=fold, seed=seed), layout.labels
+            for case in part.held:
+                row, layout = score_case(
+                    case, "default", protocol=config.protocol, resolution=config.resolution, run=run
+                )
+                yield (
+                    case,
+                    replace(row, source=config.source_of(case), fold=fold, seed=seed),
+                    layout.labels,
+                )

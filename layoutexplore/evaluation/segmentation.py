@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case, read_case
 from layoutexplore.metrics.segmentation import MEASURES, score_segmentation
+from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_mean
 from layoutexplore.processes import end_with_parent
 
 COLUMNS = (*MEASURES, "segments", "rooms", "ms")
@@ -47,6 +48,7 @@ class MapScore:
     segments: int
     rooms: int
     ms: float
+    source: str = ""
     fold: int = -1
     seed: int = 0
     warnings: str = ""
@@ -137,16 +139,45 @@ def _warm_up(methods: Sequence[str]) -> None:
 
 
 def summarise_segmentation(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
-    """Mean and standard deviation (ddof 0) over the maps of each folder and method, as they appear."""
+    """Mean and standard deviation (ddof 0) over the maps of each folder and method, as they appear.
+
+    With how many buildings stand behind it, and the 95 % interval of one-to-one from resampling them
+    (NaN where there is one only).
+    """
     groups: dict[tuple[str, str], list[MapScore]] = {}
     for row in rows:
         groups.setdefault((row.folder, row.method), []).append(row)
     out = []
     for (folder, method), part in groups.items():
-        line: dict[str, Any] = {"folder": folder, "method": method, "maps": len(part)}
+        buildings = [row.building for row in part]
+        interval = cluster_bootstrap([row.one_to_one for row in part], buildings, weighted_mean)
+        line: dict[str, Any] = {
+            "folder": folder,
+            "method": method,
+            "maps": len({row.map for row in part}),
+            "buildings": len(set(buildings)),
+            "low": interval.low,
+            "high": interval.high,
+        }
         for column in COLUMNS:
             values = np.array([getattr(row, column) for row in part], np.float64)
             line[column], line[f"{column}_std"] = float(values.mean()), float(values.std())
+        out.append(line)
+    return out
+
+
+def score_groups(rows: Sequence[MapScore], by: Literal["source", "building"]) -> list[dict[str, Any]]:
+    """Means over the maps of each source, or of each building in each source and folder, as they appear."""
+    groups: dict[tuple[str, ...], list[MapScore]] = {}
+    for row in rows:
+        key = (row.source,) if by == "source" else (row.source, row.folder, row.building)
+        groups.setdefault(key, []).append(row)
+    out = []
+    for key, part in groups.items():
+        names = dict(zip(("source", "folder", "building"), key, strict=False))
+        line: dict[str, Any] = {**names, "maps": len({(row.folder, row.map) for row in part})}
+        line["buildings"] = len({row.building for row in part})
+        line |= {m: float(np.mean([getattr(row, m) for row in part])) for m in MEASURES}
         out.append(line)
     return out
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -17,7 +18,10 @@ from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.maps import expand_plans, load_plan
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.painted_rooms import find_cases
+from layoutexplore.models.forest import Forest
 from layoutexplore.training.folds import check_folds, deal_folds
+from layoutexplore.training.merging_examples import SIMULATED, Example
+from layoutexplore.training.room_merging import MergingTrainingConfig, first_forest
 from tests.maps.cases import share_reached
 
 runner = CliRunner()
@@ -178,6 +182,47 @@ def test_cross_validation_never_trains_on_the_building_it_scores(tmp_path: Path)
     result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), *options])
     assert result.exit_code == 0, result.output
     assert result.output.count("default:") == 3
+
+
+def test_a_source_is_scored_without_its_maps_and_its_buildings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = {"survey": ("tower_scan", "barn"), "survey_full": ("tower",), "clutter": ("tower", "mill")}
+    for folder, names in drawn.items():
+        (tmp_path / folder).mkdir()
+        for name in names:
+            draw(tmp_path / folder, name)
+    learnt: list[set[tuple[str, str]]] = []
+
+    def spy(examples: Sequence[Example], config: MergingTrainingConfig) -> Forest:
+        learnt.append({(e.kind.split(",")[0], e.building) for e in examples if e.building != SIMULATED})
+        return first_forest()
+
+    monkeypatch.setattr("layoutexplore.evaluation.cross_validation.train_forest", spy)
+    command = ["evaluate", "segmentation", *(str(tmp_path / folder) for folder in drawn)]
+    options = ["--leave-out", "source", "--source", "survey_full=survey", "--simulated", "2"]
+    numbers = tmp_path / "numbers.json"
+    result = runner.invoke(app, [*command, *options, "--json", str(numbers)])
+    assert result.exit_code == 0, result.output
+    # the tower is of both sources, so that no map of it is trained on for either
+    assert learnt == [{("clutter", "mill")}, {("survey", "barn")}]
+    data = json.loads(numbers.read_text())
+    assert [(line["source"], line["maps"], line["buildings"]) for line in data["source"]] == [
+        ("survey", 3, 2),
+        ("clutter", 2, 2),
+    ]
+    assert len(data["building"]) == 5 and {row["source"] for row in data["maps"]} == {"survey", "clutter"}
+    assert "source left out" in result.output
+    for wrong, said in (
+        (["--leave-out", "source", "--source", "clutter"], "FOLDER=SOURCE"),
+        (["--leave-out", "source", "--source", "nowhere=a"], "no folder of that name"),
+        (["--leave-out", "source", "--folds", "2"], "choose one"),
+        (["--leave-out", "source", "-m", "rose2"], "the only one that is trained"),
+        (["--source", "clutter=a"], "needs"),
+        (["--leave-out", "source", *(f"--source={folder}=one" for folder in drawn)], "at least two"),
+    ):
+        result = runner.invoke(app, [*command, *wrong])
+        assert isinstance(result.exception, ConfigError) and said in str(result.exception), wrong
 
 
 def test_buildings_come_from_a_file_or_the_name(tmp_path: Path) -> None:

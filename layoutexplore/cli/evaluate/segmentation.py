@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -40,6 +40,14 @@ Seeds = Annotated[int, typer.Option(min=1, help="Train the folds' judges so ofte
 BuildingsFile = Annotated[
     Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME), for the folds.")
 ]
+LeaveOut = Annotated[
+    Literal["source"] | None,
+    typer.Option(help="Score each source with a judge trained without its maps and buildings."),
+]
+Sources = Annotated[
+    list[str] | None,
+    typer.Option("--source", help="FOLDER=SOURCE: where a folder's maps come from, else its name; repeat."),
+]
 Simulated = Annotated[int, typer.Option(min=0, help="Simulated maps each fold is trained on besides.")]
 PlanFolders = Annotated[
     list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
@@ -51,6 +59,8 @@ def segmentation(
     method: Methods = None,
     protocol: Protocol = "rose2",
     folds: MergingFolds = 0,
+    leave_out: LeaveOut = None,
+    source: Sources = None,
     seeds: Seeds = 1,
     buildings: BuildingsFile = None,
     simulated: Simulated = 150,
@@ -63,11 +73,19 @@ def segmentation(
     ] = None,
     jobs: Jobs = 1,
 ) -> None:
-    """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all."""
+    """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all.
+
+    With --leave-out source, each source of maps is scored with a judge trained without it: the figure to
+    expect of maps from elsewhere, and the one by which models are chosen.
+    """
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.errors import ConfigError, require
-    from layoutexplore.evaluation.cross_validation import CrossValidationConfig, cross_validate_merging
-    from layoutexplore.evaluation.segmentation import evaluate_cases, seed_spread, summarise_segmentation
+    from layoutexplore.evaluation.cross_validation import (
+        CrossValidationConfig,
+        cross_validate_merging,
+        leave_sources_out,
+    )
+    from layoutexplore.evaluation.segmentation import evaluate_cases
     from layoutexplore.layout.pipeline import layout_method
     from layoutexplore.maps.painted_rooms import find_cases
     from layoutexplore.metrics.segmentation import PROTOCOLS
@@ -78,11 +96,12 @@ def segmentation(
     for name in methods:
         layout_method(name)
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
-    _check_folds(folds, methods, {"--seeds": seeds > 1, "--plans": bool(plans), "--weight": bool(weight)})
+    training = {"--seeds": seeds > 1, "--plans": bool(plans), "--weight": bool(weight)}
+    _check_held_out(folds, leave_out, methods, {**training, "--source": bool(source)})
     check_places(out, json_file)
     if out is not None:
         require("jinja2", "bench")
-    if folds:
+    if folds or leave_out:
         config = CrossValidationConfig(
             folds=folds,
             protocol=protocol,
@@ -91,30 +110,37 @@ def segmentation(
             plans=tuple(_plans(plans)),
             seeds=seeds,
             weights=_weights(weight, cases),
+            sources=_sources(source, cases),
         )
-        results = cross_validate_merging(cases, config, progress=progress_lines())
+        validate = leave_sources_out if leave_out else cross_validate_merging
+        results = validate(cases, config, progress=progress_lines())
     else:
         results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
     collected = []
     for case, row, labels in results:
         collected.append((case, row, labels))
         typer.echo(_line(row))
-    rows = [row for _, row, _ in collected]
-    _print_summary(summarise_segmentation(rows))
-    if seeds > 1:
-        _print_spread(seed_spread(rows))
-    _write_results(collected, json_file, out, protocol=protocol, resolution=resolution, folds=folds)
+    _print_all([row for _, row, _ in collected], by_source=leave_out is not None)
+    held_out = "each source left out" if leave_out else f"{folds} folds of buildings" if folds else ""
+    _write_results(collected, json_file, out, protocol=protocol, resolution=resolution, held_out=held_out)
 
 
-def _check_folds(folds: int, methods: Sequence[str], training: dict[str, bool]) -> None:
-    """Refuse other methods with folds, and options of the training, given or not, without."""
+def _check_held_out(
+    folds: int, leave_out: str | None, methods: Sequence[str], training: dict[str, bool]
+) -> None:
+    """Refuse other methods where judges are trained, and options of the training, given or not, elsewhere."""
     from layoutexplore.errors import ConfigError
 
-    if folds and methods != ["default"]:
-        raise ConfigError("--folds cross-validates the default method, the only one that is trained")
+    if folds and leave_out:
+        raise ConfigError("--folds and --leave-out are two ways to hold maps out: choose one")
+    if (folds or leave_out) and methods != ["default"]:
+        option = "--leave-out" if leave_out else "--folds"
+        raise ConfigError(f"{option} cross-validates the default method, the only one that is trained")
     for option, given in training.items():
-        if given and not folds:
-            raise ConfigError(f"{option} is about training: it needs --folds")
+        if given and not (folds or leave_out):
+            raise ConfigError(f"{option} is about training: it needs --folds or --leave-out")
+    if training["--source"] and not leave_out:
+        raise ConfigError("--source says what --leave-out source leaves out: it needs that option")
 
 
 def _write_results(
@@ -124,26 +150,31 @@ def _write_results(
     *,
     protocol: str,
     resolution: float,
-    folds: int,
+    held_out: str,
 ) -> None:
     """Write every number and the report where they are wanted."""
-    from layoutexplore.evaluation.segmentation import seed_spread, summarise_segmentation
+    from layoutexplore.evaluation.segmentation import score_groups, seed_spread, summarise_segmentation
 
     rows = [row for _, row, _ in results]
     if json_file is not None:
         numbers = {
             "protocol": protocol,
             "resolution": resolution,
-            "folds": folds,
+            "held_out": held_out,
+            "folds": len({row.fold for row in rows if row.fold >= 0}),
             "maps": [asdict(r) for r in rows],
+            "summary": summarise_segmentation(rows),
+            "seeds": seed_spread(rows),
         }
-        write_json(json_file, numbers | {"summary": summarise_segmentation(rows), "seeds": seed_spread(rows)})
+        if any(row.source for row in rows):
+            numbers |= {by: score_groups(rows, by) for by in ("source", "building")}
+        write_json(json_file, numbers)
         typer.echo(f"written: {json_file}")
     if out is not None:
         from layoutexplore.processes import command_line
         from layoutexplore.report.segmentation import write_segmentation_report
 
-        title = "Room segmentation" + (f", {folds} folds of buildings" if folds else "")
+        title = "Room segmentation" + (f", {held_out}" if held_out else "")
         written = write_segmentation_report(
             out, results, title=title, protocol=protocol, resolution=resolution, command=command_line()
         )
@@ -162,21 +193,52 @@ def _line(row: MapScore) -> str:
     )
 
 
+def _print_all(rows: Sequence[MapScore], *, by_source: bool) -> None:
+    """The tables after the maps: each set, and where sources were left out each building and source."""
+    from layoutexplore.evaluation.segmentation import score_groups, seed_spread, summarise_segmentation
+
+    _print_summary(summarise_segmentation(rows))
+    if by_source:
+        _print_groups("building", score_groups(rows, "building"))
+        _print_groups("source left out", score_groups(rows, "source"))
+    if len({row.seed for row in rows}) > 1:
+        _print_spread(seed_spread(rows))
+
+
+def _print_groups(heading: str, lines: Sequence[dict[str, Any]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
+
+    table = Table(heading, "maps", "buildings", *HEADINGS.values(), box=None)
+    for line in lines:
+        name = f"{line['folder']}: {line['building']}" if "building" in line else line["source"]
+        values = [f"{100 * line[m]:.1f}" for m in MEASURES]
+        table.add_row(name, str(line["maps"]), str(line["buildings"]), *values)
+    console = Console()
+    (console if console.is_terminal else Console(width=200)).print(table)
+
+
 def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
 
-    table = Table("set", "method", "maps", *HEADINGS.values(), "segments/rooms", "ms", box=None)
+    columns = "set", "method", "maps", "buildings", *HEADINGS.values(), "interval", "segments/rooms", "ms"
+    table = Table(*columns, box=None)
     for line in lines:
         values = [f"{100 * line[m]:.1f}±{100 * line[m + '_std']:.1f}" for m in MEASURES]
+        interval = f"{100 * line['low']:.1f}-{100 * line['high']:.1f}" if line["buildings"] > 1 else "-"
         counts = f"{line['segments']:.1f}/{line['rooms']:.1f}"
         table.add_row(
             line["folder"],
             line["method"],
             str(line["maps"]),
+            str(line["buildings"]),
             *values,
+            interval,
             counts,
             f"{line['ms']:.0f}±{line['ms_std']:.0f}",
         )
@@ -207,6 +269,22 @@ def _plans(folders: Sequence[str] | None) -> list[str]:
     from layoutexplore.maps import expand_plans
 
     return [plan for folder in folders or () for plan in expand_plans(folder)]
+
+
+def _sources(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, str]:
+    from layoutexplore.errors import ConfigError
+
+    folders, sources = {case.folder for case in cases}, {}
+    for text in given or ():
+        folder, equals, source = text.partition("=")
+        if not (folder and equals and source):
+            raise ConfigError(f"--source {text}: FOLDER=SOURCE is needed, such as bormann_furnished=survey")
+        if folder not in folders:
+            raise ConfigError(
+                f"--source {text}: no folder of that name is given; there are {', '.join(sorted(folders))}"
+            )
+        sources[folder] = source
+    return sources
 
 
 def _weights(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, float]:
