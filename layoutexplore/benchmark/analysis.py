@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,10 +55,11 @@ class Comparison:
         agent: The strategy.
         metric: d90, d95 or d99.
         cells: Number of pairs.
-        plans: Number of floor plans among them (of buildings, where these are resampled).
-        ratio: exp of the interquartile mean over cells of ln(metres / baseline's metres), interval over floor
-            plans.
-        plan_ratio: The same over the plans' mean log-ratios, so that every plan counts once.
+        plans: Number of floor plans among them.
+        buildings: Number of buildings among them: what is resampled.
+        ratio: exp of the interquartile mean over cells of ln(metres / baseline's metres), interval over
+            buildings.
+        plan_ratio: The same over the buildings' mean log-ratios, so that every building counts once.
         improvement: Probability of needing fewer metres than the baseline on a cell drawn at random.
         reached: Share of this agent's runs that reached the level, 0..1.
     """
@@ -68,6 +69,7 @@ class Comparison:
     metric: str
     cells: int
     plans: int
+    buildings: int
     ratio: Interval
     plan_ratio: Interval
     improvement: Interval
@@ -120,9 +122,7 @@ def groups(rows: Iterable[Row]) -> dict[str, list[Row]]:
     return {POOLED: good, **parts} if len(sensors) > 1 else parts
 
 
-def compare(
-    rows: Iterable[Row], baseline: str, buildings: Mapping[str, str] | None = None
-) -> list[Comparison]:
+def compare(rows: Iterable[Row], baseline: str) -> list[Comparison]:
     """Every agent against the baseline, for every group and level; nothing where the baseline did not run.
 
     Levels that were not measured (the runs were ended below them) are left out.
@@ -130,7 +130,6 @@ def compare(
     Args:
         rows: The runs.
         baseline: The agent to compare with.
-        buildings: The building of each floor plan, to resample buildings and not floor plans.
     """
     found = []
     for sensor, part in groups(rows).items():
@@ -141,26 +140,25 @@ def compare(
                 pairs = [(row, base[_cell(row)]) for row in mine if not math.isnan(getattr(row, metric))]
                 pairs = [(row, other) for row, other in pairs if not math.isnan(getattr(other, metric))]
                 if pairs:
-                    found.append(_comparison(sensor, agent, metric, pairs, buildings))
+                    found.append(_comparison(sensor, agent, metric, pairs))
     return found
 
 
-def _comparison(
-    sensor: str, agent: str, metric: str, pairs: list[tuple[Row, Row]], buildings: Mapping[str, str] | None
-) -> Comparison:
-    plans = [row.plan if buildings is None else buildings[row.plan] for row, _ in pairs]
+def _comparison(sensor: str, agent: str, metric: str, pairs: list[tuple[Row, Row]]) -> Comparison:
+    buildings = [row.cluster for row, _ in pairs]
     metres, reference = (np.maximum([getattr(pair[k], metric) for pair in pairs], SHORTEST) for k in (0, 1))
     logs = log_ratios(metres, reference)
-    means, names = cluster_means(logs, plans)
+    means, names = cluster_means(logs, buildings)
     return Comparison(
         sensor=sensor,
         agent=agent,
         metric=metric,
         cells=len(pairs),
-        plans=len(names),
-        ratio=cluster_bootstrap(logs, plans).map(math.exp),
+        plans=len({row.plan for row, _ in pairs}),
+        buildings=len(names),
+        ratio=cluster_bootstrap(logs, buildings).map(math.exp),
         plan_ratio=cluster_bootstrap(means, names).map(math.exp),
-        improvement=cluster_bootstrap(improvements(logs), plans, weighted_mean),
+        improvement=cluster_bootstrap(improvements(logs), buildings, weighted_mean),
         reached=float(np.mean([getattr(row, metric.replace("d", "reached")) for row, _ in pairs])),
     )
 
@@ -209,7 +207,7 @@ def _auc_difference(
     pairs = [(row, base[_cell(row)]) for row in mine if _cell(row) in base]
     if not pairs:
         return None
-    return cluster_bootstrap([gained(*pair) for pair in pairs], [row.plan for row, _ in pairs])
+    return cluster_bootstrap([gained(*pair) for pair in pairs], [row.cluster for row, _ in pairs])
 
 
 def curve_scale(row: Row) -> float:

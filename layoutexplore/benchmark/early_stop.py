@@ -40,14 +40,14 @@ class RunStop:
     """The end of one run.
 
     Attributes:
-        plan: Floor plan.
+        building: What is resampled.
         saved: 1 - metres / the baseline's metres to 99 %.
         lost: 0.99 less the coverage at the stop, at least 0.
         baseline_saved: What the baseline would have saved by stopping at the same coverage.
         early: Whether it stopped before 99 % at all.
     """
 
-    plan: str
+    building: str
     saved: float
     lost: float
     baseline_saved: float
@@ -56,7 +56,7 @@ class RunStop:
 
 @dataclass(frozen=True, kw_only=True)
 class EarlyStop:
-    """The stops of one strategy in one group, with intervals over floor plans.
+    """The stops of one strategy in one group, with intervals over buildings.
 
     Attributes:
         sensor: The sensor, or all of them.
@@ -104,7 +104,7 @@ def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[Earl
             stops = []
             for row in mine:
                 other = base[row.plan, row.start, row.sensor]
-                stops.append(stop_at(row.plan, row.distance, row.coverage, other.d99, curves(other)))
+                stops.append(stop_at(row.cluster, row.distance, row.coverage, other.d99, curves(other)))
             found.append(summarise_stops(sensor, agent, stops))
     return found
 
@@ -178,12 +178,12 @@ def has_stop_rule(agent: str) -> bool:
 
 
 def stop_at(
-    plan: str, metres: float, coverage: float, baseline_metres: float, baseline_curve: Floats
+    building: str, metres: float, coverage: float, baseline_metres: float, baseline_curve: Floats
 ) -> RunStop:
     """The pair of a run that ended after some metres at some coverage.
 
     Args:
-        plan: Floor plan.
+        building: What is resampled: `Row.cluster`.
         metres: Walked at the stop.
         coverage: Seen at the stop, 0..1.
         baseline_metres: Of the baseline to 99 % in the same cell, above 0.
@@ -194,7 +194,7 @@ def stop_at(
     )
     lost = max(0.0, FULLY_SEEN - coverage)
     return RunStop(
-        plan, 1 - metres / baseline_metres, lost, 1 - there / baseline_metres, coverage < FULLY_SEEN
+        building, 1 - metres / baseline_metres, lost, 1 - there / baseline_metres, coverage < FULLY_SEEN
     )
 
 
@@ -221,15 +221,15 @@ def try_rule(
         metres, coverage = row.distance, row.coverage
         if len(at):
             metres, coverage = (float(notes.column(name)[at[0]]) for name in ("distance", "coverage"))
-        stops.append(stop_at(row.plan, metres, coverage, other.d99, curves(other)))
+        stops.append(stop_at(row.cluster, metres, coverage, other.d99, curves(other)))
     return replace(summarise_stops(sensor, name, stops), tried=True)
 
 
 def summarise_stops(sensor: str, agent: str, stops: Sequence[RunStop]) -> EarlyStop:
     """Means and intervals of some stops."""
-    plans = [stop.plan for stop in stops]
-    saved = cluster_bootstrap([stop.saved for stop in stops], plans)
-    lost = cluster_bootstrap([stop.lost for stop in stops], plans, weighted_mean)
+    buildings = [stop.building for stop in stops]
+    saved = cluster_bootstrap([stop.saved for stop in stops], buildings)
+    lost = cluster_bootstrap([stop.lost for stop in stops], buildings, weighted_mean)
     return EarlyStop(
         sensor=sensor,
         agent=agent,

@@ -121,11 +121,11 @@ def layout_effects(rows: Iterable[Row], log_of: LogOf) -> list[LayoutEffect]:
 
 
 def _effect(sensor: str, agent: str, runs: Sequence[_Digest]) -> LayoutEffect:
-    plans = [run.row.plan for run in runs]
+    buildings = [run.row.cluster for run in runs]
     total = dict(zip(LOG, np.sum([run.totals for run in runs], axis=0).tolist(), strict=True))
     times = np.concatenate([run.times for run in runs])
     changed, misled = (
-        cluster_bootstrap([getattr(run, name) for run in runs], plans, weighted_mean)
+        cluster_bootstrap([getattr(run, name) for run in runs], buildings, weighted_mean)
         for name in ("changed", "misled")
     )
     either = sum(run.either for run in runs)

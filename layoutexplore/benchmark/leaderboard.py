@@ -32,6 +32,10 @@ Cell = tuple[str, int, str]
 """Floor plan, start and sensor."""
 
 
+_NOT_COMPARED = (*TIMING_COLUMNS, "building")
+"""Columns in which a repeated run may differ: results of earlier versions name no building."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Entrant:
     """An agent whose results count.
@@ -245,7 +249,7 @@ def _differs(row: Row, folder: ResultsFolder, suite: Suite) -> str:
     with tempfile.TemporaryDirectory() as place:
         again = ResultsFolder(Path(place))
         made = run_task(task, config, again)
-        for name in (f.name for f in dataclasses.fields(Row) if f.name not in TIMING_COLUMNS):
+        for name in (f.name for f in dataclasses.fields(Row) if f.name not in _NOT_COMPARED):
             was, now = getattr(row, name), getattr(made, name)
             if was != now and not (was != was and now != now):
                 return f"{cell} comes out otherwise when repeated: {name} was {was}, is {now}"
@@ -262,19 +266,24 @@ def _differs(row: Row, folder: ResultsFolder, suite: Suite) -> str:
 
 def _timeless(row: Row) -> Row:
     times: dict[str, Any] = dict.fromkeys(TIMING_COLUMNS, 0.0)
-    return dataclasses.replace(row, **times)
+    return dataclasses.replace(row, building="", **times)
 
 
 def _ranked(
     entrants: Mapping[str, Entrant], baseline: str, buildings: Mapping[str, str]
 ) -> Iterable[Standing]:
     """Bounds first, then the agents with the fewest metres to 95 %."""
-    rows = [row for entrant in entrants.values() for row in entrant.rows]
-    ratios = _by_agent(compare(rows, baseline, buildings))
+    # results of earlier versions name no building, and the suite knows them all
+    rows = [
+        dataclasses.replace(row, building=buildings[row.plan])
+        for entrant in entrants.values()
+        for row in entrant.rows
+    ]
+    ratios = _by_agent(compare(rows, baseline))
     bounds = {agent for agent in entrants if knows_the_plan(agent)}
     order = sorted(entrants, key=lambda agent: (agent not in bounds, _estimate(ratios[agent], "d95"), agent))
     best = next((agent for agent in order if agent not in bounds), baseline)
-    against_best = _by_agent(compare(rows, best, buildings))
+    against_best = _by_agent(compare(rows, best))
     for k, agent in enumerate(order):
         mine = ratios[agent]
         lead = against_best[agent][_group(against_best[agent]), "d95"].ratio

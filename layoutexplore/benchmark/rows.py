@@ -68,6 +68,7 @@ class Row:
             with --no-explain).
         layout_misled: Share of the decisions in which it would have chosen otherwise with the true rooms.
         error: What went wrong; empty where nothing did.
+        building: Building of the floor plan; empty in results of earlier versions.
     """
 
     plan: str
@@ -106,6 +107,12 @@ class Row:
     layout_changed: float = NAN
     layout_misled: float = NAN
     error: str = ""
+    building: str = ""
+
+    @property
+    def cluster(self) -> str:
+        """What is resampled for intervals: the building, or the floor plan where none was noted."""
+        return self.building or self.plan
 
     @property
     def key(self) -> tuple[str, int, str, str]:

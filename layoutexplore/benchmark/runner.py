@@ -294,6 +294,7 @@ def _empty_row(task: Task, config: BenchmarkConfig) -> Row:
         sensor=task.sensor,
         agent=task.agent,
         seed=config.seed,
+        building=task.plan.building,
         version=layoutexplore.__version__,
         config_hash=config.config_hash,
     )

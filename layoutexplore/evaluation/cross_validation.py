@@ -94,7 +94,7 @@ def cross_validate_merging(
 def leave_sources_out(
     cases: Sequence[Case], config: CrossValidationConfig, progress: Progress = silent
 ) -> Iterator[Scored]:
-    """Score the method on every map with a classifier that has seen no map of its source, nor of its building.
+    """Score the method on every map with a classifier that has seen neither its source nor its building.
 
     A building that two sources have mapped is left out of the training with either of them. The scores'
     `fold` counts the sources, in the order in which they come.
@@ -125,7 +125,9 @@ def leave_sources_out(
     yield from _score_parts(parts, config, progress)
 
 
-def _score_parts(parts: Sequence[_Part], config: CrossValidationConfig, progress: Progress) -> Iterator[Scored]:
+def _score_parts(
+    parts: Sequence[_Part], config: CrossValidationConfig, progress: Progress
+) -> Iterator[Scored]:
     """Train for each part and score it, seed by seed; `fold` is the number of the part."""
     for seed in range(config.seeds):
         for fold, part in enumerate(parts):
@@ -140,8 +142,4 @@ def _score_parts(parts: Sequence[_Part], config: CrossValidationConfig, progress
                 row, layout = score_case(
                     case, "default", protocol=config.protocol, resolution=config.resolution, run=run
                 )
-                yield (
-                    case,
-                    replace(row, source=config.source_of(case), fold=fold, seed=seed),
-                    layout.labels,
-                )
+                yield (case, replace(row, source=config.source_of(case), fold=fold, seed=seed), layout.labels)

@@ -1,8 +1,9 @@
-"""Paired comparisons over floor plans: interquartile mean, cluster bootstrap, probability of improvement.
+"""Paired comparisons over buildings: interquartile mean, cluster bootstrap, probability of improvement.
 
-Runs on one floor plan resemble each other, so the floor plan, not the run, is what is resampled: every draw
-takes as many plans as there are, with replacement, and all runs of each plan drawn. A draw is then nothing
-but integer weights on the runs, which makes ten thousand draws a few array operations.
+Runs in one building resemble each other, on all its floors, so the building, not the run or the floor, is
+what is resampled: every draw takes as many buildings as there are, with replacement, and all runs in each one
+drawn. A draw is then nothing but integer weights on the runs, which makes ten thousand draws a few array
+operations.
 
 References:
     Agarwal et al. 2021, "Deep Reinforcement Learning at the Edge of the Statistical Precipice" (interquartile
@@ -98,7 +99,7 @@ def cluster_bootstrap(
 
     Args:
         values: float (n,), one a run.
-        clusters: (n,), anything that tells clusters apart: the floor plans' names.
+        clusters: (n,), anything that tells clusters apart: the buildings' names.
         statistic: What is estimated.
         draws: Number of bootstrap draws.
         confidence: Of the interval, 0..1.

@@ -167,6 +167,7 @@ def report_view(
         "best": best,
         "verdict": _verdict(best, baseline) if best else "",
         "plans": _plan_lines(rows, baseline),
+        "buildings": max((c.buildings for c in comparisons), default=0),
         "order": [line.agent for line in shown[0].table] if shown else [],
         "pictures": _pictures(folder, rows, shown, baseline),
         "failed": [row for row in rows if row.error],
@@ -376,6 +377,7 @@ def _flat(c: Comparison) -> dict[str, Any]:
         "metric": c.metric,
         "cells": c.cells,
         "plans": c.plans,
+        "buildings": c.buildings,
     }
     for name in ("ratio", "plan_ratio", "improvement"):
         value = getattr(c, name)

@@ -26,15 +26,15 @@ def caveats(rows: Sequence[Row], settings: dict[str, Any], *, candidates: int = 
 
 def _of_sampling(rows: Sequence[Row], candidates: int) -> list[str]:
     """What follows from the runs that were made."""
-    plans = len({row.plan for row in rows})
+    buildings = len({row.cluster for row in rows})
     said = []
-    if plans < 10:
+    if buildings < 10:
         said.append(
-            "Intervals resample floor plans, and there "
+            "Intervals resample buildings, and there "
             + (
                 "is only one: there are no intervals at all."
-                if plans == 1
-                else f"are only {plans}: they are rough. Twenty plans tell 5 % apart."
+                if buildings == 1
+                else f"are only {buildings}: they are rough. Twenty buildings tell 5 % apart."
             )
         )
     if candidates > 1:

@@ -55,6 +55,21 @@ def test_plans_count_once_in_the_second_ratio() -> None:
     assert tour.ratio.estimate < tour.plan_ratio.estimate
 
 
+def test_floors_of_one_building_are_resampled_together() -> None:
+    rows = [
+        row(plan, agent, metres, building="tower")
+        for plan, tour in (("a", 50), ("b", 200))
+        for agent, metres in (("nearest", 100), ("tour", tour))
+    ]
+    alone = next(c for c in compare(rows, "nearest") if (c.agent, c.metric) == ("tour", "d95"))
+    assert (alone.plans, alone.buildings) == (2, 1)
+    assert math.isnan(alone.ratio.low)  # one building tells nothing of others
+    rows += [row("c", "nearest", 100), row("c", "tour", 100)]
+    found = next(c for c in compare(rows, "nearest") if (c.agent, c.metric) == ("tour", "d95"))
+    assert (found.plans, found.buildings) == (3, 2)
+    assert (found.plan_ratio.low, found.plan_ratio.high) == pytest.approx((1.0, 1.0))
+
+
 def test_levels_that_were_not_measured_are_left_out() -> None:
     rows = [row("a", "nearest", 10, d99=math.nan), row("a", "tour", 10, d99=math.nan)]
     assert {c.metric for c in compare(rows, "nearest")} == {"d90", "d95"}

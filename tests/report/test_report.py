@@ -288,6 +288,7 @@ def comparison(agent: str, ratio: float, width: float = 0.1, metric: str = "d95"
         metric=metric,
         cells=3,
         plans=3,
+        buildings=3,
         ratio=value,
         plan_ratio=value,
         improvement=Interval(0.5, 0.4, 0.6),
