@@ -170,7 +170,7 @@ def score_groups(rows: Sequence[MapScore], by: Literal["source", "building"]) ->
     """Means over the maps of each source, or of each building in each source and folder, as they appear."""
     groups: dict[tuple[str, ...], list[MapScore]] = {}
     for row in rows:
-        key = (row.source,) if by == "source" else (row.source, row.folder, row.building)
+        key = (row.source, *((row.folder, row.building) if by == "building" else ()))
         groups.setdefault(key, []).append(row)
     out = []
     for key, part in groups.items():
