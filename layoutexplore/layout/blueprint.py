@@ -82,14 +82,14 @@ def load_blueprint(
         MapError: The file cannot be read, or it shows no walls.
         MissingExtraError: Words are to be erased and the OCR is not installed.
     """
-    image = _on_paper(read_pixels(Path(path)))
+    image = on_paper(read_pixels(Path(path)))
     try:
         return grid_from_blueprint(image, resolution, config=config, templates=templates)
     except MapError as error:
         raise MapError(f"{path}: {error}") from error
 
 
-def _on_paper(pixels: Bytes) -> Bytes:
+def on_paper(pixels: Bytes) -> Bytes:
     """RGB uint8 (h, w, 3) of grey or BGR pixels, those with an alpha channel laid on white."""
     channels = np.atleast_3d(pixels)
     colour = channels[..., : 1 if channels.shape[2] < 3 else 3]

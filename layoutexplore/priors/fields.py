@@ -1,0 +1,70 @@
+"""A prior plan as fields: how far each point is from walls, and how deep in the floor or in the solid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from layoutexplore.grids.arrays import Floats32, Ints32, Mask
+from layoutexplore.priors.evidence import main_direction
+from layoutexplore.priors.plan import PriorPlan
+
+CELL = 0.1
+"""Metres a cell of the fields, of the plan at its believed scale; finer drawings are made coarser."""
+
+BORDER = 4.0
+"""Metres of outside around a plan."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanFields:
+    """A prior plan, ready to be matched.
+
+    Attributes:
+        free: bool (rows, cols), floor.
+        room_ids: int32 (rows, cols).
+        cell: Metres of the plan a cell.
+        low: Coordinate in plan metres of the lower and left edge of the array.
+    """
+
+    free: Mask
+    room_ids: Ints32
+    cell: float
+    low: float
+
+    @cached_property
+    def to_walls(self) -> Floats32:
+        """float32 (rows, cols): metres to the nearest face of a wall."""
+        solid = (~self.free).astype(np.uint8)
+        faces = solid & cv2.dilate(1 - solid, np.ones((3, 3), np.uint8))
+        return np.asarray(cv2.distanceTransform(1 - faces, cv2.DIST_L2, 5) * self.cell, np.float32)
+
+    @cached_property
+    def depth(self) -> Floats32:
+        """float32 (rows, cols): metres from floor to the nearest solid; negative in the solid."""
+        floor = self.free.astype(np.uint8)
+        inside = cv2.distanceTransform(floor, cv2.DIST_L2, 5)
+        outside = cv2.distanceTransform(1 - floor, cv2.DIST_L2, 5)
+        return np.asarray((inside - outside) * self.cell, np.float32)
+
+    @cached_property
+    def direction(self) -> float:
+        """The direction of most walls, radians 0..pi/2."""
+        return main_direction(self.free)
+
+
+def make_fields(prior: PriorPlan) -> PlanFields:
+    """The fields of a plan."""
+    shrink = max(CELL / prior.resolution, 1.0)
+    shape = tuple(max(1, round(n / shrink)) for n in prior.free.shape)
+    cell = prior.resolution * prior.free.shape[0] / shape[0]
+    pad = int(np.ceil(BORDER / cell))
+    floor = cv2.resize(prior.free.astype(np.uint8) * 255, shape[::-1], interpolation=cv2.INTER_AREA)
+    size = {"dsize": shape[::-1], "interpolation": cv2.INTER_NEAREST}
+    ids = cv2.resize(prior.room_ids.astype(np.float32), **size).astype(np.int32)
+    # A thin wall of a fine drawing stays a wall: floor is what is floor by most of its cell.
+    free = floor > 0.6 * 255
+    return PlanFields(np.pad(free, pad), np.pad(np.where(free, ids, 0), pad).astype(np.int32), cell, -pad * cell)

@@ -1,0 +1,288 @@
+"""Prior plans: what somebody knew of a building before the robot came, at a scale and place unknown.
+
+A `PriorPlan` is a drawing as cells: which are floor, and which room each belongs to. Its frame is its own:
+metres by the scale that is believed, x right, y up, (0, 0) at the lower left corner of cell (0, 0). Where it
+lies in the world, `layoutexplore.priors.registration` finds out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grids.arrays import Floats, Ints32, Mask
+from layoutexplore.grids.morphology import disc
+from layoutexplore.maps.floorplan import FloorPlan, Room
+from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.maps.tracing import trace_doors
+from layoutexplore.options import Rule, check
+
+RESOLUTION = 0.1
+"""Metres a cell of plans that are polygons."""
+
+KNOWN_SPREAD, HINTED_SPREAD, UNKNOWN_SPREAD = 0.04, 0.03, 0.25
+"""Standard deviations of the logarithm of a scale: of a plan in metres, of one that is told, of none."""
+
+DOOR_WIDTH, DOOR_SPREAD = 0.85, 0.2
+"""Metres of a usual door, and the standard deviation of the logarithm of a plan's median."""
+
+ROOM_SIDE, ROOM_SPREAD = 4.5, 0.35
+"""Metres of the side of a usual room (the root of a plan's median area), and that of its logarithm."""
+
+LEAST_ROOMS, LEAST_AREA = 2, 20.0
+"""Rooms, and square metres at the believed scale, that a plan has at least to be of use."""
+
+CUT_OFF_AREA = (2.0, 150.0)
+"""Square metres of a room for which a door is assumed: smaller ones are specks, larger ones courtyards."""
+
+WALL_REACH = 0.8
+"""Metres; rooms this near to each other have a wall in common."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PriorHints:
+    """What is told about a prior plan; None where nothing is.
+
+    Attributes:
+        scale: What one metre of the plan is in the world, or one pixel of a picture; metres.
+        rotation: Degrees counter-clockwise by which the plan is turned into the map, within 10 degrees.
+        mirror: Whether the plan is drawn as in a mirror.
+        here: Point (x, y) of the plan, in its metres or pixels from the lower left, where the robot starts.
+
+    Raises:
+        ConfigError: A value makes no sense.
+    """
+
+    scale: float | None = None
+    rotation: float | None = None
+    mirror: bool | None = None
+    here: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        check(
+            self,
+            "hint ",
+            scale=Rule(above=0.0, high=1e4, optional=True),
+            rotation=Rule(low=-360.0, high=360.0, optional=True),
+            mirror=Rule(kind=bool, optional=True),
+            here=Rule(count=2, optional=True),
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PriorPlan:
+    """A plan of a building in a frame of its own.
+
+    Attributes:
+        name: What it is called in messages.
+        free: bool (rows, cols), floor; row 0 has the lowest y.
+        room_ids: int32 (rows, cols), the room of each cell, 0 for none (walls, doors, the outside).
+        resolution: Metres a cell, by the scale that is believed.
+        scale_spread: Standard deviation of the logarithm of the true scale over the believed one.
+        hints: What is told of its place.
+        unused: Why it cannot be used; empty for a plan that can.
+
+    Raises:
+        MapError: The arrays differ in shape.
+        ConfigError: The resolution or spread is no number above 0.
+    """
+
+    name: str
+    free: Mask
+    room_ids: Ints32
+    resolution: float
+    scale_spread: float = UNKNOWN_SPREAD
+    hints: PriorHints = field(default_factory=PriorHints)
+    unused: str = ""
+
+    def __post_init__(self) -> None:
+        if self.free.ndim != 2 or self.free.shape != self.room_ids.shape:
+            raise MapError(
+                f"prior plan {self.name}: free {self.free.shape} and rooms {self.room_ids.shape} must be "
+                "one two-dimensional shape"
+            )
+        check(self, resolution=Rule(above=0.0, high=1e3), scale_spread=Rule(above=0.0, high=3.0))
+        object.__setattr__(self, "room_ids", np.ascontiguousarray(self.room_ids, np.int32))
+        object.__setattr__(self, "free", np.ascontiguousarray(self.free, np.bool_))
+        object.__setattr__(self, "unused", self.unused or _why_unused(self))
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """(width, height) in metres at the believed scale."""
+        rows, cols = self.free.shape
+        return cols * self.resolution, rows * self.resolution
+
+    @property
+    def rooms(self) -> int:
+        """Number of rooms."""
+        ids = np.unique(self.room_ids)
+        return int(np.count_nonzero(ids))
+
+    def rescaled(self, factor: float, spread: float) -> PriorPlan:
+        """The same drawing, a metre of it being `factor` metres, with that spread of the scale's logarithm."""
+        here = self.hints.here and (self.hints.here[0] * factor, self.hints.here[1] * factor)
+        hints = dataclasses.replace(self.hints, here=here)
+        resolution = self.resolution * factor
+        return dataclasses.replace(
+            self, resolution=resolution, scale_spread=spread, hints=hints, unused=""
+        )
+
+
+def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan:
+    """A floor plan as a prior; its metres are believed unless a scale is told.
+
+    Raises:
+        MapError: The plan has no free space.
+    """
+    hints = hints or PriorHints()
+    resolution = RESOLUTION * max(1.0, math.sqrt(np.prod(np.subtract(plan.bounds[2:], plan.bounds[:2])) / 3e4))
+    raster = plan.rasterize(resolution)
+    told = hints.scale or 1.0
+    here = hints.here
+    if here is not None:
+        here = (told * (here[0] - raster.origin.x), told * (here[1] - raster.origin.y))
+    prior = PriorPlan(
+        name=plan.name,
+        free=raster.free,
+        room_ids=raster.room_ids,
+        resolution=resolution * told,
+        scale_spread=HINTED_SPREAD if hints.scale else KNOWN_SPREAD,
+        hints=dataclasses.replace(hints, here=here),
+    )
+    return with_doors_to_all(prior)
+
+
+def prior_of_rooms(
+    rooms: Sequence[Polygon], *, name: str = "rooms", hints: PriorHints | None = None, metric: bool = False
+) -> PriorPlan:
+    """A list of room polygons as a prior; doors are assumed where rooms have none.
+
+    Args:
+        rooms: Outlines in any unit.
+        name: For messages.
+        hints: What is told of their place; a scale is the metres of a unit.
+        metric: Whether the unit is a metre, more or less; else the scale is estimated from the rooms' sizes.
+
+    Raises:
+        MapError: There is no room, or one is no polygon with an area.
+    """
+    if not len(rooms) or not all(isinstance(p, Polygon) and p.is_valid and p.area > 0 for p in rooms):
+        raise MapError(f"prior plan {name}: needs valid polygons with an area, at least one")
+    hints = hints or PriorHints()
+    side = math.sqrt(float(np.median([polygon.area for polygon in rooms])))
+    unit = hints.scale or (1.0 if metric else ROOM_SIDE / side)
+    here = hints.here and (unit * hints.here[0], unit * hints.here[1])
+    scaled = tuple(
+        Room(id=k + 1, polygon=shapely.transform(polygon, lambda points: points * unit))
+        for k, polygon in enumerate(rooms)
+    )
+    known = dataclasses.replace(hints, scale=None, here=here)
+    prior = prior_of_plan(FloorPlan(name=name, rooms=scaled), known)
+    spread = HINTED_SPREAD if hints.scale else KNOWN_SPREAD if metric else ROOM_SPREAD
+    return dataclasses.replace(prior, scale_spread=spread, hints=dataclasses.replace(prior.hints, scale=hints.scale))
+
+
+def with_expected_scale(prior: PriorPlan) -> PriorPlan:
+    """The plan at the scale at which its doors and rooms have their usual sizes."""
+    factor, spread = expected_scale(prior)
+    return prior.rescaled(factor, spread)
+
+
+def expected_scale(prior: PriorPlan) -> tuple[float, float]:
+    """By which factor a plan's lengths become usual ones, and the standard deviation of its logarithm."""
+    areas = np.bincount(prior.room_ids.ravel())[1:]
+    areas = areas[areas > 0] * prior.resolution**2
+    if not len(areas):
+        return 1.0, UNKNOWN_SPREAD
+    by_rooms = math.log(ROOM_SIDE / math.sqrt(float(np.median(areas))))
+    widths = _door_widths(prior)
+    if len(widths) < 3:
+        return math.exp(by_rooms), ROOM_SPREAD
+    by_doors = math.log(DOOR_WIDTH / float(np.median(widths)))
+    if abs(by_doors - by_rooms) > 3 * ROOM_SPREAD:  # what was taken for doors is none
+        return math.exp(by_rooms), ROOM_SPREAD
+    weights = np.array([DOOR_SPREAD**-2, ROOM_SPREAD**-2])
+    mean = float(np.average([by_doors, by_rooms], weights=weights))
+    return math.exp(mean), float(weights.sum() ** -0.5)
+
+
+def _door_widths(prior: PriorPlan) -> Floats:
+    """Widths in metres of the openings between rooms."""
+    # At a metre a cell gaps are small enough for doorways whatever the scale is.
+    side = np.sqrt(np.median(np.bincount(prior.room_ids[prior.room_ids > 0])[1:]))
+    unit = ROOM_SIDE / max(float(side), 1.0)
+    doors = trace_doors(PlanRaster(~prior.free, prior.room_ids, unit))
+    return np.array([door.width for door in doors], np.float64) * prior.resolution / unit
+
+
+def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
+    """The plan in which every room can be entered: where no door is drawn, one is assumed.
+
+    A room that is cut off opens to the largest neighbour across the thinnest wall, in the middle of what the
+    two have in common.
+    """
+    free, reach = prior.free.copy(), WALL_REACH / prior.resolution
+    for _ in range(3):  # a room behind a room that was cut off itself
+        count, parts, stats, _ = cv2.connectedComponentsWithStats(free.astype(np.uint8), connectivity=4)
+        if count <= 2:
+            break
+        main = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
+        least, most = (area / prior.resolution**2 for area in CUT_OFF_AREA)
+        distance, nearest = cv2.distanceTransformWithLabels(
+            (parts != main).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+        )
+        places = np.zeros((int(nearest.max()) + 1, 2), np.int64)
+        main_cells = np.argwhere(parts == main)
+        places[nearest[main_cells[:, 0], main_cells[:, 1]]] = main_cells
+        for part in range(1, count):
+            if part == main or not least <= stats[part, cv2.CC_STAT_AREA] <= most:
+                continue
+            cells = np.argwhere(parts == part)
+            gaps = distance[cells[:, 0], cells[:, 1]]
+            near = cells[gaps <= min(gaps.min() + 1.0, reach)]
+            if not len(near):
+                continue
+            middle = near[np.abs(near - np.median(near, axis=0)).sum(axis=1).argmin()]
+            _carve(free, middle, places[nearest[middle[0], middle[1]]], 0.5 * DOOR_WIDTH / prior.resolution)
+    return dataclasses.replace(prior, free=free, unused="")
+
+
+def _carve(free: Mask, start: Floats, end: Floats, half: float) -> None:
+    """Open a straight way between two cells."""
+    line = np.zeros(free.shape, np.uint8)
+    (r0, c0), (r1, c1) = start.tolist(), end.tolist()
+    cv2.line(line, (int(c0), int(r0)), (int(c1), int(r1)), 1, max(1, round(2 * half)))
+    free |= line > 0
+
+
+def _why_unused(prior: PriorPlan) -> str:
+    """Why a plan tells nothing; empty where it does."""
+    area = float(np.count_nonzero(prior.free)) * prior.resolution**2
+    if not area:
+        return "it shows no floor"
+    if prior.rooms < LEAST_ROOMS:
+        return f"it shows {prior.rooms} room, and where a single room lies cannot be told"
+    if area < LEAST_AREA:
+        return f"it shows {area:.2g} m2 of floor in all: check its unit, or tell its scale"
+    if area > 1e6:
+        return f"it shows {area:.2g} m2 of floor: check its unit, or tell its scale"
+    return ""
+
+
+def thickened(mask: Mask, radius: float, resolution: float) -> Mask:
+    """The cells within a radius in metres of others, bool (rows, cols)."""
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), disc(radius / resolution)) > 0)
+
+
+def check_usable(prior: PriorPlan) -> None:
+    """Raise `ConfigError` where a plan is of no use, and say why."""
+    if prior.unused:
+        raise ConfigError(f"prior plan {prior.name} is not used, because {prior.unused}")

@@ -1,0 +1,150 @@
+"""Prior plans from files: floor plans of every known format, and pictures of evacuation plans."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from layoutexplore.errors import MapError, MissingExtraError
+from layoutexplore.files.images import read_pixels
+from layoutexplore.grids.arrays import Bytes, Mask
+from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.grids.ros_map import IMAGE_SUFFIXES
+from layoutexplore.layout.blueprint import BlueprintConfig, grid_from_blueprint, on_paper
+from layoutexplore.layout.pipeline import reconstruct
+from layoutexplore.maps.formats.building_files import split_level
+from layoutexplore.maps.library import load_plan, shows_rooms
+from layoutexplore.priors.plan import (
+    HINTED_SPREAD,
+    PriorHints,
+    PriorPlan,
+    expected_scale,
+    prior_of_plan,
+    with_doors_to_all,
+)
+
+LONGER_SIDE = 50.0
+"""Metres that the longer side of a picture's drawing is taken for until its rooms tell better."""
+
+MOST_PIXELS = 6e6
+"""Pixels of a picture; larger ones are scaled down when they are read."""
+
+READ_AGAIN = 1.3
+"""A picture whose scale turns out to be wrong by more than this factor is read again with the better one."""
+
+PLACE_SHARE = 0.3
+"""Separate walls this long, as a share of the longest, belong to the drawing; what lies outside does not."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReadPicture:
+    """A prior plan from a picture.
+
+    Attributes:
+        prior: The plan.
+        pixels: Metres of the plan a pixel of the picture.
+        corner: Pixel (x, y) of the picture that is the plan's (0, 0), y from the top.
+    """
+
+    prior: PriorPlan
+    pixels: float
+    corner: tuple[float, float]
+
+
+def read_prior(path: str | Path, hints: PriorHints | None = None) -> PriorPlan:
+    """A prior plan from a floor plan (file or name), or from a picture of one.
+
+    An image without rooms of its own is read as a blueprint or evacuation plan; its scale follows from the
+    usual sizes of doors and rooms unless one is told. A plan that tells nothing comes back with the reason in
+    `unused`.
+
+    Raises:
+        MapError: The file cannot be read, is no plan, or shows no walls.
+    """
+    hints = hints or PriorHints()
+    place, _ = split_level(str(path))
+    if place.suffix.lower() in IMAGE_SUFFIXES and place.is_file() and not shows_rooms(path):
+        image = on_paper(read_pixels(place))
+        try:
+            return prior_of_picture(image, name=place.name, hints=hints).prior
+        except MapError as error:
+            raise MapError(f"{place}: {error}") from error
+    plan = load_plan(path)
+    prior = prior_of_plan(plan, hints)
+    return dataclasses.replace(prior, name=str(path) if place.exists() else plan.name)
+
+
+def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints | None = None) -> ReadPicture:
+    """A prior plan from a picture: words, symbols and swings erased, walls kept, rooms and doors found.
+
+    Args:
+        image: uint8 (h, w, 3) RGB, row 0 at the top.
+        name: For messages.
+        hints: What is told of it; a scale is metres a pixel.
+
+    Raises:
+        MapError: It shows no walls.
+    """
+    hints = hints or PriorHints()
+    shrink = max(1.0, float(np.sqrt(image.shape[0] * image.shape[1] / MOST_PIXELS)))
+    if shrink > 1:
+        image = cv2.resize(image, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
+    dark = np.argwhere(image.max(axis=2) < BlueprintConfig().darkness)
+    if not len(dark):
+        raise MapError("the picture shows no walls: nothing in it is dark")
+    told = hints.scale and hints.scale * shrink
+    pixel = told or LONGER_SIDE / max(float(np.ptp(dark, axis=0).max()), 1.0)
+    drawn, corner = _drawing(image, pixel, name)
+    spread = HINTED_SPREAD
+    if not told:
+        factor, spread = expected_scale(drawn)
+        if max(factor, 1 / factor) > READ_AGAIN:
+            drawn, corner = _drawing(image, pixel * factor, name)
+            factor, spread = expected_scale(drawn)
+        drawn = drawn.rescaled(factor, spread)
+    here = hints.here
+    if here is not None:
+        low = image.shape[0] - corner[1]
+        here = ((here[0] / shrink - corner[0]) * drawn.resolution, (here[1] / shrink - low) * drawn.resolution)
+    prior = dataclasses.replace(drawn, scale_spread=spread, hints=dataclasses.replace(hints, here=here), unused="")
+    place = corner[0] * shrink, corner[1] * shrink
+    return ReadPicture(with_doors_to_all(prior), prior.resolution / shrink, place)
+
+
+def _drawing(image: Bytes, pixel: float, name: str) -> tuple[PriorPlan, tuple[float, float]]:
+    """The plan of a picture at that many metres a pixel, and the pixel of its lower left corner."""
+    grid = _walls_of(image, pixel)
+    walls = grid.cells == OCCUPIED
+    rows, cols = _place_of(walls)
+    cells = grid.cells[rows, cols].copy()
+    if not (cells == FREE).any():
+        raise MapError("the picture shows no plan: its dark lines enclose no floor")
+    part = OccupancyGrid(cells, grid.resolution)
+    labels = reconstruct(part, "doorways").room_labels()
+    free = cells == FREE
+    ids = np.where(free, labels, 0).astype(np.int32)
+    prior = PriorPlan(name=name, free=free, room_ids=ids, resolution=pixel)
+    return prior, (float(cols.start), float(image.shape[0] - rows.start))
+
+
+def _walls_of(image: Bytes, pixel: float) -> OccupancyGrid:
+    """The picture as a grid; without the OCR, words are told from walls by their size alone."""
+    try:
+        return grid_from_blueprint(image, pixel)
+    except MissingExtraError:
+        return grid_from_blueprint(image, pixel, config=BlueprintConfig(words=False))
+
+
+def _place_of(walls: Mask) -> tuple[slice, slice]:
+    """The box of a drawing on its sheet: that of all long walls."""
+    _, _, stats, _ = cv2.connectedComponentsWithStats(walls.astype(np.uint8), connectivity=8)
+    boxes = stats[1:]
+    sides = np.maximum(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])
+    long = boxes[sides >= PLACE_SHARE * sides.max()]
+    left, top = long[:, cv2.CC_STAT_LEFT], long[:, cv2.CC_STAT_TOP]
+    right, bottom = left + long[:, cv2.CC_STAT_WIDTH], top + long[:, cv2.CC_STAT_HEIGHT]
+    return slice(int(top.min()), int(bottom.max())), slice(int(left.min()), int(right.max()))

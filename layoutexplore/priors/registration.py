@@ -1,0 +1,247 @@
+"""Where a prior plan lies, tracked over an exploration: several hypotheses, one of them the best.
+
+The first match searches everything. Later ones search again when the map has grown by a share, a few
+orientations and scales a decision; in between the hypotheses are refined by what is new.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from layoutexplore.grids.arrays import Floats
+from layoutexplore.grids.grid import OccupancyGrid
+from layoutexplore.priors.evidence import Evidence, gather, main_direction
+from layoutexplore.priors.fields import make_fields
+from layoutexplore.priors.plan import PriorPlan
+from layoutexplore.priors.refinement import Fit, Placement, fit_points, matrix_of, recentred, refine
+from layoutexplore.priors.search import SCALE_STEP, Candidate, CoarseSearch, Slice, slices
+from layoutexplore.priors.warp import WarpedPlacement, bent
+
+LEAST_AREA = 6.0
+"""Square metres of seen floor from which a plan is looked for."""
+
+GROWTH = 1.3
+"""A search begins again when the seen floor has grown by this factor."""
+
+KEPT, TRIED, TRIED_A_DECISION = 8, 32, 8
+"""Hypotheses that are kept, and places of a search that are refined, in all and at one decision."""
+
+LEAST_WALLS = 10
+"""Points of walls from which a plan is looked for."""
+
+APART = 1.5
+"""Metres on average; hypotheses that are nearer to each other are one."""
+
+SHIFTED, SHIFT_GROWTH = 3, 1.04
+"""So many of the best hypotheses are laid onto the plan anew when the seen floor has grown by that factor."""
+
+CELLS_A_DECISION = 400_000
+"""Cells transformed at a decision after the first match."""
+
+NEW_ROUNDS, OLD_ROUNDS = (0.8, 0.5, 0.35, 0.35), (0.5, 0.35)
+"""Metres at which walls lose their force, a round of refinement, of new places and of those that are kept."""
+
+MOST_POINTS = 700
+"""Points of walls, and of floor, that hypotheses are refined and judged by; more are thinned out evenly."""
+
+MIRRORED_COST = 2.0
+"""What a mirrored plan costs in log-likelihood: plans are hardly ever drawn so."""
+
+HERE_STD = 3.0
+"""Metres by which a place that is told ("you are here") is off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A place of the plan, and how well it explains what is seen.
+
+    Attributes:
+        placed: Where, with its local stretching.
+        slice: The orientation that it came from.
+        fit: How well.
+        bending: What its local stretching costs in log-likelihood.
+        total: The fit's score with what is known before: scale, mirror, start.
+    """
+
+    placed: WarpedPlacement
+    slice: Slice
+    fit: Fit
+    bending: float
+    total: float
+
+    @property
+    def world_scale(self) -> float:
+        """World metres a plan metre, on average."""
+        return float(np.exp(-self.placed.placement.parameters[:2].mean()))
+
+
+class Registration:
+    """Looks for the place of a plan in a map that grows.
+
+    Args:
+        prior: The plan.
+        start: World point (x, y) of the start, for a hint of where it lies in the plan.
+
+    Attributes:
+        hypotheses: The places that are kept, the best first.
+        evidence: What was seen at the last decision.
+    """
+
+    def __init__(self, prior: PriorPlan, start: tuple[float, float] | None = None) -> None:
+        self.prior, self.fields = prior, make_fields(prior)
+        self.hypotheses: list[Hypothesis] = []
+        self.evidence = Evidence(np.zeros((0, 2)), np.zeros((0, 2)), 0.0)
+        self.direction = 0.0
+        self._start = start
+        self._searched = 0.0
+        self._job: tuple[CoarseSearch, Iterator[Slice]] | None = None
+        self._found: list[Candidate] = []
+        self._waiting: list[Candidate] = []
+        self._shifted = 0.0
+
+    def update(self, grid: OccupancyGrid) -> None:
+        """Bring the hypotheses up to what a grid shows."""
+        if self.prior.unused:
+            return
+        self.evidence = gather(grid)
+        if self.evidence.area < LEAST_AREA or len(self.evidence.walls) < LEAST_WALLS:
+            return
+        self._refresh()
+        self._shift()
+        idle = self._job is None and not self._waiting
+        if idle and self.evidence.area >= GROWTH * self._searched:
+            first = self._searched == 0
+            self._searched = self.evidence.area
+            self.direction = main_direction(grid.free)
+            self._job = (CoarseSearch(self.fields, self.evidence, self.direction), self._slices())
+            self._search(math.inf if first else CELLS_A_DECISION)
+            if first:
+                self._try(TRIED)
+        elif self._job is not None:
+            self._search(CELLS_A_DECISION)
+        elif self._waiting:
+            self._try(TRIED_A_DECISION)
+
+    def _shift(self) -> None:
+        """Look for better positions of the best hypotheses, orientation and scale left as they are."""
+        if self.evidence.area < SHIFT_GROWTH * self._shifted or not self.hypotheses:
+            return
+        self._shifted = self.evidence.area
+        search = CoarseSearch(self.fields, self.evidence, self.direction)
+        found = []
+        for hypothesis in self.hypotheses[:SHIFTED]:
+            log_scale = float(hypothesis.placed.placement.parameters[:2].mean())
+            found += search.run(dataclasses.replace(hypothesis.slice, log_scale=log_scale))
+        new = [self._refined(WarpedPlacement(c.placement), c.slice, NEW_ROUNDS) for c in found]
+        self._keep([*self.hypotheses, *new])
+
+    def _slices(self) -> Iterator[Slice]:
+        """Orientations and scales to search, likeliest first."""
+        reach = max(2.5 * self.prior.scale_spread, SCALE_STEP)
+        steps = math.ceil(reach / SCALE_STEP)
+        scales = np.arange(-steps, steps + 1) * SCALE_STEP
+        mirrored = (False, True) if self.prior.hints.mirror is None else (self.prior.hints.mirror,)
+        rotation = self.prior.hints.rotation
+        for part in slices(scales, (0, 1, 2, 3), mirrored):
+            if rotation is not None:
+                turn = part.turn(self.fields.direction)
+                angle = self.direction - math.atan2(turn[1, 1], turn[0, 1]) + math.pi / 2
+                off = (angle - math.radians(rotation) + math.pi) % (2 * math.pi) - math.pi
+                if abs(off) > math.pi / 4:
+                    continue
+            yield part
+
+    def _search(self, budget: float) -> None:
+        """Search on; when all is searched, the best places wait to be tried."""
+        assert self._job is not None
+        search, waiting = self._job
+        while budget > 0:
+            part = next(waiting, None)
+            if part is None:
+                self._job = None
+                ranked = sorted(self._found, key=lambda c: -(c.score + self._expected(c.slice, c.placement)))
+                self._waiting, self._found = ranked[:TRIED], []
+                return
+            budget -= search.cost(part)
+            self._found += search.run(part)
+
+    def _try(self, count: int) -> None:
+        """Refine some places that were found; the best ones, old and new, are kept."""
+        tried, self._waiting = self._waiting[:count], self._waiting[count:]
+        new = [self._refined(WarpedPlacement(c.placement), c.slice, NEW_ROUNDS) for c in tried]
+        self._keep([*self.hypotheses, *new])
+
+    def _refresh(self) -> None:
+        """Refine and judge the hypotheses by what is seen now."""
+        if self.hypotheses:
+            self._keep([self._better(h) for h in self.hypotheses])
+
+    def _better(self, hypothesis: Hypothesis) -> Hypothesis:
+        """A hypothesis after refinement, as it was where that does not help."""
+        refined = self._refined(hypothesis.placed, hypothesis.slice, OLD_ROUNDS)
+        before = self._judged(hypothesis.placed, hypothesis.slice, hypothesis.bending)
+        return max(refined, before, key=lambda h: h.total)
+
+    def _refined(self, placed: WarpedPlacement, part: Slice, scales: tuple[float, ...]) -> Hypothesis:
+        """The best place near another, judged."""
+        walls, floor = thinned(self.evidence.walls), thinned(self.evidence.floor)
+        known = (self.direction, self.prior.scale_spread)
+        begun = recentred(placed.placement, self.evidence.centre)
+        shifts = placed.shifts(walls), placed.shifts(floor)
+        linear = refine(begun, walls, floor, self.fields, known, scales, shifts)
+        rounds = 1 if placed.lattice is not None else 2
+        found, bending = bent(WarpedPlacement(linear, placed.lattice), walls, self.fields, rounds)
+        return self._judged(found, part, bending)
+
+    def _judged(self, placed: WarpedPlacement, part: Slice, bending: float) -> Hypothesis:
+        walls, floor = thinned(self.evidence.walls), thinned(self.evidence.floor)
+        scale = math.exp(-float(placed.placement.parameters[:2].mean()))
+        fit = fit_points(placed.to_plan(walls), placed.to_plan(floor), self.fields, scale)
+        # Points that were thinned out would say what their neighbours say.
+        whole = max(len(self.evidence.walls), 1) / max(len(walls), 1)
+        fit = fit._replace(score=fit.score * whole)
+        total = fit.score + self._expected(part, placed.placement) - bending
+        return Hypothesis(placed, part, fit, bending, total)
+
+    def _expected(self, part: Slice, placement: Placement) -> float:
+        """Log-probability of scale, mirror and start before anything is seen."""
+        mean = 0.5 * (placement.parameters[0] + placement.parameters[1])
+        cost = 0.5 * (mean / (2 * self.prior.scale_spread)) ** 2 + MIRRORED_COST * part.mirrored
+        here = self.prior.hints.here
+        if here is not None and self._start is not None:
+            matrix, shift = matrix_of(placement)
+            off = np.hypot(*(matrix @ np.array(self._start) + shift - here))
+            cost += 0.5 * float(off / HERE_STD) ** 2
+        return -float(cost)
+
+    def _keep(self, hypotheses: list[Hypothesis]) -> None:
+        """The best ones that are apart."""
+        points = _probes(self.evidence)
+        kept: list[Hypothesis] = []
+        places: list[Floats] = []
+        for hypothesis in sorted(hypotheses, key=lambda h: -h.total):
+            place = hypothesis.placed.to_plan(points)
+            if all(np.hypot(*(place - other).T).mean() > APART for other in places):
+                kept.append(hypothesis)
+                places.append(place)
+            if len(kept) == KEPT:
+                break
+        self.hypotheses = kept
+
+
+def thinned(points: Floats) -> Floats:
+    """At most `MOST_POINTS` of the points (n, 2), evenly."""
+    step = -(-len(points) // MOST_POINTS)
+    return points if step <= 1 else np.ascontiguousarray(points[::step])
+
+
+def _probes(evidence: Evidence) -> Floats:
+    """Corners of what is seen: where two places of the plan are compared."""
+    points = np.concatenate([evidence.walls, evidence.floor])
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.array([low, high, (low[0], high[1]), (high[0], low[1]), (low + high) / 2])
