@@ -26,6 +26,8 @@ HELP = """Explore one floor plan with one agent; print what came of it, and film
 
   layoutexplore explore office-01 --region "0,0 12,0 12,9 0,9" --return --out run
 
+  layoutexplore explore office-01 --agent layout-tour --prior evacuation-plan.png
+
   layoutexplore explore office-01 --pause-after 80 --save-state run.npz
 
   layoutexplore explore office-01 --continue run.npz
@@ -96,6 +98,19 @@ Video = Annotated[Path | None, typer.Option(help="Write an .mp4 or .gif of the r
 FramesPerSecond = Annotated[float, typer.Option(min=0.5, max=60, help="Frames of the video per second.")]
 
 
+PriorFile = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE",
+        help="A plan known beforehand: a floor plan, a blueprint or the picture of an evacuation plan, "
+        "at any scale and rotation. For agents with a predictor, such as layout-tour.",
+    ),
+]
+PriorScale = Annotated[
+    float | None, typer.Option(help="Metres a pixel of that picture (a metre of that floor plan).")
+]
+
+
 def explore(
     plan: PlanName,
     agent: AgentName = "nearest",
@@ -112,6 +127,8 @@ def explore(
     fps: FramesPerSecond = 24.0,
     out: RunFolder = None,
     config: ConfigFile = None,
+    prior: PriorFile = None,
+    prior_scale: PriorScale = None,
 ) -> None:
     """Explore one floor plan."""
     from rich.console import Console
@@ -129,7 +146,9 @@ def explore(
     settings = saved.config if saved else _settings(config, sensor, region, noise)
     if saved:
         agent, seed, sensor = saved.notes.get("agent", agent), saved.seed, settings.lidar.name
+    agent = with_prior(agent, prior, prior_scale)
     simulation, chosen = prepare(plan, settings, agent)
+    note_unused(simulation)
     begin, pause = parse_start(start), math.inf if pause_after is None else pause_after
     with ProgressLine(console, "% seen") as line, film_of(video, fps) as film:
         watcher = RunWatcher(line, agent, pictures=out is not None, state_file=save_state)
@@ -167,6 +186,38 @@ def _settings(config: Path | None, sensor: str, region: str | None, noise: str) 
     if noise:
         settings = dataclasses.replace(settings, noise=noise)
     return dataclasses.replace(settings, region=read_region(region)) if region is not None else settings
+
+
+def with_prior(agent: str, prior: str | None, scale: float | None) -> str:
+    """The agent whose predictor is a plan known beforehand.
+
+    Raises:
+        ConfigError: A scale without a plan, or an agent that names a predictor already or takes none.
+
+    Example:
+        >>> with_prior("layout-tour", "plan.png", 0.02)
+        'layout-tour:predictor=prior:plan.png;scale=0.02'
+    """
+    from layoutexplore.agents import make_agent
+    from layoutexplore.errors import ConfigError
+
+    if prior is None:
+        if scale is not None:
+            raise ConfigError("--prior-scale says how large the plan of --prior is: give that, too")
+        return agent
+    if "predictor=" in agent or not hasattr(make_agent(agent), "predictor"):
+        raise ConfigError(f"--prior needs an agent that takes a predictor and names none, got {agent!r}")
+    if set(prior) & set(",;="):
+        raise ConfigError(f"--prior: the name {prior!r} must have none of , ; =")
+    hint = "" if scale is None else f";scale={scale:g}"
+    return f"{agent}{',' if ':' in agent else ':'}predictor=prior:{prior}{hint}"
+
+
+def note_unused(simulation: Simulation) -> None:
+    """Say so where a plan known beforehand tells nothing."""
+    predictor = getattr(simulation.predictor, "inner", None)
+    if reason := getattr(predictor, "unused", ""):
+        typer.echo(f"the prior plan is not used, because {reason}", err=True)
 
 
 def parse_start(text: str | None) -> Pose | None:

@@ -214,6 +214,7 @@ class Truth:
         reachable: bool (rows, cols), the cells the robot's centre can reach.
         sensor: The lidar's configuration.
         robot_radius: In metres.
+        seed: Of the run.
     """
 
     plan: FloorPlan
@@ -222,6 +223,7 @@ class Truth:
     reachable: Mask
     sensor: LidarConfig
     robot_radius: float
+    seed: int = 0
 
 
 @runtime_checkable

@@ -7,7 +7,8 @@ use, `layout:model=FOLDER` the same with models of one's own, `layout:network=of
 less time; `learned:rooms=METHOD` lets these models complete the rooms of any layout method, where `layout`
 has those of `doorways`. `reconstruct:METHOD` completes a method's rooms by lines instead
 (`reconstruct:rose2`, with options `reconstruct:ias15;sigma=0.2`); `rectangle`, `hull`, `parallel-wall` and
-`face-subset` are what the literature offers.
+`face-subset` are what the literature offers. `prior:FILE` registers a plan known beforehand with the map and
+foresees unseen rooms by it; `prior:rough` and the like make such a plan from that of the run, for studies.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from layoutexplore.plugins.registry import Registry
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.oracle import FALSE_CLOSED_AREA, OraclePredictor
 from layoutexplore.predictors.own_predictor import predictor_of_own_code
+from layoutexplore.predictors.prior_plan import predictor_of_prior
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor, with_classes
 from layoutexplore.predictors.reconstructed import predictor_of_method
 from layoutexplore.predictors.shape_baselines import (
@@ -73,6 +75,18 @@ class ReconstructOptions(Options):
     method: str = option("rose2", "a layout method, its options behind semicolons", whole=True)
 
 
+@dataclass(frozen=True, kw_only=True)
+class PriorOptions(Options):
+    """Parameters of `prior`."""
+
+    plan: str = option(
+        "true",
+        "a floor plan or picture, or a preset (true, rough, corridors, other-floor, wrong, mirrored, empty); "
+        "behind semicolons scale, rotation, mirror, here, among, sure",
+        whole=True,
+    )
+
+
 def _shape_predictor(outline: Outline, name: str, _: Options) -> RoomPredictor:
     return ShapePredictor(name, outline)
 
@@ -105,6 +119,12 @@ def _register_shipped() -> None:
         "the rooms of a layout method, completed",
         lambda name, options: predictor_of_method(options.method),
         ReconstructOptions(),
+    )
+    PREDICTORS.ship(
+        "prior",
+        "a plan known beforehand, registered with the map: prior:FILE, or a preset made from the run's plan",
+        lambda name, options: predictor_of_prior(options.plan),
+        PriorOptions(),
     )
     learned = {
         "layout": "learnt: trees and networks over frontiers and cells",

@@ -52,7 +52,7 @@ def random_waves(stretch: float, rng: np.random.Generator) -> Waves:
     if stretch == 0:
         return Waves()
     count = 2 * WAVES
-    lengths = np.exp(rng.uniform(*np.log(WAVE_LENGTHS), count))
+    lengths = np.exp(rng.uniform(math.log(WAVE_LENGTHS[0]), math.log(WAVE_LENGTHS[1]), count))
     angles = rng.uniform(0, 2 * math.pi, count)
     numbers = 2 * math.pi / lengths
     vectors = numbers[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -152,10 +152,7 @@ def draw_distorted(
     drawn = distortion.forward(np.stack([x, y], axis=1))
     low, high = drawn.min(axis=0) - MARGIN, drawn.max(axis=0) + MARGIN
     placed = Distortion(
-        snaps=distortion.snaps,
-        waves=distortion.waves,
-        matrix=distortion.matrix,
-        shift=distortion.shift - low,
+        snaps=distortion.snaps, waves=distortion.waves, matrix=distortion.matrix, shift=distortion.shift - low
     )
     width, height = np.ceil((high - low) / resolution).astype(int).tolist()
     true = _true_points(placed, (height, width), resolution)
@@ -166,7 +163,9 @@ def draw_distorted(
     return floor, np.where(floor, ids.astype(np.int32), 0).astype(np.int32), placed
 
 
-def _true_points(distortion: Distortion, shape: tuple[int, int], resolution: float) -> tuple[Floats32, Floats32]:
+def _true_points(
+    distortion: Distortion, shape: tuple[int, int], resolution: float
+) -> tuple[Floats32, Floats32]:
     """True x and y float32 (h, w) in metres of the centres of a drawing's cells."""
     step = 1 if distortion.snaps[0].size or distortion.snaps[1].size else FIELD_STEP
     # On a lattice two nodes wider than the drawing, so that every cell lies between nodes.
@@ -174,9 +173,11 @@ def _true_points(distortion: Distortion, shape: tuple[int, int], resolution: flo
     at_y, at_x = np.mgrid[0:rows, 0:cols] * step
     points = (np.stack([at_x.ravel(), at_y.ravel()], axis=1) + 0.5) * resolution
     nodes = distortion.backward(points).astype(np.float32).reshape(rows, cols, 2)
+    places: Floats32 = nodes
     if step > 1:
         # Node (i, j) stands for cell (i step, j step).
         to_nodes = np.array([[1 / step, 0, 0], [0, 1 / step, 0]], np.float64)
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        nodes = cv2.warpAffine(nodes, to_nodes, shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    return nodes[: shape[0], : shape[1], 0], nodes[: shape[0], : shape[1], 1]
+        fine = cv2.warpAffine(nodes, to_nodes, shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        places = np.asarray(fine, np.float32)
+    return places[: shape[0], : shape[1], 0], places[: shape[0], : shape[1], 1]

@@ -34,6 +34,7 @@ class PictureStyle:
         swings: Whether doors' swings are drawn, as thin arcs.
         legend: Whether there are a title and a legend.
         text: Height of letters.
+        wall: Walls are drawn at least this thick.
     """
 
     pixels_per_metre: float = 16.0
@@ -43,6 +44,7 @@ class PictureStyle:
     swings: bool = True
     legend: bool = True
     text: float = 0.4
+    wall: float = 0.2
 
     def __post_init__(self) -> None:
         check(
@@ -54,6 +56,7 @@ class PictureStyle:
             swings=Rule(kind=bool),
             legend=Rule(kind=bool),
             text=Rule(above=0.0, high=5.0),
+            wall=Rule(low=0.0, high=1.0),
         )
 
 
@@ -80,9 +83,9 @@ def draw_evacuation_plan(
     style = style or PictureStyle()
     scale = style.pixels_per_metre * resolution
     height, width = (max(1, round(n * scale)) for n in free.shape)
-    top = {"dsize": (width, height), "interpolation": cv2.INTER_NEAREST}
-    floor = cv2.resize(free[::-1].astype(np.uint8), **top) > 0
-    ids = cv2.resize(np.ascontiguousarray(room_ids[::-1]).astype(np.float32), **top).astype(np.int32)
+    size, nearest = (width, height), cv2.INTER_NEAREST
+    floor = np.asarray(cv2.resize(free[::-1].astype(np.uint8), size, interpolation=nearest) > 0)
+    ids = cv2.resize(room_ids[::-1].astype(np.float32), size, interpolation=nearest).astype(np.int32)
     ink = _Ink(floor, ids, style)
     largest = ink.rooms[np.argsort(-ink.areas, kind="stable")]
     corridor = _corridors(floor, ids, largest, ink)
@@ -139,7 +142,12 @@ class _Ink:
         """Black where a wall is: solid cells near floor, the outside stays white."""
         near = max(1, round(0.3 * self.unit))
         kernel = np.ones((2 * near + 1, 2 * near + 1), np.uint8)
-        self.image[(cv2.dilate(self.floor.astype(np.uint8), kernel) > 0) & ~self.floor] = BLACK
+        walls: Mask = (cv2.dilate(self.floor.astype(np.uint8), kernel) > 0) & ~self.floor
+        # What an opening by a wall's thickness would lose is thinner, and is drawn thicker.
+        side = max(1, round(self.style.wall * self.unit))
+        brush = np.ones((side, side), np.uint8)
+        thin = walls & (cv2.morphologyEx(walls.astype(np.uint8), cv2.MORPH_OPEN, brush) == 0)
+        self.image[walls | (cv2.dilate(thin.astype(np.uint8), brush) > 0)] = BLACK
 
     def swings(self, rng: np.random.Generator) -> None:
         """A thin quarter circle at every small piece of floor without a room: a door."""
@@ -161,7 +169,9 @@ class _Ink:
         size = max(2, round(0.35 * self.unit))
         for row, col in places[first].tolist():
             left = (int(col) - size, int(row))
-            cv2.arrowedLine(self.image, left, (int(col) + size, int(row)), GREEN, max(1, size // 3), tipLength=0.5)
+            cv2.arrowedLine(
+                self.image, left, (int(col) + size, int(row)), GREEN, max(1, size // 3), tipLength=0.5
+            )
 
     def numbers(self) -> None:
         """The number of every room, in thin letters in its middle."""
@@ -201,9 +211,8 @@ class _Ink:
     def with_legend(self) -> Bytes:
         """The picture on its sheet: a title above, a legend below."""
         side, line = round(2.0 * self.unit), max(14, round(1.2 * self.unit))
-        sheet = cv2.copyMakeBorder(
-            self.image, side + line, side + 5 * line, side, side, cv2.BORDER_CONSTANT, value=WHITE
-        )
+        margins = ((side + line, side + 5 * line), (side, side), (0, 0))
+        sheet = np.pad(self.image, margins, constant_values=255)
         self.image, size = sheet, line / 32.0
         cv2.putText(
             sheet, "EVACUATION PLAN", (side, side), cv2.FONT_HERSHEY_SIMPLEX, 2 * size, GREEN, 2, cv2.LINE_AA

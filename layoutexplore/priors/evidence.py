@@ -44,7 +44,7 @@ class Evidence:
         return np.asarray(points.mean(axis=0) if len(points) else np.zeros(2))
 
 
-def gather(grid: OccupancyGrid) -> Evidence:
+def seen_points(grid: OccupancyGrid) -> Evidence:
     """The points of a grid; empty where nothing is known."""
     box = known_box(grid.cells)
     row0, row1, col0, col1 = box
@@ -54,8 +54,10 @@ def gather(grid: OccupancyGrid) -> Evidence:
     metres = cv2.distanceTransform((cells != OCCUPIED).astype(np.uint8), cv2.DIST_L2, 3) * grid.resolution
     if not (cells == OCCUPIED).any():
         metres[:] = 2 * CLEARANCE
-    steps = (max(1, round(spacing / grid.resolution)) for spacing in (WALL_SPACING, FLOOR_SPACING))
-    walls, floor, free = _points(cells, metres.astype(np.float32), *steps, CLEARANCE)
+    wall_step, floor_step = (
+        max(1, round(spacing / grid.resolution)) for spacing in (WALL_SPACING, FLOOR_SPACING)
+    )
+    walls, floor, free = _points(cells, metres.astype(np.float32), wall_step, floor_step, CLEARANCE)
     offset = np.array([row0, col0], np.float64)
     return Evidence(
         _to_world(walls + offset, grid), _to_world(floor + offset, grid), free * grid.resolution**2
@@ -73,7 +75,7 @@ def _to_world(places: Floats, grid: OccupancyGrid) -> Floats:
 def _points(
     cells: Cells, distance: Floats32, wall_step: int, floor_step: int, clearance: float
 ) -> tuple[Floats, Floats, int]:
-    """Wall cells beside floor, one a square of `wall_step`; floor cells one a square; number of free cells."""
+    """Wall cells beside floor and floor cells, one of each a square; number of free cells."""
     rows, cols = cells.shape
     walls, floor = np.empty((rows * cols, 2), np.float64), np.empty((rows * cols, 2), np.float64)
     taken = np.zeros((rows // wall_step + 1, cols // wall_step + 1), np.bool_)
@@ -101,14 +103,14 @@ def _points(
     return walls[:count].copy(), floor[:open_count].copy(), free
 
 
-def main_direction(free: Mask) -> float:
+def wall_direction(free: Mask) -> float:
     """The direction of most walls, in radians 0..pi/2 counter-clockwise from the columns' axis.
 
     Args:
         free: bool (rows, cols), floor; row 0 has the lowest y.
 
     Example:
-        >>> main_direction(np.pad(np.ones((30, 50), np.bool_), 5))
+        >>> wall_direction(np.pad(np.ones((30, 50), np.bool_), 5))
         0.0
     """
     smooth = cv2.GaussianBlur(free.astype(np.float32), (0, 0), 1.5)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from layoutexplore.grids.arrays import Floats32, Ints32, Mask
-from layoutexplore.priors.evidence import main_direction
+from layoutexplore.priors.evidence import wall_direction
 from layoutexplore.priors.plan import PriorPlan
 
 CELL = 0.1
@@ -38,9 +38,9 @@ class PlanFields:
     @cached_property
     def to_walls(self) -> Floats32:
         """float32 (rows, cols): metres to the nearest face of a wall."""
-        solid = (~self.free).astype(np.uint8)
-        faces = solid & cv2.dilate(1 - solid, np.ones((3, 3), np.uint8))
-        return np.asarray(cv2.distanceTransform(1 - faces, cv2.DIST_L2, 5) * self.cell, np.float32)
+        faces = ~self.free & (cv2.dilate(self.free.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+        distance = cv2.distanceTransform((~faces).astype(np.uint8), cv2.DIST_L2, 5)
+        return np.asarray(distance * self.cell, np.float32)
 
     @cached_property
     def depth(self) -> Floats32:
@@ -51,9 +51,20 @@ class PlanFields:
         return np.asarray((inside - outside) * self.cell, np.float32)
 
     @cached_property
+    def nearest_room(self) -> Ints32:
+        """int32 (rows, cols): the room that each cell lies in or next to; 0 only in a plan without rooms."""
+        none = (self.room_ids == 0).astype(np.uint8)
+        if none.all():
+            return self.room_ids
+        _, nearest = cv2.distanceTransformWithLabels(none, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+        of_label = np.zeros(int(nearest.max()) + 1, np.int32)
+        of_label[nearest[none == 0]] = self.room_ids[none == 0]
+        return np.asarray(of_label[nearest], np.int32)
+
+    @cached_property
     def direction(self) -> float:
         """The direction of most walls, radians 0..pi/2."""
-        return main_direction(self.free)
+        return wall_direction(self.free)
 
 
 def make_fields(prior: PriorPlan) -> PlanFields:
@@ -63,8 +74,10 @@ def make_fields(prior: PriorPlan) -> PlanFields:
     cell = prior.resolution * prior.free.shape[0] / shape[0]
     pad = int(np.ceil(BORDER / cell))
     floor = cv2.resize(prior.free.astype(np.uint8) * 255, shape[::-1], interpolation=cv2.INTER_AREA)
-    size = {"dsize": shape[::-1], "interpolation": cv2.INTER_NEAREST}
-    ids = cv2.resize(prior.room_ids.astype(np.float32), **size).astype(np.int32)
+    numbers = prior.room_ids.astype(np.float32)
+    ids = cv2.resize(numbers, shape[::-1], interpolation=cv2.INTER_NEAREST).astype(np.int32)
     # A thin wall of a fine drawing stays a wall: floor is what is floor by most of its cell.
     free = floor > 0.6 * 255
-    return PlanFields(np.pad(free, pad), np.pad(np.where(free, ids, 0), pad).astype(np.int32), cell, -pad * cell)
+    return PlanFields(
+        np.pad(free, pad), np.pad(np.where(free, ids, 0), pad).astype(np.int32), cell, -pad * cell
+    )

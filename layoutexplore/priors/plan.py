@@ -18,8 +18,7 @@ import shapely
 from shapely import Polygon
 
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.grids.arrays import Floats, Ints32, Mask
-from layoutexplore.grids.morphology import disc
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.tracing import trace_doors
@@ -31,10 +30,13 @@ RESOLUTION = 0.1
 KNOWN_SPREAD, HINTED_SPREAD, UNKNOWN_SPREAD = 0.04, 0.03, 0.25
 """Standard deviations of the logarithm of a scale: of a plan in metres, of one that is told, of none."""
 
-DOOR_WIDTH, DOOR_SPREAD = 0.85, 0.2
+DOOR_WIDTH, DOOR_SPREAD = 0.85, 0.23
 """Metres of a usual door, and the standard deviation of the logarithm of a plan's median."""
 
-ROOM_SIDE, ROOM_SPREAD = 4.5, 0.35
+LEAST_DOOR_SHARE = 0.06
+"""Openings narrower than this share of a room's side are places where slanted rooms touch, no doors."""
+
+ROOM_SIDE, ROOM_SPREAD = 4.5, 0.45
 """Metres of the side of a usual room (the root of a plan's median area), and that of its logarithm."""
 
 LEAST_ROOMS, LEAST_AREA = 2, 20.0
@@ -127,13 +129,11 @@ class PriorPlan:
         return int(np.count_nonzero(ids))
 
     def rescaled(self, factor: float, spread: float) -> PriorPlan:
-        """The same drawing, a metre of it being `factor` metres, with that spread of the scale's logarithm."""
+        """The same drawing, a metre of it being `factor` metres; `spread` as of `scale_spread`."""
         here = self.hints.here and (self.hints.here[0] * factor, self.hints.here[1] * factor)
         hints = dataclasses.replace(self.hints, here=here)
         resolution = self.resolution * factor
-        return dataclasses.replace(
-            self, resolution=resolution, scale_spread=spread, hints=hints, unused=""
-        )
+        return dataclasses.replace(self, resolution=resolution, scale_spread=spread, hints=hints, unused="")
 
 
 def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan:
@@ -143,7 +143,9 @@ def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan
         MapError: The plan has no free space.
     """
     hints = hints or PriorHints()
-    resolution = RESOLUTION * max(1.0, math.sqrt(np.prod(np.subtract(plan.bounds[2:], plan.bounds[:2])) / 3e4))
+    resolution = RESOLUTION * max(
+        1.0, math.sqrt(np.prod(np.subtract(plan.bounds[2:], plan.bounds[:2])) / 3e4)
+    )
     raster = plan.rasterize(resolution)
     told = hints.scale or 1.0
     here = hints.here
@@ -187,7 +189,9 @@ def prior_of_rooms(
     known = dataclasses.replace(hints, scale=None, here=here)
     prior = prior_of_plan(FloorPlan(name=name, rooms=scaled), known)
     spread = HINTED_SPREAD if hints.scale else KNOWN_SPREAD if metric else ROOM_SPREAD
-    return dataclasses.replace(prior, scale_spread=spread, hints=dataclasses.replace(prior.hints, scale=hints.scale))
+    return dataclasses.replace(
+        prior, scale_spread=spread, hints=dataclasses.replace(prior.hints, scale=hints.scale)
+    )
 
 
 def with_expected_scale(prior: PriorPlan) -> PriorPlan:
@@ -199,10 +203,10 @@ def with_expected_scale(prior: PriorPlan) -> PriorPlan:
 def expected_scale(prior: PriorPlan) -> tuple[float, float]:
     """By which factor a plan's lengths become usual ones, and the standard deviation of its logarithm."""
     areas = np.bincount(prior.room_ids.ravel())[1:]
-    areas = areas[areas > 0] * prior.resolution**2
+    areas = areas[areas > 0]
     if not len(areas):
         return 1.0, UNKNOWN_SPREAD
-    by_rooms = math.log(ROOM_SIDE / math.sqrt(float(np.median(areas))))
+    by_rooms = math.log(ROOM_SIDE / (math.sqrt(float(np.median(areas))) * prior.resolution))
     widths = _door_widths(prior)
     if len(widths) < 3:
         return math.exp(by_rooms), ROOM_SPREAD
@@ -220,7 +224,8 @@ def _door_widths(prior: PriorPlan) -> Floats:
     side = np.sqrt(np.median(np.bincount(prior.room_ids[prior.room_ids > 0])[1:]))
     unit = ROOM_SIDE / max(float(side), 1.0)
     doors = trace_doors(PlanRaster(~prior.free, prior.room_ids, unit))
-    return np.array([door.width for door in doors], np.float64) * prior.resolution / unit
+    widths = np.array([door.width for door in doors], np.float64)
+    return widths[widths >= LEAST_DOOR_SHARE * ROOM_SIDE] * prior.resolution / unit
 
 
 def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
@@ -246,7 +251,7 @@ def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
             if part == main or not least <= stats[part, cv2.CC_STAT_AREA] <= most:
                 continue
             cells = np.argwhere(parts == part)
-            gaps = distance[cells[:, 0], cells[:, 1]]
+            gaps = np.asarray(distance[cells[:, 0], cells[:, 1]])
             near = cells[gaps <= min(gaps.min() + 1.0, reach)]
             if not len(near):
                 continue
@@ -255,7 +260,7 @@ def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
     return dataclasses.replace(prior, free=free, unused="")
 
 
-def _carve(free: Mask, start: Floats, end: Floats, half: float) -> None:
+def _carve(free: Mask, start: Ints, end: Ints, half: float) -> None:
     """Open a straight way between two cells."""
     line = np.zeros(free.shape, np.uint8)
     (r0, c0), (r1, c1) = start.tolist(), end.tolist()
@@ -275,11 +280,6 @@ def _why_unused(prior: PriorPlan) -> str:
     if area > 1e6:
         return f"it shows {area:.2g} m2 of floor: check its unit, or tell its scale"
     return ""
-
-
-def thickened(mask: Mask, radius: float, resolution: float) -> Mask:
-    """The cells within a radius in metres of others, bool (rows, cols)."""
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), disc(radius / resolution)) > 0)
 
 
 def check_usable(prior: PriorPlan) -> None:

@@ -79,7 +79,9 @@ def study_prior(kind: str, plan: FloorPlan, seed: int, *, among: str = "") -> St
     rng = np.random.default_rng([seed, int(plan.content_hash[:8], 16), sorted(PRESETS).index(kind)])
     if kind == "empty":
         nothing = np.zeros((100, 100), np.bool_)
-        return StudyPrior(PriorPlan(name="empty", free=nothing, room_ids=nothing.astype(np.int32), resolution=0.1))
+        return StudyPrior(
+            PriorPlan(name="empty", free=nothing, room_ids=nothing.astype(np.int32), resolution=0.1)
+        )
     shown = plan if kind not in ("other-floor", "wrong") else _other(kind, plan, rng, among)
     spoiled = spoil(shown, PRESETS[kind], rng)
     made = _from_picture(spoiled, rng) if kind == "rough" else _unscaled(kind, spoiled, rng)
@@ -101,7 +103,19 @@ def _from_picture(spoiled: SpoiledPlan, rng: np.random.Generator) -> StudyPrior:
     """The plan as it is read from the picture of an evacuation plan."""
     style = PictureStyle()
     image = draw_evacuation_plan(spoiled.free, spoiled.room_ids, spoiled.resolution, rng, style=style)
-    read = prior_of_picture(image, name="rough")
+    try:
+        read = prior_of_picture(image, name="rough")
+    except MapError as error:
+        nothing = np.zeros((1, 1), np.bool_)
+        return StudyPrior(
+            PriorPlan(
+                name="rough",
+                free=nothing,
+                room_ids=nothing.astype(np.int32),
+                resolution=1.0,
+                unused=f"its picture cannot be read: {error}",
+            )
+        )
     height = max(1, round(spoiled.free.shape[0] * style.pixels_per_metre * spoiled.resolution))
     left, bottom = read.corner
 
@@ -123,7 +137,9 @@ def _other(kind: str, plan: FloorPlan, rng: np.random.Generator, among: str) -> 
             others.append((source, abs(math.log(area / max(plan.area, 1.0)))))
     if not others:
         what = "other floor of building" if kind == "other-floor" else "building other than"
-        raise ConfigError(f"prior:{kind}: no {what} {plan.building} is known; name a folder with among=FOLDER")
+        raise ConfigError(
+            f"prior:{kind}: no {what} {plan.building} is known; name a folder with among=FOLDER"
+        )
     near = sorted(others, key=lambda item: item[1])[: 1 if kind == "other-floor" else 5]
     return load_plan(near[rng.integers(len(near))][0])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,11 +31,15 @@ from layoutexplore.priors.plan import (
 LONGER_SIDE = 50.0
 """Metres that the longer side of a picture's drawing is taken for until its rooms tell better."""
 
+PICTURE_SPREAD = 0.25
+"""Standard deviation of the logarithm of a scale that follows from a picture's rooms and doors, at least."""
+
 MOST_PIXELS = 6e6
 """Pixels of a picture; larger ones are scaled down when they are read."""
 
-READ_AGAIN = 1.3
-"""A picture whose scale turns out to be wrong by more than this factor is read again with the better one."""
+READ_AGAIN, READINGS = 1.3, 2
+"""A picture whose scale turns out to be wrong by more than this factor is read again with the better one, so
+often at most."""
 
 PLACE_SHARE = 0.3
 """Separate walls this long, as a share of the longest, belong to the drawing; what lies outside does not."""
@@ -92,32 +97,47 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
     hints = hints or PriorHints()
     shrink = max(1.0, float(np.sqrt(image.shape[0] * image.shape[1] / MOST_PIXELS)))
     if shrink > 1:
-        image = cv2.resize(image, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
+        small = cv2.resize(image, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
+        image = np.asarray(small, np.uint8)
     dark = np.argwhere(image.max(axis=2) < BlueprintConfig().darkness)
     if not len(dark):
         raise MapError("the picture shows no walls: nothing in it is dark")
     told = hints.scale and hints.scale * shrink
     pixel = told or LONGER_SIDE / max(float(np.ptp(dark, axis=0).max()), 1.0)
-    drawn, corner = _drawing(image, pixel, name)
+    # Thin walls of a plan that is larger than it was taken for would be erased as thin strokes.
+    config = BlueprintConfig() if told else BlueprintConfig(wall_width=0.0)
+    drawn, corner = _drawing(image, pixel, name, config)
     spread = HINTED_SPREAD
     if not told:
         factor, spread = expected_scale(drawn)
-        if max(factor, 1 / factor) > READ_AGAIN:
-            drawn, corner = _drawing(image, pixel * factor, name)
-            factor, spread = expected_scale(drawn)
+        # At a scale that is still wrong symbols may take walls with them: then what was read before stays.
+        with contextlib.suppress(MapError):
+            for _ in range(READINGS):
+                if max(factor, 1 / factor) <= READ_AGAIN:
+                    break
+                drawn, corner = _drawing(image, drawn.resolution * factor, name, config)
+                factor, spread = expected_scale(drawn)
+        spread = max(spread, PICTURE_SPREAD)
         drawn = drawn.rescaled(factor, spread)
     here = hints.here
     if here is not None:
         low = image.shape[0] - corner[1]
-        here = ((here[0] / shrink - corner[0]) * drawn.resolution, (here[1] / shrink - low) * drawn.resolution)
-    prior = dataclasses.replace(drawn, scale_spread=spread, hints=dataclasses.replace(hints, here=here), unused="")
+        here = (
+            (here[0] / shrink - corner[0]) * drawn.resolution,
+            (here[1] / shrink - low) * drawn.resolution,
+        )
+    prior = dataclasses.replace(
+        drawn, scale_spread=spread, hints=dataclasses.replace(hints, here=here), unused=""
+    )
     place = corner[0] * shrink, corner[1] * shrink
     return ReadPicture(with_doors_to_all(prior), prior.resolution / shrink, place)
 
 
-def _drawing(image: Bytes, pixel: float, name: str) -> tuple[PriorPlan, tuple[float, float]]:
+def _drawing(
+    image: Bytes, pixel: float, name: str, config: BlueprintConfig
+) -> tuple[PriorPlan, tuple[float, float]]:
     """The plan of a picture at that many metres a pixel, and the pixel of its lower left corner."""
-    grid = _walls_of(image, pixel)
+    grid = _walls_of(image, pixel, config)
     walls = grid.cells == OCCUPIED
     rows, cols = _place_of(walls)
     cells = grid.cells[rows, cols].copy()
@@ -131,12 +151,12 @@ def _drawing(image: Bytes, pixel: float, name: str) -> tuple[PriorPlan, tuple[fl
     return prior, (float(cols.start), float(image.shape[0] - rows.start))
 
 
-def _walls_of(image: Bytes, pixel: float) -> OccupancyGrid:
+def _walls_of(image: Bytes, pixel: float, config: BlueprintConfig) -> OccupancyGrid:
     """The picture as a grid; without the OCR, words are told from walls by their size alone."""
     try:
-        return grid_from_blueprint(image, pixel)
+        return grid_from_blueprint(image, pixel, config=config)
     except MissingExtraError:
-        return grid_from_blueprint(image, pixel, config=BlueprintConfig(words=False))
+        return grid_from_blueprint(image, pixel, config=dataclasses.replace(config, words=False))
 
 
 def _place_of(walls: Mask) -> tuple[slice, slice]:

@@ -30,7 +30,7 @@ FLOOR_WEIGHT = 0.6
 """Weight of a point of floor against one of a wall."""
 
 ASPECT_STD, TURN_STD = 0.05, 0.02
-"""Standard deviations of the logarithm of the ratio of the scales along both axes, and of the rotation (rad)."""
+"""Standard deviations of the logarithm of the ratio of both scales, and of the rotation in radians."""
 
 
 class Placement(NamedTuple):
@@ -139,7 +139,7 @@ def fit_points(walls: Floats, floor: Floats, fields: PlanFields, unit: float) ->
 
 @njit(cache=True, nogil=True)
 def sample_field(field: Floats32, x: float, y: float, cell: float, low: float) -> tuple[float, float, float]:
-    """Value and gradient of a field at a point of the plan; outside, the value at the edge and no gradient."""
+    """Value and gradient of a field at a point of the plan; outside, the value at the edge and no slope."""
     rows, cols = field.shape
     u, v = (x - low) / cell - 0.5, (y - low) / cell - 0.5
     if u < 0 or v < 0 or u >= cols - 1 or v >= rows - 1:
@@ -189,7 +189,8 @@ def _step(
     step = np.linalg.solve(normal, right)
     # Far from the linear range a full step would jump past the place that is looked for.
     limits = np.array([0.06, 0.06, 0.03, 1.0, 1.0])
-    return parameters + np.minimum(np.maximum(step, -limits), limits)
+    moved: Floats = parameters + np.minimum(np.maximum(step, -limits), limits)
+    return moved
 
 
 @njit(cache=True, nogil=True)
@@ -219,15 +220,10 @@ def _fit(walls: Floats, floor: Floats, plan: _Plan, unit: float) -> tuple[float,
     for n in range(len(floor)):
         value, _, _ = sample_field(plan.depth, floor[n, 0], floor[n, 1], plan.cell, plan.low)
         value *= unit
-        # from the edge of what is doubtful to the face of a wall the cost rises to its whole; far from all that
-        # is drawn the plan may only be silent
+        # from the edge of what is doubtful to the face of a wall the cost rises to its whole; far from
+        # all that is drawn the plan may only be silent
         cost = min(max((FLOOR_REACH - value) / FLOOR_REACH, 0.0), 1.0)
         score -= FLOOR_WEIGHT * FLOOR_COST * (cost if value > -SILENT else SILENT_SHARE)
         shown += value >= 0.0
         solid += value < -0.35
-    return (
-        score,
-        good / max(len(walls), 1),
-        shown / max(len(floor), 1),
-        solid / max(len(floor), 1),
-    )
+    return (score, good / max(len(walls), 1), shown / max(len(floor), 1), solid / max(len(floor), 1))

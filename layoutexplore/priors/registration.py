@@ -15,7 +15,7 @@ import numpy as np
 
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import OccupancyGrid
-from layoutexplore.priors.evidence import Evidence, gather, main_direction
+from layoutexplore.priors.evidence import Evidence, seen_points, wall_direction
 from layoutexplore.priors.fields import make_fields
 from layoutexplore.priors.plan import PriorPlan
 from layoutexplore.priors.refinement import Fit, Placement, fit_points, matrix_of, recentred, refine
@@ -27,6 +27,9 @@ LEAST_AREA = 6.0
 
 GROWTH = 1.3
 """A search begins again when the seen floor has grown by this factor."""
+
+STEADY = 1.0
+"""Metres by which the best hypothesis may move at a decision and be the same."""
 
 KEPT, TRIED, TRIED_A_DECISION = 8, 32, 8
 """Hypotheses that are kept, and places of a search that are refined, in all and at one decision."""
@@ -40,8 +43,8 @@ APART = 1.5
 SHIFTED, SHIFT_GROWTH = 3, 1.04
 """So many of the best hypotheses are laid onto the plan anew when the seen floor has grown by that factor."""
 
-CELLS_A_DECISION = 400_000
-"""Cells transformed at a decision after the first match."""
+TRANSFORMED = 400_000
+"""Numbers that go through Fourier transforms at a decision after the first match."""
 
 NEW_ROUNDS, OLD_ROUNDS = (0.8, 0.5, 0.35, 0.35), (0.5, 0.35)
 """Metres at which walls lose their force, a round of refinement, of new places and of those that are kept."""
@@ -89,7 +92,9 @@ class Registration:
 
     Attributes:
         hypotheses: The places that are kept, the best first.
+        start: As given.
         evidence: What was seen at the last decision.
+        steady_since: Square metres that had been seen when the best hypothesis last changed.
     """
 
     def __init__(self, prior: PriorPlan, start: tuple[float, float] | None = None) -> None:
@@ -97,18 +102,20 @@ class Registration:
         self.hypotheses: list[Hypothesis] = []
         self.evidence = Evidence(np.zeros((0, 2)), np.zeros((0, 2)), 0.0)
         self.direction = 0.0
-        self._start = start
+        self.start = start
         self._searched = 0.0
         self._job: tuple[CoarseSearch, Iterator[Slice]] | None = None
         self._found: list[Candidate] = []
         self._waiting: list[Candidate] = []
         self._shifted = 0.0
+        self.steady_since = 0.0
+        self._best: WarpedPlacement | None = None
 
     def update(self, grid: OccupancyGrid) -> None:
         """Bring the hypotheses up to what a grid shows."""
         if self.prior.unused:
             return
-        self.evidence = gather(grid)
+        self.evidence = seen_points(grid)
         if self.evidence.area < LEAST_AREA or len(self.evidence.walls) < LEAST_WALLS:
             return
         self._refresh()
@@ -117,15 +124,27 @@ class Registration:
         if idle and self.evidence.area >= GROWTH * self._searched:
             first = self._searched == 0
             self._searched = self.evidence.area
-            self.direction = main_direction(grid.free)
+            self.direction = wall_direction(grid.free)
             self._job = (CoarseSearch(self.fields, self.evidence, self.direction), self._slices())
-            self._search(math.inf if first else CELLS_A_DECISION)
+            self._search(math.inf if first else TRANSFORMED)
             if first:
                 self._try(TRIED)
         elif self._job is not None:
-            self._search(CELLS_A_DECISION)
+            self._search(TRANSFORMED)
         elif self._waiting:
             self._try(TRIED_A_DECISION)
+        self._note_best()
+
+    def _note_best(self) -> None:
+        """Since when the best hypothesis has said the same of a place."""
+        if not self.hypotheses:
+            return
+        points = _probes(self.evidence)
+        place = self.hypotheses[0].placed.to_plan(points)
+        before = self._best
+        if before is None or np.hypot(*(before.to_plan(points) - place).T).mean() > STEADY:
+            self.steady_since = self.evidence.area
+        self._best = self.hypotheses[0].placed
 
     def _shift(self) -> None:
         """Look for better positions of the best hypotheses, orientation and scale left as they are."""
@@ -144,7 +163,7 @@ class Registration:
         """Orientations and scales to search, likeliest first."""
         reach = max(2.5 * self.prior.scale_spread, SCALE_STEP)
         steps = math.ceil(reach / SCALE_STEP)
-        scales = np.arange(-steps, steps + 1) * SCALE_STEP
+        scales = np.arange(-steps, steps + 1, dtype=np.float64) * SCALE_STEP
         mirrored = (False, True) if self.prior.hints.mirror is None else (self.prior.hints.mirror,)
         rotation = self.prior.hints.rotation
         for part in slices(scales, (0, 1, 2, 3), mirrored):
@@ -213,9 +232,9 @@ class Registration:
         mean = 0.5 * (placement.parameters[0] + placement.parameters[1])
         cost = 0.5 * (mean / (2 * self.prior.scale_spread)) ** 2 + MIRRORED_COST * part.mirrored
         here = self.prior.hints.here
-        if here is not None and self._start is not None:
+        if here is not None and self.start is not None:
             matrix, shift = matrix_of(placement)
-            off = np.hypot(*(matrix @ np.array(self._start) + shift - here))
+            off = np.hypot(*(matrix @ np.array(self.start) + shift - here))
             cost += 0.5 * float(off / HERE_STD) ** 2
         return -float(cost)
 

@@ -121,7 +121,10 @@ class CoarseSearch:
         floor = FLOOR_WEIGHT * FLOOR_COST * (SILENT_SHARE - cost)
         step = max(1.0, COARSE / 2 / cell)
         shape = tuple(max(1, round(n / step)) for n in walls.shape[::-1])
-        small = (cv2.resize(image.astype(np.float32), shape, interpolation=cv2.INTER_AREA) for image in (walls, floor))
+        small = (
+            cv2.resize(image.astype(np.float32), shape, interpolation=cv2.INTER_AREA)
+            for image in (walls, floor)
+        )
         first, second = small
         return first, second
 
@@ -131,7 +134,7 @@ class CoarseSearch:
         return rows * cols
 
     def _box(self, part: Slice) -> tuple[Floats, tuple[int, int]]:
-        """The low corner of the plan in the building's axes about the centre, and its size in coarse cells."""
+        """The low corner of the plan in the building's axes about the centre, its size in coarse cells."""
         rows, cols = self._fields.free.shape
         span = np.array([cols, rows]) * self._fields.cell
         corners = self._fields.low + np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * span

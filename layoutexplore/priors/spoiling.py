@@ -19,13 +19,7 @@ from layoutexplore.grids.polygons import fill
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.options import SHARE, Rule, check
-from layoutexplore.priors.distortion import (
-    Distortion,
-    draw_distorted,
-    random_waves,
-    scale_matrix,
-    snap_pairs,
-)
+from layoutexplore.priors.distortion import Distortion, draw_distorted, random_waves, scale_matrix, snap_pairs
 from layoutexplore.priors.plan import RESOLUTION
 
 WALL = 0.8
@@ -309,6 +303,7 @@ class _Drawing:
                 continue
             ids, free = self.ids[window], self.free[window]
             wall = self._near(ids == room) & self._near(ids == closed[0]) & (ids == 0) & ~free
+            wall &= ~self._near_others(ids, (room, closed[0]))
             places = np.argwhere(wall)
             if not len(places):
                 continue

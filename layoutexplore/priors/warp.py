@@ -72,7 +72,9 @@ class WarpedPlacement:
 
     def shifts(self, points: Floats) -> Floats:
         """What the stretching adds in the plan, float64 (n, 2) in metres, at world points (n, 2)."""
-        return np.zeros_like(points) if self.lattice is None else _at(self.lattice, np.ascontiguousarray(points))
+        return (
+            np.zeros_like(points) if self.lattice is None else _at(self.lattice, np.ascontiguousarray(points))
+        )
 
     def to_world(self, points: Floats) -> Floats:
         """World points float64 (n, 2) of points of the plan (n, 2) in metres."""
@@ -83,7 +85,9 @@ class WarpedPlacement:
             found = (points - shift - self.shifts(found)) @ back
         return np.asarray(found)
 
-    def maps(self, low: tuple[float, float], resolution: float, shape: tuple[int, int]) -> tuple[Floats32, Floats32]:
+    def maps(
+        self, low: tuple[float, float], resolution: float, shape: tuple[int, int]
+    ) -> tuple[Floats32, Floats32]:
         """Plan x and y float32 (rows, cols) in metres of the centres of cells of a grid without rotation.
 
         Args:
@@ -95,7 +99,8 @@ class WarpedPlacement:
         x = (low[0] + (np.arange(shape[1]) + 0.5) * resolution).astype(np.float32)
         y = (low[1] + (np.arange(shape[0]) + 0.5) * resolution).astype(np.float32)
         found = [
-            np.float32(matrix[k, 1]) * y[:, None] + np.float32(matrix[k, 0]) * x + np.float32(shift[k]) for k in (0, 1)
+            np.float32(matrix[k, 1]) * y[:, None] + np.float32(matrix[k, 0]) * x + np.float32(shift[k])
+            for k in (0, 1)
         ]
         if self.lattice is not None:
             # Cell (r, c) lies at node coordinates (low + (c + 1/2) resolution - lattice.low) / spacing.
@@ -114,7 +119,9 @@ class WarpedPlacement:
         return found[0], found[1]
 
 
-def bent(placed: WarpedPlacement, walls: Floats, fields: PlanFields, rounds: int) -> tuple[WarpedPlacement, float]:
+def bent(
+    placed: WarpedPlacement, walls: Floats, fields: PlanFields, rounds: int
+) -> tuple[WarpedPlacement, float]:
     """The placement with the stretching that explains seen walls best, and its cost in log-likelihood.
 
     Args:
@@ -141,7 +148,7 @@ def bent(placed: WarpedPlacement, walls: Floats, fields: PlanFields, rounds: int
 
 
 def _solved(normal: Floats, right: Floats, rows: int, cols: int) -> Floats:
-    """The displacements float64 (rows, cols, 2); nodes are renumbered so that neighbours have near numbers."""
+    """The displacements float64 (rows, cols, 2); renumbered so that neighbours have near numbers."""
     numbers = np.arange(2 * rows * cols).reshape(rows, cols, 2)
     order = (numbers if cols <= rows else numbers.transpose(1, 0, 2)).ravel()
     band = 2 * (min(rows, cols) + 2)
@@ -178,7 +185,9 @@ def _at(lattice: Lattice, points: Floats) -> Floats:
 
 
 @njit(cache=True, nogil=True)
-def _node(low: Floats, spacing: float, shape: tuple[int, int], x: float, y: float) -> tuple[int, int, float, float]:
+def _node(
+    low: Floats, spacing: float, shape: tuple[int, int], x: float, y: float
+) -> tuple[int, int, float, float]:
     """The node below and left of a point and how far beyond it lies; outside, the nearest edge."""
     u = min(max((x - low[0]) / spacing, 0.0), shape[1] - 1.000001)
     v = min(max((y - low[1]) / spacing, 0.0), shape[0] - 1.000001)

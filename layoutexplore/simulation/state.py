@@ -204,7 +204,7 @@ def begin_run(
         pose = draw_start(raster, radius, start_rng, region)
     else:
         pose = check_start(raster, radius, start, region)
-    truth = _truth(plan, raster, config, pose, region)
+    truth = dataclasses.replace(_truth(plan, raster, config, pose, region), seed=seed)
     shape, resolution, origin = raster.shape, raster.resolution, raster.origin
     coverage = TargetCoverage(truth.target, raster.room_ids)
     mapper = Mapper(shape, resolution, origin)

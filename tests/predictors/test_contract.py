@@ -125,7 +125,7 @@ def test_mirrored_buildings_have_the_same_classes(name: str) -> None:
         cell = frontier.cells[0] * (1, -1) + (0, columns)
         twin = next(f for f in there.frontiers if (f.cells == cell).all(axis=1).any())
         assert twin.is_closed == frontier.is_closed
-        if not name.startswith(("layout", "learned")):  # the networks see crops, not a canonical map
+        if not name.startswith(("layout", "learned", "prior")):  # the networks see crops, not a canonical map
             assert twin.expected_area == pytest.approx(frontier.expected_area, rel=0.15, abs=0.3)
 
 

@@ -15,6 +15,12 @@ from layoutexplore.cli.evaluate.in_the_loop import in_the_loop
 from layoutexplore.cli.evaluate.layouts import evaluate_layout
 from layoutexplore.cli.evaluate.partial_rooms import HELP as PARTIAL_ROOMS_HELP
 from layoutexplore.cli.evaluate.partial_rooms import partial_rooms
+from layoutexplore.cli.evaluate.registration import (
+    REGISTRATION_HELP,
+    TRAIN_PRIOR_HELP,
+    registration,
+    train_prior,
+)
 from layoutexplore.cli.evaluate.robustness import HELP as ROBUSTNESS_HELP
 from layoutexplore.cli.evaluate.robustness import robustness
 from layoutexplore.cli.evaluate.segmentation import segmentation, train_merging
@@ -26,6 +32,8 @@ COMMANDS: dict[str, tuple[Callable[..., None], str | None]] = {
     "train-predictor": (train_predictor, TRAIN_PREDICTOR_HELP),
     "in-the-loop": (in_the_loop, IN_THE_LOOP_HELP),
     "robustness": (robustness, ROBUSTNESS_HELP),
+    "registration": (registration, REGISTRATION_HELP),
+    "train-prior": (train_prior, TRAIN_PRIOR_HELP),
     "closed-doors": (closed_doors, CLOSED_DOORS_HELP),
     "segmentation": (segmentation, None),
     "train": (train_merging, None),
@@ -39,6 +47,8 @@ EXAMPLES = {
     "train-predictor": "schools/ office:0-99 --folds 4 --store kept/ --out models/",
     "in-the-loop": "test -p reconstruct:rose2 -p layout -p oracle --out in-the-loop",
     "robustness": "quick --level low --level middle --out robustness",
+    "registration": "test -k true -k rough -k wrong --out registration",
+    "train-prior": "train office:1-5 school:1-5 --out confidence",
     "closed-doors": "maps/ --out predicted",
     "segmentation": "maps/ -m default -m rose2 --out report",
     "train": "maps/ --plans schools/ --out merging_model.json",

@@ -1,0 +1,136 @@
+"""`layoutexplore evaluate registration` and `train-prior`: how well prior plans find their place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from layoutexplore.evaluation.registration import RegistrationRow
+
+REGISTRATION_HELP = (
+    "Prior plans of every kind, registered while floors are explored: where foreseen doors are, how sure it "
+    "is, and how right that is; a table in the folder, and on it goes where it was."
+)
+TRAIN_PRIOR_HELP = (
+    "Fit the confidence of registered prior plans to explorations; scores by leaving buildings out."
+)
+
+KINDS = ("true", "rough", "corridors", "other-floor", "wrong", "mirrored")
+"""Prior plans that are registered when none is named."""
+
+Plans = Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")]
+Folder = Annotated[Path, typer.Option(help="Folder for the rows; the same command goes on in it.")]
+Kinds = Annotated[
+    list[str] | None, typer.Option("--kind", "-k", help="Prior plan; all kinds when none is named.")
+]
+Sensors = Annotated[
+    list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
+]
+Among = Annotated[str, typer.Option(help="Where other floors and other buildings are found.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Worker processes.")]
+
+
+def registration(
+    plans: Plans, out: Folder, kind: Kinds = None, sensor: Sensors = None, among: Among = "", jobs: Jobs = 1
+) -> None:
+    """Study registrations; `REGISTRATION_HELP` is what the command line says."""
+    import numpy as np
+
+    from layoutexplore.evaluation.partial_rooms_summary import calibration_error
+    from layoutexplore.evaluation.registration import confidences, score_registrations
+    from layoutexplore.files import write_atomically
+    from layoutexplore.predictors.prior_plan import SURE
+
+    rows = _rows(plans, out, kind, sensor, among, jobs)
+    confidence = confidences(rows)
+    lines = [
+        f"{len({row.plan for row in rows})} floors of {len({row.building for row in rows})} buildings",
+        "",
+        "| plan | seen | explorations | right | door error [m] | confidence | believed | believed wrongly |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for s in score_registrations(rows, SURE):
+        interval = f"{s.right.estimate:.2f} ({s.right.low:.2f}-{s.right.high:.2f})"
+        error = f"{s.error:.2f}" if s.error < 1e6 else "-"
+        lines.append(
+            f"| {s.kind} | {s.coverage:.0%} | {s.floors} | {interval} | {error} | {s.confidence:.2f} "
+            f"| {s.believed:.2f} | {s.wrongly:.2f} |"
+        )
+    right = np.array([row.right for row in rows], np.bool_)
+    times = np.array([[row.first_ms, row.median_ms, row.p95_ms] for row in rows])
+    lines += [
+        "",
+        f"Calibration error: {calibration_error(confidence, right):.3f} over {len(rows)} registrations.",
+        f"Milliseconds, medians over explorations: first match {np.median(times[:, 0]):.0f}, later decisions "
+        f"{np.median(times[:, 1]):.0f}, their 95th percentile {np.median(times[:, 2]):.0f}.",
+    ]
+    text = "\n".join(lines) + "\n"
+    write_atomically(out / "registration.md", text)
+    typer.echo(text + f"\nwritten: {out / 'registration.md'}")
+
+
+def train_prior(
+    plans: Plans, out: Folder, kind: Kinds = None, sensor: Sensors = None, among: Among = "", jobs: Jobs = 1
+) -> None:
+    """Fit the confidence; `TRAIN_PRIOR_HELP` is what the command line says."""
+    import numpy as np
+
+    from layoutexplore.evaluation.partial_rooms_summary import calibration_error
+    from layoutexplore.files import write_json
+    from layoutexplore.training.priors.confidence import fit_confidence, held_out_confidence
+
+    rows = [row for row in _rows(plans, out, kind, sensor, among, jobs) if row.features]
+    features = np.array([row.features for row in rows])
+    right = np.array([row.right for row in rows])
+    held_out = held_out_confidence(features, right, np.array([row.building for row in rows]))
+    error = calibration_error(held_out, right)
+    missed = float(np.mean((held_out >= 0.5) != right))
+    typer.echo(
+        f"{len(rows)} registrations, {right.mean():.0%} of them right; held out by building: calibration "
+        f"error {error:.3f}, {missed:.1%} on the wrong side of 0.5"
+    )
+    write_json(out / "confidence.json", fit_confidence(features, right).as_table())
+    typer.echo(f"written: {out / 'confidence.json'}")
+
+
+def _rows(
+    plans: Sequence[str],
+    out: Path,
+    kind: Sequence[str] | None,
+    sensor: Sequence[str] | None,
+    among: str,
+    jobs: int,
+) -> list[RegistrationRow]:
+    """The rows of all floors and sensors, with a line of progress."""
+    from concurrent.futures import ProcessPoolExecutor
+    from functools import partial
+
+    from rich.console import Console
+
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.errors import unknown_name
+    from layoutexplore.evaluation.registration import rows_of_source
+    from layoutexplore.files import check_places
+    from layoutexplore.maps.library import find_plans
+    from layoutexplore.priors.presets import PRESETS
+    from layoutexplore.sensing.lidar import sensor as find_sensor
+
+    check_places(out)
+    kinds = list(kind or KINDS)
+    for name in kinds:
+        if name not in PRESETS:
+            raise unknown_name("prior plan", name, PRESETS)
+    sensors = [find_sensor(name).name for name in sensor or ("stage", "indoor")]
+    tasks = [(source, name) for source in find_plans(plans) for name in sensors]
+    work = partial(rows_of_source, kinds=kinds, among=among, store=out)
+    found: list[RegistrationRow] = []
+    with ProgressLine(Console(highlight=False), "explorations") as line, ProcessPoolExecutor(jobs) as pool:
+        spread = pool.map if jobs > 1 else map
+        for k, rows in enumerate(spread(work, *zip(*tasks, strict=True))):
+            found += rows
+            line.advance(k + 1, len(tasks), (k + 1) / len(tasks), tasks[k][0])
+    return found

@@ -1,0 +1,252 @@
+"""A plan known beforehand: registered with the map at every decision, it foresees rooms nobody has seen.
+
+While the registration is not sure, and where the plan is silent or contradicted, the shipped predictor speaks
+for classes, areas and rooms; what the robot has seen always wins.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import math
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.frontiers.classes import classify_frontiers
+from layoutexplore.frontiers.decision import Decision, Truth
+from layoutexplore.frontiers.foresight import Foresight
+from layoutexplore.grids.arrays import Cells, Ints32
+from layoutexplore.grids.grid import FREE, UNKNOWN
+from layoutexplore.options import split_pairs
+from layoutexplore.predictors.learned import LearnedPredictor
+from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_classes
+from layoutexplore.priors.completion import foresee
+from layoutexplore.priors.confidence import confidence
+from layoutexplore.priors.plan import PriorHints, PriorPlan
+from layoutexplore.priors.presets import PRESETS, study_prior
+from layoutexplore.priors.reading import read_prior
+from layoutexplore.priors.registration import Registration
+
+SURE = 0.7
+"""Confidence from which a plan is believed."""
+
+HINTS = ("scale", "rotation", "mirror", "here")
+"""Options that tell something of a plan's place."""
+
+
+class PriorPredictor:
+    """Rooms, classes and foresight by a plan known beforehand.
+
+    Args:
+        source: A floor plan or picture, or a preset of `layoutexplore.priors.presets`, which is made from the
+            plan of each run with the run's seed.
+        hints: What is told of the plan's place.
+        among: Where presets find other floors and buildings.
+        sure: Confidence from which the plan is believed, 0..1.
+
+    Attributes:
+        registration: Of the run.
+        confidence: At the last decision.
+
+    Raises:
+        MapError: The file cannot be read, or is no plan.
+    """
+
+    def __init__(
+        self, source: str, hints: PriorHints | None = None, *, among: str = "", sure: float = SURE
+    ) -> None:
+        self._source, self._hints, self._among, self._sure = source, hints or PriorHints(), among, sure
+        self._shipped = LearnedPredictor()
+        self._prior: PriorPlan | None = None if source in PRESETS else read_prior(source, hints)
+        self.name = f"prior:{source}"
+        self.registration: Registration | None = None
+        self.confidence = 0.0
+        self._seed = 0
+        if self._prior is not None:
+            self.registration = Registration(self._prior)
+
+    @property
+    def fingerprint(self) -> str:
+        """Of the models of the shipped predictor, and of the plan."""
+        plan = "" if self._prior is None else fingerprint_of(self._prior)
+        return f"{self._shipped.fingerprint}{plan}"
+
+    def reveal(self, truth: Truth) -> None:
+        """A run begins: presets are made from its plan; of a plan that was given nothing is revealed."""
+        prior = self._prior
+        if prior is None:
+            prior = study_prior(self._source, truth.plan, truth.seed, among=self._among).prior
+        self._begin(prior)
+
+    def _begin(self, prior: PriorPlan) -> None:
+        self.registration, self.confidence = Registration(prior), 0.0
+        self._start: tuple[float, float] | None = None
+
+    @property
+    def unused(self) -> str:
+        """Why the plan is not used; empty where it may be."""
+        return self.registration.prior.unused if self.registration else ""
+
+    def predict(self, decision: Decision) -> Decision:
+        """The decision with classes, areas and rooms, and with foresight where the plan is believed."""
+        if not decision.frontiers:
+            return decision
+        shipped = self._shipped.predict(decision)
+        foreseen = self._foresee(decision)
+        if foreseen is None:
+            return shipped
+        return _completed(shipped, foreseen)
+
+    def rooms(self, decision: Decision) -> RoomLabels:
+        """The rooms of the shipped predictor, and foreseen ones where the plan is believed."""
+        found = self._shipped.rooms(decision)
+        foreseen = self._foresee(decision)
+        return found if foreseen is None else _joined(found, foreseen, decision)
+
+    def _foresee(self, decision: Decision) -> Foresight | None:
+        """What is foreseen; None while the plan is not believed."""
+        if self.registration is None or self.registration.prior.unused:
+            return None  # no run has begun from whose plan one could be made, or it tells nothing
+        if decision.step == 0 and len(decision.track):
+            self.registration.start = float(decision.track[0, 0]), float(decision.track[0, 1])
+        self.registration.update(decision.grid)
+        self.confidence = confidence(self.registration)
+        if self.confidence < self._sure:
+            return None
+        return foresee(self.registration, decision.grid, self.confidence, self.name)
+
+
+def fingerprint_of(prior: PriorPlan) -> str:
+    """A text that changes with what a plan shows."""
+    digest = hashlib.sha256(np.packbits(prior.free).tobytes() + prior.room_ids.tobytes())
+    return f"{digest.hexdigest()[:16]}@{prior.resolution:.6g}"
+
+
+def _completed(shipped: Decision, foreseen: Foresight) -> Decision:
+    """Classes and areas by the plan where it shows what is behind a frontier, else as they were."""
+    assert shipped.rooms is not None
+    cells, table = shipped.grid.cells, shipped.table
+    passable = (cells == FREE) | foreseen.hidden(cells)
+    ids = _owners(shipped.rooms.sketch, foreseen, cells)[foreseen.room_ids]
+    classes = classify_frontiers(cells, shipped.clusters, ids, passable, foreseen.resolution)
+    told = classes.room > 0
+    rooms = np.array([frontier.room or 0 for frontier in shipped.frontiers], np.int32)
+    judged = dataclasses.replace(
+        classes,
+        is_closed=np.where(told, classes.is_closed, table.closed > 0),
+        room=np.where(told, classes.room, rooms).astype(np.int32),
+        remaining_area=np.where(told, classes.remaining_area, table.expected_area),
+    )
+    sure = np.where(told, foreseen.confidence, table.confidence)
+    completed = with_classes(shipped, judged, ForeseenRooms(shipped, foreseen), sure)
+    return dataclasses.replace(completed, foresee=lambda: foreseen)
+
+
+class ForeseenRooms(RoomsOnGrid):
+    """Rooms of the shipped predictor and of the plan, joined when somebody looks at them.
+
+    Args:
+        shipped: The decision as the shipped predictor completed it.
+        foreseen: What the plan says.
+    """
+
+    def __init__(self, shipped: Decision, foreseen: Foresight) -> None:
+        super().__init__(foreseen.predictor, shipped.grid)
+        self._shipped, self._foreseen = shipped, foreseen
+
+    @cached_property
+    def rooms(self) -> RoomLabels:
+        """Seen rooms as the shipped predictor has them, unseen cells as the plan shows them."""
+        assert self._shipped.rooms is not None
+        ids: Ints32 = self._shipped.rooms.labels
+        cells = self._shipped.grid.cells
+        return _joined(RoomLabels(ids, (cells == FREE) | (ids > 0)), self._foreseen, self._shipped)
+
+
+def _joined(found: RoomLabels, foreseen: Foresight, decision: Decision) -> RoomLabels:
+    """Rooms of a predictor, with unseen cells as they are foreseen.
+
+    A foreseen room that is seen in part takes the id of the room that has most of what is seen of it.
+    """
+    cells = decision.grid.cells
+    ids = found.room_ids
+    if found.rest:
+        ids = np.where(ids == found.rest, np.int32(0), ids)
+    owner = _owners(ids, foreseen, cells)
+    unseen = cells == UNKNOWN
+    shown = unseen & (foreseen.cells != UNKNOWN)
+    joined = np.where(shown, owner[foreseen.room_ids], ids).astype(np.int32)
+    passable = np.where(shown, foreseen.cells == FREE, found.passable)
+    return RoomLabels(joined, np.asarray(passable, np.bool_))
+
+
+def _owners(ids: Ints32, foreseen: Foresight, cells: Cells) -> Ints32:
+    """int32 (highest foreseen id + 1,): the room that each foreseen one is; a new id where it is none.
+
+    Args:
+        ids: int32 (rows, cols), rooms of seen cells.
+        foreseen: What is foreseen.
+        cells: int8 (rows, cols), what is known.
+    """
+    top, rooms = int(ids.max(initial=0)) + 1, int(foreseen.room_ids.max(initial=0)) + 1
+    both = (cells == FREE) & (ids > 0) & (foreseen.room_ids > 0)
+    pairs = foreseen.room_ids[both].astype(np.int64) * top + ids[both]
+    counts = np.bincount(pairs, minlength=rooms * top).reshape(rooms, top)
+    owner = np.where(counts.any(axis=1), counts.argmax(axis=1), top + np.arange(rooms)).astype(np.int32)
+    owner[0] = 0
+    return owner
+
+
+def predictor_of_prior(text: str) -> PriorPredictor:
+    """The predictor of `FILE`, `PRESET` or either with `;key=value` behind it.
+
+    Raises:
+        UnknownNameError: No such option.
+        ConfigError: A value makes no sense.
+        MapError: The file cannot be read, or is no plan.
+
+    Example:
+        >>> predictor_of_prior("rough").name
+        'prior:rough'
+    """
+    source, *items = (item.strip() for item in text.split(";"))
+    if not source:
+        raise ConfigError("prior: name a file, or one of " + ", ".join(PRESETS))
+    where = f"predictor prior:{text}"
+    values: dict[str, Any] = dict(split_pairs(where, items))
+    known = ("among", "sure", *HINTS)
+    for key in values:
+        if key not in known:
+            raise unknown_name("option of predictor prior:", key, known)
+    given: dict[str, Any] = {
+        key: _number(where, key, values[key]) for key in ("scale", "rotation") if key in values
+    }
+    sure = _number(where, "sure", values["sure"]) if "sure" in values else SURE
+    if not 0 <= sure <= 1:
+        raise ConfigError(f"{where}: sure is a probability 0..1, got {sure:g}")
+    if "mirror" in values:
+        words = {"yes": True, "no": False}
+        if values["mirror"] not in words:
+            raise ConfigError(f"{where}: mirror is yes or no, got {values['mirror']!r}")
+        given["mirror"] = words[values["mirror"]]
+    if "here" in values:
+        parts = [_number(where, "here", part) for part in values["here"].split("/")]
+        if len(parts) != 2:
+            raise ConfigError(f"{where}: here is X/Y, a point of the plan, got {values['here']!r}")
+        given["here"] = (parts[0], parts[1])
+    found = PriorPredictor(source, PriorHints(**given), among=values.get("among", ""), sure=sure)
+    found.name = f"prior:{text}"
+    return found
+
+
+def _number(where: str, key: str, text: str) -> Any:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ConfigError(f"{where}: {key} must be a number, got {text!r}")
+    return value

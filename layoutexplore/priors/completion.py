@@ -1,0 +1,91 @@
+"""From a registered plan to what is foreseen on the robot's grid; what the robot has seen always wins."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from layoutexplore.frontiers.foresight import Foresight
+from layoutexplore.grids.arrays import Cells, Ints32, Mask
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.morphology import disc
+from layoutexplore.priors.registration import Hypothesis, Registration, thinned
+
+WALL_DEPTH = 0.5
+"""Metres of solid behind floor that are foreseen as walls; deeper, a plan is silent."""
+
+CONTRADICTED, LEAST_POINTS = 0.5, 10
+"""A plan's room is contradicted where so large a share of the points seen in it, of so many, disagrees."""
+
+POINT_OFF = 0.6
+"""Metres by which a seen wall is off when it disagrees with a plan."""
+
+LEAST_GAP = 0.25
+"""Metres; foreseen floor into which a disc of this radius does not fit is the error of a wall's place."""
+
+
+def foresee(registration: Registration, grid: OccupancyGrid, confidence: float, name: str) -> Foresight:
+    """What the best hypothesis says of the cells of a grid.
+
+    Args:
+        registration: With at least one hypothesis.
+        grid: What the robot knows.
+        confidence: Probability that the hypothesis is right.
+        name: Of the predictor.
+    """
+    cells, ids = drawn_on(registration, registration.hypotheses[0], grid)
+    silent = contradicted_rooms(registration, registration.hypotheses[0])
+    gone = np.isin(ids, sorted(silent)) if silent else np.zeros(ids.shape, np.bool_)
+    cells[gone] = UNKNOWN
+    ids[gone] = 0
+    _drop_slivers(cells, grid)
+    ids[cells != FREE] = 0
+    return Foresight(
+        cells=cells, room_ids=ids, confidence=confidence, predictor=name, resolution=grid.resolution
+    )
+
+
+def drawn_on(registration: Registration, hypothesis: Hypothesis, grid: OccupancyGrid) -> tuple[Cells, Ints32]:
+    """The plan on a grid's cells: int8 (rows, cols) as of `Foresight`, and rooms int32 (rows, cols)."""
+    fields = registration.fields
+    x, y = hypothesis.placed.maps((grid.origin.x, grid.origin.y), grid.resolution, grid.shape)
+    col = (x - np.float32(fields.low)) / np.float32(fields.cell) - np.float32(0.5)
+    row = (y - np.float32(fields.low)) / np.float32(fields.cell) - np.float32(0.5)
+    depth = cv2.remap(fields.depth, col, row, cv2.INTER_LINEAR, borderValue=-10.0)
+    rooms = cv2.remap(fields.room_ids.astype(np.float32), col, row, cv2.INTER_NEAREST, borderValue=0.0)
+    cells = np.full(grid.shape, UNKNOWN, np.int8)
+    cells[depth > -WALL_DEPTH] = OCCUPIED
+    cells[depth > 0] = FREE
+    return cells, np.where(depth > 0, rooms.astype(np.int32), 0).astype(np.int32)
+
+
+def contradicted_rooms(registration: Registration, hypothesis: Hypothesis) -> set[int]:
+    """Rooms of the plan in which most of what has been seen disagrees with it."""
+    fields = registration.fields
+    votes = np.zeros((2, int(fields.room_ids.max()) + 1))
+    walls, floor = thinned(registration.evidence.walls), thinned(registration.evidence.floor)
+    for points, is_wall in ((walls, True), (floor, False)):
+        at = hypothesis.placed.to_plan(points)
+        place = np.floor((at - fields.low) / fields.cell).astype(int)
+        inside = ((place >= 0) & (place < fields.free.shape[::-1])).all(axis=1)
+        col, row = place[inside].T
+        if is_wall:
+            room = fields.room_ids[row, col]  # in the middle of a drawn room
+            off = fields.to_walls[row, col] > POINT_OFF
+        else:
+            room = fields.nearest_room[row, col]
+            off = fields.depth[row, col] < -LEAST_GAP
+        np.add.at(votes[0], room, 1.0)
+        np.add.at(votes[1], room, off.astype(np.float64))
+    many = votes[0] >= LEAST_POINTS
+    wrong = many & (votes[1] > CONTRADICTED * votes[0])
+    return set(np.flatnonzero(wrong).tolist()) - {0}
+
+
+def _drop_slivers(cells: Cells, grid: OccupancyGrid) -> None:
+    """Foreseen floor too narrow for anything: between a seen wall and its drawn twin, say."""
+    hidden = (cells == FREE) & (grid.cells == UNKNOWN)
+    floor: Mask = hidden | grid.free
+    kernel = disc(LEAST_GAP / grid.resolution)
+    wide = cv2.morphologyEx(floor.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
+    cells[hidden & ~wide] = UNKNOWN

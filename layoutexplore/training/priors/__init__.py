@@ -1,0 +1,1 @@
+"""Training of what tells whether a prior plan is in its place."""

@@ -1,0 +1,60 @@
+"""The study of registrations: rows, resuming, calibration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from layoutexplore.evaluation.registration import (
+    RegistrationRow,
+    confidences,
+    registration_rows,
+    score_registrations,
+)
+from layoutexplore.maps.library import load_plan
+from layoutexplore.priors.confidence import FEATURES
+
+
+def row(
+    kind: str, coverage: float, error: float, building: str = "a", feature: float = 0.5
+) -> RegistrationRow:
+    return RegistrationRow(
+        plan=building,
+        building=building,
+        sensor="stage",
+        kind=kind,
+        coverage=coverage,
+        features=(feature,) * len(FEATURES),
+        error=error,
+        first_ms=1.0,
+        median_ms=1.0,
+        p95_ms=1.0,
+    )
+
+
+def test_a_floor_gives_rows_and_is_not_explored_twice(tmp_path: Path) -> None:
+    plan = load_plan("apartment-01")
+    first = registration_rows(plan, ["true", "empty"], store=tmp_path)
+    assert {r.kind for r in first} == {"true", "empty"} and first[0].building == plan.building
+    assert all(np.isinf(r.error) and not r.features for r in first if r.kind == "empty")
+    last = [r for r in first if r.kind == "true"][-1]
+    assert last.right and len(last.features) == len(FEATURES)
+    assert registration_rows(plan, ["true", "empty"], store=tmp_path) == first  # times, too: they were read
+
+
+def test_a_kind_without_another_floor_is_left_out() -> None:
+    assert registration_rows(load_plan("apartment-01"), ["other-floor"]) == []
+
+
+def test_scores_by_kind_and_share() -> None:
+    rows = [row("true", 0.25, 0.2), row("true", 0.25, 5.0, "b"), row("wrong", 0.25, np.inf)]
+    true, wrong = score_registrations(rows, sure=0.0)
+    assert (true.floors, true.right.estimate, true.error) == (2, 0.5, pytest.approx(2.6))
+    assert true.wrongly == 0.5 and wrong.wrongly == 1.0 and wrong.right.estimate == 0.0
+
+
+def test_no_hypothesis_is_no_confidence() -> None:
+    lost = RegistrationRow(**{**row("true", 0.1, np.inf).__dict__, "features": ()})
+    assert confidences([lost]).tolist() == [0.0]

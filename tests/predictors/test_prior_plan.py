@@ -1,0 +1,110 @@
+"""The predictor `prior`: foresight when it is sure, the shipped predictor's word where it is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from layoutexplore.errors import ConfigError, LayoutExploreError, UnknownNameError
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.predictors import make_predictor
+from layoutexplore.predictors.learned import LearnedPredictor
+from layoutexplore.predictors.prior_plan import PriorPredictor, predictor_of_prior
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.simulation import Simulation
+from tests.priors.cases import office
+
+
+def decisions(predictor: PriorPredictor | None, count: int = 6) -> list[Decision]:
+    """The first decisions of a robot that always goes to the nearest frontier."""
+    simulation = Simulation(office(), SimulationConfig(sensor="indoor"), predictor)
+    found = [simulation.reset(seed=3)]
+    grids = []
+    while len(found) < count and not simulation.done:
+        grids.append(found[-1].grid.cells.copy())
+        found.append(simulation.step(0))
+    return found
+
+
+def test_a_sure_plan_is_foreseen_and_what_was_seen_wins() -> None:
+    predictor = predictor_of_prior("true;sure=0")
+    simulation = Simulation(office(), SimulationConfig(sensor="stage"), predictor)
+    decision = simulation.reset(seed=3)
+    while decision.foresight is None and not simulation.done:
+        decision = simulation.step(0)
+    foreseen = decision.foresight
+    assert foreseen is not None and decision.rooms is not None
+    assert foreseen.hidden(decision.grid.cells).any()
+    labels, passable = decision.rooms.labels, decision.rooms.labels > 0
+    assert labels.shape == decision.grid.shape and passable.any()
+    assert decision.table.closed.all() and (decision.table.expected_area >= 0).all()
+
+
+@pytest.mark.parametrize("kind", ["empty", "true;sure=1"])
+def test_without_belief_the_shipped_predictor_speaks(kind: str) -> None:
+    predictor = predictor_of_prior(kind)
+    for mine, shipped in zip(decisions(predictor), decisions(LearnedPredictor()), strict=True):
+        assert mine.foresight is None
+        for name in ("closed", "expected_area", "confidence"):
+            assert np.array_equal(getattr(mine.table, name), getattr(shipped.table, name))
+
+
+def test_the_seed_of_the_run_decides_the_plan() -> None:
+    predictor = predictor_of_prior("rough")
+    simulation = Simulation(office(), SimulationConfig(sensor="stage"), predictor)
+    made = []
+    for seed in (1, 2, 1):
+        simulation.reset(seed=seed)
+        assert predictor.registration is not None
+        made.append(predictor.registration.prior.free)
+    assert np.array_equal(made[0], made[2])
+    assert made[0].shape != made[1].shape or not np.array_equal(made[0], made[1])
+
+
+def test_a_file_of_its_own(tmp_path: Path) -> None:
+    save_plan(office(), tmp_path / "plan.geojson")
+    predictor = make_predictor(f"prior:{tmp_path / 'plan.geojson'};scale=1;rotation=0;mirror=no")
+    assert isinstance(predictor, PriorPredictor)
+    assert predictor.fingerprint != predictor_of_prior("true").fingerprint
+    simulation = Simulation(office(), SimulationConfig(sensor="stage"), predictor)
+    decision = simulation.reset(seed=0)
+    for _ in range(12):
+        if simulation.done or decision.foresight is not None:
+            break
+        decision = simulation.step(0)
+    assert predictor.confidence > 0.7
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("true;scala=2", "scala"),
+        ("true;scale=wide", "scale must be a number"),
+        ("true;mirror=maybe", "mirror is yes or no"),
+        ("true;here=3", "here is X/Y"),
+        ("true;sure=7", "sure is a probability"),
+        ("nowhere.png", "no such file"),
+        ("offices-01", "unknown plan"),
+    ],
+)
+def test_nonsense_is_refused(text: str, message: str) -> None:
+    with pytest.raises(LayoutExploreError, match=message):
+        predictor_of_prior(text)
+
+
+def test_before_a_run_begins_a_preset_knows_nothing() -> None:
+    decision = decisions(None, 1)[0]
+    mine, shipped = (p.predict(decision) for p in (predictor_of_prior("true"), LearnedPredictor()))
+    assert mine.foresight is None and np.array_equal(mine.table.closed, shipped.table.closed)
+
+
+def test_other_floors_have_to_be_named() -> None:
+    predictor = predictor_of_prior("other-floor")
+    simulation = Simulation(office(), SimulationConfig(), predictor)
+    with pytest.raises(ConfigError, match="among=FOLDER"):
+        simulation.reset(seed=0)
+    with pytest.raises((UnknownNameError, LayoutExploreError)):
+        Simulation(office(), SimulationConfig(), predictor_of_prior("wrong;among=nowhere/")).reset(seed=0)

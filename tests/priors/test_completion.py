@@ -1,0 +1,72 @@
+"""What is foreseen: the registered plan on the robot's grid, silent where it is contradicted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.priors.completion import contradicted_rooms, foresee
+from layoutexplore.priors.plan import prior_of_plan
+from layoutexplore.priors.presets import study_prior
+from layoutexplore.priors.registration import Registration
+from tests.priors.cases import office, seen_part
+
+
+def registered(grid: OccupancyGrid, kind: str = "true") -> Registration:
+    registration = Registration(study_prior(kind, office(), 0).prior)
+    registration.update(grid)
+    return registration
+
+
+@pytest.mark.parametrize("kind", ["true", "mirrored"])
+def test_unseen_rooms_are_foreseen_where_they_are(kind: str) -> None:
+    grid, truth = seen_part(office(), 0.5), office().rasterize(0.1)
+    found = foresee(registered(grid, kind), grid, 0.9, "prior")
+    unseen = grid.cells == UNKNOWN
+    foreseen, true = unseen & (found.cells == FREE), unseen & truth.free
+    assert (foreseen & true).sum() / (foreseen | true).sum() > 0.93
+    assert found.confidence == 0.9 and found.predictor == "prior"
+    for room in (5, 6, 11):  # all in the unseen half
+        ids = found.room_ids[(truth.room_ids == room) & unseen]
+        assert np.bincount(ids).max() / len(ids) > 0.9
+    assert not found.room_ids[found.cells != FREE].any()
+    assert (found.cells[unseen & ~truth.free & (found.cells == OCCUPIED)] == OCCUPIED).any()
+
+
+def test_far_outside_nothing_is_foreseen() -> None:
+    grid = seen_part(office(), 0.5)
+    padded = OccupancyGrid(
+        np.pad(grid.cells, 30, constant_values=UNKNOWN), 0.1, grid.origin._replace(x=-3.5, y=-3.5)
+    )
+    found = foresee(registered(padded), padded, 1.0, "prior")
+    assert (found.cells[:20] == UNKNOWN).all() and (found.cells[:, :20] == UNKNOWN).all()
+
+
+def test_a_room_that_is_not_as_drawn_is_left_out() -> None:
+    grid = seen_part(office(), 0.9)
+    cells, raster = grid.cells.copy(), office().rasterize(0.1)
+    room = raster.room_ids == 5  # a room 9 m long: half of it is a wall now, the rest unseen
+    cols = np.nonzero(room)[1]
+    half = room & (np.arange(cells.shape[1]) < np.median(cols))
+    cells[half & (np.indices(cells.shape).sum(axis=0) % 6 < 3)] = OCCUPIED
+    cells[room & ~half] = UNKNOWN
+    changed = OccupancyGrid(cells, 0.1, grid.origin)
+    registration = registered(changed)
+    wrong = contradicted_rooms(registration, registration.hypotheses[0])
+    assert len(wrong) == 1
+    found = foresee(registration, changed, 1.0, "prior")
+    inside = room & ~half & (np.indices(cells.shape)[1] > np.median(cols) + 5)
+    assert (found.cells[inside] == UNKNOWN).mean() > 0.8
+    untouched = registered(grid)
+    assert not contradicted_rooms(untouched, untouched.hypotheses[0])
+
+
+def test_slivers_along_seen_walls_are_not_foreseen() -> None:
+    grid = seen_part(office(), 0.5)
+    registration = Registration(prior_of_plan(office().stretched(1.02, 1.02)))
+    registration.update(grid)
+    found = foresee(registration, grid, 1.0, "prior")
+    hidden = found.hidden(grid.cells)
+    column = round(0.5 * grid.cells.shape[1])
+    assert hidden[:, : column - 10].sum() < 40 < hidden[:, column:].sum()

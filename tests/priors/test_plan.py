@@ -1,0 +1,87 @@
+"""Prior plans: scales, doors that are assumed, and plans that tell nothing."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+import shapely
+
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.maps.floorplan import FloorPlan, Room
+from layoutexplore.priors.plan import (
+    PriorHints,
+    PriorPlan,
+    check_usable,
+    expected_scale,
+    prior_of_plan,
+    prior_of_rooms,
+    with_expected_scale,
+)
+from tests.priors.cases import office
+
+
+def parts(prior: PriorPlan) -> int:
+    return int(cv2.connectedComponents(prior.free.astype(np.uint8), connectivity=4)[0]) - 1
+
+
+def test_a_plan_keeps_its_metres() -> None:
+    prior = prior_of_plan(office())
+    assert prior.rooms == 11 and not prior.unused and prior.resolution == pytest.approx(0.1)
+    assert prior.size[0] == pytest.approx(31.0, abs=0.5)
+
+
+def test_a_told_scale_stretches_it() -> None:
+    prior = prior_of_plan(office(), PriorHints(scale=2.0))
+    assert prior.size[0] == pytest.approx(62.0, abs=1.0)
+    assert prior.scale_spread < prior_of_plan(office()).scale_spread
+
+
+@pytest.mark.parametrize("factor", [0.02, 1.0, 30.0])
+def test_the_expected_scale_does_not_depend_on_the_unit(factor: float) -> None:
+    prior = prior_of_plan(office())
+    rescaled = with_expected_scale(prior.rescaled(factor, 0.3))
+    assert rescaled.resolution == pytest.approx(with_expected_scale(prior).resolution, rel=1e-6)
+    assert 0.7 < expected_scale(prior)[0] < 1.4
+
+
+def test_rooms_alone_get_doors_and_a_scale() -> None:
+    polygons = [shapely.affinity.scale(room.polygon, 40, 40, origin=(0, 0)) for room in office().rooms]
+    prior = prior_of_rooms(polygons)
+    assert prior.rooms == 11 and parts(prior) == 1
+    assert 20 < prior.size[0] < 45
+
+
+def test_a_room_without_a_door_opens_to_its_neighbour() -> None:
+    closed = FloorPlan(name="closed", rooms=office().rooms)
+    assert parts(prior_of_plan(closed)) == 1
+
+
+def test_a_courtyard_stays_shut() -> None:
+    court = Room(id=99, polygon=shapely.box(40.0, 0.0, 60.0, 11.0))
+    prior = prior_of_plan(FloorPlan(name="court", rooms=(*office().rooms, court), doors=office().doors))
+    assert parts(prior) == 2
+
+
+def test_a_plan_of_one_room_is_not_used_and_says_why() -> None:
+    prior = prior_of_plan(FloorPlan(name="hall", rooms=(Room(id=1, polygon=shapely.box(0, 0, 20, 10)),)))
+    assert "1 room" in prior.unused
+    with pytest.raises(ConfigError, match="not used, because it shows 1 room"):
+        check_usable(prior)
+
+
+@pytest.mark.parametrize(("factor", "what"), [(1e-3, "m2 of floor in all"), (1e3, "m2 of floor: check")])
+def test_a_plan_in_another_unit_is_not_used_and_says_why(factor: float, what: str) -> None:
+    prior = prior_of_plan(office()).rescaled(factor, 0.04)
+    assert what in prior.unused and "unit" in prior.unused
+
+
+def test_nonsense_is_refused() -> None:
+    with pytest.raises(ConfigError, match="hint scale"):
+        PriorHints(scale=-1.0)
+    with pytest.raises(MapError, match="valid polygons"):
+        prior_of_rooms([])
+    with pytest.raises(MapError, match="must be one"):
+        PriorPlan(
+            name="x", free=np.ones((2, 2), np.bool_), room_ids=np.ones((3, 2), np.int32), resolution=0.1
+        )

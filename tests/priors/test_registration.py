@@ -1,0 +1,94 @@
+"""Registration finds the place of a plan, and knows when it has not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from layoutexplore.maps.library import load_plan
+from layoutexplore.priors.confidence import confidence
+from layoutexplore.priors.plan import PriorHints, PriorPlan, prior_of_plan
+from layoutexplore.priors.presets import StudyPrior, study_prior
+from layoutexplore.priors.registration import Registration
+from tests.priors.cases import door_middles, office, seen_part
+
+
+def doors_off(registration: Registration, made: StudyPrior) -> float:
+    """Median error in metres of where the best hypothesis puts the doors."""
+    assert made.place is not None
+    doors = door_middles(office())
+    found = registration.hypotheses[0].placed.to_world(made.place(doors))
+    return float(np.median(np.hypot(*(found - doors).T)))
+
+
+def registered(prior: PriorPlan, *shares: float) -> Registration:
+    registration = Registration(prior)
+    for share in shares:
+        registration.update(seen_part(office(), share))
+    return registration
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_true_plan_is_found_at_any_scale_and_rotation(seed: int) -> None:
+    made = study_prior("true", office(), seed)
+    registration = registered(made.prior, 0.5)
+    assert doors_off(registration, made) < 0.3
+    assert registration.hypotheses[0].fit.walls > 0.95
+    assert confidence(registration) > 0.7
+
+
+def test_a_mirrored_plan_is_found_as_one() -> None:
+    made = study_prior("mirrored", office(), 1)
+    registration = registered(made.prior, 0.6)
+    assert registration.hypotheses[0].slice.mirrored and doors_off(registration, made) < 0.3
+
+
+def test_a_rough_picture_is_found() -> None:
+    made = study_prior("rough", office(), 2)
+    registration = registered(made.prior, 0.4, 0.6, 0.7)
+    assert doors_off(registration, made) < 1.0
+
+
+@pytest.mark.parametrize("kind", ["wrong", "empty"])
+def test_other_plans_are_not_believed(kind: str) -> None:
+    made = study_prior(kind, office(), 0)
+    assert made.place is None
+    assert confidence(registered(made.prior, 0.4, 0.7)) < 0.5
+
+
+def test_confidence_grows_with_what_is_seen() -> None:
+    made = study_prior("true", office(), 0)
+    little, much = (confidence(registered(made.prior, share)) for share in (0.12, 0.7))
+    assert little < much
+
+
+def test_several_hypotheses_are_kept_while_a_place_is_ambiguous() -> None:
+    made = study_prior("true", office(), 0)
+    registration = registered(made.prior, 0.12)
+    assert len(registration.hypotheses) > 1
+    totals = [h.total for h in registration.hypotheses]
+    assert totals == sorted(totals, reverse=True)
+
+
+def test_a_hint_of_rotation_leaves_one_orientation() -> None:
+    prior = prior_of_plan(office(), PriorHints(rotation=0.0, mirror=False))
+    registration = registered(prior, 0.5)
+    assert {(h.slice.quarter, h.slice.mirrored) for h in registration.hypotheses} == {(0, False)}
+    upside_down = prior_of_plan(office(), PriorHints(rotation=180.0, mirror=False))
+    assert {h.slice.quarter for h in registered(upside_down, 0.5).hypotheses} == {2}
+
+
+def test_nothing_seen_is_no_hypothesis() -> None:
+    registration = registered(prior_of_plan(office()), 0.0)
+    assert registration.hypotheses == [] and confidence(registration) == 0.0
+
+
+def test_the_same_map_gives_the_same_hypotheses() -> None:
+    made = study_prior("rough", office(), 5)
+    first, second = (registered(made.prior, 0.3, 0.5) for _ in range(2))
+    assert [h.total for h in first.hypotheses] == [h.total for h in second.hypotheses]
+
+
+def test_a_plan_is_registered_with_a_shipped_floor_that_it_is_not_of() -> None:
+    prior = prior_of_plan(load_plan("school-03"))
+    assert confidence(registered(prior, 0.7)) < 0.5
