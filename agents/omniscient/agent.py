@@ -79,7 +79,7 @@ class Clairvoyant:
                 early_weight=self.options.early_weight,
                 rounds=self.options.rounds,
             )
-            self._stops = RoutePlanner(self._truth, config).plan(here)
+            self._stops = RoutePlanner.of(self._truth, config).plan(here)
         while self._next < len(self._stops):
             row, col = self._stops[self._next]
             self._next += 1

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.agents.omniscient.visibility import Bits
-from layoutexplore.grids.arrays import Floats, Floats32, Ints
+from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32
 from layoutexplore.grids.grid import Cell
 
 
@@ -44,6 +44,10 @@ class Route:
     stops: list[Stop]
     legs: list[Leg]
     mark: int
+
+    def cells(self) -> Ints32:
+        """The stops int32 (k, 2), without the start."""
+        return np.array([stop.cell for stop in self.stops[1:]], np.int32).reshape(-1, 2)
 
     def heads(self) -> list[Bits]:
         """What is seen up to each stop, it included."""

@@ -10,22 +10,27 @@ taken out and planned anew, keeping what costs less.
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
-from collections import OrderedDict
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from layoutexplore.agents.omniscient.route import Leg, Route, Stop, cheapest_gaps
-from layoutexplore.agents.omniscient.visibility import Bits, Visibility, added_sizes, size
+from layoutexplore.agents.omniscient.places import Places
+from layoutexplore.agents.omniscient.route import Route, Stop, cheapest_gaps
+from layoutexplore.agents.omniscient.visibility import (
+    Bits,
+    FloorInView,
+    Visibility,
+    added_sizes,
+    first_enough,
+    size,
+)
 from layoutexplore.frontiers.decision import Truth
-from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask, Words
+from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32
 from layoutexplore.grids.grid import Cell
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
-from layoutexplore.planning.shortest_paths import descend, geodesic_distances
 from layoutexplore.planning.tours import improve_tour
 
 _SAVING = 1e-3
@@ -36,7 +41,6 @@ _SAMPLING_MARGIN = 3e-4
 """What is planned for beyond a quota, because coverage is counted on a sample of the target."""
 _BATCH = 32
 _STOPS_PLANNED_ANEW = 1200
-_KEPT_LEGS, _KEPT_STOPS, _KEPT_FIELDS = 4000, 1000, 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,88 +69,81 @@ class RouteConfig:
     noise: float = 0.2
 
 
+class PlannedRoute(NamedTuple):
+    """The stops of a route that lie ahead, int32 (k, 2), and how many of them end its early part."""
+
+    stops: Ints32
+    mark: int
+
+
 class RoutePlanner:
     """Plans routes on a known floor plan.
 
     Args:
-        truth: The floor plan, what is to be seen and from where, and the sensor.
+        places: Where it may stop.
         config: How to plan.
     """
 
-    def __init__(self, truth: Truth, config: RouteConfig | None = None) -> None:
+    def __init__(self, places: Places, config: RouteConfig | None = None) -> None:
         self.config = config or RouteConfig()
-        self.visibility = Visibility(truth, self.config.scan_spacing)
-        self.resolution = truth.raster.resolution
-        self.traversable = np.ascontiguousarray(truth.reachable)
-        self.cells = _lattice(self.traversable, max(1, round(self.config.lattice / self.resolution)))
-        self.views = self.visibility.turning(self.cells)
+        self.places = places
         self._weight = 1.0 + self.config.early_weight
-        self._fields: OrderedDict[Cell, Floats32] = OrderedDict()
-        self._stops: OrderedDict[int, Stop] = OrderedDict()
-        self._legs: OrderedDict[tuple[Cell, Cell], Leg] = OrderedDict()
+
+    @classmethod
+    def of(cls, truth: Truth, config: RouteConfig | None = None) -> RoutePlanner:
+        """The planner for a true floor plan."""
+        config, scene = config or RouteConfig(), FloorInView.of(truth)
+        return cls(Places(scene, Visibility(scene, config.scan_spacing), config.lattice), config)
 
     def plan(self, start: Cell) -> Ints32:
         """The stops int32 (k, 2) of a short route from `start`, which is not one of them."""
-        rng = np.random.default_rng(0)
+        visibility = self.places.visibility
         shares = (min(self.config.early_coverage, self.config.coverage), self.config.coverage)
-        self._quotas = [
-            min(self.visibility.count, math.ceil((q + _SAMPLING_MARGIN) * self.visibility.count))
-            for q in shares
-        ]
-        route = Route([self._stop(start, self.visibility.turning(np.array([start], np.int32))[0])], [], 0)
+        quotas = [math.ceil((q + _SAMPLING_MARGIN) * visibility.count) for q in shares]
+        route = Route([self.places.at(start)], [], 0)
+        rng = np.random.default_rng(0)
+        route = self._improved(route, [min(q, visibility.count) for q in quotas], self.config.rounds, rng)
+        self._polish(route, fine=True)
+        return route.cells()
+
+    def replan(
+        self, start: Cell, seen: Bits, plan: PlannedRoute, quotas: list[int], seed: int
+    ) -> PlannedRoute:
+        """A plan for a robot on its way.
+
+        Args:
+            start: Where the robot is.
+            seen: What has been seen so far, and what need not be seen.
+            plan: The last plan, of which stops may be missing or needless now.
+            quotas: How much of all that can be seen must be seen early, and in all.
+            seed: Of the stretches that are planned anew.
+        """
+        stops = [self.places.at(Cell(*c)) for c in plan.stops.tolist() if self.places.traversable[*c]]
+        route = self._linked([self.places.at(start, seen), *stops], min(plan.mark, len(stops)))
+        route = self._improved(route, quotas, self.config.rounds, np.random.default_rng(seed))
+        return PlannedRoute(route.cells(), route.mark)
+
+    def _improved(self, route: Route, quotas: list[int], rounds: int, rng: np.random.Generator) -> Route:
+        """A route that meets the quotas and is no longer, from one that may do neither."""
+        self._quotas, views = quotas, self.places.views
+        # What a place shows that is new only shrinks while a route grows; what shows nothing now never will.
+        self._gains = added_sizes(views, np.arange(len(views)), route.stops[0].seen)
+        self._useful = np.flatnonzero(self._gains)
         self._complete(route)
         # What no stop shows cannot be asked for.
         self._quotas = [min(q, n) for q, n in zip(self._quotas, self._counts(route), strict=True)]
         self._polish(route)
-        for _ in range(min(self.config.rounds, _STOPS_PLANNED_ANEW // len(route.stops))):
+        for _ in range(min(rounds, _STOPS_PLANNED_ANEW // len(route.stops))):
             changed = self._ruined(route, rng)
-            self._complete(changed, np.exp(self.config.noise * rng.standard_normal(len(self.cells))))
+            self._complete(changed, np.exp(self.config.noise * rng.standard_normal(len(views))))
             if self._cost(changed) < 1.05 * self._cost(route):
                 self._polish(changed)
             if self._is_better(changed, route):
                 route = changed
-        self._polish(route, fine=True)
-        return np.array([stop.cell for stop in route.stops[1:]], np.int32).reshape(-1, 2)
-
-    # Parts of a route.
-
-    def _stop(self, cell: Cell, seen: Bits) -> Stop:
-        return Stop(cell, -1, self._field(cell)[self.cells[:, 0], self.cells[:, 1]], seen)
-
-    def _lattice_stop(self, index: int) -> Stop:
-        """The stop in a cell of the lattice, kept: the same ones come and go."""
-        if index not in self._stops:
-            stop = self._stop(Cell(*map(int, self.cells[index])), self.views[index])
-            _keep(self._stops, index, dataclasses.replace(stop, index=index), _KEPT_STOPS)
-        return self._stops[index]
-
-    def _field(self, cell: Cell) -> Floats32:
-        """Path lengths float32 (rows, cols) from a cell in metres; large, so only the last few are kept."""
-        if cell not in self._fields:
-            _keep(
-                self._fields, cell, geodesic_distances(self.traversable, cell, self.resolution), _KEPT_FIELDS
-            )
-        return self._fields[cell]
-
-    def _apart(self, a: Stop, b: Stop) -> float:
-        """Path length between two stops in metres."""
-        if b.index >= 0:
-            return float(a.lattice[b.index])
-        return float(b.lattice[a.index]) if a.index >= 0 else float(self._field(a.cell)[b.cell])
-
-    def _leg(self, start: Stop, end: Stop) -> Leg:
-        key = (start.cell, end.cell)
-        if key not in self._legs:
-            distances = self._fields.get(start.cell)
-            if distances is None:
-                stop_at = np.array([end.cell], np.int32)
-                distances = geodesic_distances(self.traversable, start.cell, self.resolution, stop_at=stop_at)
-            path = descend(distances, self.traversable, end.cell)
-            _keep(self._legs, key, Leg(float(distances[end.cell]), self.visibility.walking(path)), _KEPT_LEGS)
-        return self._legs[key]
+        return route
 
     def _linked(self, stops: list[Stop], mark: int) -> Route:
-        return Route(stops, [self._leg(a, b) for a, b in itertools.pairwise(stops)], mark)
+        return Route(stops, [self.places.leg(a, b) for a, b in itertools.pairwise(stops)], mark)
 
     # The measure of a route.
 
@@ -178,7 +175,8 @@ class RoutePlanner:
         quota = self._quotas[0 if early else 1]
         if size(seen) >= quota:
             return False
-        bounds = added_sizes(self.views, np.arange(len(self.cells)), seen)
+        bounds = np.zeros(len(self.places.cells), np.int64)
+        bounds[self._useful] = added_sizes(self.places.views, self._useful, seen)
         inserted = False
         while (needed := quota - size(seen)) > 0:
             detours, gaps = self._detours(route, early=early)
@@ -187,7 +185,7 @@ class RoutePlanner:
                 break
             gap = int(gaps[best])
             route.mark += early or gap < route.mark
-            seen = seen | self._insert(route, gap, self._lattice_stop(best))
+            seen = seen | self._insert(route, gap, self.places.stop(best))
             inserted = True
         return inserted
 
@@ -201,7 +199,7 @@ class RoutePlanner:
             if fresh[best]:
                 return best
             stale = top[~fresh[top]]
-            bounds[stale] = added_sizes(self.views, stale, seen)
+            bounds[stale] = added_sizes(self.places.views, stale, seen)
             values[stale] = np.minimum(bounds[stale], needed) / detours[stale]
             fresh[stale] = True
 
@@ -220,7 +218,7 @@ class RoutePlanner:
     def _insert(self, route: Route, gap: int, stop: Stop) -> Bits:
         """Put a stop into a gap; what it and the ways to and from it show."""
         route.stops.insert(gap + 1, stop)
-        legs = [self._leg(a, b) for a, b in itertools.pairwise(route.stops[gap : gap + 3])]
+        legs = [self.places.leg(a, b) for a, b in itertools.pairwise(route.stops[gap : gap + 3])]
         route.legs[gap : gap + 1] = legs
         # Beyond the mark nothing is seen early.
         counted = legs[:1] if gap + 1 == route.mark else legs
@@ -252,14 +250,16 @@ class RoutePlanner:
         """The same stops from the same first one, in a short order."""
         if len(stops) < 3:
             return stops
-        matrix = np.array([[self._apart(a, b) for b in stops] for a in stops], np.float64)
+        matrix = np.array([[self.places.apart(a, b) for b in stops] for a in stops], np.float64)
         return [stops[0], *(stops[i] for i in improve_tour(matrix, np.arange(1, len(stops))))]
 
     def _drop(self, route: Route) -> None:
         """Leave out stops, the most costly detour first, as long as the quotas are met without them."""
         while len(route.stops) > 1 and (i := self._needless(route)) > 0:
             stops = route.stops
-            route.legs[i - 1 : i + 1] = [self._leg(stops[i - 1], stops[i + 1])] if i + 1 < len(stops) else []
+            route.legs[i - 1 : i + 1] = (
+                [self.places.leg(stops[i - 1], stops[i + 1])] if i + 1 < len(stops) else []
+            )
             route.mark -= i <= route.mark
             del stops[i]
 
@@ -273,11 +273,11 @@ class RoutePlanner:
                 break
             seen = early = heads[i - 1]
             if i + 1 < len(stops):
-                seen = seen | self._leg(stops[i - 1], stops[i + 1]).seen | tails[i + 1]
+                seen = seen | self.places.leg(stops[i - 1], stops[i + 1]).seen | tails[i + 1]
             if size(seen) < self._quotas[1]:
                 continue
             if i < mark:
-                early = early | self._leg(stops[i - 1], stops[i + 1]).seen | early_tails[i + 1]
+                early = early | self.places.leg(stops[i - 1], stops[i + 1]).seen | early_tails[i + 1]
             if i > mark or size(early) >= self._quotas[0]:
                 return int(i)
         return -1
@@ -288,7 +288,7 @@ class RoutePlanner:
         saved = to * route.legs[i - 1].length
         if i + 1 < len(route.stops):
             on = self._weight if i < route.mark else 1.0
-            saved += on * (route.legs[i].length - self._apart(route.stops[i - 1], route.stops[i + 1]))
+            saved += on * (route.legs[i].length - self.places.apart(route.stops[i - 1], route.stops[i + 1]))
         return saved
 
     def _shift(self, route: Route, *, fine: bool) -> None:
@@ -298,26 +298,31 @@ class RoutePlanner:
         for i in range(1, len(route.stops)):
             total = head | tails[i + 1] if i + 1 < len(route.stops) else head
             early = head | early_tails[i + 1] if i < route.mark else head
-            limits = [(total, self._quotas[1])] + ([(early, self._quotas[0])] if i <= route.mark else [])
+            limits = [(total, self._quotas[1] - size(total))]
+            if i <= route.mark:
+                limits.append((early, self._quotas[0] - size(early)))
             ends = [route.stops[i - 1], *route.stops[i + 1 : i + 2]]
             rows = self._cheaper(route, i, [stop.lattice for stop in ends])
-            if len(rows := _enough(self.views, rows, limits)):
-                self._replace(route, i, self._lattice_stop(int(rows[0])))
+            rows = rows[self._gains[rows] >= max(needed for _, needed in limits)]
+            row = first_enough(self.places.views, rows, limits)
+            if row >= 0:
+                self._replace(route, i, self.places.stop(row))
             if fine:
                 self._shift_finely(route, i, ends, limits)
             head = head | route.legs[i - 1].seen | route.stops[i].seen
 
     def _shift_finely(self, route: Route, i: int, ends: list[Stop], limits: list[tuple[Bits, int]]) -> None:
         """Move stop i between its neighbours `ends` to the best traversable cell within a lattice step."""
-        step = max(1, round(self.config.lattice / self.resolution))
+        step = max(1, round(self.config.lattice / self.places.resolution))
         row, col = (max(0, at - step) for at in route.stops[i].cell)
-        window = self.traversable[row : row + 2 * step + 1, col : col + 2 * step + 1]
+        window = self.places.traversable[row : row + 2 * step + 1, col : col + 2 * step + 1]
         cells = (np.argwhere(window) + np.array([row, col])).astype(np.int32)
-        near = [self._field(stop.cell)[cells[:, 0], cells[:, 1]] for stop in ends]
+        near = [self.places.field(stop.cell)[cells[:, 0], cells[:, 1]] for stop in ends]
         cells = cells[self._cheaper(route, i, near)]
-        views = self.visibility.turning(cells)
-        if len(rows := _enough(views, np.arange(len(cells)), limits)):
-            self._replace(route, i, self._stop(Cell(*map(int, cells[rows[0]])), views[rows[0]]))
+        views = self.places.visibility.turning(cells)
+        row = first_enough(views, np.arange(len(cells)), limits)
+        if row >= 0:
+            self._replace(route, i, self.places.at(Cell(*map(int, cells[row])), views[row]))
 
     def _cheaper(self, route: Route, i: int, near: list[Floats32]) -> Ints:
         """The candidates that cost less than stop i in its place, int64 (k,), the one that costs least first.
@@ -337,7 +342,7 @@ class RoutePlanner:
     def _replace(self, route: Route, i: int, stop: Stop) -> None:
         """Put another stop in the place of stop i."""
         route.stops[i] = stop
-        legs = [self._leg(a, b) for a, b in itertools.pairwise(route.stops[i - 1 : i + 2])]
+        legs = [self.places.leg(a, b) for a, b in itertools.pairwise(route.stops[i - 1 : i + 2])]
         route.legs[i - 1 : i + 1] = legs
 
     def _ruined(self, route: Route, rng: np.random.Generator) -> Route:
@@ -350,37 +355,7 @@ class RoutePlanner:
         if rng.random() < 0.5:
             gone = set(range(middle, middle + few))
         else:
-            away = np.array([self._apart(route.stops[middle], stop) for stop in route.stops[1:]])
+            away = np.array([self.places.apart(route.stops[middle], stop) for stop in route.stops[1:]])
             gone = {int(i) + 1 for i in np.argsort(away, kind="stable")[:few]}
         kept = [i for i in range(count + 1) if i not in gone]
         return self._linked([route.stops[i] for i in kept], sum(i <= route.mark for i in kept) - 1)
-
-
-def _enough(views: Words, rows: Ints, limits: list[tuple[Bits, int]]) -> Ints:
-    """Those of some rows int64 (k,) of the views that add enough, in their order.
-
-    `limits` holds pairs of what is seen without the stop and its ways, and how much must be seen with it.
-    """
-    for others, quota in limits:
-        rows = rows[added_sizes(views, rows, others) >= quota - size(others)]
-    return rows
-
-
-def _keep(store: OrderedDict[Any, Any], key: Any, value: Any, most: int) -> None:
-    """Put a value into a store that forgets its oldest one when there are too many."""
-    store[key] = value
-    if len(store) > most:
-        store.popitem(last=False)
-
-
-def _lattice(traversable: Mask, step: int) -> Ints32:
-    """int32 (n, 2): of every step x step block with traversable cells, the one nearest the middle."""
-    cells = np.argwhere(traversable)
-    blocks = cells // step
-    off = np.abs(cells - blocks * step - (step - 1) / 2).max(axis=1)
-    order = np.lexsort((off, blocks[:, 1], blocks[:, 0]))
-    blocks = blocks[order]
-    first = np.ones(len(order), np.bool_)
-    first[1:] = (blocks[1:] != blocks[:-1]).any(axis=1)
-    chosen: Ints32 = cells[order[first]].astype(np.int32)
-    return chosen

@@ -11,11 +11,12 @@ import dataclasses
 import math
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numba import njit
 
 from layoutexplore.frontiers.decision import CellPath, Truth
-from layoutexplore.grids.arrays import Floats, Ints, Ints32, Words
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask, Words
 from layoutexplore.grids.bitsets import ones
 from layoutexplore.sensing.lidar import LidarConfig, around, beam_table
 
@@ -25,40 +26,99 @@ Bits = Words
 _SAMPLE = 40_000
 """About how many cells a large sample has; a small target is sampled by a third."""
 _WALL, _FLOOR = -2, -1
+SPARE = 48
+"""Words of a set beyond those of sampled cells, where a floor may change: for what lies beyond its edge."""
 _BEAMS_TURNING, _BEAMS_WALKING = 720, 240
 """Beams in 360 degrees that planning needs: what falls between two of them, the next scan shows."""
+
+
+class FloorInView(NamedTuple):
+    """A floor as somebody plans on it: the truth, or what is known and foreseen.
+
+    Attributes:
+        occupied: bool (rows, cols), what ends a ray.
+        target: bool (rows, cols), free cells that are to be seen, or have been.
+        reachable: bool (rows, cols), cells that the robot's centre can reach.
+        resolution: Side of a cell in metres.
+        sensor: The lidar's configuration.
+    """
+
+    occupied: Mask
+    target: Mask
+    reachable: Mask
+    resolution: float
+    sensor: LidarConfig
+
+    @staticmethod
+    def of(truth: Truth) -> FloorInView:
+        """The true floor."""
+        raster = truth.raster
+        return FloorInView(raster.occupied, truth.target, truth.reachable, raster.resolution, truth.sensor)
 
 
 class Visibility:
     """What a robot sees on a known floor plan.
 
     Args:
-        truth: The floor plan, the target and the sensor.
+        scene: The floor, the target and the sensor.
         scan_spacing: Metres between scans while walking.
+        sample: About how many cells are sampled: of the target, or of all where the floor may change.
+        fixed: Whether the floor stays as it is; where not, see `adapt`.
 
     Attributes:
-        count: Number of sampled target cells.
+        sample: int64 (count,), flat indices of the sampled cells; those near each other have near numbers.
+        count: Number of sampled cells.
         words: Number of words of a set.
+        spare: The first of the words that stand for no sampled cell.
+        target: The sampled cells that are to be seen, as a set.
+        cell_area: Square metres that a sampled cell stands for.
     """
 
-    def __init__(self, truth: Truth, scan_spacing: float) -> None:
-        occupied = truth.raster.occupied
-        self.resolution = truth.raster.resolution
+    def __init__(
+        self, scene: FloorInView, scan_spacing: float, sample: int = _SAMPLE, *, fixed: bool = True
+    ) -> None:
+        self.resolution = scene.resolution
         self.spacing = scan_spacing / self.resolution
         # An odd stride and knight's moves: every row and column has its share of the sample.
-        stride = max(3, 2 * (int(np.count_nonzero(truth.target)) // (2 * _SAMPLE)) + 1)
-        steps = np.add.outer(np.arange(occupied.shape[0]), 2 * np.arange(occupied.shape[1]))
-        sampled = truth.target & (steps % stride == 0)
-        self.count = int(np.count_nonzero(sampled))
-        self.words = (self.count + 63) // 64
+        numbered = scene.target if fixed else np.ones(scene.occupied.shape, np.bool_)
+        stride = max(3, 2 * (int(np.count_nonzero(numbered)) // (2 * sample)) + 1)
+        self.cell_area = stride * self.resolution**2
+        steps = np.add.outer(np.arange(scene.occupied.shape[0]), 2 * np.arange(scene.occupied.shape[1]))
+        chosen = np.argwhere(numbered & (steps % stride == 0))
+        # A word is a tile of the floor: what is left to see lies in few words.
+        tile = max(1, round(8 * math.sqrt(stride)))
+        chosen = chosen[np.lexsort((chosen[:, 1] // tile, chosen[:, 0] // tile))]
+        self.sample = np.ravel_multi_index((chosen[:, 0], chosen[:, 1]), scene.occupied.shape)
+        self.count = len(self.sample)
+        self.words = (self.count + 63) // 64 + (0 if fixed else SPARE)
+        self.spare = (self.count + 63) // 64
+        self._stride = stride
         # A border of wall around the plan ends every ray.
-        labels = np.full((occupied.shape[0] + 2, occupied.shape[1] + 2), _WALL, np.int32)
-        inner = labels[1:-1, 1:-1]
-        inner[~occupied] = _FLOOR
-        inner[sampled] = np.arange(self.count)
-        reach = truth.sensor.range_max / self.resolution
-        self._around = _Scanner(labels, *beam_table(_thinned(around(truth.sensor), _BEAMS_TURNING)), reach)
-        self._ahead = _Scanner(labels, *beam_table(_thinned(truth.sensor, _BEAMS_WALKING)), reach)
+        labels = np.full((scene.occupied.shape[0] + 2, scene.occupied.shape[1] + 2), _WALL, np.int32)
+        self._numbers = np.full(scene.occupied.shape, _FLOOR, np.int32)
+        self._numbers.ravel()[self.sample] = np.arange(self.count)
+        self._inner = labels[1:-1, 1:-1]
+        reach = scene.sensor.range_max / self.resolution
+        self._around = _Scanner(labels, *beam_table(_thinned(around(scene.sensor), _BEAMS_TURNING)), reach)
+        self._ahead = _Scanner(labels, *beam_table(_thinned(scene.sensor, _BEAMS_WALKING)), reach)
+        self.adapt(scene)
+
+    def adapt(self, scene: FloorInView) -> None:
+        """Look at a floor of the same shape that has changed from now on."""
+        self._inner[:] = np.where(scene.occupied, _WALL, self._numbers)
+        self.target = self.set_of(scene.target)
+
+    def set_of(self, mask: Mask) -> Bits:
+        """The sampled cells that lie in a mask bool (rows, cols): uint64 (words,)."""
+        flags = np.zeros(64 * self.words, np.uint8)
+        flags[: self.count] = mask.ravel()[self.sample]
+        return np.packbits(flags, bitorder="little").view(np.uint64)
+
+    def near(self, mask: Mask) -> Bits:
+        """The sampled cells at and around a mask bool (rows, cols), some for every cell of it."""
+        reach = 2 * (math.ceil(math.sqrt(self._stride)) + 1) + 1
+        wide = cv2.dilate(mask.view(np.uint8), np.ones((reach, reach), np.uint8))
+        return self.set_of(wide.view(np.bool_))
 
     def turning(self, cells: Ints32) -> Words:
         """What a full turn in each of the cells int32 (n, 2) shows: uint64 (n, words)."""
@@ -90,6 +150,20 @@ def added_sizes(sets: Words, rows: Ints, other: Bits) -> Ints:
     return _added(sets, rows, ~other)
 
 
+def first_enough(sets: Words, rows: Ints, limits: list[tuple[Bits, int]]) -> int:
+    """The first of some rows int64 (k,) of `sets` uint64 (n, words) that adds enough; -1 when none does.
+
+    Args:
+        sets: The sets.
+        rows: Which of them, in which order.
+        limits: Pairs of another set, and how many cells a row must add to it.
+    """
+    left = rows
+    for other, needed in limits[:-1]:
+        left = left[_added(sets, left, ~other) >= needed]
+    return int(np.int64(_first_enough(sets, left, ~limits[-1][0], limits[-1][1])))
+
+
 @njit(cache=True, nogil=True)
 def _added(sets: Words, rows: Ints, missing: Words) -> Ints:
     counts = np.zeros(len(rows), np.int64)
@@ -98,6 +172,18 @@ def _added(sets: Words, rows: Ints, missing: Words) -> Ints:
         for w in words:
             counts[k] += ones(sets[rows[k], w] & missing[w])
     return counts
+
+
+@njit(cache=True, nogil=True)
+def _first_enough(sets: Words, rows: Ints, missing: Words, needed: int) -> int:
+    words = np.flatnonzero(missing)
+    for row in rows:
+        count = 0
+        for w in words:
+            count += ones(sets[row, w] & missing[w])
+        if count >= needed:
+            return row
+    return -1
 
 
 class _Scanner(NamedTuple):

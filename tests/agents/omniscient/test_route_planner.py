@@ -16,7 +16,7 @@ def test_a_smaller_quota_makes_a_shorter_route() -> None:
     start = simulation.truth.raster.world_to_cell(*simulation.pose[:2])
     lengths = []
     for coverage in (0.5, 0.8, 0.99):
-        stops = RoutePlanner(simulation.truth, RouteConfig(coverage=coverage, rounds=3)).plan(start)
+        stops = RoutePlanner.of(simulation.truth, RouteConfig(coverage=coverage, rounds=3)).plan(start)
         assert simulation.truth.reachable[stops[:, 0], stops[:, 1]].all()
         cells = [start, *(Cell(int(r), int(c)) for r, c in stops)]
         fields = [geodesic_distances(simulation.truth.reachable, cell, 0.1) for cell in cells]

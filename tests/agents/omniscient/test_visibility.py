@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from layoutexplore.agents.omniscient.visibility import Visibility, added_sizes, size
+from layoutexplore.agents.omniscient.visibility import FloorInView, Visibility, added_sizes, size
 from layoutexplore.grids.grid import Pose
 from layoutexplore.sensing.lidar import around
 from layoutexplore.sensing.mapper import Mapper
@@ -21,7 +21,7 @@ def test_visibility_agrees_with_the_lidar(sensor: str) -> None:
     simulation = Simulation(offices(), SimulationConfig(sensor=sensor))
     simulation.reset(seed=0)
     truth, raster = simulation.truth, simulation.raster
-    visibility = Visibility(truth, 0.5)
+    visibility = Visibility(FloorInView.of(truth), 0.5)
     cells = np.argwhere(truth.reachable)[:: len(np.argwhere(truth.reachable)) // 12].astype(np.int32)
     everything = np.bitwise_or.reduce(
         visibility.turning(np.argwhere(truth.reachable)[::40].astype(np.int32)), axis=0
@@ -37,7 +37,7 @@ def test_visibility_agrees_with_the_lidar(sensor: str) -> None:
 def test_visibility_ahead_and_around() -> None:
     simulation = Simulation(offices(), SimulationConfig(sensor="stage"))
     simulation.reset(seed=0)
-    visibility = Visibility(simulation.truth, 0.5)
+    visibility = Visibility(FloorInView.of(simulation.truth), 0.5)
     row, cols = 36, np.arange(30, 60)
     path = np.stack([np.full(len(cols), row), cols], axis=1).astype(np.int32)
     ahead, back = visibility.walking(path), visibility.walking(path[::-1])

@@ -1,0 +1,149 @@
+"""A tour over known and foreseen space: viewpoints from which unseen rooms are seen, planned anew on the way.
+
+A route is planned through what is known and what is foreseen, with stops from which the foreseen rooms are
+seen and stops at the frontiers behind which nothing is foreseen. The robot walks to its first stop as far as
+the way is known, looks, and plans anew. What is not as foreseen counts no longer as soon as it was looked at.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from layoutexplore.agents.base import register
+from layoutexplore.agents.foreseen_floor import ForeseenFloor
+from layoutexplore.agents.omniscient.route_planner import PlannedRoute, RouteConfig, RoutePlanner
+from layoutexplore.agents.room_aware import LayoutTourOptions, RoomAwareHeuristic
+from layoutexplore.agents.tour import plan_latency_tour
+from layoutexplore.frontiers.decision import Choice, Decision
+from layoutexplore.frontiers.foresight import Foresight
+from layoutexplore.frontiers.tour_features import ready_frontiers
+from layoutexplore.grids.arrays import Ints32
+from layoutexplore.grids.grid import Cell
+from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
+from layoutexplore.options import option
+
+NOTHING_PLANNED = PlannedRoute(np.empty((0, 2), np.int32), 0)
+
+NEAR_WAY = 2.0
+"""Metres: a frontier at most so far from where a path leaves what is known is in its way."""
+
+PATIENCE = 3
+"""Decisions in which nothing was seen of what is left, after which the stop that was gone to is given up."""
+
+ATTEMPTS = 3
+"""Plans at a decision, each without the stops of the last one that the robot cannot set out for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanTourOptions(LayoutTourOptions):
+    """Parameters of `PlanTour`."""
+
+    sure: float = option(0.5, "confidence from which foresight is relied on", low=0.0, high=1.0)
+    early: float = option(1.5, "what a metre before 95 % costs more than one after it", low=0.0)
+    rounds: int = option(3, "stretches of the route that are planned anew at a decision", low=0)
+    first_rounds: int = option(30, "the same at the first decision with foresight", low=0)
+    lattice: float = option(0.8, "metres between places where the route may stop", low=0.2)
+
+
+class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
+    """The first stop of a route over known and foreseen space; as `layout-tour` where nothing is foreseen."""
+
+    remembers = True
+
+    def __init__(self, name: str, options: PlanTourOptions) -> None:
+        super().__init__(name, options)
+        self.reset(0)
+
+    def reset(self, seed: int) -> None:
+        """Begin a new run: nothing is foreseen yet."""
+        self._floor: ForeseenFloor | None = None
+        self._plan, self._plans = NOTHING_PLANNED, 0
+        self._arriving: Cell | None = None
+        self._left, self._idle = -1, 0
+
+    def choose(self, decision: Decision) -> Choice:
+        """A path to the first stop, or the frontier that it stands for or that is in the way."""
+        foresight = decision.foresight
+        if foresight is not None and foresight.confidence >= self.options.sure:
+            choice = self._follow(decision, foresight)
+            if choice is not None:
+                return choice
+        ready = ready_frontiers(decision, self.options.min_size, self.options.area)
+        return int(plan_latency_tour(decision, ready, self.options.patience)[0])
+
+    def _follow(self, decision: Decision, foresight: Foresight) -> Choice | None:
+        """The way along the route; None where all is seen that is foreseen, or it cannot be gone to."""
+        is_first = self._floor is None
+        self._floor = floor = self._floor or ForeseenFloor(self.options.lattice)
+        floor.update(decision, foresight)
+        here = decision.grid.nearest_cell(decision.pose.x, decision.pose.y)
+        self._learn(floor, here)
+        rounds = self.options.first_rounds if is_first else self.options.rounds
+        config = RouteConfig(early_weight=self.options.early, rounds=rounds)
+        for _ in range(ATTEMPTS):
+            self._plans += 1
+            quotas = floor.quotas(NEARLY_SEEN, FULLY_SEEN)
+            planner = RoutePlanner(floor.places, config)
+            self._plan = planner.replan(here, floor.seen, self._ahead(here), quotas, self._plans)
+            if not len(self._plan.stops):
+                return None
+            stop = Cell(*self._plan.stops[0].tolist())
+            choice = self._towards(decision, floor, here, stop)
+            if choice is not None:
+                return choice
+            floor.give_up(floor.places.at(stop).seen)
+        return None
+
+    def _ahead(self, here: Cell) -> PlannedRoute:
+        """The last plan without the stop that has been reached."""
+        stops, mark = self._plan
+        if len(stops) and tuple(stops[0]) == here:
+            return PlannedRoute(stops[1:], max(mark - 1, 0))
+        return self._plan
+
+    def _learn(self, floor: ForeseenFloor, here: Cell) -> None:
+        """What a stop was to show and did not show is not there."""
+        if self._arriving == here:
+            floor.give_up(floor.places.at(here).seen)
+        self._arriving = None
+        self._idle = self._idle + 1 if floor.left == self._left else 0
+        self._left = floor.left
+        if self._idle >= PATIENCE and len(self._plan.stops):
+            floor.give_up(floor.places.at(Cell(*self._plan.stops[0].tolist())).seen)
+            self._idle = 0
+
+    def _towards(self, decision: Decision, floor: ForeseenFloor, here: Cell, stop: Cell) -> Choice | None:
+        """The way to a stop as far as it is known, or the frontier to go to; None when there is neither."""
+        frontier = floor.frontier_of(floor.places.at(stop).seen)
+        if frontier is not None:
+            return frontier
+        path = floor.places.path(here, stop)
+        if len(path) < 2:
+            return None
+        known = decision.traversable[path[:, 0], path[:, 1]]
+        known[0] = True
+        count = len(path) if known.all() else int(np.argmin(known))
+        if count < 2:
+            return _frontier_near(decision, path[1])
+        self._arriving = stop if count == len(path) else None
+        return path[:count]
+
+
+def _frontier_near(decision: Decision, cell: Ints32) -> int | None:
+    """The frontier that has the cell nearest to a cell (2,); None when that is far."""
+    clusters = decision.clusters
+    away = np.hypot(*(clusters.cells - cell).T)
+    nearest = int(np.argmin(away))
+    if away[nearest] * decision.grid.resolution > NEAR_WAY:
+        return None
+    return int(np.searchsorted(clusters.offsets, nearest, side="right")) - 1
+
+
+register(
+    "plan-tour",
+    "a route over known and foreseen space; layout-tour where nothing is foreseen",
+    PlanTour,
+    PlanTourOptions(),
+)

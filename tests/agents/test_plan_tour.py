@@ -1,0 +1,190 @@
+"""Routes over foreseen space: a case worked out by hand, plans that are wrong, and following changes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from layoutexplore.agents import make_agent
+from layoutexplore.agents.foreseen_floor import SAMPLE, SCAN_SPACING, ForeseenFloor, floor_in_view
+from layoutexplore.agents.omniscient.places import Places
+from layoutexplore.agents.omniscient.visibility import Visibility, size
+from layoutexplore.frontiers.decision import Decision, Truth
+from layoutexplore.frontiers.foresight import Foresight
+from layoutexplore.grids.arrays import Cells
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Pose
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.predictors import OraclePredictor, make_predictor
+from layoutexplore.simulation.simulation import Simulation, SimulationConfig
+from tests.plans import offices
+
+CORRIDOR = "\n".join(["#" * 42, "#" + "a" * 40 + "#", "#" + "a" * 40 + "#", "#" * 42])
+"""40 m by 2 m at a metre a letter."""
+
+
+class Drawn:
+    """Foresees what a function makes of the true cells, whatever is true."""
+
+    name = "drawn"
+
+    def __init__(self, draw: Callable[[Cells], Cells], confidence: float = 1.0) -> None:
+        self._draw, self._confidence = draw, confidence
+
+    def reveal(self, truth: Truth) -> None:
+        """Receive the truth of the run that begins."""
+        self._cells = self._draw(np.where(truth.raster.occupied, OCCUPIED, FREE).astype(np.int8))
+
+    def predict(self, decision: Decision) -> Decision:
+        """The decision with foresight."""
+        foresight = Foresight(
+            cells=self._cells,
+            room_ids=np.zeros(self._cells.shape, np.int32),
+            confidence=self._confidence,
+            predictor=self.name,
+            resolution=decision.grid.resolution,
+        )
+        return dataclasses.replace(decision, foresee=lambda: foresight)
+
+
+def explore(plan: FloorPlan, agent: str, predictor: object, sensor: str = "indoor") -> Simulation:
+    simulation = Simulation(plan, SimulationConfig(sensor=sensor), predictor)  # type: ignore[arg-type]
+    strategy = make_agent(agent)
+    decision = simulation.reset(seed=3)
+    strategy.reset(3)
+    while not simulation.done:
+        decision = simulation.step(strategy.act(decision))
+        assert simulation.decisions < 400
+    return simulation
+
+
+def test_the_short_arm_comes_first_when_both_ends_are_foreseen() -> None:
+    """Sight is 5 m: the left end is seen 7 m from the start, the right one 30 m from there; 37 m in all.
+
+    The other way round it would be 23 m and 30 m, and 53 m in all.
+    """
+    plan = floorplan_from_ascii(CORRIDOR, resolution=1.0)
+    simulation = Simulation(plan, SimulationConfig(sensor="short"), OraclePredictor(horizon=np.inf))
+    agent = make_agent("plan-tour:predictor=oracle:horizon=inf")
+    decision = simulation.reset(start=Pose(13.0, 2.0))
+    agent.reset(0)
+    while not simulation.done:
+        decision = simulation.step(agent.act(decision))
+    xs = simulation.track[:, 0]
+    assert xs.argmin() < xs.argmax()
+    assert 34.0 < simulation.distance < 38.0
+
+
+def test_foresight_saves_metres() -> None:
+    ways = {
+        agent: explore(offices(), agent, make_predictor(make_agent(agent).predictor)).distance  # type: ignore[attr-defined]
+        for agent in ("layout-tour:predictor=oracle", "plan-tour:predictor=oracle:horizon=inf")
+    }
+    assert ways["plan-tour:predictor=oracle:horizon=inf"] < 0.9 * ways["layout-tour:predictor=oracle"]
+
+
+def room_is_wall(cells: Cells) -> Cells:
+    drawn = cells.copy()
+    drawn[: len(cells) // 2] = OCCUPIED
+    return drawn
+
+
+def wall_is_room(cells: Cells) -> Cells:
+    drawn = np.full_like(cells, FREE)
+    drawn[[0, -1]] = drawn[:, [0, -1]] = OCCUPIED
+    return drawn
+
+
+WRONG: dict[str, Callable[[Cells], Cells]] = {
+    "rooms that are not there": wall_is_room,
+    "walls where rooms are": room_is_wall,
+    "mirrored": lambda cells: np.ascontiguousarray(cells[:, ::-1]),
+    "shifted": lambda cells: np.roll(cells, (4, -7), (0, 1)),
+    "nothing": lambda cells: np.full_like(cells, UNKNOWN),
+    "noise": lambda cells: np.random.default_rng(5).choice(np.array([-1, 0, 0, 100], np.int8), cells.shape),
+}
+
+
+@pytest.mark.parametrize("sensor", ["stage", "indoor"])
+@pytest.mark.parametrize("draw", WRONG)
+def test_a_wrong_plan_does_not_trap_the_robot(draw: str, sensor: str) -> None:
+    simulation = explore(offices(), "plan-tour", Drawn(WRONG[draw]), sensor)
+    assert simulation.stop_reason == "coverage"
+    assert simulation.distance < 3 * explore(offices(), "layout-tour", None, sensor).distance
+
+
+def test_a_door_that_is_shut() -> None:
+    """Behind it nothing is to be seen, but the plan says so: the robot looks, and goes on with the rest."""
+    plan = offices()
+    truth = np.where(plan.rasterize(0.1).occupied, OCCUPIED, FREE).astype(np.int8)
+    shut = plan.with_doors_closed([0])
+    simulation = explore(
+        shut, "plan-tour", Drawn(lambda cells: truth if truth.shape == cells.shape else cells)
+    )
+    assert truth.shape == simulation.raster.shape
+    assert (truth == FREE).sum() > simulation.raster.free.sum()
+    assert simulation.stop_reason == "coverage"
+
+
+def test_low_confidence_is_no_foresight() -> None:
+    doubtful = explore(offices(), "plan-tour", Drawn(lambda cells: cells, confidence=0.4))
+    without = explore(offices(), "plan-tour", None)
+    assert np.array_equal(doubtful.track, without.track)
+    assert np.array_equal(without.track, explore(offices(), "layout-tour", None).track)
+
+
+def test_the_same_run_twice() -> None:
+    agent, predictor = "plan-tour:predictor=oracle:horizon=1", "oracle:horizon=1"
+    runs = [explore(offices(), agent, make_predictor(predictor)) for _ in range(2)]
+    assert np.array_equal(runs[0].track, runs[1].track)
+
+
+def test_views_that_follow_the_changes_are_those_made_anew() -> None:
+    simulation = Simulation(offices(), SimulationConfig(sensor="indoor"), OraclePredictor(horizon=1))
+    floor, decision = ForeseenFloor(0.8), simulation.reset(seed=3)
+    while not simulation.done:
+        foresight = decision.foresight
+        assert foresight is not None
+        floor.update(decision, foresight)
+        anew = floor_in_view(decision, foresight.completed(decision.grid.cells))
+        visibility = Visibility(anew, SCAN_SPACING, SAMPLE, fixed=False)
+        places = Places(anew, visibility, 0.8)
+        spare = visibility.spare
+        assert np.array_equal(floor.places.cells, places.cells)
+        assert np.array_equal(floor.places.views[:, :spare], places.views[:, :spare])
+        assert np.array_equal(floor.places.visibility.target, visibility.target)
+        decision = simulation.step(0)
+
+
+def test_open_frontiers_count_while_nothing_is_foreseen_behind_them() -> None:
+    for horizon, leads_on in ((0, True), (np.inf, False)):
+        predictor = OraclePredictor(horizon=horizon)
+        simulation = Simulation(offices(), SimulationConfig(sensor="indoor"), predictor)
+        decision, floor, some = simulation.reset(seed=3), ForeseenFloor(0.8), False
+        while not simulation.done:
+            foresight = decision.foresight
+            assert foresight is not None
+            floor.update(decision, foresight)
+            shown = {floor.frontier_of(view) for view in floor.places.views} - {None}
+            assert shown == set(floor.open.tolist())
+            some |= len(floor.open) > 0
+            decision = simulation.step(0)
+        assert some == leads_on
+
+
+def test_what_is_given_up_is_asked_for_no_longer() -> None:
+    simulation = Simulation(offices(), SimulationConfig(sensor="short"), OraclePredictor(horizon=np.inf))
+    decision, floor = simulation.reset(seed=3), ForeseenFloor(0.8)
+    foresight = decision.foresight
+    assert foresight is not None
+    floor.update(decision, foresight)
+    before, view = size(floor.seen), max(floor.places.views, key=lambda view: size(view & ~floor.seen))
+    assert size(view & ~floor.seen) > 0
+    floor.give_up(view)
+    assert size(view & ~floor.seen) == 0
+    assert size(floor.seen) > before
+    floor.update(decision, foresight)
+    assert size(view & ~floor.seen) == 0
