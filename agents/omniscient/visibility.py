@@ -161,7 +161,8 @@ def first_enough(sets: Words, rows: Ints, limits: list[tuple[Bits, int]]) -> int
     left = rows
     for other, needed in limits[:-1]:
         left = left[_added(sets, left, ~other) >= needed]
-    return int(np.int64(_first_enough(sets, left, ~limits[-1][0], limits[-1][1])))
+    row: int = _first_enough(sets, left, ~limits[-1][0], limits[-1][1])
+    return row
 
 
 @njit(cache=True, nogil=True)
@@ -182,7 +183,7 @@ def _first_enough(sets: Words, rows: Ints, missing: Words, needed: int) -> int:
         for w in words:
             count += ones(sets[row, w] & missing[w])
         if count >= needed:
-            return row
+            return int(row)
     return -1
 
 
