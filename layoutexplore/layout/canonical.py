@@ -22,7 +22,7 @@ from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.grids.polygons import Point
 from layoutexplore.layout.frame import angles_to_world, extent, ranks, to_world, undirected
-from layoutexplore.layout.types import BORDER, Details, Face, FaceEdge, Layout, Line, RoomFaces, Wall
+from layoutexplore.layout.types import BORDER, Details, Face, FaceEdge, Layout, Line, RoomReach, Wall
 
 ConfigT = TypeVar("ConfigT")
 Side = TypeVar("Side", Line, Wall)
@@ -152,10 +152,10 @@ class InvertedDetails(Details):
         return tuple(self.inversion.face(face) for face in self.oriented.faces)
 
     @cached_property
-    def room_faces(self) -> RoomFaces:
-        """Those of the faces that belong to a room, by id."""
-        found = self.oriented.room_faces
-        return found._replace(polygons=np.array(self.inversion.polygons(found.polygons), object))
+    def room_reach(self) -> RoomReach | None:
+        """The cells of the rooms' faces."""
+        found = self.oriented.room_reach
+        return found and found._replace(labels=self.inversion.orientation.invert(found.labels))
 
     @property
     def cell_scores(self) -> Floats32 | None:

@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
-from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.polygons import Point
 
@@ -121,22 +120,16 @@ class Face:
         return tuple(sorted({e.neighbour for e in self.edges} - {OUTSIDE}))
 
 
-class RoomFaces(NamedTuple):
-    """The faces of all rooms, as columns; n faces.
+class RoomReach(NamedTuple):
+    """How far the rooms reach beyond what is seen of them: to the borders of their faces.
 
     Attributes:
-        polygons: shapely.Polygon (n,), in world metres.
-        room: int64 (n,), id of the room that each belongs to, from 1.
-        at_border: bool (n,), the face has a side on the border of the map's box.
+        labels: int32 (rows, cols), the room whose faces hold each cell's centre, seen or not, 0 for none.
+        at_border: bool (rooms + 1,), by room id: a face of it has a side on the border of the map's box.
     """
 
-    polygons: NDArray[np.object_]
-    room: Ints
+    labels: Ints32
     at_border: Mask
-
-
-NO_FACES = RoomFaces(np.zeros(0, np.object_), np.zeros(0, np.int64), np.zeros(0, np.bool_))
-"""Of a method without faces."""
 
 
 class Details:
@@ -156,9 +149,9 @@ class Details:
         return ()
 
     @property
-    def room_faces(self) -> RoomFaces:
-        """Those of the faces that belong to a room, by id, without their sides: cheaper than `faces`."""
-        return NO_FACES
+    def room_reach(self) -> RoomReach | None:
+        """The cells of the rooms' faces, cheaper than `faces`; None without faces."""
+        return None
 
     @property
     def cell_scores(self) -> Floats32 | None:
@@ -256,9 +249,9 @@ class Layout:
         return self.details.faces
 
     @property
-    def room_faces(self) -> RoomFaces:
-        """The faces that belong to a room, as columns; none for methods without lines."""
-        return self.details.room_faces
+    def room_reach(self) -> RoomReach | None:
+        """The cells of the rooms' faces, in the frame of `labels`; None for methods without lines."""
+        return self.details.room_reach
 
     @property
     def cell_scores(self) -> Floats32 | None:

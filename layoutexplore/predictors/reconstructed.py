@@ -14,22 +14,18 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import shapely
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.errors import unknown_name
 from layoutexplore.frontiers.decision import Decision
-from layoutexplore.grids.arrays import Cells, Ints, Ints32, Mask
-from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid, Pose
-from layoutexplore.grids.polygons import fill_each
-from layoutexplore.layout.doorways import Regions
+from layoutexplore.grids.arrays import Cells, Ints32, Mask
+from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.pipeline import LayoutCache, layout_method
-from layoutexplore.layout.types import NO_FACES, Layout, RoomFaces
+from layoutexplore.layout.types import Layout
 from layoutexplore.options import format_value, read_value, split_pairs
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, classes_in, with_classes
-from layoutexplore.predictors.room_completion import Shape, complete_regions
-from layoutexplore.predictors.seen_regions import known_part, labels_on_grid
+from layoutexplore.predictors.room_completion import complete_within
+from layoutexplore.predictors.seen_regions import known_part, labels_on_grid, placed
 
 LINE_METHODS = ("default", "rose2", "ias15")
 """Methods with lines, whose faces complete the rooms."""
@@ -43,44 +39,38 @@ class ReconstructedRooms(RoomsOnGrid):
 
     Args:
         grid: What the robot knows; its cells are not copied.
-        layout: Its layout; with `outlines`, one of an earlier state with the same walls will do.
-        outlines: Polygons that tell how far the rooms reach; one at the border of the lines' box is bounded
-            by no wall there. Without any, rooms are what is seen of them.
-        follow: Whether seen cells, too, belong to the room whose outline holds them; else to the room that
-            the layout gives them, and an outline to the room that has most of its seen cells.
+        layout: Its layout; where its faces complete the rooms, one of an earlier state with the same walls
+            will do.
+        lines: The layout of which the faces tell how far the rooms reach, the same one or another; a room at
+            the border of the lines' box is bounded by no wall there. Without it, rooms are what is seen of
+            them.
 
     """
 
-    def __init__(
-        self, grid: OccupancyGrid, layout: Layout, outlines: RoomFaces = NO_FACES, *, follow: bool = True
-    ) -> None:
+    def __init__(self, grid: OccupancyGrid, layout: Layout, lines: Layout | None = None) -> None:
         super().__init__(layout.method, grid)
-        self._layout, self._outlines, self._follow = layout, outlines, follow
+        self._layout, self._lines = layout, lines
 
     @cached_property
     def rooms(self) -> RoomLabels:
         """The completed rooms, and the unseen rest of the building as one more."""
         cells = self._grid.cells
-        reach = self._painted()
-        unbounded = np.unique(self._outlines.room[self._outlines.at_border])
-        if self._follow and len(self._outlines.room):
+        reach, at_border = self._reach()
+        if self._lines is self._layout and reach.any():
+            # Seen cells, too, belong to the room whose faces hold them, whatever has been seen since.
             seen = np.where(cells == FREE, reach, np.int32(0))
         else:
             seen = labels_on_grid(self._layout, self._grid)
-            owner = _owners(reach, seen)
-            # An outline of which no cell is seen is in no room, nor is one that holds no cell's centre.
-            reach, unbounded = owner[reach], owner[unbounded[unbounded < len(owner)]].astype(np.int64)
-        count = max((room.id for room in self._layout.rooms), default=0)
-        regions = Regions(seen, count, np.zeros(cells.shape, np.float32))
-        completed = complete_regions(cells, regions, _unknown_parts(reach, cells))
-        return _opened(completed, cells, unbounded[unbounded > 0])
+            reach, at_border = _by_owner(reach, at_border, seen)
+        rest = max((room.id for room in self._layout.rooms), default=0) + 1
+        return _opened(complete_within(cells, seen, reach, rest), cells, at_border)
 
-    def _painted(self) -> Ints32:
-        """int32 (rows, cols): the outline that holds each cell's centre, seen or not, 0 for none."""
-        painted = np.zeros(self._grid.shape, np.int32)
-        polygons = _to_local(self._outlines.polygons, self._grid.origin)
-        fill_each(painted, polygons, self._outlines.room, self._grid.resolution, (0.0, 0.0))
-        return painted
+    def _reach(self) -> tuple[Ints32, Mask]:
+        """The room of the lines that holds each cell, seen or not; and by room if nothing bounds it."""
+        found = None if self._lines is None else self._lines.room_reach
+        if self._lines is None or found is None:
+            return np.zeros(self._grid.shape, np.int32), np.zeros(1, np.bool_)
+        return placed(found.labels, self._lines.clean_grid, self._grid), found.at_border
 
     @property
     def layout(self) -> Layout:
@@ -131,15 +121,10 @@ class ReconstructedPredictor:
     def _reconstruct(self, grid: OccupancyGrid) -> ReconstructedRooms:
         part = known_part(grid, walls=self._completion == "faces")
         layout = self._layouts(part)
-        if self._completion == "faces":
-            return ReconstructedRooms(grid, layout, layout.room_faces)
-        lines = self._lines(known_part(grid, walls=True)).rooms if self._completion == "lines" else ()
-        outlines = RoomFaces(
-            np.array([room.polygon for room in lines], np.object_),
-            np.array([room.id for room in lines], np.int64),
-            np.array([not room.is_closed for room in lines], np.bool_),
-        )
-        return ReconstructedRooms(grid, layout, outlines, follow=False)
+        if self._completion == "none":
+            return ReconstructedRooms(grid, layout)
+        own = self._completion == "faces"
+        return ReconstructedRooms(grid, layout, layout if own else self._lines(known_part(grid, walls=True)))
 
 
 def predictor_of_method(text: str) -> ReconstructedPredictor:
@@ -165,62 +150,34 @@ def predictor_of_method(text: str) -> ReconstructedPredictor:
     return ReconstructedPredictor(method, **options)
 
 
-def _to_local(polygons: NDArray[np.object_], origin: Pose) -> NDArray[np.object_]:
-    """Polygons (n,) of the world in metres of the grid's own frame."""
-    c, s = np.cos(origin.theta), np.sin(origin.theta)
-    turn = np.array([[c, -s], [s, c]])
-    moved: Any = shapely.transform(polygons, lambda points: (points - (origin.x, origin.y)) @ turn)
-    return np.asarray(moved, np.object_)
+def _by_owner(reach: Ints32, at_border: Mask, seen: Ints32) -> tuple[Ints32, Mask]:
+    """Reach and borders in the ids of the seen rooms: that of which most seen cells lie in a room's reach.
 
-
-def _owners(reach: Ints32, seen: Ints32) -> Ints32:
-    """int32 (outlines + 1,): the room that most seen cells of each outline belong to, 0 where none does."""
+    A room of the lines of which no cell is seen is in none.
+    """
     both = (reach > 0) & (seen > 0)
     rooms = int(seen.max(initial=0)) + 1
     pairs = reach[both].astype(np.int64) * rooms + seen[both]
-    counts = np.bincount(pairs, minlength=(int(reach.max(initial=0)) + 1) * rooms).reshape(-1, rooms)
-    return np.where(counts.any(axis=1), counts.argmax(axis=1), 0).astype(np.int32)
+    counts = np.bincount(pairs, minlength=len(at_border) * rooms).reshape(-1, rooms)
+    owner = np.where(counts.any(axis=1), counts.argmax(axis=1), 0).astype(np.int32)
+    at_border_of_seen = np.zeros(rooms, np.bool_)
+    at_border_of_seen[owner[at_border]] = True
+    at_border_of_seen[0] = False
+    return owner[reach], at_border_of_seen
 
 
-def _unknown_parts(painted: Ints32, cells: Cells) -> dict[int, Shape]:
-    """The window of each room that has unknown cells, with its mask."""
-    boxes, hidden = _boxes(painted, cells, int(painted.max(initial=0)) + 1)
-    shapes = {}
-    for room in np.flatnonzero(hidden).tolist():
-        row0, row1, col0, col1 = boxes[room].tolist()
-        shapes[room] = Shape(row0, col0, painted[row0:row1, col0:col1] == room)
-    return shapes
-
-
-@njit(cache=True, nogil=True)
-def _boxes(painted: Ints32, cells: Cells, count: int) -> tuple[Ints, Mask]:
-    """Per room its half-open box int64 (row0, row1, col0, col1), and whether it has unknown cells."""
-    rows, cols = painted.shape
-    boxes, hidden = np.zeros((count, 4), np.int64), np.zeros(count, np.bool_)
-    boxes[:, 0], boxes[:, 2] = rows, cols
-    for r in range(rows):
-        for c in range(cols):
-            k = painted[r, c]
-            if k:  # 0 is no room
-                box = boxes[k]
-                box[0], box[1] = min(box[0], r), r + 1
-                box[2], box[3] = min(box[2], c), max(box[3], c + 1)
-                hidden[k] |= cells[r, c] == UNKNOWN
-    return boxes, hidden
-
-
-def _opened(rooms: RoomLabels, cells: Cells, unbounded: Ints) -> RoomLabels:
+def _opened(rooms: RoomLabels, cells: Cells, unbounded: Mask) -> RoomLabels:
     """Rooms without the walls that would close those which nothing bounds.
 
     Args:
         rooms: Completed rooms; the unseen rest is one of them.
         cells: int8 (rows, cols), what is known.
-        unbounded: int64 (k,), ids of the rooms that reach the border of the lines' box.
+        unbounded: bool (k,), by id, at most that of the rest: the room reaches the border of the lines' box.
     """
-    if not len(unbounded):
+    if not unbounded.any():
         return rooms
     is_open = np.zeros(rooms.rest + 1, np.bool_)
-    is_open[unbounded] = True
+    is_open[: len(unbounded)] = unbounded
     ids, passable = rooms.room_ids.copy(), rooms.passable.copy()
     _open_walls(cells, rooms.room_ids, rooms.passable, is_open, (ids, passable))
     return RoomLabels(ids, passable, rooms.rest)

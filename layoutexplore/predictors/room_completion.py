@@ -61,6 +61,18 @@ def complete_regions(cells: Cells, regions: Regions, shapes: Mapping[int, Shape]
     return walled_rooms(cells, rooms, regions.count + 1)
 
 
+def complete_within(cells: Cells, seen: Ints32, reach: Ints32, rest: int) -> RoomLabels:
+    """The rooms that seen parts make with what they reach: `complete_regions` where no two shapes overlap.
+
+    Args:
+        cells: int8 (rows, cols), what is known.
+        seen: int32 (rows, cols), the seen rooms, 0 for none.
+        reach: int32 (rows, cols), the one room that may have a cell, 0 for none.
+        rest: The id of the unseen rest of the building.
+    """
+    return walled_rooms(cells, _spread_within(cells, seen, reach), rest)
+
+
 def walled_rooms(cells: Cells, rooms: Ints32, rest: int) -> RoomLabels:
     """Rooms with walls, a cell thick, between what they claim of the unknown and the unseen rest.
 
@@ -113,4 +125,32 @@ def _spread_shapes(cells: Cells, labels: Ints32, windows: Ints, masks: Mask, sta
                 out[row, col] = label
                 queue[last] = row, col
                 last += 1
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _spread_within(cells: Cells, labels: Ints32, reach: Ints32) -> Ints32:
+    """Labels int32 (rows, cols), and unknown cells reached from them through those of the same reach."""
+    # Not `grids.flood.spread_in_place`: which cells are open differs from label to label. No two labels may
+    # have one cell, so the order in which they spread does not matter.
+    rows, cols = cells.shape
+    out = labels.copy()
+    stack = np.empty((rows * cols, 2), np.int32)
+    for r in range(rows):
+        for c in range(cols):
+            if labels[r, c] == 0:
+                continue
+            stack[0] = r, c
+            count = 1
+            while count:
+                count -= 1
+                row0, col0 = stack[count]
+                for step in range(4):
+                    row, col = row0 + (step == 0) - (step == 1), col0 + (step == 2) - (step == 3)
+                    if not (0 <= row < rows and 0 <= col < cols) or cells[row, col] != UNKNOWN:
+                        continue
+                    if out[row, col] == 0 and reach[row, col] == labels[r, c]:
+                        out[row, col] = labels[r, c]
+                        stack[count] = row, col
+                        count += 1
     return out

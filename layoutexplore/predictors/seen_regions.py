@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
+from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.boxes import known_box
@@ -58,18 +61,39 @@ def known_part(grid: OccupancyGrid, *, walls: bool = False) -> OccupancyGrid:
     known = np.where(grid.cells == OCCUPIED, grid.cells, UNKNOWN) if walls else grid.cells
     margin = round(MARGIN / grid.resolution)
     row0, row1, col0, col1 = known_box(known)
-    padded = np.pad(grid.cells, margin, constant_values=UNKNOWN)
-    cells = np.ascontiguousarray(padded[row0 : row1 + 2 * margin, col0 : col1 + 2 * margin])
-    corner = np.array([[col0 - margin, row0 - margin]]) * grid.resolution
-    ((x, y),) = to_world(corner, grid.origin).tolist()
+    top, left = row0 - margin, col0 - margin
+    shape = row1 - row0 + 2 * margin, col1 - col0 + 2 * margin
+    ((x, y),) = to_world(np.array([[left, top]]) * grid.resolution, grid.origin).tolist()
+    cells = _moved(grid.cells, (-top, -left), shape, UNKNOWN)
     return OccupancyGrid(cells, grid.resolution, Pose(x, y, grid.origin.theta))
 
 
 def labels_on_grid(layout: Layout, grid: OccupancyGrid) -> Ints32:
     """The rooms that a layout gives the free cells of a grid, int32 (rows, cols), 0 for none."""
-    labels = np.zeros(grid.shape, np.int32)
-    rows, cols = np.nonzero(grid.cells == FREE)
-    at = layout.clean_grid.world_to_cells(grid.cells_to_world(np.stack([rows, cols], axis=1)))
-    inside = ((at >= 0) & (at < layout.labels.shape)).all(axis=1)
-    labels[rows[inside], cols[inside]] = layout.labels[at[inside, 0], at[inside, 1]]
-    return labels
+    return np.where(grid.cells == FREE, placed(layout.labels, layout.clean_grid, grid), np.int32(0))
+
+
+def placed(labels: Ints32, frame: OccupancyGrid, grid: OccupancyGrid) -> Ints32:
+    """Labels on the cells of another grid, 0 where there are none.
+
+    Args:
+        labels: int32, of the shape of `frame`.
+        frame: Where they lie: a grid of the same resolution, moved by whole cells.
+        grid: Where they are wanted.
+    """
+    row, col = (int(at) for at in grid.world_to_cells(frame.cells_to_world([[0, 0]]))[0])
+    return _moved(labels, (row, col), grid.shape, 0)
+
+
+T = TypeVar("T", np.int8, np.int32)
+
+
+def _moved(values: NDArray[T], at: tuple[int, int], shape: tuple[int, int], other: int) -> NDArray[T]:
+    """Values at a place in an array of that shape, which has another value elsewhere."""
+    out = np.full(shape, other, values.dtype)
+    there, here = [], []
+    for begin, size, most in zip(at, values.shape, shape, strict=True):
+        there.append(slice(max(begin, 0), max(min(begin + size, most), 0)))
+        here.append(slice(max(-begin, 0), max(min(size, most - begin), 0)))
+    out[tuple(there)] = values[tuple(here)]
+    return out

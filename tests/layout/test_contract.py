@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -80,16 +81,26 @@ def check(layout: Layout, grid: OccupancyGrid) -> None:
     for a, b in combinations(layout.rooms, 2):
         assert a.polygon.intersection(b.polygon).area < 1e-6
     assert layout.rooms or layout.warnings or layout.method == "rose"
-    check_room_faces(layout)
+    check_room_reach(layout)
 
 
-def check_room_faces(layout: Layout) -> None:
-    of_rooms, found = [face for face in layout.faces if face.room > 0], layout.room_faces
-    assert found.room.tolist() == [face.room for face in of_rooms]
-    outside = [any(edge.neighbour == OUTSIDE for edge in face.edges) for face in of_rooms]
-    assert found.at_border.tolist() == outside
-    for polygon, face in zip(found.polygons, of_rooms, strict=True):
-        assert polygon.equals_exact(face.polygon, 1e-9)
+def check_room_reach(layout: Layout) -> None:
+    of_rooms, reach = [face for face in layout.faces if face.room > 0], layout.room_reach
+    if reach is None:
+        assert not of_rooms
+        return
+    assert reach.labels.shape == layout.labels.shape and reach.labels.dtype == np.int32
+    assert len(reach.at_border) == len(layout.rooms) + 1
+    outside = {face.room for face in of_rooms if any(edge.neighbour == OUTSIDE for edge in face.edges)}
+    assert set(np.flatnonzero(reach.at_border).tolist()) == outside
+    cells = np.argwhere(np.ones(reach.labels.shape, np.bool_))[::5]
+    centres = shapely.points(layout.clean_grid.cells_to_world(cells))
+    labels = reach.labels[cells[:, 0], cells[:, 1]]
+    for room in {face.room for face in of_rooms}:
+        whole = shapely.union_all([face.polygon.buffer(1e-6) for face in of_rooms if face.room == room])
+        away = shapely.distance(centres, whole.boundary)
+        clear = away > 1e-5  # a centre on a border belongs to one of its sides
+        assert np.array_equal((labels == room)[clear], shapely.contains(whole, centres)[clear])
 
 
 @pytest.mark.parametrize("method", list(METHOD_MODULES))

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
-import shapely
 
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.layout.pipeline import method_names, reconstruct
-from layoutexplore.layout.types import RoomFaces
+from layoutexplore.layout.types import Details, RoomReach
 from layoutexplore.predictors import make_room_predictor
 from layoutexplore.predictors.reconstructed import ReconstructedRooms
-from layoutexplore.predictors.seen_regions import known_part
+from layoutexplore.predictors.seen_regions import known_part, placed
 from tests.predictors.cases import decide
 
 HALF_SEEN = """
@@ -178,14 +179,37 @@ def test_walls_that_have_not_changed_are_not_reconstructed_again() -> None:
     assert second.layout is first.layout
 
 
-def test_outlines_that_hold_no_seen_cell_open_and_close_nothing() -> None:
+@dataclass(frozen=True, eq=False)
+class Reaching(Details):
+    """Of a layout whose rooms reach over given cells."""
+
+    reach: RoomReach
+
+    @property
+    def room_reach(self) -> RoomReach:
+        return self.reach
+
+
+def test_a_room_of_the_lines_of_which_no_cell_is_seen_opens_and_closes_nothing() -> None:
     grid = drawn(HALF_SEEN)
     layout = reconstruct(known_part(grid), "distance")
-    far = shapely.box(-3.0, 2.0, -2.999, 2.001)  # between the centres of cells: painted nowhere
-    outlines = RoomFaces(np.array([far], object), np.array([9]), np.array([True]))
-    with_far = ReconstructedRooms(grid, layout, outlines, follow=False).rooms
-    without = ReconstructedRooms(grid, layout, follow=False).rooms
+    labels = np.zeros(layout.labels.shape, np.int32)
+    labels[:5, :5] = 9
+    assert not labels[layout.clean_grid.cells != -1].any()
+    far = replace(layout, details=Reaching(RoomReach(labels, np.arange(10) == 9)))
+    with_far, without = ReconstructedRooms(grid, layout, far).rooms, ReconstructedRooms(grid, layout).rooms
     assert (with_far.room_ids == without.room_ids).all() and (with_far.passable == without.passable).all()
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_labels_are_placed_where_their_cells_lie(turn: float) -> None:
+    origin = Pose(1.0, 2.0, turn)
+    grid = OccupancyGrid(np.zeros((6, 9), np.int8), 0.1, origin)
+    frame = OccupancyGrid(np.zeros((5, 20), np.int8), 0.1, Pose(*grid.cell_to_world(1.5, -4.5), turn))
+    labels = np.arange(1, 101, dtype=np.int32).reshape(5, 20)
+    expected = np.zeros((6, 9), np.int32)
+    expected[2:] = labels[:4, 4:13]
+    assert (placed(labels, frame, grid) == expected).all()
 
 
 def test_known_part_keeps_the_world() -> None:

@@ -30,7 +30,7 @@ from layoutexplore.layout.types import (
     Layout,
     LayoutRoom,
     Line,
-    RoomFaces,
+    RoomReach,
     Wall,
 )
 
@@ -137,17 +137,14 @@ class FaceDetails(Details):
         )
 
     @cached_property
-    def room_faces(self) -> RoomFaces:
-        """Those of the faces that belong to a room, by id."""
-        model, inside = self.face_model, np.flatnonzero(self.room >= 0)
-        rank = np.full(len(model), -1, np.int64)
-        rank[inside] = np.arange(len(inside))
-        polygons = outline(model.arrangement, rank[model.group], len(inside))
-        return RoomFaces(
-            np.array(polygons_to_world(polygons, self.origin), object),
-            self.room[inside] + 1,
-            model.at_border[inside],
-        )
+    def room_reach(self) -> RoomReach:
+        """The cells of the rooms' faces."""
+        model = self.face_model
+        of_cell = np.append(self.room[model.group] + 1, 0).astype(np.int32)
+        at_border = np.zeros(int(self.room.max(initial=-1)) + 2, np.bool_)
+        at_border[self.room[model.at_border] + 1] = True
+        at_border[0] = False  # faces in no room
+        return RoomReach(of_cell[model.painted], at_border)
 
     def _edges(self) -> list[list[FaceEdge]]:
         """The sides of each face that part it from another one or from what lies outside the box."""

@@ -180,11 +180,16 @@ def face_model(
     group: Ints,
     region: Bytes,
     config: FaceConfig,
+    painted: Ints32 | None = None,
 ) -> FaceModel:
-    """Everything about faces, unions of cells of an arrangement; `region` is 1 inside the seen contour."""
+    """Everything about faces, unions of cells of an arrangement; `region` is 1 inside the seen contour.
+
+    `painted` is what `paint_faces` makes of the arrangement, where it is known already.
+    """
     count = int(group.max()) + 1
     graph = face_graph(arrangement, covered, group, count)
-    painted = paint_faces(arrangement, grid.shape, grid.resolution)
+    if painted is None:
+        painted = paint_faces(arrangement, grid.shape, grid.resolution)
     found = _count_cells(painted, region, grid.cells, len(arrangement))
     cells, inside, known, free = (sums(group, number.astype(np.float64), count) for number in found)
     cells = np.maximum(cells, 1)

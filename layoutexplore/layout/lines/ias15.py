@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from numba import njit
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.arrays import Floats, Ints, Mask
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.components import components
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.canonical import in_canonical_orientation
@@ -241,28 +242,46 @@ def _closing_lines(
     """
     arrangement = faces.arrangement
     at_side = arrangement.sides.max(axis=1)
-    border = len(model.lines)
-    labels = np.append(room[faces.group], -1)[faces.painted]
-    labels[grid.cells != FREE] = -1
-    by_room = np.argsort(labels, axis=None, kind="stable")
-    first = np.searchsorted(labels.reshape(-1)[by_room], np.arange(int(room.max(initial=-1)) + 2))
+    border, directions = len(model.lines), model.aligned.directions
+    angles = arrangement.lines.angle[border : border + 4]
+    nearest = angle_between(directions[:, None], angles[None, :]).argmin(axis=0)
+    of_cell = np.append(room[faces.group], -1)
+    ends = [_ends(faces.painted, grid.cells, of_cell, *_unit(directions[d])) for d in nearest[:2]]
     found = set()
     for side, outward in enumerate((-1.0, 1.0, 1.0, -1.0)):
-        angle = arrangement.lines.angle[border + side]
+        direction = int(nearest[side])
+        theta = directions[direction]
+        if not angle_between(np.array(theta), np.array(angles[side])) < np.pi / 4:
+            continue
+        towards = outward * np.sign(np.cos(theta)) if side % 2 == 0 else -outward * np.sign(np.sin(theta))
         touching = at_side[(arrangement.line == border + side) & (arrangement.edge_length > 1e-6)]
         for owner in np.unique(room[faces.group[touching]]):
-            if owner < 0:
-                continue
-            direction = int(angle_between(model.aligned.directions, np.array(angle)).argmin())
-            theta = model.aligned.directions[direction]
-            rows, cols = np.divmod(by_room[first[owner] : first[owner + 1]], grid.shape[1])
-            if len(rows) and angle_between(np.array(theta), np.array(angle)) < np.pi / 4:
-                offset = ((rows + 0.5) * np.cos(theta) - (cols + 0.5) * np.sin(theta)) * grid.resolution
-                towards = (
-                    outward * np.sign(np.cos(theta)) if side % 2 == 0 else -outward * np.sign(np.sin(theta))
-                )
-                found.add((direction, float(offset.max() if towards > 0 else offset.min())))
+            low, high = ends[side % 2]
+            if owner >= 0 and low[owner] <= high[owner]:
+                end = high[owner] if towards > 0 else low[owner]
+                found.add((direction, float(end * grid.resolution)))
     return sorted(found)
+
+
+def _unit(angle: float) -> tuple[float, float]:
+    return float(np.cos(angle)), float(np.sin(angle))
+
+
+@njit(cache=True, nogil=True)
+def _ends(painted: Ints32, cells: Cells, of_cell: Ints, c: float, s: float) -> tuple[Floats, Floats]:
+    """By room (k,) the least and the largest offset in cells, along the normal (-s, c), of its free cells.
+
+    Where it has none, the least one is larger.
+    """
+    count = of_cell.max() + 1
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    for row in range(painted.shape[0]):
+        for col in range(painted.shape[1]):
+            room = of_cell[painted[row, col]]  # the last one, of -1, is none
+            if room >= 0 and cells[row, col] == FREE:
+                offset = (row + 0.5) * c - (col + 0.5) * s
+                low[room], high[room] = min(low[room], offset), max(high[room], offset)
+    return low, high
 
 
 register_method("ias15", "IAS-15: rooms from the lines of the walls", ias15, Ias15Config)

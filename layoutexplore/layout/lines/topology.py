@@ -36,6 +36,9 @@ from layoutexplore.layout.lines.face_model import (
 )
 from layoutexplore.layout.lines.faces import Arrangement
 
+BINS = 256
+"""Of equal width, that a room's cells fall into when their extent is measured."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class TopologyConfig:
@@ -179,12 +182,41 @@ def quantile_extent(values: Floats, rank: Ints, count: int, share: float) -> tup
         >>> low.tolist(), high.tolist()
         ([1.0], [7.0])
     """
+    return _extents(np.ascontiguousarray(values), rank, count, share)
+
+
+@njit(cache=True, nogil=True)
+def _extents(values: Floats, rank: Ints, count: int, share: float) -> tuple[Floats, Floats]:
     grouped, first = _grouped(values, rank, count)
     low, high = np.empty(count), np.empty(count)
-    for k, group in enumerate(np.split(grouped, first[1:-1])):
-        places = [int(q * (len(group) - 1)) for q in (share, 1 - share)]
-        low[k], high[k] = np.partition(group, places)[places]
+    for k in range(count):
+        group = grouped[first[k] : first[k + 1]]
+        low[k] = _nth(group, int(share * (len(group) - 1)))
+        high[k] = _nth(group, int((1 - share) * (len(group) - 1)))
     return low, high
+
+
+@njit(cache=True, nogil=True)
+def _nth(values: Floats, place: int) -> float:
+    """The value at a place in rising order: looked for among those of its bin only."""
+    least, most = values.min(), values.max()
+    # more bins than values to sort in them, and few enough to stay in the fastest memory
+    scale = BINS / (most - least) if most - least > 1e-12 * max(abs(least), abs(most)) else 0.0
+    counts = np.zeros(BINS + 1, np.int64)
+    for value in values:
+        counts[int((value - least) * scale)] += 1
+    bin_, before = 0, 0
+    while before + counts[bin_] <= place:
+        before += counts[bin_]
+        bin_ += 1
+    found = np.empty(counts[bin_])
+    n = 0
+    for value in values:
+        if int((value - least) * scale) == bin_:
+            found[n] = value
+            n += 1
+    found.sort()
+    return float(found[place - before])
 
 
 @njit(cache=True, nogil=True)

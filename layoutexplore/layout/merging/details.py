@@ -35,7 +35,7 @@ from layoutexplore.layout.lines.face_model import (
 from layoutexplore.layout.lines.face_outlines import paint_faces
 from layoutexplore.layout.lines.segments import angle_between
 from layoutexplore.layout.lines.topology import quantile_extent
-from layoutexplore.layout.types import Details, Face, Line, RoomFaces
+from layoutexplore.layout.types import Details, Face, Line, RoomReach
 
 LINE_DISTANCE = 0.4
 """A room that ends farther than this from every line gets a line of its own [m]."""
@@ -91,9 +91,9 @@ class MergingDetails(Details):
         return self._found.faces
 
     @property
-    def room_faces(self) -> RoomFaces:
-        """Those of the faces that belong to a room, by id."""
-        return self._found.room_faces
+    def room_reach(self) -> RoomReach | None:
+        """The cells of the rooms' faces; None where there is no wall."""
+        return self._found.room_reach
 
     def faces_of(self, room: int) -> tuple[int, ...]:
         """Indices of the faces of a room, rising."""
@@ -110,13 +110,10 @@ def with_room_lines(grid: OccupancyGrid, model: WallModel, labels: Ints32, dista
         distance: Between parallel lines [m].
     """
     step = cells_at_most(SAMPLE, grid.resolution, max(grid.shape))
-    sampled = np.ascontiguousarray(labels[::step, ::step])
-    at = np.flatnonzero(sampled)
-    if not len(at):
+    of_cell, rows, cols = _labelled(labels, step)
+    if not len(of_cell):
         return model
-    of_cell = sampled.reshape(-1)[at]
-    rows, cols = np.divmod(at, sampled.shape[1])
-    x, y = (cols * step + 0.5) * grid.resolution, (rows * step + 0.5) * grid.resolution
+    x, y = (cols + 0.5) * grid.resolution, (rows + 0.5) * grid.resolution
     present = np.bincount(of_cell) > 0
     rank, count = (np.cumsum(present) - 1)[of_cell], int(present.sum())
     angles = model.aligned.directions
@@ -142,6 +139,19 @@ def with_room_lines(grid: OccupancyGrid, model: WallModel, labels: Ints32, dista
     return replace(model, lines=with_lines(model.lines, direction, offset, most))
 
 
+@njit(cache=True, nogil=True)
+def _labelled(labels: Ints32, step: int) -> tuple[Ints, Ints, Ints]:
+    """Of the cells with a label in every so many rows and columns: labels, rows and columns, int64 (n,)."""
+    rows, cols = labels.shape
+    found = np.empty((3, ((rows - 1) // step + 1) * ((cols - 1) // step + 1)), np.int64)
+    count = 0
+    for r in range(0, rows, step):
+        for c in range(0, cols, step):
+            found[0, count], found[1, count], found[2, count] = labels[r, c], r, c
+            count += labels[r, c] != 0  # what has none is written over
+    return found[0, :count], found[1, :count], found[2, :count]
+
+
 def faces_of_labels(grid: OccupancyGrid, model: WallModel, labels: Ints32, config: FaceConfig) -> FaceDetails:
     """The faces of a map's lines, each in the room that most of its labelled cells have.
 
@@ -159,9 +169,8 @@ def faces_of_labels(grid: OccupancyGrid, model: WallModel, labels: Ints32, confi
     covered, weight, is_open = open_edges(arrangement, model, config)
     left, right = arrangement.sides.T
     group, count = dissolve(arrangement, is_open & (owner[left] == owner[right]))
-    faces = face_model(
-        grid, arrangement, covered, weight, group, seen_region(grid, config.region_area), config
-    )
+    region = seen_region(grid, config.region_area)
+    faces = face_model(grid, arrangement, covered, weight, group, region, config, painted)
     room = np.zeros(count, np.int64)
     room[group] = owner
     return FaceDetails(model, faces, np.where(faces.kind > 0, room, 0) - 1, grid.origin)
