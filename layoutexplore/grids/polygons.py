@@ -16,11 +16,10 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from numba import njit
-from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Ints32, Mask
 
 Point = tuple[float, float]
 """World point (x, y) in metres."""
@@ -70,44 +69,6 @@ def fill(
         _fill(edges, target, value, False, sealed)
         if sealed:
             _fill(edges[:, [1, 0, 3, 2]].copy(), target, value, True, True)
-
-
-def fill_each(
-    target: Ints32, polygons: NDArray[np.object_], values: Ints, resolution: float, origin: Point
-) -> None:
-    """`fill` for many polygons, one after the other, in place.
-
-    Args:
-        target: int32 (rows, cols), C-contiguous.
-        polygons: shapely.Polygon (n,), valid, in metres; empty ones are passed over.
-        values: int64 (n,), what to write for each.
-        resolution: Side of a cell in metres.
-        origin: World point of the lower left corner of cell (0, 0).
-
-    Example:
-        >>> target = np.zeros((2, 3), np.int32)
-        >>> boxes = np.array([shapely.box(0.0, 0.0, 2.0, 1.0), shapely.box(1.0, 0.0, 3.0, 2.0)])
-        >>> fill_each(target, boxes, np.array([7, 8]), 1.0, (0.0, 0.0))
-        >>> target.tolist()
-        [[7, 8, 8], [0, 8, 8]]
-    """
-    if not len(polygons):
-        return
-    rings, owner = shapely.get_rings(polygons, return_index=True)
-    corners, ring = shapely.get_coordinates(rings, return_index=True)
-    points = _in_cells(corners, resolution, origin)
-    same = np.flatnonzero(ring[1:] == ring[:-1])  # a ring ends where it began: no edge leads to the next one
-    edges = np.hstack([points[same], points[same + 1]])
-    starts = np.searchsorted(owner[ring[same]], np.arange(len(polygons) + 1))
-    _fill_each(edges, starts, np.asarray(values, np.int64), target)
-
-
-@njit(cache=True, nogil=True)
-def _fill_each(edges: Floats, starts: Ints, values: Ints, target: Ints32) -> None:
-    """Fill polygons whose edges stand one after the other."""
-    for k in range(len(values)):
-        if starts[k] < starts[k + 1]:
-            _fill(edges[starts[k] : starts[k + 1]], target, values[k], False, False)
 
 
 def _in_cells(points: Floats, resolution: float, origin: Point) -> Floats:

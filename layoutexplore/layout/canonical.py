@@ -22,7 +22,18 @@ from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.grids.polygons import Point
 from layoutexplore.layout.frame import angles_to_world, extent, ranks, to_world, undirected
-from layoutexplore.layout.types import BORDER, Details, Face, FaceEdge, Layout, Line, RoomReach, Wall
+from layoutexplore.layout.types import (
+    BORDER,
+    Deferred,
+    Details,
+    Face,
+    FaceEdge,
+    Layout,
+    LayoutRoom,
+    Line,
+    RoomReach,
+    Wall,
+)
 
 ConfigT = TypeVar("ConfigT")
 Side = TypeVar("Side", Line, Wall)
@@ -114,22 +125,24 @@ class Inversion:
             edges = [FaceEdge(edge.end, edge.start, *edge[2:]) for edge in reversed(edges)]
         return replace(face, polygon=self.polygons([face.polygon])[0], edges=tuple(edges))
 
+    def rooms(self, rooms: Sequence[LayoutRoom], details: Details) -> tuple[LayoutRoom, ...]:
+        """Rooms, with the details of the layout that is brought back."""
+        polygons = self.polygons(room.polygon for room in rooms)
+        return tuple(replace(r, polygon=p, details=details) for r, p in zip(rooms, polygons, strict=True))
+
     def layout(self, found: Layout) -> Layout:
         """The layout of the grid."""
         details = InvertedDetails(found.details, self)
-        polygons = self.polygons(room.polygon for room in found.rooms)
         return replace(
             found,
             clean_grid=OccupancyGrid(
                 self.orientation.invert(found.clean_grid.cells), found.clean_grid.resolution, self.origin
             ),
             labels=self.orientation.invert(found.labels),
-            rooms=tuple(
-                replace(r, polygon=p, details=details) for r, p in zip(found.rooms, polygons, strict=True)
-            ),
+            rooms=Deferred(lambda: self.rooms(found.rooms, details)),
             directions=np.sort(self.angles(found.directions)),
             segments=self.points(found.segments.reshape(-1, 2)).reshape(-1, 4),
-            walls=self.sides(found.walls),
+            walls=Deferred(lambda: self.sides(found.walls)),
             details=details,
         )
 

@@ -40,7 +40,7 @@ def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None
     check_kind("grid", grid, OccupancyGrid)
     check_kind("method", method, str)
     chosen = layout_method(method)
-    return chosen.run(grid, chosen.config(config))
+    return chosen.run(grid, chosen.config(config)).completed()
 
 
 class LayoutCache:

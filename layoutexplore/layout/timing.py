@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 class StageTimer:
@@ -29,3 +32,12 @@ class StageTimer:
             yield
         finally:
             self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
+
+    def timed(self, stage: str, make: Callable[[], T]) -> Callable[[], T]:
+        """The same function; the time of a call is added to a stage, where it is called at all."""
+
+        def make_timed() -> T:
+            with self(stage):
+                return make()
+
+        return make_timed

@@ -7,10 +7,11 @@ The vocabulary is that of the IAS-15, ROSE and ROSE2 papers: a *wall* is a chain
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 import shapely
@@ -206,6 +207,37 @@ class LayoutRoom:
         return self.details.faces_of(self.id)
 
 
+ItemT = TypeVar("ItemT", covariant=True)
+
+
+class Deferred(Sequence[ItemT]):
+    """Rooms or walls that are made when they are first looked at: predictions need their cells alone.
+
+    Args:
+        make: Makes them.
+    """
+
+    def __init__(self, make: Callable[[], tuple[ItemT, ...]]) -> None:
+        self._make = make
+
+    @cached_property
+    def _items(self) -> tuple[ItemT, ...]:
+        return self._make()
+
+    @overload
+    def __getitem__(self, index: int) -> ItemT: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> tuple[ItemT, ...]: ...
+
+    def __getitem__(self, index: int | slice) -> ItemT | tuple[ItemT, ...]:
+        """One of them, or some."""
+        return self._items[index]
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Layout:
     """The reconstructed layout of a grid, with every intermediate result that the method computes.
@@ -229,14 +261,18 @@ class Layout:
     method: str
     clean_grid: OccupancyGrid
     labels: Ints32
-    rooms: tuple[LayoutRoom, ...] = ()
+    rooms: Sequence[LayoutRoom] = ()
     directions: Floats = field(default_factory=lambda: np.zeros(0))
     structure_score: float = float("nan")
     segments: Floats = field(default_factory=lambda: np.zeros((0, 4)))
-    walls: tuple[Wall, ...] = ()
+    walls: Sequence[Wall] = ()
     timings: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     details: Details = field(default_factory=Details, repr=False)
+
+    def completed(self) -> Layout:
+        """The same with all rooms and walls made."""
+        return replace(self, rooms=tuple(self.rooms), walls=tuple(self.walls))
 
     @property
     def lines(self) -> tuple[Line, ...]:

@@ -62,7 +62,7 @@ class ReconstructedRooms(RoomsOnGrid):
         else:
             seen = labels_on_grid(self._layout, self._grid)
             reach, at_border = _by_owner(reach, at_border, seen)
-        rest = max((room.id for room in self._layout.rooms), default=0) + 1
+        rest = max(int(self._layout.labels.max(initial=0)), len(at_border) - 1) + 1
         return _opened(complete_within(cells, seen, reach, rest), cells, at_border)
 
     def _reach(self) -> tuple[Ints32, Mask]:

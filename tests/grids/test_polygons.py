@@ -16,7 +16,7 @@ from shapely import LineString, Polygon
 
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.grids.outlines import trace_mask
-from layoutexplore.grids.polygons import fill, fill_each, polygons_of, resample_solid, seal_diagonals
+from layoutexplore.grids.polygons import fill, polygons_of, resample_solid, seal_diagonals
 
 settings.register_profile("kernels", deadline=None)
 settings.load_profile("kernels")
@@ -72,20 +72,6 @@ def test_fill_knows_its_origin() -> None:
     target = np.zeros((3, 3), np.int32)
     fill(target, shapely.box(10.0, -5.0, 10.5, -4.5), 1, 0.5, (9.5, -5.5))
     assert np.argwhere(target).tolist() == [[1, 1]]
-
-
-@settings(max_examples=60)
-@given(st.lists(st.lists(st.tuples(COORDINATE, COORDINATE), min_size=3, max_size=6), max_size=4))
-def test_many_polygons_are_filled_as_one_after_the_other(outlines: list[list[tuple[float, float]]]) -> None:
-    hole = shapely.box(1.0, 1.0, 1.9, 3.1)
-    shapes = [Polygon(points).buffer(0) for points in outlines]
-    polygons = [part for shape in shapes for part in (polygons_of(shape.difference(hole)) or [Polygon()])]
-    values = np.arange(1, len(polygons) + 1)
-    together, each = np.zeros((17, 15), np.int32), np.zeros((17, 15), np.int32)
-    fill_each(together, np.array(polygons, object), values, 0.25, (0.25, 0.25))
-    for value, polygon in zip(values.tolist(), polygons, strict=True):
-        fill(each, polygon, value, 0.25, (0.25, 0.25))
-    assert (together == each).all()
 
 
 @settings(max_examples=150)

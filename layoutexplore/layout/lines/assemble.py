@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -23,6 +23,7 @@ from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import (
     BORDER,
     OUTSIDE,
+    Deferred,
     Details,
     Face,
     FaceEdge,
@@ -52,20 +53,20 @@ def assemble(
         of_cell = np.append(room[faces.group] + 1, 0).astype(np.int32)
         _label_free(faces.painted, grid.cells, of_cell, labels)
         details = FaceDetails(model, faces, room, grid.origin)
-        rooms = _rooms(details)
-        if not rooms:
+        if room.max(initial=-1) < 0:
             warnings = (*warnings, "no room: no face of the wall lines lies inside the seen space")
-        walls = place_walls(model.aligned, model.walls, model.lines, grid.origin)
         ends = to_world(model.segments.reshape(-1, 2), grid.origin).reshape(-1, 4)
     return Layout(
         method=method,
         clean_grid=model.clean_grid,
         labels=labels,
-        rooms=rooms,
+        rooms=Deferred(timer.timed("rooms", partial(_rooms, details))),
         directions=np.sort(angles_to_world(model.aligned.directions, grid.origin)),
         structure_score=model.structure_score,
         segments=ends,
-        walls=walls,
+        walls=Deferred(
+            timer.timed("rooms", partial(place_walls, model.aligned, model.walls, model.lines, grid.origin))
+        ),
         timings=timer.seconds,
         warnings=warnings,
         details=details,

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -55,7 +56,7 @@ from layoutexplore.layout.merging.watershed import closed_space, watershed_basin
 from layoutexplore.layout.outlines import rooms_of_labels
 from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
-from layoutexplore.layout.types import Layout, LayoutRoom, empty_layout, has_free_space
+from layoutexplore.layout.types import Deferred, Layout, empty_layout, has_free_space
 from layoutexplore.models.forest import Forest
 
 WALLS = Rose2Config(twice=False)
@@ -304,29 +305,29 @@ def reconstruct_with(grid: OccupancyGrid, config: MergingConfig, forest: Forest)
         clutter = true_cells(turn_back(regions.clutter, regions.turned, grid.shape) & grid.occupied)
         clean = freed(grid, clutter)
         model = find_walls_of(clean, structure)
-        walls = () if model is None else place_walls(model.aligned, model.walls, model.lines, grid.origin)
+        chained = None if model is None else (model.aligned, model.walls, model.lines, grid.origin)
+        walls = () if chained is None else Deferred(timer.timed("walls", partial(place_walls, *chained)))
         ends = np.zeros((0, 2)) if model is None else model.segments.reshape(-1, 2)
         segments = to_world(ends, grid.origin).reshape(-1, 4)
     details = MergingDetails(clean, clutter, labels, model, WALLS)
-    with timer("outlines"):
-        rooms = rooms_of_labels(labels, grid, footprint, details)
+    rooms = partial(rooms_of_labels, labels, grid, footprint, details)
     return Layout(
         method="default",
         clean_grid=clean,
         labels=labels,
-        rooms=rooms,
+        rooms=Deferred(timer.timed("outlines", rooms)),
         directions=np.sort(angles_to_world(structure.directions, grid.origin)),
         structure_score=structure.score,
         segments=segments,
         walls=walls,
         timings=timer.seconds,
-        warnings=(*_doubts(rooms, structure), *regions.doubts, *_limits(model, len(ends) // 2, grid, done)),
+        warnings=(*_doubts(labels, structure), *regions.doubts, *_limits(model, len(ends) // 2, grid, done)),
         details=details,
     )
 
 
-def _doubts(rooms: tuple[LayoutRoom, ...], structure: Directions) -> Iterator[str]:
-    if not rooms:
+def _doubts(labels: Ints32, structure: Directions) -> Iterator[str]:
+    if not labels.any():
         yield "no room found: the free space is too small or too narrow"
     if not len(structure.directions):
         yield "no dominant direction: the map has no straight walls"
