@@ -10,6 +10,8 @@ from layoutexplore.cli.evaluate.closed_doors import HELP as CLOSED_DOORS_HELP
 from layoutexplore.cli.evaluate.closed_doors import closed_doors
 from layoutexplore.cli.evaluate.clutter import HELP as CLUTTER_HELP
 from layoutexplore.cli.evaluate.clutter import clutter
+from layoutexplore.cli.evaluate.foresight import HELP as FORESIGHT_HELP
+from layoutexplore.cli.evaluate.foresight import foresight
 from layoutexplore.cli.evaluate.in_the_loop import HELP as IN_THE_LOOP_HELP
 from layoutexplore.cli.evaluate.in_the_loop import in_the_loop
 from layoutexplore.cli.evaluate.layouts import evaluate_layout
@@ -31,6 +33,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], str | None]] = {
     "partial-rooms": (partial_rooms, PARTIAL_ROOMS_HELP),
     "train-predictor": (train_predictor, TRAIN_PREDICTOR_HELP),
     "in-the-loop": (in_the_loop, IN_THE_LOOP_HELP),
+    "foresight": (foresight, FORESIGHT_HELP),
     "robustness": (robustness, ROBUSTNESS_HELP),
     "registration": (registration, REGISTRATION_HELP),
     "train-prior": (train_prior, TRAIN_PRIOR_HELP),
@@ -46,6 +49,7 @@ EXAMPLES = {
     "partial-rooms": "office-01 school-01 -p layout -p hull --snapshots kept/",
     "train-predictor": "schools/ office:0-99 --folds 4 --store kept/ --out models/",
     "in-the-loop": "test -p reconstruct:rose2 -p layout -p oracle --out in-the-loop",
+    "foresight": "schools/ -p oracle:horizon=1 -p oracle:horizon=inf --out foresight",
     "robustness": "quick --level low --level middle --out robustness",
     "registration": "test -k true -k rough -k wrong --out registration",
     "train-prior": "train office:1-5 school:1-5 --out confidence",

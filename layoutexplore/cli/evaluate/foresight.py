@@ -1,0 +1,76 @@
+"""`layoutexplore evaluate foresight`: what knowing rooms before they are seen is worth to a robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from layoutexplore.files import check_places
+
+HELP = (
+    "Metres of plan-tour with foresight of 0, 1, 2, 3 and all doors, or of any predictor, over those of "
+    "layout-tour in the same cells; a table with intervals over buildings."
+)
+
+
+def foresight(
+    plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
+    out: Annotated[
+        Path, typer.Option(help="Folder for the table and the runs; the same command goes on in it.")
+    ],
+    predictor: Annotated[
+        list[str] | None,
+        typer.Option("--predictor", "-p", help="Who foresees; oracle:horizon=0 to inf when none is named."),
+    ] = None,
+    sensor: Annotated[
+        list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
+    ] = None,
+    starts: Annotated[int, typer.Option(min=1, help="Starts on each floor plan.")] = 1,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
+) -> None:
+    """Measure what foresight is worth; `HELP` is what the command line says."""
+    import dataclasses
+
+    from rich.console import Console
+
+    from layoutexplore.benchmark.config import BenchmarkConfig
+    from layoutexplore.cli.benchmark import run_with_progress
+    from layoutexplore.evaluation.foresight import (
+        HORIZONS,
+        REFERENCE,
+        explorer_with,
+        foresight_table,
+        score_foresight,
+    )
+    from layoutexplore.files import write_atomically, write_csv
+    from layoutexplore.maps.library import find_plans
+    from layoutexplore.sensing.lidar import sensor as find_sensor
+    from layoutexplore.training.explorations import SENSORS
+
+    check_places(out)
+    predictors = list(dict.fromkeys(predictor or HORIZONS))
+    config = BenchmarkConfig(
+        plans=tuple(find_plans(plans)),
+        starts=starts,
+        sensors=tuple(find_sensor(name).name for name in sensor or SENSORS),
+        agents=tuple(dict.fromkeys((REFERENCE, *map(explorer_with, predictors)))),
+        baseline=REFERENCE,
+        explain=False,
+    )
+    outcome = run_with_progress(Console(highlight=False), config, out / "runs", jobs=jobs)
+    for row in outcome.failed:
+        typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
+    scores = score_foresight(outcome.rows, predictors)
+    rows = []
+    for score in scores:
+        line = dataclasses.asdict(score)
+        for key in ("d95", "d99"):
+            way = getattr(score, key)
+            line |= {key: way.estimate, f"{key}_low": way.low, f"{key}_high": way.high}
+        rows.append(line)
+    write_csv(out / "foresight.csv", rows)
+    text = foresight_table(scores)
+    write_atomically(out / "foresight.md", text)
+    typer.echo(text + f"\nwritten: {out / 'foresight.md'} and {out / 'foresight.csv'}")
