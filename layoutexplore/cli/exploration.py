@@ -32,6 +32,7 @@ class RunWatcher:
     Attributes:
         pictures: PNG files by percent seen.
         layouts: Rooms believed, as GeoJSON, by percent seen.
+        priors: PNG files of a plan known beforehand, over the map as it is believed to lie.
     """
 
     def __init__(self, line: ProgressLine, agent: str, *, pictures: bool, state_file: Path | None) -> None:
@@ -39,6 +40,7 @@ class RunWatcher:
         self._saved = 0.0
         self.pictures: dict[int, bytes] = {}
         self.layouts: dict[int, dict[str, Any]] = {}
+        self.priors: dict[int, bytes] = {}
 
     def draw(self, state: Simulation) -> Bytes:
         """A picture of what is known."""
@@ -66,10 +68,18 @@ class RunWatcher:
             self._saved = time.monotonic()
 
     def _keep_picture(self, state: Simulation, percent: int) -> None:
+        from layoutexplore.drawing.prior_plans import draw_registered
         from layoutexplore.grids.ros_map import encode_png
         from layoutexplore.layout.export import layout_to_geojson
+        from layoutexplore.predictors.prior_plan import PriorPredictor
 
         self.pictures[percent] = encode_png(self.draw(state))
+        predictor = getattr(state.predictor, "inner", None)
+        if isinstance(predictor, PriorPredictor) and predictor.registration:
+            drawn = draw_registered(
+                state.mapper.grid, predictor.registration, predictor.confidence, state.track
+            )
+            self.priors[percent] = encode_png(drawn)
         if state.decision.rooms is not None:
             self.layouts[percent] = layout_to_geojson(state.decision.rooms.layout)
 
@@ -96,9 +106,12 @@ def save_run(folder: Path, simulation: Simulation, watcher: RunWatcher) -> list[
         write_atomically(folder / f"{name}.csv", text.getvalue().encode())
     for percent, picture in pictures.items():
         write_atomically(folder / f"seen_{percent:03}.png", picture)
+    for percent, picture in watcher.priors.items():
+        write_atomically(folder / f"prior_{percent:03}.png", picture)
     for percent, layout in layouts.items():
         write_atomically(folder / f"rooms_{percent:03}.geojson", json.dumps(layout) + "\n")
     names = ["map.yaml", "track.csv", "curve.csv", *(f"seen_{percent:03}.png" for percent in pictures)]
+    names += [f"prior_{percent:03}.png" for percent in watcher.priors]
     names += [f"rooms_{percent:03}.geojson" for percent in layouts]
     return [folder / name for name in names]
 

@@ -1,0 +1,93 @@
+"""A plan known beforehand, drawn over the map as it is believed to lie, and beside the robot's way."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from layoutexplore.drawing import palette
+from layoutexplore.drawing.dashboard import put_text
+from layoutexplore.drawing.palette import Image
+from layoutexplore.grids.arrays import Floats
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.priors.completion import drawn_on
+from layoutexplore.priors.registration import Registration
+
+CAPTION = 28
+"""Height of the caption (on screen)."""
+
+GAP = 24
+"""Space between two pictures side by side (on screen)."""
+
+
+def draw_registered(
+    grid: OccupancyGrid, registration: Registration, confidence: float, track: Floats, *, scale: int = 3
+) -> Image:
+    """The map with the plan as the best hypothesis places it, where it agrees and where it does not.
+
+    Floor that only the plan knows is tinted, strongly where the plan is sure; walls that only the plan knows
+    are blue; seen floor and walls that the plan shows otherwise are red. The way is drawn on top.
+
+    Args:
+        grid: What the robot knows.
+        registration: Of the plan.
+        confidence: Of its best hypothesis, 0..1.
+        track: float64 (n, 3), the poses so far as (x, y, theta).
+        scale: Pixels a cell.
+
+    Returns:
+        uint8 (rows * scale + caption, cols * scale, 3) RGB; the top row is the highest y.
+    """
+    cells = grid.cells
+    image = np.empty((*grid.shape, 3), np.float32)
+    image[:] = palette.CANVAS
+    image[cells == FREE] = palette.FREE
+    image[cells == OCCUPIED] = palette.WALL
+    words = "no place found"
+    if registration.hypotheses:
+        drawn, _ = drawn_on(registration, registration.hypotheses[0], grid)
+        unseen = cells == UNKNOWN
+        image[unseen & (drawn == FREE)] = _mixed(palette.CANVAS, palette.PREDICTED, confidence)
+        image[unseen & (drawn == OCCUPIED)] = _mixed(palette.CANVAS, palette.BLUE, 0.3 + 0.7 * confidence)
+        # Half a metre of a wall's error is drawn as agreement: what is farther off is a mistake.
+        near = max(1, round(0.5 / grid.resolution))
+        kernel = np.ones((2 * near + 1, 2 * near + 1), np.uint8)
+        walls = cv2.dilate((drawn == OCCUPIED).astype(np.uint8), kernel) > 0
+        image[(cells == OCCUPIED) & ~walls] = palette.VERMILLION
+        solid = cv2.erode((drawn != FREE).astype(np.uint8), kernel) > 0
+        image[(cells == FREE) & solid] = _mixed(palette.FREE, palette.VERMILLION, 0.35)
+        words = f"confidence {confidence:.2f}"
+    large = cv2.resize(
+        image[::-1].astype(np.uint8), None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST
+    )
+    picture = np.asarray(large, np.uint8)
+    _draw_way(picture, grid, track, scale)
+    framed = np.pad(picture, ((CAPTION, 0), (0, 0), (0, 0)), constant_values=255)
+    put_text(framed, words, 6, CAPTION - 9, 13, palette.INK)
+    return framed
+
+
+def side_by_side(left: Image, right: Image) -> Image:
+    """Two pictures of one height, the left one scaled to that of the right one."""
+    height = right.shape[0]
+    width = max(1, round(left.shape[1] * height / left.shape[0]))
+    fitted = np.asarray(cv2.resize(left, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
+    gap = np.full((height, GAP, 3), 255, np.uint8)
+    return np.concatenate([fitted, gap, right], axis=1)
+
+
+def _mixed(first: palette.Colour, second: palette.Colour, share: float) -> Floats:
+    """A colour between two, `share` of the second."""
+    return (1.0 - share) * np.array(first, np.float64) + share * np.array(second, np.float64)
+
+
+def _draw_way(image: Image, grid: OccupancyGrid, track: Floats, scale: int) -> None:
+    """The poses as a line, with a dot at the start and one at the end."""
+    if not len(track):
+        return
+    cells = np.array([grid.nearest_cell(x, y) for x, y in track[:, :2].tolist()], np.float64)
+    points = np.stack([cells[:, 1] + 0.5, grid.shape[0] - cells[:, 0] - 0.5], axis=1) * scale
+    line = np.rint(points).astype(np.int32).reshape(-1, 1, 2)
+    cv2.polylines(image, [line], False, palette.ORANGE, max(1, scale // 2), cv2.LINE_AA)
+    for place, colour in ((line[0, 0], palette.GREEN), (line[-1, 0], palette.ROBOT)):
+        cv2.circle(image, (int(place[0]), int(place[1])), 2 * scale, colour, -1, cv2.LINE_AA)
