@@ -23,7 +23,7 @@ from layoutexplore.grids.grid import FREE, UNKNOWN
 from layoutexplore.options import split_pairs
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_classes
-from layoutexplore.priors.completion import foresee
+from layoutexplore.priors.completion import PlanOnMap
 from layoutexplore.priors.confidence import confidence
 from layoutexplore.priors.plan import PriorHints, PriorPlan
 from layoutexplore.priors.presets import PRESETS, study_prior
@@ -64,7 +64,7 @@ class PriorPredictor:
         self.name = f"prior:{source}"
         self.registration: Registration | None = None
         self.confidence = 0.0
-        self._seed = 0
+        self._on_map = PlanOnMap()
         if self._prior is not None:
             self.registration = Registration(self._prior)
 
@@ -82,8 +82,7 @@ class PriorPredictor:
         self._begin(prior)
 
     def _begin(self, prior: PriorPlan) -> None:
-        self.registration, self.confidence = Registration(prior), 0.0
-        self._start: tuple[float, float] | None = None
+        self.registration, self.confidence, self._on_map = Registration(prior), 0.0, PlanOnMap()
 
     @property
     def unused(self) -> str:
@@ -116,7 +115,7 @@ class PriorPredictor:
         self.confidence = confidence(self.registration)
         if self.confidence < self._sure:
             return None
-        return foresee(self.registration, decision.grid, self.confidence, self.name)
+        return self._on_map.foresee(self.registration, decision.grid, self.confidence, self.name)
 
 
 def fingerprint_of(prior: PriorPlan) -> str:

@@ -10,6 +10,7 @@ from layoutexplore.grids.arrays import Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.morphology import disc
 from layoutexplore.priors.registration import Hypothesis, Registration, thinned
+from layoutexplore.priors.warp import WarpedPlacement
 
 WALL_DEPTH = 0.5
 """Metres of solid behind floor that are foreseen as walls; deeper, a plan is silent."""
@@ -20,29 +21,52 @@ CONTRADICTED, LEAST_POINTS = 0.5, 10
 POINT_OFF = 0.6
 """Metres by which a seen wall is off when it disagrees with a plan."""
 
+HELD = 0.2
+"""Metres by which a plan's place may change, anywhere in the seen part, without the plan being redrawn."""
+
 LEAST_GAP = 0.25
 """Metres; foreseen floor into which a disc of this radius does not fit is the error of a wall's place."""
 
 
-def foresee(registration: Registration, grid: OccupancyGrid, confidence: float, name: str) -> Foresight:
-    """What the best hypothesis says of the cells of a grid.
+class PlanOnMap:
+    """The plan on a robot's grid from decision to decision: redrawn only when its place has changed.
 
-    Args:
-        registration: With at least one hypothesis.
-        grid: What the robot knows.
-        confidence: Probability that the hypothesis is right.
-        name: Of the predictor.
+    A planner that works on what is foreseen need not begin anew for every centimetre.
     """
-    cells, ids = drawn_on(registration, registration.hypotheses[0], grid)
-    silent = contradicted_rooms(registration, registration.hypotheses[0])
-    gone = np.isin(ids, sorted(silent)) if silent else np.zeros(ids.shape, np.bool_)
-    cells[gone] = UNKNOWN
-    ids[gone] = 0
-    _drop_slivers(cells, grid)
-    ids[cells != FREE] = 0
-    return Foresight(
-        cells=cells, room_ids=ids, confidence=confidence, predictor=name, resolution=grid.resolution
-    )
+
+    def __init__(self) -> None:
+        self._placed: WarpedPlacement | None = None
+        self._drawn: tuple[Cells, Ints32] | None = None
+
+    def foresee(
+        self, registration: Registration, grid: OccupancyGrid, confidence: float, name: str
+    ) -> Foresight:
+        """What the best hypothesis says of the cells of a grid.
+
+        Args:
+            registration: With at least one hypothesis.
+            grid: What the robot knows.
+            confidence: Probability that the hypothesis is right.
+            name: Of the predictor.
+        """
+        best = registration.hypotheses[0]
+        if self._drawn is None or self._placed is None or self._drawn[0].shape != grid.shape:
+            moved = np.inf
+        else:
+            moved = best.distance_to(self._placed, registration.evidence)
+        if moved > HELD:
+            self._placed, self._drawn = best.placed, drawn_on(registration, best, grid)
+        assert self._drawn is not None
+        cells, ids = self._drawn[0].copy(), self._drawn[1].copy()
+        silent = contradicted_rooms(registration, best)
+        if silent:
+            gone = np.isin(ids, sorted(silent))
+            cells[gone] = UNKNOWN
+        _drop_slivers(cells, grid)
+        ids[cells != FREE] = 0
+        return Foresight(
+            cells=cells, room_ids=ids, confidence=confidence, predictor=name, resolution=grid.resolution
+        )
 
 
 def drawn_on(registration: Registration, hypothesis: Hypothesis, grid: OccupancyGrid) -> tuple[Cells, Ints32]:
@@ -88,4 +112,4 @@ def _drop_slivers(cells: Cells, grid: OccupancyGrid) -> None:
     floor: Mask = hidden | grid.free
     kernel = disc(LEAST_GAP / grid.resolution)
     wide = cv2.morphologyEx(floor.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
-    cells[hidden & ~wide] = UNKNOWN
+    cells[hidden & ~wide] = OCCUPIED

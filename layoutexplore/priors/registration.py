@@ -28,6 +28,9 @@ LEAST_AREA = 6.0
 GROWTH = 1.3
 """A search begins again when the seen floor has grown by this factor."""
 
+HOPELESS = 150.0
+"""Log-likelihood by which a hypothesis behind the first two may be worse than the best one and be kept."""
+
 STEADY = 1.0
 """Metres by which the best hypothesis may move at a decision and be the same."""
 
@@ -81,6 +84,12 @@ class Hypothesis:
     def world_scale(self) -> float:
         """World metres a plan metre, on average."""
         return float(np.exp(-self.placed.placement.parameters[:2].mean()))
+
+    def distance_to(self, placed: WarpedPlacement, evidence: Evidence) -> float:
+        """The greatest distance in world metres between this place and another, over what is seen."""
+        points = _probes(evidence)
+        apart = self.placed.to_plan(points) - placed.to_plan(points)
+        return float(np.hypot(*apart.T).max()) * self.world_scale
 
 
 class Registration:
@@ -244,6 +253,8 @@ class Registration:
         kept: list[Hypothesis] = []
         places: list[Floats] = []
         for hypothesis in sorted(hypotheses, key=lambda h: -h.total):
+            if len(kept) > 1 and hypothesis.total < kept[0].total - HOPELESS:
+                break
             place = hypothesis.placed.to_plan(points)
             if all(np.hypot(*(place - other).T).mean() > APART for other in places):
                 kept.append(hypothesis)

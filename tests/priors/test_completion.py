@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.priors.completion import contradicted_rooms, foresee
+from layoutexplore.priors.completion import PlanOnMap, contradicted_rooms
 from layoutexplore.priors.plan import prior_of_plan
 from layoutexplore.priors.presets import study_prior
 from layoutexplore.priors.registration import Registration
@@ -22,7 +22,7 @@ def registered(grid: OccupancyGrid, kind: str = "true") -> Registration:
 @pytest.mark.parametrize("kind", ["true", "mirrored"])
 def test_unseen_rooms_are_foreseen_where_they_are(kind: str) -> None:
     grid, truth = seen_part(office(), 0.5), office().rasterize(0.1)
-    found = foresee(registered(grid, kind), grid, 0.9, "prior")
+    found = PlanOnMap().foresee(registered(grid, kind), grid, 0.9, "prior")
     unseen = grid.cells == UNKNOWN
     foreseen, true = unseen & (found.cells == FREE), unseen & truth.free
     assert (foreseen & true).sum() / (foreseen | true).sum() > 0.93
@@ -39,7 +39,7 @@ def test_far_outside_nothing_is_foreseen() -> None:
     padded = OccupancyGrid(
         np.pad(grid.cells, 30, constant_values=UNKNOWN), 0.1, grid.origin._replace(x=-3.5, y=-3.5)
     )
-    found = foresee(registered(padded), padded, 1.0, "prior")
+    found = PlanOnMap().foresee(registered(padded), padded, 1.0, "prior")
     assert (found.cells[:20] == UNKNOWN).all() and (found.cells[:, :20] == UNKNOWN).all()
 
 
@@ -55,7 +55,7 @@ def test_a_room_that_is_not_as_drawn_is_left_out() -> None:
     registration = registered(changed)
     wrong = contradicted_rooms(registration, registration.hypotheses[0])
     assert len(wrong) == 1
-    found = foresee(registration, changed, 1.0, "prior")
+    found = PlanOnMap().foresee(registration, changed, 1.0, "prior")
     inside = room & ~half & (np.indices(cells.shape)[1] > np.median(cols) + 5)
     assert (found.cells[inside] == UNKNOWN).mean() > 0.8
     untouched = registered(grid)
@@ -66,7 +66,18 @@ def test_slivers_along_seen_walls_are_not_foreseen() -> None:
     grid = seen_part(office(), 0.5)
     registration = Registration(prior_of_plan(office().stretched(1.02, 1.02)))
     registration.update(grid)
-    found = foresee(registration, grid, 1.0, "prior")
+    found = PlanOnMap().foresee(registration, grid, 1.0, "prior")
     hidden = found.hidden(grid.cells)
     column = round(0.5 * grid.cells.shape[1])
     assert hidden[:, : column - 10].sum() < 40 < hidden[:, column:].sum()
+
+
+def test_a_plan_that_stays_in_its_place_is_not_redrawn() -> None:
+    registration, on_map = Registration(study_prior("true", office(), 0).prior), PlanOnMap()
+    found = []
+    for share in (0.6, 0.7):
+        grid = seen_part(office(), share)
+        registration.update(grid)
+        found.append((grid, on_map.foresee(registration, grid, 1.0, "prior")))
+    far = np.arange(grid.shape[1]) > 0.75 * grid.shape[1]
+    assert np.array_equal(found[0][1].cells[:, far], found[1][1].cells[:, far])
