@@ -26,7 +26,7 @@ HELP = """Explore one floor plan with one agent; print what came of it, and film
 
   layoutexplore explore office-01 --region "0,0 12,0 12,9 0,9" --return --out run
 
-  layoutexplore explore office-01 --agent layout-tour --prior evacuation-plan.png
+  layoutexplore explore office-01 --agent plan-tour --prior evacuation-plan.png
 
   layoutexplore explore office-01 --pause-after 80 --save-state run.npz
 
@@ -103,7 +103,7 @@ PriorFile = Annotated[
     typer.Option(
         metavar="FILE",
         help="A plan known beforehand: a floor plan, a blueprint or the picture of an evacuation plan, "
-        "at any scale and rotation. For agents with a predictor, such as layout-tour.",
+        "at any scale and rotation. For agents with a predictor, such as plan-tour.",
     ),
 ]
 PriorScale = Annotated[

@@ -41,8 +41,8 @@ class PriorPredictor:
     """Rooms, classes and foresight by a plan known beforehand.
 
     Args:
-        source: A floor plan or picture, or a preset of `layoutexplore.priors.presets`, which is made from the
-            plan of each run with the run's seed.
+        source: A plan that has been read; or a floor plan or picture by name; or a preset of
+            `layoutexplore.priors.presets`, which is made from the plan of each run with the run's seed.
         hints: What is told of the plan's place.
         among: Where presets find other floors and buildings.
         sure: Confidence from which the plan is believed, 0..1.
@@ -56,12 +56,16 @@ class PriorPredictor:
     """
 
     def __init__(
-        self, source: str, hints: PriorHints | None = None, *, among: str = "", sure: float = SURE
+        self, source: PriorPlan | str, hints: PriorHints | None = None, *, among: str = "", sure: float = SURE
     ) -> None:
-        self._source, self._hints, self._among, self._sure = source, hints or PriorHints(), among, sure
-        self._shipped = LearnedPredictor()
-        self._prior: PriorPlan | None = None if source in PRESETS else read_prior(source, hints)
-        self.name = f"prior:{source}"
+        self._among, self._sure, self._shipped = among, sure, LearnedPredictor()
+        self._source = source.name if isinstance(source, PriorPlan) else source
+        self._prior: PriorPlan | None = None
+        if isinstance(source, PriorPlan):
+            self._prior = source
+        elif source not in PRESETS:
+            self._prior = read_prior(source, hints)
+        self.name = f"prior:{self._source}"
         self.registration: Registration | None = None
         self.confidence = 0.0
         self._on_map = PlanOnMap()

@@ -25,7 +25,8 @@ HELD = 0.2
 """Metres by which a plan's place may change, anywhere in the seen part, without the plan being redrawn."""
 
 LEAST_GAP = 0.25
-"""Metres; foreseen floor into which a disc of this radius does not fit is the error of a wall's place."""
+"""Metres; where a plan's walls are off, foreseen floor into which a disc of this radius (or of twice their
+usual error, if that is less) does not fit is the error of a wall's place."""
 
 
 class PlanOnMap:
@@ -62,7 +63,7 @@ class PlanOnMap:
         if silent:
             gone = np.isin(ids, sorted(silent))
             cells[gone] = UNKNOWN
-        _drop_slivers(cells, grid)
+        _drop_slivers(cells, grid, min(LEAST_GAP, 2.0 * _usual_error(registration, best)))
         ids[cells != FREE] = 0
         return Foresight(
             cells=cells, room_ids=ids, confidence=confidence, predictor=name, resolution=grid.resolution
@@ -106,10 +107,21 @@ def contradicted_rooms(registration: Registration, hypothesis: Hypothesis) -> se
     return set(np.flatnonzero(wrong).tolist()) - {0}
 
 
-def _drop_slivers(cells: Cells, grid: OccupancyGrid) -> None:
-    """Foreseen floor too narrow for anything: between a seen wall and its drawn twin, say."""
+def _usual_error(registration: Registration, hypothesis: Hypothesis) -> float:
+    """The median distance in metres of seen walls from those of the plan."""
+    fields = registration.fields
+    at = hypothesis.placed.to_plan(thinned(registration.evidence.walls))
+    place = np.floor((at - fields.low) / fields.cell).astype(int)
+    col, row = np.clip(place, 0, np.array(fields.free.shape[::-1]) - 1).T
+    return float(np.median(fields.to_walls[row, col])) * hypothesis.world_scale
+
+
+def _drop_slivers(cells: Cells, grid: OccupancyGrid, radius: float) -> None:
+    """Foreseen floor into which a disc (metres) does not fit: between a seen wall and its drawn twin, say."""
+    if radius < grid.resolution:
+        return
     hidden = (cells == FREE) & (grid.cells == UNKNOWN)
     floor: Mask = hidden | grid.free
-    kernel = disc(LEAST_GAP / grid.resolution)
+    kernel = disc(radius / grid.resolution)
     wide = cv2.morphologyEx(floor.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
     cells[hidden & ~wide] = OCCUPIED
