@@ -11,6 +11,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
 from layoutexplore.grids.arrays import Ints32, Mask
@@ -20,6 +21,9 @@ from layoutexplore.grids.polygons import Point, resample_solid
 
 SIGHT_BEYOND_REACH = 0.8
 """Metres of free space beyond the reachable cells that an exploration is asked to see."""
+
+_COUNTED = 1 << 20
+"""Cells that are counted at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,21 +124,27 @@ class PlanRaster:
 
     @property
     def _frame(self) -> OccupancyGrid:
+        """A grid of the same shape and place, whose cells take no memory."""
         if "frame" not in self._cache:
-            self._cache["frame"] = self.grid
+            nothing = np.broadcast_to(np.int8(FREE), self.shape)
+            self._cache["frame"] = OccupancyGrid(nothing, self.resolution, self.origin)
         frame: OccupancyGrid = self._cache["frame"]
         return frame
 
-    def _labels(self, robot_radius: float) -> tuple[Ints32, int]:
+    def _labels(self, robot_radius: float) -> tuple[NDArray[np.unsignedinteger[Any]], int]:
         """Component number of every cell (0 = blocked) and the number of the largest component (0 = none)."""
         key = ("labels", robot_radius)
         if key not in self._cache:
-            open_cells = (~self.blocked(robot_radius)).astype(np.uint8)
-            _, labels = cv2.connectedComponents(open_cells, connectivity=4, ltype=cv2.CV_32S)
-            sizes = np.bincount(labels.ravel())
+            open_cells = (~self.blocked(robot_radius)).view(np.uint8)
+            count, labels = cv2.connectedComponents(open_cells, connectivity=4, ltype=cv2.CV_32S)
+            # Few plans fall into more parts than a byte tells apart; counting takes eight bytes a cell.
+            small = labels.astype(np.min_scalar_type(count))
+            sizes = np.zeros(count, np.int64)
+            for begin in range(0, small.size, _COUNTED):
+                sizes += np.bincount(small.reshape(-1)[begin : begin + _COUNTED], minlength=count)
             sizes[0] = 0
-            self._cache[key] = labels.astype(np.int32), int(sizes.argmax())
-        found: tuple[Ints32, int] = self._cache[key]
+            self._cache[key] = small, int(sizes.argmax())
+        found: tuple[NDArray[np.unsignedinteger[Any]], int] = self._cache[key]
         return found
 
     def _component(self, robot_radius: float, start: Cell | None) -> int:

@@ -28,6 +28,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.boxes import Box
 
 STRAIGHT = 5741
 DIAGONAL = 8119
@@ -78,10 +79,10 @@ class _Direction(NamedTuple):
 class _Memory:
     """What a search needs besides its grid, kept because fresh memory costs more than the search."""
 
-    def __init__(self, shape: tuple[int, int]) -> None:
+    def __init__(self, shape: tuple[int, int], size: int = 4096) -> None:
         self.shape = shape
         self.scheduled = np.empty(shape[0] * shape[1], np.uint8)
-        self.resize(4096)
+        self.resize(size)
 
     def resize(self, size: int) -> None:
         """Make room for so many entries of the queue."""
@@ -123,8 +124,29 @@ class Search:
         """This thread's memory for grids of this shape."""
         kept: _Memory | None = getattr(_threads, "memory", None)
         if kept is None or kept.shape != self.moves.shape:
-            kept = _threads.memory = _Memory((self.moves.shape[0], self.moves.shape[1]))
+            # What a queue has grown to is needed again.
+            size = 4096 if kept is None else kept.queue.items.size
+            kept = _threads.memory = _Memory((self.moves.shape[0], self.moves.shape[1]), size)
         return kept
+
+    def window(self, box: Box) -> Search:
+        """A search that knows no more than a part of the grid, a half-open box of cells, not padded."""
+        row0, row1, col0, col1 = box
+        part = Search((row1 - row0, col1 - col0))
+        part.moves[1:-1, 1:-1] = self.moves[row0 + 1 : row1 + 1, col0 + 1 : col1 + 1]
+        for edge, outward in (
+            (part.moves[-2], 0b00110001),
+            (part.moves[1], 0b11000010),
+            (part.moves[:, 1], 0b01010100),
+            (part.moves[:, -2], 0b10101000),
+        ):
+            np.bitwise_and(edge, 0xFF ^ outward, out=edge)
+        return part
+
+    def release(self) -> None:
+        """Give the memory back until the next search."""
+        self.distance = np.empty(self.moves.size, np.int32)
+        self.origin, self._grid = 0, None
 
     def spread(self, source: int, stops: Ints) -> int:
         """Search from a padded flat cell; with `stops`, until all of those are settled.

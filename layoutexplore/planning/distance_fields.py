@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import Cell
 from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Search, to_metres
 from layoutexplore.planning.corner_paths import CornerPaths
@@ -144,6 +145,7 @@ class CornerField(DistanceField):
     ) -> None:
         super().__init__(search, turn, cache, resolution, 0)
         self._source, self._paths, self.units = source, paths, barred
+        self._known: dict[tuple[int, int], int] = {}
 
     def to_cells(self, cells: NDArray[np.integer]) -> Floats32:
         """Lengths float32 (n,) in metres to cells (n, 2) of the grid, inf where there is no path."""
@@ -152,6 +154,8 @@ class CornerField(DistanceField):
         reached = np.flatnonzero(self.units[cells[:, 0] + 1, cells[:, 1] + 1] == 0)
         if len(reached):
             units = self._paths.lengths_from(self._source, np.asarray(cells[reached], np.int64))
+            places = (Cell(*cell) for cell in cells[reached].tolist())
+            self._known |= zip(places, units.tolist(), strict=True)
             lengths[reached] = self._in_metres(units, self._scale)
         return lengths
 
@@ -171,9 +175,20 @@ class CornerField(DistanceField):
         return self._in_metres(self._paths.lengths_from(source, cells), resolution / STRAIGHT)
 
     def _walk(self, row: int, col: int, settled: int) -> Ints32:
+        here, there = self._source, Cell(row, col)
+        if there not in self._known:
+            (self._known[there],) = self._paths.lengths_from(here, np.array([there])).tolist()
+        units = self._known[there]
+        box = around_paths(here, there, units, self._search.moves.shape)
+        part = self._search.window(box)
+        corner = np.array([box[0], box[2]])
+        source, stops = flat_indices(np.array([here, there]) - corner, part)[:, None]
         # Nearer cells than the target are all that a path to it is walked down over.
-        stops = flat_indices(np.array([[row, col]]), self._search)
-        return super()._walk(row, col, self._spread(stops))
+        settled = part.spread(int(source[0]), stops)
+        lengths = part.distance.reshape(part.moves.shape)
+        row, col = row - box[0], col - box[2]
+        path = walk_down(lengths, 1, float(part.origin), self._scale, float(settled), part.moves, row, col)
+        return path + corner.astype(np.int32)
 
     def _spread(self, stops: Ints) -> int:
         row, col = self._source
@@ -182,3 +197,24 @@ class CornerField(DistanceField):
     @staticmethod
     def _in_metres(units: Ints, scale: float) -> Floats32:
         return np.where(units == FAR, np.inf, units * scale).astype(np.float32)
+
+
+def around_paths(source: Cell, target: Cell, units: int, padded: tuple[int, ...]) -> Box:
+    """The box (half open) that holds all paths of a length between two cells, and the cells beside them.
+
+    Args:
+        source: Where they begin.
+        target: Where they end.
+        units: Their length in units of the search.
+        padded: (rows + 2, cols + 2) of the grid.
+
+    Example:
+        >>> around_paths(Cell(5, 5), Cell(5, 9), 6 * STRAIGHT, (102, 102))
+        (1, 10, 3, 12)
+    """
+    bounds: list[int] = []
+    for a, b, size in zip(source, target, padded, strict=True):
+        # Each row or column farther away is gone there and back.
+        aside = (units // STRAIGHT - abs(a - b)) // 2 + 1
+        bounds += [max(min(a, b) - aside, 0), min(max(a, b) + aside + 1, size - 2)]
+    return bounds[0], bounds[1], bounds[2], bounds[3]

@@ -115,7 +115,8 @@ class Traversability:
     def path(self, cells: Cells, source: Cell, goal: Cell) -> Ints32:
         """The shortest path int32 (k, 2) from a cell to another on the grid as it is; empty without one."""
         goals = np.array([goal], np.int32)
-        distances = self.distances(cells, source, stop_at=goals)
+        self._adapt(cells)
+        distances = self.distances(cells, source, stop_at=None if self.corners else goals)
         return distances.path_to(goal) if np.isfinite(distances.to_cells(goals)).all() else goals[:0]
 
     def _by_corners(self, source: Cell) -> DistanceField:
@@ -153,6 +154,8 @@ class Traversability:
         if self.corners is None and _size(self._ever_changed) >= self._large:
             rows, cols = self._shape
             self.corners, self._connected = CornerPaths(self._shape), ConnectedTiles((rows + 2, cols + 2))
+            self.cache = DistanceCache()
+            self._search.release()
             box = (0, rows, 0, cols)
         # The inflation reaches so far from the changes, moves a cell farther; and they hang on the cells
         # beside.

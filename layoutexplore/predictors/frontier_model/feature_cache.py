@@ -27,6 +27,7 @@ from layoutexplore.predictors.frontier_model.feature_kernels import (
     FloodScratch,
     cast_rays,
     doors_near,
+    flood_rows,
     flood_unknown,
     frontier_frame,
     walls_in_line,
@@ -129,6 +130,7 @@ class FeatureCache:
             lengths = Lengths(sight, end, door, unit, depths)
             barriers = np.array(list(BARRIERS.values()), np.int64)
             found = np.zeros((len(fresh), len(LOCAL_FEATURES)), np.float32)
+            self._make_room(clusters, fresh, int(depths[-1]), bit_map.code.shape[1])
             # A mark that was used once is never used again, until the numbers run out.
             if self._mark > 2**31 - 4 * len(fresh) - 4:
                 self._scratch.stamp[:], self._mark = 0, 0
@@ -143,6 +145,15 @@ class FeatureCache:
         self._known = {key: k for k, key in enumerate(keys)}
         return features, frames, touched
 
+    def _make_room(self, clusters: Clusters, fresh: Ints, depth: int, cols: int) -> None:
+        """Have scratch memory for the floods of some frontiers."""
+        bounds = (
+            flood_rows(clusters.members[clusters.offsets[k] : clusters.offsets[k + 1]], depth) for k in fresh
+        )
+        size = cols * max(last - first for first, last in bounds)
+        if size > len(self._scratch.stamp):
+            self._scratch = FloodScratch(np.zeros(size, np.int32), np.empty(size, np.int32))
+
     def _still_valid(
         self, bit_map: BitMap, keys: Sequence[bytes], clusters: Clusters, resolution: float
     ) -> Ints:
@@ -152,8 +163,7 @@ class FeatureCache:
             or self._bit_map.code.shape != bit_map.code.shape
             or self._resolution != resolution
         ):
-            size = bit_map.code.size
-            self._scratch = FloodScratch(np.zeros(size, np.int32), np.empty(size, np.int32))
+            self._scratch = FloodScratch(np.zeros(0, np.int32), np.zeros(0, np.int32))
             self._features, self._frames = np.zeros((1, len(LOCAL_FEATURES)), np.float32), np.zeros((1, 8))
             self._touched, self._mark = np.zeros((1, len(BARRIERS), TOUCHED), np.int32), 0
             return np.full(len(keys), -1, np.int64)

@@ -32,15 +32,21 @@ FORWARD, SIDEWAYS, SLANT, SIDES = 2, 4, 6, 7
 
 
 class FloodScratch(NamedTuple):
-    """What floods write on, both int32 (cells of the bit map,).
+    """What floods write on, both int32 (n,), as large as `flood_rows` rows of the bit map.
 
     Attributes:
-        stamp: The mark of the last flood that took a cell.
+        stamp: The mark of the last flood that took a cell, from the first row on that the flood can reach.
         queue: The cells of a flood, in the order in which it takes them.
     """
 
     stamp: Ints32
     queue: Ints32
+
+
+@njit(cache=True, nogil=True)
+def flood_rows(members: Ints32, depth: int) -> tuple[int, int]:
+    """The rows, half open, that a flood so many cells deep around some cells looks at."""
+    return members[:, 0].min() - depth - 1, members[:, 0].max() + depth + 2
 
 
 @njit(cache=True, nogil=True)
@@ -113,9 +119,9 @@ def cast_rays(code: Bytes, frame: Floats, reach: int, out: Floats32) -> None:
 
 @njit(cache=True, nogil=True)
 def _start_flood(
-    code: Bytes, barrier: int, members: Ints32, scratch: FloodScratch, mark: int
+    code: Bytes, barrier: int, members: Ints32, scratch: FloodScratch, base: int, mark: int
 ) -> tuple[int, int, int]:
-    """Queue the unknown cells beside a frontier that no barrier takes.
+    """Queue the unknown cells beside a frontier that no barrier takes; stamps begin at the flat cell `base`.
 
     Returns:
         Number of unknown cells beside it, number of those queued, and the bits of all.
@@ -128,8 +134,8 @@ def _start_flood(
         for step in (cols, -cols, 1, -1):
             k = i + step
             # Stamped whether queued or not: a cell between two frontier cells counts once.
-            if flat[k] & UNKNOWN_BIT and stamp[k] != mark:
-                stamp[k] = mark
+            if flat[k] & UNKNOWN_BIT and stamp[k - base] != mark:
+                stamp[k - base] = mark
                 started += 1
                 met |= int(flat[k])
                 if not flat[k] & barrier:
@@ -171,7 +177,10 @@ def flood_unknown(
     # Not `grids.flood.spread_in_place`: here the sides that the flood touches are counted and sampled.
     cols, (stamp, queue) = code.shape[1], scratch
     flat = code.ravel()
-    started, last, met = _start_flood(code, barrier, members, scratch, mark)
+    base = flood_rows(members, depths[-1])[0] * cols
+    started, last, met = _start_flood(code, barrier, members, scratch, base, mark)
+    # Unsigned as `k` is: the difference of an unsigned and a signed number would not be a whole one.
+    origin = np.uint64(base)
     stopped = started - last
     first = walls = free = barred = 0
     touched[:] = -1
@@ -188,14 +197,14 @@ def flood_unknown(
                     k = np.uint64(i + step)
                     bits = flat[k]
                     if bits & UNKNOWN_BIT:
-                        if stamp[k] == mark:
+                        if stamp[k - origin] == mark:
                             continue
                         met |= bits
                         if bits & barrier:
                             # Not stamped: every side at which the flood meets the barrier counts.
                             barred += 1
                             continue
-                        stamp[k] = mark
+                        stamp[k - origin] = mark
                         queue[np.uint64(last)] = k
                         last += 1
                     elif bits & WALL_BIT:
