@@ -12,11 +12,12 @@ from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Mask
 from layoutexplore.grids.runs import find_runs
 
 
-def label_components(mask: Mask) -> tuple[Ints32, int]:
+def label_components(mask: Mask, out: Ints32 | None = None) -> tuple[Ints32, int]:
     """Label the 4-connected parts of a mask, as `cv2.connectedComponents` does.
 
     Args:
         mask: bool (rows, cols).
+        out: int32 (rows, cols), C-contiguous, where the labels are written; new memory when None.
 
     Returns:
         int32 (rows, cols), the part of each cell, numbered from 1 by the first cell, row by row, and 0
@@ -27,8 +28,8 @@ def label_components(mask: Mask) -> tuple[Ints32, int]:
         >>> labels.tolist(), count
         ([[1, 0, 2], [1, 0, 2], [0, 2, 2]], 2)
     """
-    labels, count = _label(np.ascontiguousarray(mask, np.bool_).view(np.uint8))
-    return labels, int(count)
+    labels = np.empty(mask.shape, np.int32) if out is None else out
+    return labels, int(_label(np.ascontiguousarray(mask, np.bool_).view(np.uint8), labels))
 
 
 def split_labels(labels: Ints32) -> tuple[Ints32, Ints]:
@@ -112,13 +113,14 @@ def join_runs(runs: Ints32, cells: NDArray[Any], aside: int) -> Ints:
 
 
 @njit(cache=True, nogil=True)
-def _label(mask: Bytes) -> tuple[Ints32, int]:
+def _label(mask: Bytes, labels: Ints32) -> int:
+    """Write the labels of all cells; how many there are."""
     runs = find_runs(mask, np.uint8(0))
     number = join_runs(runs, mask, 0)
-    labels = np.zeros(mask.shape, np.int32)
+    labels[:] = 0
     for k in range(len(runs)):
         labels[runs[k, 0], runs[k, 1] : runs[k, 2]] = np.int32(number[k] + 1)
-    return labels, number.max() + 1 if len(runs) else 0
+    return number.max() + 1 if len(runs) else 0
 
 
 @njit(cache=True, nogil=True)

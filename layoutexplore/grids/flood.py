@@ -135,19 +135,24 @@ def _spread(labels: Ints32, mask: Mask, steps: int, sign: int) -> int:
             bare[r, c] = mask[r, c] & (labels[r, c] == 0)
         for c in range(cols):
             left += bare[r, c]
-    # A cell is queued when it is labelled, hence once; queue[first:end] is the ring that is `step` deep.
-    queue = np.empty(rows * cols, np.int32)
-    first, last, step = 0, 0, 0
+    border = np.empty(left // 4 + 1024, np.int32)
+    last = 0
     mark = np.zeros(8 * (cols // 8 + 1), np.uint8)
     words = mark.view(np.uint64)
     for r in range(rows):
         _mark_border(labels, bare, r, mark)
+        if last + cols > border.size:
+            border = np.concatenate((border, np.empty(border.size + cols, np.int32)))
         for w in range(words.size):
             if words[w] != 0:
                 for c in range(8 * w, 8 * w + 8):
                     if mark[c]:
-                        queue[last] = r * cols + c
+                        border[last] = r * cols + c
                         last += 1
+    # A cell is queued when it is labelled, hence once; queue[first:end] is the ring that is `step` deep.
+    queue = np.empty(last + left, np.int32)
+    queue[:last] = border[:last]
+    first, step = 0, 0
     begun, open_cells = last, bare.ravel()
     while first < last and step < steps:
         step += 1

@@ -102,17 +102,23 @@ class Search:
 
     Attributes:
         moves: uint8 (rows + 2, cols + 2), the moves out of every cell, as bits.
-        distance: int32, flat, padded.
         origin: What the last search has written at its source: subtract it.
         count: Number of searches so far.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.moves = np.zeros((shape[0] + 2, shape[1] + 2), np.uint8)
-        self.distance = np.empty(self.moves.size, np.int32)
+        self._distance: Ints32 | None = None
         self.origin = 0
         self.count = 0
         self._grid: tuple[Any, ...] | None = None
+
+    @property
+    def distance(self) -> Ints32:
+        """int32, flat, padded: distances plus the origin, once a search was made."""
+        if self._distance is None:
+            self._distance = np.empty(self.moves.size, np.int32)
+        return self._distance
 
     @property
     def cols(self) -> int:
@@ -144,9 +150,9 @@ class Search:
         return part
 
     def release(self) -> None:
-        """Give the memory back until the next search."""
-        self.distance = np.empty(self.moves.size, np.int32)
-        self.origin, self._grid = 0, None
+        """Give the memory back, what this thread keeps for searches included, until the next search."""
+        self._distance, self._grid, self.origin = None, None, 0
+        _threads.memory = _threads.kept = None
 
     def spread(self, source: int, stops: Ints) -> int:
         """Search from a padded flat cell; with `stops`, until all of those are settled.

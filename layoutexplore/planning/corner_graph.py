@@ -19,9 +19,12 @@ from layoutexplore.planning.corner_sight import (
     Ground,
     corners_in_sight,
     is_corner,
+    number_at,
+    numbers_at,
     octile,
     room_for_corners,
     shut_ground,
+    with_numbers,
     write_stops,
 )
 
@@ -84,7 +87,7 @@ class CornerGraph:
             return GraphChange(touched, tile_sums(self._dirty))
         gone, new = _mark(self.ground, touched, self._dirty)
         lost, gained = self._numbers(gone), self._add(new)
-        self.ground.node[gone[:, 0], gone[:, 1]] = 0
+        self.ground = with_numbers(self.ground, gone, np.zeros(len(gone), np.int64))
         write_stops(self.ground, touched)
         sums = tile_sums(self._dirty)
         numbers = outdated(self.nodes.cell, self.nodes.seen[: self._count], sums)
@@ -108,7 +111,7 @@ class CornerGraph:
         return spread_from(self.nodes, self.edges, corners, lengths, longest)
 
     def _numbers(self, cells: Ints32) -> Ints:
-        return self.ground.node[cells[:, 0], cells[:, 1]].astype(np.int64)
+        return numbers_at(self.ground, cells).astype(np.int64)
 
     def _distances(self, numbers: Ints) -> Ints:
         return self.distances_from(numbers.astype(np.int32), np.zeros(len(numbers), np.int64))
@@ -122,7 +125,7 @@ class CornerGraph:
         while self._count > len(self.nodes.cell):
             self.nodes = Nodes(*(np.concatenate([column, np.zeros_like(column)]) for column in self.nodes))
         numbers = np.concatenate([again, more])
-        self.ground.node[cells[:, 0], cells[:, 1]] = numbers
+        self.ground = with_numbers(self.ground, cells, numbers)
         self.nodes.cell[numbers], self.nodes.degree[numbers] = cells, 0
         self.nodes.seen[numbers] = np.repeat(cells, 2, axis=1) + np.array([0, 1, 0, 1], np.int32)
         return numbers
@@ -217,7 +220,7 @@ def _mark(ground: Ground, touched: Ints32, dirty: Bytes) -> tuple[Ints32, Ints32
         r, c = touched[n, 0], touched[n, 1]
         dirty[r // TILE, c // TILE] = 1
         # Numbers are dealt later: every cell is touched once.
-        is_one, was_one = is_corner(ground.world, r, c), ground.node[r, c] > 0
+        is_one, was_one = is_corner(ground.world, r, c), number_at(ground, r, c) > 0
         if is_one and not was_one:
             new[more] = touched[n]
             more += 1
@@ -254,7 +257,7 @@ def _explore_from(
         first[n], degree[n] = used, count
         for m in range(count):
             r, c = found[m, 0], found[m, 1]
-            edges.end[used], edges.length[used] = ground.node[r, c], octile(r - row, c - col)
+            edges.end[used], edges.length[used] = number_at(ground, r, c), octile(r - row, c - col)
             used += 1
     return len(numbers), used
 

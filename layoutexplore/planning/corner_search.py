@@ -12,7 +12,7 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Ints, Ints32
 from layoutexplore.planning.canonical_search import FAR, STRAIGHT
-from layoutexplore.planning.corner_sight import Ground, corners_in_sight, octile, room_for_corners
+from layoutexplore.planning.corner_sight import Ground, corners_in_sight, number_at, octile, room_for_corners
 
 
 class Nodes(NamedTuple):
@@ -127,12 +127,12 @@ def _link(ground: Ground, links: Links, found: Ints32, begin: int) -> int:
             return k
         links.seen[k, 0], links.seen[k, 1], links.seen[k, 2], links.seen[k, 3] = row0, row1, col0, col1
         # A place on a corner is joined to that one as well, at no length.
-        if ground.node[row, col]:
-            links.corner[m], links.length[m] = ground.node[row, col], 0
+        if number_at(ground, row, col):
+            links.corner[m], links.length[m] = number_at(ground, row, col), 0
             m += 1
         for n in range(count):
             r, c = found[n, 0], found[n, 1]
-            links.corner[m], links.length[m] = ground.node[r, c], octile(r - row, c - col)
+            links.corner[m], links.length[m] = number_at(ground, r, c), octile(r - row, c - col)
             m += 1
         links.first[k + 1] = m
     return len(links.cell)

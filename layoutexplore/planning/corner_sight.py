@@ -20,6 +20,9 @@ from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Words
 from layoutexplore.grids.bitsets import ones
 from layoutexplore.planning.canonical_search import DIAGONAL, STRAIGHT
 
+PAGE = 16
+"""Side of the squares of cells whose corners' numbers stand side by side."""
+
 _ONE, _ALL = np.uint64(1), np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
@@ -30,12 +33,16 @@ class Ground(NamedTuple):
         world: uint8 (rows + 2, cols + 2), 1 where a robot can go.
         row_stops: uint64 (rows + 2, words): cells that are shut or corners, as bits, row by row.
         col_stops: uint64 (cols + 2, words): the same, column by column.
-        node: int32 (rows + 2, cols + 2): the number of the corner in a cell, from 1; 0 where there is none.
+        page: int32 (pages down, pages across): which page a square of `PAGE` by `PAGE` cells is, 0 for an
+            empty one.
+        node: int32 (pages, PAGE, PAGE): the number of the corner in a cell, from 1; 0 where there is none.
+            Few squares hold a corner.
     """
 
     world: Bytes
     row_stops: Words
     col_stops: Words
+    page: Ints32
     node: Ints32
 
 
@@ -46,8 +53,38 @@ def shut_ground(shape: tuple[int, int]) -> Ground:
         np.zeros((rows, cols), np.uint8),
         np.full((rows, cols // 64 + 1), _ALL, np.uint64),
         np.full((cols, rows // 64 + 1), _ALL, np.uint64),
-        np.zeros((rows, cols), np.int32),
+        np.zeros((rows // PAGE + 1, cols // PAGE + 1), np.int32),
+        np.zeros((64, PAGE, PAGE), np.int32),
     )
+
+
+def numbers_at(ground: Ground, cells: Ints32) -> Ints32:
+    """The numbers int32 (n,) of the corners in some cells int32 (n, 2); 0 where there is none."""
+    rows, cols = cells.T
+    return ground.node[ground.page[rows // PAGE, cols // PAGE], rows % PAGE, cols % PAGE]
+
+
+def with_numbers(ground: Ground, cells: Ints32, numbers: Ints) -> Ground:
+    """The grid with other numbers int64 (n,) in some cells int32 (n, 2), 0 for no corner."""
+    rows, cols = cells.T
+    missing = np.unique(np.stack([rows, cols], axis=1)[numbers > 0] // PAGE, axis=0)
+    missing = missing[ground.page[missing[:, 0], missing[:, 1]] == 0]
+    if len(missing):
+        used = int(ground.page.max()) + 1
+        while used + len(missing) > len(ground.node):
+            ground = ground._replace(node=np.concatenate([ground.node, np.zeros_like(ground.node)]))
+        ground.page[missing[:, 0], missing[:, 1]] = np.arange(used, used + len(missing))
+    page = ground.page[rows // PAGE, cols // PAGE]
+    # The first page is that of all squares without a corner: nothing is written there.
+    there = page > 0
+    ground.node[page[there], rows[there] % PAGE, cols[there] % PAGE] = numbers[there]
+    return ground
+
+
+@njit(cache=True, nogil=True)
+def number_at(ground: Ground, row: int, col: int) -> int:
+    """The number of the corner in a cell, 0 where there is none."""
+    return ground.node[ground.page[row // PAGE, col // PAGE], row % PAGE, col % PAGE]
 
 
 def room_for_corners(ground: Ground) -> Ints32:
@@ -83,7 +120,7 @@ def write_stops(ground: Ground, cells: Ints32) -> None:
     for n in range(len(cells)):
         r, c = cells[n, 0], cells[n, 1]
         by_row, by_col = _ONE << np.uint64(c & 63), _ONE << np.uint64(r & 63)
-        if ground.node[r, c] or not ground.world[r, c]:
+        if number_at(ground, r, c) or not ground.world[r, c]:
             ground.row_stops[r, c >> 6] |= by_row
             ground.col_stops[c, r >> 6] |= by_col
         else:
@@ -155,7 +192,7 @@ def _explore_diagonally(
     r, c = row, col
     while world[r + dr, c] and world[r, c + dc] and world[r + dr, c + dc]:
         r, c = r + dr, c + dc
-        if ground.node[r, c]:
+        if number_at(ground, r, c):
             found[count, 0], found[count, 1] = r, c
             count += 1
             break

@@ -53,9 +53,12 @@ class DistanceField:
     ) -> None:
         self._search, self._turn, self._number = search, turn, turn.number
         self._cache, self._scale = cache, resolution / STRAIGHT
-        self.units: NDArray[np.integer] = search.distance.reshape(search.moves.shape)
+        self.units = self._units()
         self.settled = settled
         self._reached: Mask | None = None
+
+    def _units(self) -> NDArray[np.integer]:
+        return self._search.distance.reshape(self._search.moves.shape)
 
     @property
     def reached(self) -> Mask:
@@ -143,9 +146,12 @@ class CornerField(DistanceField):
         paths: CornerPaths,
         barred: Bytes,
     ) -> None:
+        self._source, self._paths, self._barred = source, paths, barred
         super().__init__(search, turn, cache, resolution, 0)
-        self._source, self._paths, self.units = source, paths, barred
         self._known: dict[tuple[int, int], int] = {}
+
+    def _units(self) -> NDArray[np.integer]:
+        return self._barred
 
     def to_cells(self, cells: NDArray[np.integer]) -> Floats32:
         """Lengths float32 (n,) in metres to cells (n, 2) of the grid, inf where there is no path."""

@@ -23,6 +23,7 @@ from layoutexplore.planning.corner_paths import CornerPaths
 from layoutexplore.planning.distance_cache import DistanceCache
 from layoutexplore.planning.distance_fields import NOWHERE, CornerField, DistanceField, Turn
 from layoutexplore.planning.shortest_paths import check_cells, flat_indices
+from layoutexplore.processes import release_memory
 
 LARGE = 1_000_000
 """Size of the box around all that has changed from which on lengths come from the map's corners.
@@ -156,6 +157,7 @@ class Traversability:
             self.corners, self._connected = CornerPaths(self._shape), ConnectedTiles((rows + 2, cols + 2))
             self.cache = DistanceCache()
             self._search.release()
+            release_memory()
             box = (0, rows, 0, cols)
         # The inflation reaches so far from the changes, moves a cell farther; and they hang on the cells
         # beside.

@@ -41,7 +41,7 @@ class RegionTracker:
         self._cells = np.empty((0, 0), np.int8)
 
     def __call__(self, cells: Cells, resolution: float) -> Regions:
-        """The same as `doorway_regions`; `door_width` is a view that changes with the next call.
+        """The same as `doorway_regions`; its arrays are views that change with the next call.
 
         Args:
             cells: int8 (rows, cols), -1 unknown, 0 free, 100 occupied.
@@ -53,7 +53,7 @@ class RegionTracker:
         if box[0] < box[1]:
             self._find_doors(_grown(box, self._reach, cells.shape))
             self._find_cores(_grown(box, self._reach + self._core_cells, cells.shape))
-        labels, count = label_components(self._core)
+        labels, count = label_components(self._core, self._labels)
         if spread_in_place(
             labels, self._free, backwards=True
         ):  # What no core reaches is a region of its own.
@@ -69,6 +69,7 @@ class RegionTracker:
         self._core_cells = disc(SHIPPED.core / resolution, closed=True).shape[0] // 2
         self._cells = np.full(shape, UNKNOWN, np.int8)
         self._door_width = np.zeros(shape, np.float32)
+        self._labels = np.zeros(shape, np.int32)
         self._core, self._free = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
 
     def _find_doors(self, box: Box) -> None:

@@ -39,7 +39,7 @@ class SeenRegions:
         self._layouts, self._tracker = LayoutCache(method, exact=True), RegionTracker()
 
     def __call__(self, grid: OccupancyGrid) -> Regions:
-        """Every free cell in one region; doors, a view that changes with the next call, are of `doorways`."""
+        """Every free cell in one region; doors are of `doorways`. Arrays change with the next call."""
         doorways = self._tracker(grid.cells, grid.resolution)
         if self._layouts.method.name == DOORWAYS:
             return doorways

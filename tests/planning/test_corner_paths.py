@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from layoutexplore.planning.canonical_search import FAR, Workspace
 from layoutexplore.planning.corner_paths import CornerPaths
 from layoutexplore.planning.corner_search import find_links
+from layoutexplore.planning.corner_sight import numbers_at
 from layoutexplore.planning.shortest_paths import flat_indices
 from layoutexplore.planning.traversability import Traversability
 from layoutexplore.sensing.lidar import sensor
@@ -75,10 +76,13 @@ def test_corners_are_joined_from_both_ends(seed: int) -> None:
         for dr, dc in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
             beside = padded[r + 1 + dr, c + 1] and padded[r + 1, c + 1 + dc]
             corners[r, c] |= beside and not padded[r + 1 + dr, c + 1 + dc]
-    np.testing.assert_array_equal(graph.ground.node[1:-1, 1:-1] > 0, corners)
+    cells = np.argwhere(np.ones_like(world)).astype(np.int32) + np.int32(1)
+    numbers = numbers_at(graph.ground, cells)
+    np.testing.assert_array_equal(numbers.reshape(world.shape) > 0, corners)
+    assert len(set(numbers[numbers > 0].tolist())) == np.count_nonzero(corners)
     ends = {
         (k, int(graph.edges.end[e]), int(graph.edges.length[e]))
-        for k in graph.ground.node[graph.ground.node > 0].tolist()
+        for k in numbers[numbers > 0].tolist()
         for e in range(graph.nodes.first[k], graph.nodes.first[k] + graph.nodes.degree[k])
     }
     assert ends == {(b, a, length) for a, b, length in ends}

@@ -27,7 +27,7 @@ from layoutexplore.predictors.frontier_model.feature_kernels import (
     FloodScratch,
     cast_rays,
     doors_near,
-    flood_rows,
+    flood_sizes,
     flood_unknown,
     frontier_frame,
     walls_in_line,
@@ -147,12 +147,11 @@ class FeatureCache:
 
     def _make_room(self, clusters: Clusters, fresh: Ints, depth: int, cols: int) -> None:
         """Have scratch memory for the floods of some frontiers."""
-        bounds = (
-            flood_rows(clusters.members[clusters.offsets[k] : clusters.offsets[k + 1]], depth) for k in fresh
-        )
-        size = cols * max(last - first for first, last in bounds)
-        if size > len(self._scratch.stamp):
-            self._scratch = FloodScratch(np.zeros(size, np.int32), np.empty(size, np.int32))
+        stamps, cells = flood_sizes(clusters.members, clusters.offsets, fresh, depth, cols)
+        if stamps > len(self._scratch.stamp):
+            self._scratch = self._scratch._replace(stamp=np.zeros(stamps, np.int32))
+        if cells > len(self._scratch.queue):
+            self._scratch = self._scratch._replace(queue=np.empty(cells, np.int32))
 
     def _still_valid(
         self, bit_map: BitMap, keys: Sequence[bytes], clusters: Clusters, resolution: float

@@ -32,7 +32,7 @@ FORWARD, SIDEWAYS, SLANT, SIDES = 2, 4, 6, 7
 
 
 class FloodScratch(NamedTuple):
-    """What floods write on, both int32 (n,), as large as `flood_rows` rows of the bit map.
+    """What floods write on, both int32 (n,), of `flood_sizes`.
 
     Attributes:
         stamp: The mark of the last flood that took a cell, from the first row on that the flood can reach.
@@ -44,9 +44,15 @@ class FloodScratch(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def flood_rows(members: Ints32, depth: int) -> tuple[int, int]:
-    """The rows, half open, that a flood so many cells deep around some cells looks at."""
-    return members[:, 0].min() - depth - 1, members[:, 0].max() + depth + 2
+def flood_sizes(members: Ints32, offsets: Ints, wanted: Ints, depth: int, cols: int) -> tuple[int, int]:
+    """Cells of whole rows, and cells, that the largest flood so deep around some frontiers looks at."""
+    rows, cells = 0, 0
+    for k in wanted:
+        cluster = members[offsets[k] : offsets[k + 1]]
+        down = cluster[:, 0].max() - cluster[:, 0].min() + 1 + 2 * (depth + 1)
+        across = cluster[:, 1].max() - cluster[:, 1].min() + 1 + 2 * (depth + 1)
+        rows, cells = max(rows, down), max(cells, down * across)
+    return rows * cols, cells
 
 
 @njit(cache=True, nogil=True)
@@ -177,7 +183,7 @@ def flood_unknown(
     # Not `grids.flood.spread_in_place`: here the sides that the flood touches are counted and sampled.
     cols, (stamp, queue) = code.shape[1], scratch
     flat = code.ravel()
-    base = flood_rows(members, depths[-1])[0] * cols
+    base = (members[:, 0].min() - depths[-1] - 1) * cols
     started, last, met = _start_flood(code, barrier, members, scratch, base, mark)
     # Unsigned as `k` is: the difference of an unsigned and a signed number would not be a whole one.
     origin = np.uint64(base)
