@@ -61,7 +61,8 @@ def shut_ground(shape: tuple[int, int]) -> Ground:
 def numbers_at(ground: Ground, cells: Ints32) -> Ints32:
     """The numbers int32 (n,) of the corners in some cells int32 (n, 2); 0 where there is none."""
     rows, cols = cells.T
-    return ground.node[ground.page[rows // PAGE, cols // PAGE], rows % PAGE, cols % PAGE]
+    numbers: Ints32 = ground.node[ground.page[rows // PAGE, cols // PAGE], rows % PAGE, cols % PAGE]
+    return numbers
 
 
 def with_numbers(ground: Ground, cells: Ints32, numbers: Ints) -> Ground:
@@ -84,7 +85,8 @@ def with_numbers(ground: Ground, cells: Ints32, numbers: Ints) -> Ground:
 @njit(cache=True, nogil=True)
 def number_at(ground: Ground, row: int, col: int) -> int:
     """The number of the corner in a cell, 0 where there is none."""
-    return ground.node[ground.page[row // PAGE, col // PAGE], row % PAGE, col % PAGE]
+    number: int = ground.node[ground.page[row // PAGE, col // PAGE], row % PAGE, col % PAGE]
+    return number
 
 
 def room_for_corners(ground: Ground) -> Ints32:
