@@ -130,7 +130,6 @@ class Search:
         """This thread's memory for grids of this shape."""
         kept: _Memory | None = getattr(_threads, "memory", None)
         if kept is None or kept.shape != self.moves.shape:
-            # What a queue has grown to is needed again.
             size = 4096 if kept is None else kept.queue.items.size
             kept = _threads.memory = _Memory((self.moves.shape[0], self.moves.shape[1]), size)
         return kept
@@ -140,12 +139,9 @@ class Search:
         row0, row1, col0, col1 = box
         part = Search((row1 - row0, col1 - col0))
         part.moves[1:-1, 1:-1] = self.moves[row0 + 1 : row1 + 1, col0 + 1 : col1 + 1]
-        for edge, outward in (
-            (part.moves[-2], 0b00110001),
-            (part.moves[1], 0b11000010),
-            (part.moves[:, 1], 0b01010100),
-            (part.moves[:, -2], 0b10101000),
-        ):
+        north_south = (part.moves[-2], 0b00110001), (part.moves[1], 0b11000010)
+        west_east = (part.moves[:, 1], 0b01010100), (part.moves[:, -2], 0b10101000)
+        for edge, outward in north_south + west_east:
             np.bitwise_and(edge, 0xFF ^ outward, out=edge)
         return part
 

@@ -21,7 +21,7 @@ from layoutexplore.grids.bitsets import ones
 from layoutexplore.planning.canonical_search import DIAGONAL, STRAIGHT
 
 PAGE = 16
-"""Side of the squares of cells whose corners' numbers stand side by side."""
+"""Side of the squares in which the numbers of corners stand side by side, whatever a cell measures."""
 
 _ONE, _ALL = np.uint64(1), np.uint64(0xFFFFFFFFFFFFFFFF)
 
