@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.arrays import Bytes, Floats, Ints
+from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.components import components, split_labels
 from layoutexplore.grids.grid import FREE, OccupancyGrid
 from layoutexplore.layout.limits import most_lines
@@ -96,9 +96,9 @@ def split_rooms(
     """
     free = (grid.cells == FREE).astype(np.uint8)
     distance = cv2.distanceTransform(np.pad(free, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
-    open_cells = np.flatnonzero(distance * grid.resolution > options.split_clearance)
+    is_open = np.asarray(distance * grid.resolution > options.split_clearance)
     for _ in range(options.split_rounds):
-        cuts = _find_cuts(grid, model, faces, room, open_cells, options)
+        cuts = _find_cuts(grid, model, faces, room, is_open, options)
         if not cuts:
             break
         model, faces, room = _apply(grid, model, faces, room, cuts, config)
@@ -110,26 +110,23 @@ def _find_cuts(
     model: WallModel,
     faces: FaceModel,
     room: Ints,
-    open_cells: Ints,
+    is_open: Mask,
     options: TopologyConfig,
 ) -> list[Cut]:
-    # Only the open cells are looked at: they are a small part of most grids.
-    labels = np.full(grid.shape, -1, np.int32)
-    labels.reshape(-1)[open_cells] = np.append(room[faces.group], -1)[faces.painted.reshape(-1)[open_cells]]
+    labels = _label_open(is_open, faces.painted, np.append(room[faces.group], -1))
     part, size = split_labels(labels)
-    part_of = part.reshape(-1)[open_cells]
-    large = np.append(size * grid.resolution**2 >= options.split_area, False)
-    at = open_cells[large[part_of]]
-    part_of, room_of = part.reshape(-1)[at].astype(np.int64), labels.reshape(-1)[at]
-    owner = np.full(len(size), -1, np.int64)
-    owner[part_of] = room_of
+    owner = _owners(labels, part, len(size))
+    owner[size * grid.resolution**2 < options.split_area] = -1
     parts_in_room = np.bincount(owner[owner >= 0], minlength=1)
     wanted = np.flatnonzero(parts_in_room >= 2)
     if not len(wanted):
         return []
-    chosen = np.isin(room_of, wanted)
-    by_room = np.flatnonzero(chosen)[np.argsort(room_of[chosen], kind="stable")]
-    at, part_of, room_of = at[by_room], part_of[by_room], room_of[by_room]
+    is_wanted = np.append(parts_in_room >= 2, False)[owner]
+    at = np.flatnonzero(np.append(is_wanted, False)[part])
+    part_of = part.reshape(-1)[at]
+    by_room = np.argsort(owner[part_of], kind="stable")
+    at, part_of = at[by_room], part_of[by_room]
+    room_of = owner[part_of]
     points = np.stack((at % grid.shape[1] + 0.5, at // grid.shape[1] + 0.5), axis=1) * grid.resolution
     first = np.searchsorted(room_of, np.append(wanted, len(parts_in_room)))
     by_owner = np.argsort(owner, kind="stable")
@@ -141,6 +138,31 @@ def _find_cuts(
         for r, (i, j) in zip(wanted, pairwise(first.tolist()), strict=True)
     ]
     return [cut for cut in cuts if cut is not None]
+
+
+@njit(cache=True, nogil=True)
+def _label_open(is_open: Mask, painted: Ints32, room: Ints) -> Ints32:
+    """The room of the face that holds each open cell, int32 (rows, cols); -1 elsewhere.
+
+    `room` is int64 (f + 1,), -1 for none and at its end.
+    """
+    out = np.full(painted.shape, -1, np.int32)
+    for r in range(painted.shape[0]):
+        for c in range(painted.shape[1]):
+            if is_open[r, c]:
+                out[r, c] = room[painted[r, c]]  # outside of the box it is -1: the last one
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _owners(labels: Ints32, part: Ints32, count: int) -> Ints:
+    """The label int64 (count,) of each part of equal labels."""
+    out = np.full(count, -1, np.int64)
+    for r in range(part.shape[0]):
+        for c in range(part.shape[1]):
+            if part[r, c] >= 0:
+                out[part[r, c]] = labels[r, c]
+    return out
 
 
 def _best_cut(
@@ -198,25 +220,26 @@ def _extents(values: Floats, rank: Ints, count: int, share: float) -> tuple[Floa
 
 @njit(cache=True, nogil=True)
 def _nth(values: Floats, place: int) -> float:
-    """The value at a place in rising order: looked for among those of its bin only."""
-    least, most = values.min(), values.max()
-    # more bins than values to sort in them, and few enough to stay in the fastest memory
-    scale = BINS / (most - least) if most - least > 1e-12 * max(abs(least), abs(most)) else 0.0
-    counts = np.zeros(BINS + 1, np.int64)
-    for value in values:
-        counts[int((value - least) * scale)] += 1
-    bin_, before = 0, 0
-    while before + counts[bin_] <= place:
-        before += counts[bin_]
-        bin_ += 1
-    found = np.empty(counts[bin_])
-    n = 0
-    for value in values:
-        if int((value - least) * scale) == bin_:
-            found[n] = value
-            n += 1
-    found.sort()
-    return float(found[place - before])
+    """The value at a place in rising order: only those in its bin are looked at again."""
+    while True:
+        least, width = values.min(), values.max() - values.min()
+        if width == 0:
+            return float(least)
+        counts = np.zeros(BINS + 1, np.int64)
+        for value in values:
+            counts[int((value - least) / width * BINS)] += 1
+        wanted = 0
+        while counts[wanted] <= place:
+            place -= counts[wanted]
+            wanted += 1
+        # the least and the largest value are never in one bin: fewer are left with every round
+        inside = np.empty(counts[wanted])
+        count = 0
+        for value in values:
+            if int((value - least) / width * BINS) == wanted:
+                inside[count] = value
+                count += 1
+        values = inside
 
 
 @njit(cache=True, nogil=True)
@@ -268,12 +291,11 @@ def _parents(fine: Arrangement, coarse: Arrangement) -> Ints:
     """The coarse arrangement's cell that holds each of the fine one, by the sides of all coarse lines."""
     lines = coarse.lines
     normal = np.stack((-np.sin(lines.angle), np.cos(lines.angle)))
-    codes = [_codes(_centres(a), normal, lines.offset) for a in (coarse, fine)]
-    _, key = np.unique(np.concatenate(codes), axis=0, return_inverse=True)
-    key = key.reshape(-1)
-    owner = np.full(int(key.max()) + 1, 0, np.int64)
-    owner[key[: len(coarse)]] = np.arange(len(coarse))
-    return owner[key[len(coarse) :]]
+    held, wanted = (
+        [code.tobytes() for code in _codes(_centres(a), normal, lines.offset)] for a in (coarse, fine)
+    )
+    cell_of = {code: cell for cell, code in enumerate(held)}
+    return np.array([cell_of.get(code, 0) for code in wanted], np.int64)
 
 
 def _codes(points: Floats, normal: Floats, offset: Floats) -> Bytes:
