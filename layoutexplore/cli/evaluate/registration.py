@@ -22,6 +22,9 @@ TRAIN_PRIOR_HELP = (
 KINDS = ("true", "rough", "corridors", "other-floor", "wrong", "mirrored")
 """Prior plans that are registered when none is named."""
 
+UNPLACED = "other-floor"
+"""Prior plans of which nobody knows where they lie: of these, none is right or wrong."""
+
 Plans = Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")]
 Folder = Annotated[Path, typer.Option(help="Folder for the rows; the same command goes on in it.")]
 Kinds = Annotated[
@@ -56,15 +59,20 @@ def registration(
     for s in score_registrations(rows, SURE):
         interval = f"{s.right.estimate:.2f} ({s.right.low:.2f}-{s.right.high:.2f})"
         error = f"{s.error:.2f}" if s.error < 1e6 else "-"
+        wrongly = f"{s.wrongly:.2f}"
+        if s.kind == UNPLACED:
+            interval = error = wrongly = "-"
         lines.append(
             f"| {s.kind} | {s.coverage:.0%} | {s.floors} | {interval} | {error} | {s.confidence:.2f} "
-            f"| {s.believed:.2f} | {s.wrongly:.2f} |"
+            f"| {s.believed:.2f} | {wrongly} |"
         )
-    right = np.array([row.right for row in rows], np.bool_)
+    placed = np.array([row.kind != UNPLACED for row in rows], np.bool_)
+    right = np.array([row.right for row in rows], np.bool_)[placed]
     times = np.array([[row.first_ms, row.median_ms, row.p95_ms] for row in rows])
     lines += [
         "",
-        f"Calibration error: {calibration_error(confidence, right):.3f} over {len(rows)} registrations.",
+        f"Calibration error: {calibration_error(confidence[placed], right):.3f} over "
+        f"{len(right)} registrations.",
         f"Milliseconds, medians over explorations: first match {np.median(times[:, 0]):.0f}, later decisions "
         f"{np.median(times[:, 1]):.0f}, their 95th percentile {np.median(times[:, 2]):.0f}.",
     ]
@@ -83,7 +91,8 @@ def train_prior(
     from layoutexplore.files import write_json
     from layoutexplore.training.priors.confidence import fit_confidence, held_out_confidence
 
-    rows = [row for row in _rows(plans, out, kind, sensor, among, jobs) if row.features]
+    found = _rows(plans, out, kind, sensor, among, jobs)
+    rows = [row for row in found if row.features and row.kind != UNPLACED]
     features = np.array([row.features for row in rows])
     right = np.array([row.right for row in rows])
     held_out = held_out_confidence(features, right, np.array([row.building for row in rows]))

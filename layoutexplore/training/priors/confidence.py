@@ -51,7 +51,12 @@ def held_out_confidence(features: Floats, right: Mask, buildings: np.ndarray) ->
         features: float64 (n, features).
         right: bool (n,).
         buildings: (n,), what tells buildings apart.
+
+    Raises:
+        ConfigError: There is one building only, or the others have no right or no wrong registration.
     """
+    if len(np.unique(buildings)) < 2:
+        raise ConfigError("a held-out score needs floor plans of two buildings at least")
     found = np.zeros(len(features))
     for building in np.unique(buildings):
         mine = buildings == building
