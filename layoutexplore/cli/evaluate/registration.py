@@ -73,7 +73,8 @@ def registration(
         "",
         f"Calibration error: {calibration_error(confidence[placed], right):.3f} over "
         f"{len(right)} registrations.",
-        f"Milliseconds, medians over explorations: first match {np.median(times[:, 0]):.0f}, later decisions "
+        "Milliseconds of processor time, medians over explorations: first match "
+        f"{np.median(times[:, 0]):.0f}, later decisions "
         f"{np.median(times[:, 1]):.0f}, their 95th percentile {np.median(times[:, 2]):.0f}.",
     ]
     text = "\n".join(lines) + "\n"
