@@ -90,8 +90,8 @@ def test_a_task_that_ends_as_its_time_does() -> None:
             pass
         return "done"
 
-    for _ in range(300):
-        seconds = rng.uniform(1e-4, 1e-3)
+    for _ in range(100):
+        seconds = rng.uniform(0.006, 0.012)
         assert Limited(busy, lambda task: "late", seconds=seconds)(rng.uniform(0, 2 * seconds)) in (
             "done",
             "late",
