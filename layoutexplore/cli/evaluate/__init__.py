@@ -15,6 +15,8 @@ from layoutexplore.cli.evaluate.foresight import foresight
 from layoutexplore.cli.evaluate.in_the_loop import HELP as IN_THE_LOOP_HELP
 from layoutexplore.cli.evaluate.in_the_loop import in_the_loop
 from layoutexplore.cli.evaluate.layouts import evaluate_layout
+from layoutexplore.cli.evaluate.map_noise import HELP as MAP_NOISE_HELP
+from layoutexplore.cli.evaluate.map_noise import map_noise
 from layoutexplore.cli.evaluate.partial_rooms import HELP as PARTIAL_ROOMS_HELP
 from layoutexplore.cli.evaluate.partial_rooms import partial_rooms
 from layoutexplore.cli.evaluate.registration import (
@@ -42,6 +44,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], str | None]] = {
     "train": (train_merging, None),
     "layout": (evaluate_layout, None),
     "clutter": (clutter, CLUTTER_HELP),
+    "map-noise": (map_noise, MAP_NOISE_HELP),
 }
 """What runs, and its help where that is not its docstring, in the order in which the help shows them."""
 
@@ -54,10 +57,11 @@ EXAMPLES = {
     "registration": "test -k true -k rough -k wrong --out registration",
     "train-prior": "train office:1-5 school:1-5 --out confidence",
     "closed-doors": "maps/ --out predicted",
-    "segmentation": "maps/ -m default -m rose2 --out report",
+    "segmentation": "maps/ recorded/ --leave-out source --out report",
     "train": "maps/ --plans schools/ --out merging_model.json",
     "layout": "schools/ -m default -m ias15",
     "clutter": "maps/*.png",
+    "map-noise": "recorded/ --plans schools/ --plans office:0-9 --out noise.toml --maps simulated/",
 }
 
 group = typer.Typer(

@@ -1,0 +1,101 @@
+"""`layoutexplore evaluate map-noise`: noise of simulated maps fitted to real ones, and both told apart."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from layoutexplore.files import check_places, to_toml, write_atomically, write_json
+
+if TYPE_CHECKING:
+    from layoutexplore.grids.arrays import Floats
+    from layoutexplore.training.map_noise.fit import SimulatedMaps
+
+HELP = (
+    "How well simulated grid maps pass for real ones: ten statistics, the noise fitted to real maps without "
+    "truth, and the area under the ROC curve of a classifier of the two."
+)
+
+
+def map_noise(
+    real: Annotated[
+        list[Path], typer.Argument(help="Folders of real maps; index.csv may give file and m_per_px.")
+    ],
+    plans: Annotated[list[str], typer.Option(help="Floor plans to simulate maps of; repeat.")],
+    count: Annotated[int, typer.Option(min=20, help="Maps to simulate.")] = 300,
+    keep: Annotated[float, typer.Option(min=0.01, max=1.0, help="Share of them that the fit keeps.")] = 0.3,
+    noise: Annotated[
+        Path | None, typer.Option(help="TOML with ranges of the noise to begin with, else wide ones.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
+    resolution: Annotated[
+        float, typer.Option(min=0.001, help="Metres a pixel where no index says it.")
+    ] = 0.05,
+    out: Annotated[Path | None, typer.Option(help="TOML file for the fitted ranges.")] = None,
+    maps: Annotated[
+        Path | None,
+        typer.Option(help="Folder for maps NAME.png with rooms NAME_gt.png, of the fitted noise."),
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write every number into this file.")
+    ] = None,
+) -> None:
+    """Fit the noise; `HELP` is what the command line says."""
+    from layoutexplore.cli.progress import progress_lines
+    from layoutexplore.maps import expand_plans
+    from layoutexplore.training.map_noise.files import describe_folders, read_noise, write_cases
+    from layoutexplore.training.map_noise.fit import fit_noise, simulate_maps, told_apart
+    from layoutexplore.training.map_noise.simulate import MapNoiseConfig
+
+    check_places(maps, json_file)
+    check_places(None, out)
+    names = [name for plan in plans for name in expand_plans(plan)]
+    config = read_noise(noise) if noise else MapNoiseConfig()
+    table, groups = describe_folders(real, resolution)
+    progress = progress_lines()
+    first = simulate_maps(names, config, count, seed=seed, progress=progress)
+    fitted = fit_noise(table, first, config, keep)
+    second = simulate_maps(names, fitted, count, seed=seed + 1, progress=progress)
+    aucs = {"before": told_apart(table, groups, first), "fitted": told_apart(table, groups, second)}
+    _print_statistics(table, {"before": first, "fitted": second})
+    for name, auc in aucs.items():
+        typer.echo(f"{name}: told apart with an area under the ROC curve of {auc:.3f} (0.5 is chance)")
+    if out is not None:
+        write_atomically(out, to_toml(asdict(fitted)))
+        typer.echo(f"written: {out}")
+    if json_file is not None:
+        write_json(json_file, {"auc": aucs, "noise": asdict(fitted), "real": len(table)})
+        typer.echo(f"written: {json_file}")
+    if maps is not None:
+        written = write_cases(second, maps)
+        typer.echo(f"written: {written} maps with their rooms, and buildings.csv, into {maps}")
+
+
+def _print_statistics(real: Floats, simulated: dict[str, SimulatedMaps]) -> None:
+    """Deciles 1, 5 and 9 of each statistic, and how much of the real maps the simulated ones cover."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from layoutexplore.metrics.map_statistics import STATISTICS
+    from layoutexplore.training.map_noise.fit import covered
+
+    tables = {name: made.statistics() for name, made in simulated.items()}
+    shares = {name: covered(real, table) for name, table in tables.items()}
+    heading = [f"{name} {what}" for name in tables for what in ("10 / 50 / 90 %", "covers")]
+    out = Table("statistic", "real 10 / 50 / 90 %", *heading, box=None)
+    for k, statistic in enumerate(STATISTICS):
+        cells = [_deciles(real[:, k])]
+        for name, table in tables.items():
+            cells += [_deciles(table[:, k]), f"{100 * shares[name][statistic]:.0f} %"]
+        out.add_row(statistic, *cells)
+    console = Console()
+    (console if console.is_terminal else Console(width=140)).print(out)
+
+
+def _deciles(values: Floats) -> str:
+    import numpy as np
+
+    return " / ".join(f"{value:.3g}" for value in np.quantile(values, [0.1, 0.5, 0.9]))

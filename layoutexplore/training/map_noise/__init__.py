@@ -1,0 +1,1 @@
+"""Grid maps of floor plans with the noise of real ones, fitted to the statistics of maps without truth."""

@@ -1,0 +1,125 @@
+"""Real maps read for their statistics; simulated ones written with their rooms; ranges of noise as TOML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.files import read_csv, read_toml, safe_name, write_atomically, write_csv
+from layoutexplore.files.schema import Items, Number, Record
+from layoutexplore.grids.arrays import Bytes, Floats
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.ros_map import encode_png, load_grid
+from layoutexplore.maps.buildings import building_of
+from layoutexplore.maps.painted_rooms import TRUTH_SUFFIX
+from layoutexplore.metrics.map_statistics import describe_grid, statistics_table
+from layoutexplore.training.map_noise.fit import SimulatedMaps
+from layoutexplore.training.map_noise.simulate import MapNoiseConfig, NoisyMap
+
+GREYS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
+"""Grey of each kind of cell in a picture, as `map_saver` has them."""
+
+_NOT_MAPS = (TRUTH_SUFFIX, "_vendor_rooms")
+"""Endings of pictures that lie beside maps."""
+
+
+def describe_folders(folders: Sequence[Path], resolution: float) -> tuple[Floats, list[str]]:
+    """The statistics of the maps in some folders, float64 (n, statistics), and the building of each.
+
+    Args:
+        folders: Folders of PNG maps; an `index.csv` inside may give `file` and `m_per_px`.
+        resolution: Metres a pixel where no index says it.
+
+    Raises:
+        MapError: A folder is missing, holds no map, or a map cannot be read.
+    """
+    found, buildings = [], []
+    for folder in folders:
+        if not folder.is_dir():
+            raise MapError(f"{folder}: no such folder")
+        scales = _scales(folder / "index.csv")
+        maps = [path for path in sorted(folder.glob("*.png")) if not path.stem.endswith(_NOT_MAPS)]
+        if not maps:
+            raise MapError(f"{folder}: no map NAME.png inside this folder")
+        for path in maps:
+            scale = scales.get(path.name, resolution)
+            found.append(describe_grid(load_grid(path, resolution=scale).cells, scale))
+            buildings.append(building_of(path.stem, "painted rooms") or path.stem)
+    return statistics_table(found), buildings
+
+
+def _scales(index: Path) -> dict[str, float]:
+    """Metres a pixel by the name of the file, as far as an index says it."""
+    if not index.is_file():
+        return {}
+    header, *lines = read_csv(index, error=MapError, what="index of maps") or [[]]
+    if not {"file", "m_per_px"} <= {*header}:
+        return {}
+    name, scale = header.index("file"), header.index("m_per_px")
+    out = {}
+    for line in lines:
+        if len(line) != len(header):
+            raise MapError(f"{index}: a line of {len(line)} values under a header of {len(header)}")
+        if not line[scale]:
+            continue
+        try:
+            out[line[name]] = float(line[scale])
+        except ValueError:
+            raise MapError(f"{index}: m_per_px of {line[name]} is no number: {line[scale]!r}") from None
+        if not 0 < out[line[name]] < math.inf:
+            raise MapError(f"{index}: m_per_px of {line[name]} must be above 0")
+    return out
+
+
+def read_noise(path: Path) -> MapNoiseConfig:
+    """Ranges of noise from a TOML file, each `name = [low, high]`; what it does not name is as by default.
+
+    Raises:
+        ConfigError: The file cannot be read, or a range is none.
+    """
+    names = [field.name for field in fields(MapNoiseConfig)]
+    given = read_toml(path, Record({}, dict.fromkeys(names, Items(Number()))))
+    for name, ends in given.items():
+        if name not in names:
+            raise ConfigError(f"{path}: no noise is called {name}; known are {', '.join(names)}")
+        if len(ends) != 2:
+            raise ConfigError(f"{path}: {name} needs two numbers, [low, high]")
+    return MapNoiseConfig(**{name: (float(low), float(high)) for name, (low, high) in given.items()})
+
+
+def write_cases(made: SimulatedMaps, folder: Path) -> int:
+    """Write maps as `evaluate segmentation` reads them, and buildings.csv, which says what they are maps of.
+
+    Returns the number of maps written: one in which no room is seen is left out.
+    """
+    lines = []
+    for k, (one, building) in enumerate(zip(made.maps, made.buildings, strict=True)):
+        if not ((one.rooms > 0) & (one.cells == FREE)).any():
+            continue
+        name = f"{safe_name(building)}_{k:03d}"
+        write_atomically(folder / f"{name}.png", encode_png(_picture(one)))
+        write_atomically(folder / f"{name}{TRUTH_SUFFIX}.png", encode_png(_painted(one)))
+        lines.append({"map": name, "building": building})
+    write_csv(folder / "buildings.csv", lines, columns=["map", "building"], digits=None)
+    return len(lines)
+
+
+def _picture(one: NoisyMap) -> Bytes:
+    out = np.zeros(one.cells.shape, np.uint8)
+    for kind, grey in GREYS.items():
+        out[one.cells == kind] = grey
+    return out[::-1].copy()
+
+
+def _painted(one: NoisyMap) -> Bytes:
+    """A colour a room over what the map knows of it, black elsewhere."""
+    seen = np.where(one.cells != UNKNOWN, one.rooms, 0).astype(np.uint32)
+    # an odd factor permutes the numbers modulo a power of two: no two rooms share a colour, none is black
+    codes = np.where(seen > 0, seen * 2654435 % 2**24, 0)
+    channels = [(codes >> shift & 255).astype(np.uint8) for shift in (16, 8, 0)]
+    return np.stack(channels, axis=2)[::-1].copy()

@@ -1,0 +1,136 @@
+"""Maps simulated with noise, what they are fitted to, and the command around it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from layoutexplore.cli import app
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grids.grid import FREE
+from layoutexplore.maps import load_plan
+from layoutexplore.maps.painted_rooms import find_cases, read_case
+from layoutexplore.metrics.map_statistics import describe_grid
+from layoutexplore.training.map_noise.files import describe_folders, read_noise, write_cases
+from layoutexplore.training.map_noise.fit import fit_noise, simulate_maps, told_apart
+from layoutexplore.training.map_noise.simulate import MapNoise, MapNoiseConfig, simulate_map
+
+QUIET = MapNoise.draw(
+    MapNoiseConfig(
+        **dict.fromkeys(MapNoise._fields, (0.0, 0.0))
+        | {"resolution": (0.1, 0.1), "range_max": (12.0, 12.0), "beams": (720, 720)}
+        | {"explored": (2.0, 2.0), "spacing": (1.0, 1.0)}
+    ),
+    np.random.default_rng(0),
+)
+"""No noise at all, everything explored."""
+
+FAST = MapNoiseConfig(resolution=(0.08, 0.12), beams=(90, 180), spacing=(2.0, 4.0))
+PLANS = [f"apartment:{k}" for k in range(4)]
+
+
+def test_without_noise_the_map_is_the_building() -> None:
+    plan = load_plan("apartment:1")
+    made = simulate_map(plan, QUIET, np.random.default_rng(0))
+    assert made is not None
+    raster = plan.rasterize(0.1, margin=3.0)
+    free = made.cells == FREE
+    assert (raster.room_ids[free] > 0).mean() > 0.9
+    assert not (free & raster.occupied).sum() > 0.02 * free.sum()
+    assert free[raster.room_ids > 0].mean() > 0.8
+    assert np.array_equal(made.rooms, raster.room_ids)
+
+
+@pytest.mark.parametrize(
+    ("noise", "statistic", "sign"),
+    [
+        ({"drift": 0.1, "turn_drift": 0.02}, "thickness", 1),
+        ({"furniture": 0.5, "desks": 1.0}, "things", 1),
+        ({"broken": 0.4}, "wall_run", -1),
+        ({"glass": 3.0, "passed": 1.0}, "frayed", 1),
+        ({"explored": 0.2}, "frayed", 1),
+    ],
+)
+def test_each_noise_moves_what_it_should(noise: dict[str, float], statistic: str, sign: int) -> None:
+    plan = load_plan("apartment:1")
+    quiet, loud = (
+        simulate_map(plan, QUIET._replace(**changed), np.random.default_rng(1)) for changed in ({}, noise)
+    )
+    assert quiet is not None and loud is not None
+    was, now = (getattr(describe_grid(one.cells, 0.1), statistic) for one in (quiet, loud))
+    assert sign * (now - was) > 0, (was, now)
+
+
+def test_the_same_seed_gives_the_same_maps_and_huge_plans_are_left_out() -> None:
+    one, two = (simulate_maps(PLANS, FAST, 2, seed=3) for _ in range(2))
+    assert all(np.array_equal(a.cells, b.cells) for a, b in zip(one.maps, two.maps, strict=True))
+    assert simulate_map(load_plan("apartment:1"), QUIET, np.random.default_rng(0), largest=10.0) is None
+
+
+def test_a_fit_finds_the_noise_that_maps_were_made_with() -> None:
+    only = MapNoiseConfig(**{k: (v, v) for k, v in QUIET._replace(spacing=2.5)._asdict().items()})
+    wide = dataclasses.replace(only, broken=(0.0, 0.6))
+    real = simulate_maps(PLANS, dataclasses.replace(wide, broken=(0.4, 0.6)), 16, seed=5).statistics()
+    low, high = fit_noise(real, simulate_maps(PLANS, wide, 40, seed=6), wide, 0.3).broken
+    assert 0.25 < low <= high
+    clean = simulate_maps(PLANS, dataclasses.replace(wide, broken=(0.0, 0.05)), 16, seed=8)
+    assert told_apart(real, [str(k) for k in range(len(real))], clean) > 0.9
+    with pytest.raises(ConfigError, match="at least 10"):
+        told_apart(real[:3], ["a"] * 3, clean)
+
+
+def test_written_maps_are_cases_with_their_buildings(tmp_path: Path) -> None:
+    made = simulate_maps(PLANS, dataclasses.replace(FAST, resolution=(0.05, 0.05)), 4, seed=2)
+    assert len(made.maps) > 1 and write_cases(made, tmp_path) == len(made.maps)
+    grid, truth, _ = read_case(find_cases([tmp_path])[0], 0.05)
+    assert np.array_equal(grid.cells, made.maps[0].cells)
+    known = (grid.cells == FREE) & (truth > 0)
+    pairs = np.unique(np.stack([truth[known], made.maps[0].rooms[known]]), axis=1)
+    assert len(set(pairs[0])) == len(set(pairs[1])) == pairs.shape[1]
+    assert "map,building" in (tmp_path / "buildings.csv").read_text()
+
+
+def test_bad_ranges_and_folders_are_named(tmp_path: Path) -> None:
+    file = tmp_path / "noise.toml"
+    for text, said in (
+        ("drift = [0.1]", "two numbers"),
+        ("drift = [0.2, 0.1]", "drift"),
+        ("drfit = [0.0, 0.1]", "drfit"),
+        ("dropout = [0.0, 1.0]", "dropout"),
+        ("resolution = [0.0, 1.0]", "above 0"),
+    ):
+        file.write_text(text)
+        with pytest.raises(ConfigError, match=said):
+            read_noise(file)
+    file.write_text("drift = [0.0, 0.1]\n")
+    assert read_noise(file).drift == (0.0, 0.1)
+    with pytest.raises(MapError, match="no such folder"):
+        describe_folders([tmp_path / "nowhere"], 0.05)
+    with pytest.raises(MapError, match="no map"):
+        describe_folders([tmp_path], 0.05)
+    assert write_cases(simulate_maps(PLANS, FAST, 4), tmp_path)
+    for scale in ("wide", "-1"):
+        name = find_cases([tmp_path])[0].image.name
+        (tmp_path / "index.csv").write_text(f"file,m_per_px\n{name},{scale}\n")
+        with pytest.raises(MapError, match="m_per_px"):
+            describe_folders([tmp_path], 0.05)
+
+
+def test_the_command_prints_statistics_and_writes_what_is_wanted(tmp_path: Path) -> None:
+    write_cases(simulate_maps(PLANS, FAST, 12, seed=4), tmp_path / "real")
+    start = tmp_path / "start.toml"
+    start.write_text("resolution = [0.1, 0.1]\nspacing = [3.0, 4.0]\nbeams = [90, 180]\n")
+    out, maps, numbers = tmp_path / "noise.toml", tmp_path / "maps", tmp_path / "numbers.json"
+    command = ["evaluate", "map-noise", str(tmp_path / "real"), "--plans", "apartment:0-3", "--count", "20"]
+    command += ["--noise", str(start), "--resolution", "0.1", "--out", str(out), "--maps", str(maps)]
+    result = CliRunner().invoke(app, [*command, "--json", str(numbers)])
+    assert result.exit_code == 0, (result.output, result.exception)
+    assert "specks" in result.output and "area under the ROC curve" in result.output
+    assert read_noise(out).resolution == (0.1, 0.1)
+    assert len(find_cases([maps])) >= 15
+    assert 0 <= json.loads(numbers.read_text())["auc"]["fitted"] <= 1
