@@ -157,8 +157,8 @@ def _frayed_share(cells: Cells) -> float:
     unknown = walls = 0
     for one in (cells, cells.T):
         for a, b in ((one[:, :-1], one[:, 1:]), (one[:, 1:], one[:, :-1])):
-            unknown += np.count_nonzero((a == FREE) & (b == UNKNOWN))
-            walls += np.count_nonzero((a == FREE) & (b == OCCUPIED))
+            unknown += int(np.count_nonzero((a == FREE) & (b == UNKNOWN)))
+            walls += int(np.count_nonzero((a == FREE) & (b == OCCUPIED)))
     return float(unknown / max(unknown + walls, 1))
 
 

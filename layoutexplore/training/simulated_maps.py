@@ -98,8 +98,7 @@ def see(occupied: Mask, rooms: Ints32, origin: Pose, rng: np.random.Generator) -
         range_noise_std=noise,
     )
     lidar, mapper = Lidar(sensor, occupied, RESOLUTION, origin), Mapper(occupied.shape, RESOLUTION, origin)
-    # the doorways too, which belong to no room: a robot that may not stand in them sees one room only
-    for cell in choose_stops(~inflate(occupied, 0.15, RESOLUTION), RESOLUTION, rng):
+    for cell in choose_stops(~inflate(occupied, 0.15, RESOLUTION) & (rooms > 0), RESOLUTION, rng):
         x, y = mapper.grid.cell_to_world(*cell)
         pose = Pose(x, y, float(rng.uniform(0, 2 * np.pi)))
         if kind == "explored":

@@ -48,12 +48,12 @@ def map_noise(
     from layoutexplore.maps import expand_plans
     from layoutexplore.training.map_noise.files import describe_folders, read_noise, write_cases
     from layoutexplore.training.map_noise.fit import fit_noise, simulate_maps, told_apart
-    from layoutexplore.training.map_noise.simulate import MapNoiseConfig
+    from layoutexplore.training.map_noise.simulate import WIDE
 
     check_places(maps, json_file)
     check_places(None, out)
     names = [name for plan in plans for name in expand_plans(plan)]
-    config = read_noise(noise) if noise else MapNoiseConfig()
+    config = read_noise(noise) if noise else WIDE
     table, groups = describe_folders(real, resolution)
     progress = progress_lines()
     first = simulate_maps(names, config, count, seed=seed, progress=progress)

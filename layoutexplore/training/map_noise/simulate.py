@@ -37,7 +37,9 @@ THICKEST = 0.35
 
 @dataclass(frozen=True, kw_only=True)
 class MapNoiseConfig:
-    """Ranges that the noise of a map is drawn from, each evenly; fitted to real maps by `fit_noise`.
+    """Ranges that the noise of a map is drawn from, each evenly.
+
+    The defaults were fitted by `layoutexplore evaluate map-noise` to 111 recorded maps of homes and offices.
 
     Attributes:
         resolution: Metres a cell.
@@ -56,30 +58,32 @@ class MapNoiseConfig:
         glass: Strips of glass for ten metres of outer wall.
         passed: Share of the scans whose beams pass a strip of glass.
         outdoors: Things that stand outside, a square metre.
+        dust: Specks in free space, a square metre: legs, feet, wrong echoes.
         broken: Share of the occupied cells that are lost again, in holes.
         smeared: Share of the maps whose walls are a cell wider.
         cleaned: Share of the maps whose specks are taken out.
     """
 
-    resolution: Range = (0.03, 0.1)
-    range_max: Range = (4.0, 25.0)
-    beams: Range = (180, 1080)
-    explored: Range = (0.2, 1.4)
-    spacing: Range = (1.0, 3.0)
-    range_noise: Range = (0.0, 0.05)
-    dropout: Range = (0.0, 0.2)
-    drift: Range = (0.0, 0.08)
-    turn_drift: Range = (0.0, 0.02)
-    furniture: Range = (0.0, 0.4)
-    desks: Range = (0.0, 0.6)
-    leaves: Range = (0.0, 0.7)
-    recesses: Range = (0.0, 0.3)
-    glass: Range = (0.0, 1.5)
-    passed: Range = (0.2, 1.0)
-    outdoors: Range = (0.0, 0.1)
-    broken: Range = (0.0, 0.15)
-    smeared: Range = (0.0, 0.6)
-    cleaned: Range = (0.0, 0.6)
+    resolution: Range = (0.04, 0.053)
+    range_max: Range = (7.0, 18.5)
+    beams: Range = (590, 955)
+    explored: Range = (0.9, 1.3)
+    spacing: Range = (1.5, 2.7)
+    range_noise: Range = (0.006, 0.023)
+    dropout: Range = (0.018, 0.14)
+    drift: Range = (0.012, 0.044)
+    turn_drift: Range = (0.0015, 0.0104)
+    furniture: Range = (0.006, 0.17)
+    desks: Range = (0.068, 0.27)
+    leaves: Range = (0.18, 0.54)
+    recesses: Range = (0.032, 0.22)
+    glass: Range = (0.16, 0.81)
+    passed: Range = (0.35, 0.82)
+    outdoors: Range = (0.025, 0.105)
+    dust: Range = (0.26, 0.9)
+    broken: Range = (0.007, 0.047)
+    smeared: Range = (0.016, 0.14)
+    cleaned: Range = (0.004, 0.028)
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -90,6 +94,31 @@ class MapNoiseConfig:
             raise ConfigError("resolution, range_max and beams must be above 0")
         if self.dropout[1] >= 1:
             raise ConfigError(f"dropout must be below 1, got up to {self.dropout[1]}")
+
+
+WIDE = MapNoiseConfig(
+    resolution=(0.03, 0.1),
+    range_max=(4.0, 25.0),
+    beams=(180, 1080),
+    explored=(0.2, 1.4),
+    spacing=(1.0, 3.0),
+    range_noise=(0.0, 0.05),
+    dropout=(0.0, 0.2),
+    drift=(0.0, 0.08),
+    turn_drift=(0.0, 0.02),
+    furniture=(0.0, 0.4),
+    desks=(0.0, 0.6),
+    leaves=(0.0, 0.7),
+    recesses=(0.0, 0.3),
+    glass=(0.0, 1.5),
+    passed=(0.2, 1.0),
+    outdoors=(0.0, 0.1),
+    dust=(0.0, 3.0),
+    broken=(0.0, 0.15),
+    smeared=(0.0, 0.6),
+    cleaned=(0.0, 0.6),
+)
+"""What a fit begins with."""
 
 
 class MapNoise(NamedTuple):
@@ -111,6 +140,7 @@ class MapNoise(NamedTuple):
     glass: float
     passed: float
     outdoors: float
+    dust: float
     broken: float
     smeared: float
     cleaned: float
@@ -236,6 +266,7 @@ def _finished(cells: Cells, noise: MapNoise, rng: np.random.Generator) -> Cells:
         holes: Bytes = (rng.random(cells.shape) < noise.broken / 4).astype(np.uint8)
         holes = np.asarray(cv2.dilate(holes, np.ones((2, 2), np.uint8)), np.uint8)
         out[(holes > 0) & (cells == OCCUPIED)] = UNKNOWN if rng.random() < 0.5 else FREE
+    out[(cells == FREE) & (rng.random(cells.shape) < noise.dust * noise.resolution**2)] = OCCUPIED
     if rng.random() < noise.smeared:
         out[cv2.dilate((out == OCCUPIED).astype(np.uint8), side) > 0] = OCCUPIED
     if rng.random() < noise.cleaned:

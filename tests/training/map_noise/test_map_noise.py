@@ -18,7 +18,7 @@ from layoutexplore.maps.painted_rooms import find_cases, read_case
 from layoutexplore.metrics.map_statistics import describe_grid
 from layoutexplore.training.map_noise.files import describe_folders, read_noise, write_cases
 from layoutexplore.training.map_noise.fit import fit_noise, simulate_maps, told_apart
-from layoutexplore.training.map_noise.simulate import MapNoise, MapNoiseConfig, simulate_map
+from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
 
 QUIET = MapNoise.draw(
     MapNoiseConfig(
@@ -30,7 +30,7 @@ QUIET = MapNoise.draw(
 )
 """No noise at all, everything explored."""
 
-FAST = MapNoiseConfig(resolution=(0.08, 0.12), beams=(90, 180), spacing=(2.0, 4.0))
+FAST = dataclasses.replace(WIDE, resolution=(0.08, 0.12), beams=(90, 180), spacing=(2.0, 4.0))
 PLANS = [f"apartment:{k}" for k in range(4)]
 
 
@@ -51,6 +51,7 @@ def test_without_noise_the_map_is_the_building() -> None:
     [
         ({"drift": 0.1, "turn_drift": 0.02}, "thickness", 1),
         ({"furniture": 0.5, "desks": 1.0}, "things", 1),
+        ({"dust": 2.0}, "specks", 1),
         ({"broken": 0.4}, "wall_run", -1),
         ({"glass": 3.0, "passed": 1.0}, "frayed", 1),
         ({"explored": 0.2}, "frayed", 1),
@@ -122,7 +123,7 @@ def test_bad_ranges_and_folders_are_named(tmp_path: Path) -> None:
 
 
 def test_the_command_prints_statistics_and_writes_what_is_wanted(tmp_path: Path) -> None:
-    write_cases(simulate_maps(PLANS, FAST, 12, seed=4), tmp_path / "real")
+    write_cases(simulate_maps(PLANS, FAST, 24, seed=4), tmp_path / "real")
     start = tmp_path / "start.toml"
     start.write_text("resolution = [0.1, 0.1]\nspacing = [3.0, 4.0]\nbeams = [90, 180]\n")
     out, maps, numbers = tmp_path / "noise.toml", tmp_path / "maps", tmp_path / "numbers.json"
