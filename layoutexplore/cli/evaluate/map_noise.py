@@ -79,8 +79,8 @@ def _print_statistics(real: Floats, simulated: dict[str, SimulatedMaps]) -> None
     from rich.console import Console
     from rich.table import Table
 
-    from layoutexplore.metrics.map_statistics import STATISTICS
     from layoutexplore.training.map_noise.fit import covered
+    from layoutexplore.training.map_noise.statistics import STATISTICS
 
     tables = {name: made.statistics() for name, made in simulated.items()}
     shares = {name: covered(real, table) for name, table in tables.items()}

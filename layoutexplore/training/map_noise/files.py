@@ -17,9 +17,9 @@ from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.ros_map import encode_png, load_grid
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.painted_rooms import TRUTH_SUFFIX
-from layoutexplore.metrics.map_statistics import describe_grid, statistics_table
 from layoutexplore.training.map_noise.fit import SimulatedMaps
 from layoutexplore.training.map_noise.simulate import MapNoiseConfig, NoisyMap
+from layoutexplore.training.map_noise.statistics import describe_grid, statistics_table
 
 GREYS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
 """Grey of each kind of cell in a picture, as `map_saver` has them."""

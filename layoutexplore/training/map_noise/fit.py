@@ -20,9 +20,9 @@ import numpy as np
 from layoutexplore.errors import ConfigError, LayoutExploreError
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.library import cached_plan
-from layoutexplore.metrics.map_statistics import MapStatistics, describe_grid, statistics_table
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.simulate import MapNoise, MapNoiseConfig, NoisyMap, simulate_map
+from layoutexplore.training.map_noise.statistics import MapStatistics, describe_grid, statistics_table
 
 LARGEST = 4000.0
 """Plans with a larger box are left out [m2]: real maps of that size are rare."""

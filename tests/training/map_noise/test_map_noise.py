@@ -15,10 +15,10 @@ from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.grids.grid import FREE
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.painted_rooms import find_cases, read_case
-from layoutexplore.metrics.map_statistics import describe_grid
 from layoutexplore.training.map_noise.files import describe_folders, read_noise, write_cases
 from layoutexplore.training.map_noise.fit import fit_noise, simulate_maps, told_apart
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
+from layoutexplore.training.map_noise.statistics import describe_grid
 
 QUIET = MapNoise.draw(
     MapNoiseConfig(

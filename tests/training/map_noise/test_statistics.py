@@ -10,7 +10,7 @@ import pytest
 from layoutexplore.errors import MapError
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
-from layoutexplore.metrics.map_statistics import STATISTICS, describe_grid, statistics_table
+from layoutexplore.training.map_noise.statistics import STATISTICS, describe_grid, statistics_table
 
 CELL = 0.05
 
