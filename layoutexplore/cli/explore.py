@@ -140,7 +140,7 @@ def explore(
     from layoutexplore.simulation.episode import play
     from layoutexplore.simulation.saved_run import read_saved_run
 
-    check_places(out, save_state)
+    check_places(out, save_state, file="--save-state")
     console = Console(highlight=False)
     saved = read_saved_run(saved_state) if saved_state else None
     settings = saved.config if saved else _settings(config, sensor, region, noise)

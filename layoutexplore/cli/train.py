@@ -84,7 +84,9 @@ def train(
     from layoutexplore.agents.rl.hyperparameters import read_config
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.errors import ConfigError, require
+    from layoutexplore.files import check_places
 
+    check_places(out)
     flags = {
         "algorithm": algorithm,
         "steps": steps,

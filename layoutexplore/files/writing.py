@@ -14,6 +14,7 @@ from typing import Any
 import tomli_w
 
 from layoutexplore.errors import ConfigError, WriteError, shortened
+from layoutexplore.files.reading import is_there
 
 HALF = ".part"
 """How the names of files end that are being written."""
@@ -92,23 +93,28 @@ def _without_none(table: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def check_places(out: Path | None, json_file: Path | None = None) -> None:
-    """See whether a folder of results and a file of numbers can be written; nothing is made yet.
+def check_places(
+    out: Path | None, json_file: Path | None = None, *, file: str = "--json", **folders: Path | None
+) -> None:
+    """See whether folders of results and a file can be written; nothing is made yet.
 
     Args:
         out: What `--out` names.
-        json_file: What `--json` names.
+        json_file: What the option `file` names.
+        file: An option.
+        folders: More folders by their options: `store` is what `--store` names.
 
     Raises:
-        ConfigError: There is a file where the folder is to be, a folder where the file is to be, or no
+        ConfigError: There is a file where a folder is to be, a folder where the file is to be, or no
             permission.
     """
-    if json_file is not None and json_file.is_dir():
-        raise ConfigError(f"{json_file} is a folder: --json must name a file")
-    for option, folder in (("--out", out), ("--json", None if json_file is None else json_file.parent)):
+    if json_file is not None and is_there(json_file) and json_file.is_dir():
+        raise ConfigError(f"{json_file} is a folder: {file} must name a file")
+    places = {"--out": out, file: None if json_file is None else json_file.parent}
+    for option, folder in (places | {f"--{name}": place for name, place in folders.items()}).items():
         if folder is None:
             continue
-        there = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+        there = next(place for place in (folder, *folder.absolute().parents) if is_there(place))
         if not there.is_dir():
             raise ConfigError(f"{there} is a file: {option} cannot name a folder there")
         if not os.access(there, os.W_OK | os.X_OK):

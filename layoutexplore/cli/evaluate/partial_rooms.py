@@ -79,7 +79,7 @@ def partial_rooms(
 
     if out is not None:
         require("jinja2", "bench")
-    check_places(out, json_file)
+    check_places(out, json_file, snapshots=snapshots)
     sensors = [find_sensor(name).name for name in sensor or SENSORS]
     predictors = [make_room_predictor(name) for name in dict.fromkeys(predictor or predictor_names())]
     taken = (

@@ -80,6 +80,7 @@ def train_predictor(
 
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.errors import ConfigError, require
+    from layoutexplore.files import check_places
     from layoutexplore.maps.library import find_plans
     from layoutexplore.training.predictor import NetworkTrainer, buildings_of, explore_plans, forget_networks
     from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
@@ -89,6 +90,7 @@ def train_predictor(
         raise ConfigError("folds are tested with trees and networks: leave --no-forests out, or --folds")
     if network:
         require("torch", "rl")
+    check_places(out, store=store)
     sources = find_plans(plans)
     with ProgressLine(Console(), "plans") as line:
 

@@ -1,0 +1,136 @@
+"""Where nothing can be written, or the disk is full: one line, status 2, and what was there is whole."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from layoutexplore import cli
+from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.errors import ConfigError
+from layoutexplore.files import check_places
+from tests.benchmark.cases import timeless
+from tests.cli.test_cli import run as run_cli
+
+BENCHMARK = (
+    *("benchmark", "--plans", "apartment-01", "--starts", "2", "--agents", "nearest", "--agents", "random"),
+    *("--no-explain", "--jobs", "1", "--out", "{out}/b"),
+)
+TRAINING = ("--plans", "apartment-01", "--predictor", "none", "--out", "{out}/t")
+COMMANDS = {
+    "benchmark": BENCHMARK,
+    "train": ("train", "--algorithm", "maskable-ppo", "--envs", "2", "--steps", "400", *TRAINING),
+    "search": ("train", "--algorithm", "tour-search", "--steps", "20", *TRAINING),
+    "explore": ("explore", "apartment-01", "--out", "{out}/e"),
+    "film": ("explore", "apartment-01", "--video", "{out}/e.gif"),
+    "state": ("explore", "apartment-01", "--save-state", "{out}/e.npz", "--pause-after", "5"),
+    "robustness": ("evaluate", "robustness", "apartment:3", "--jobs", "1", "--out", "{out}/r"),
+    "partial-rooms": ("evaluate", "partial-rooms", "apartment:3", "-p", "hull", "--snapshots", "{out}/s"),
+    "in-the-loop": ("evaluate", "in-the-loop", "apartment:3", "-p", "hull", "--out", "{out}/l"),
+    "train-predictor": ("evaluate", "train-predictor", "apartment-01", "--out", "{out}/p"),
+}
+"""Commands that write, by name; {out} is where."""
+
+NOWHERE = Path("/proc/self")
+"""A folder in which nobody can make anything, root included."""
+
+
+def arguments(name: str, out: Path) -> list[str]:
+    return [part.replace("{out}", str(out)) for part in COMMANDS[name]]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("place", ["a file", "no permission"])
+def test_a_place_that_takes_nothing_is_told_before_anything_runs(
+    name: str, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if name in ("train", "search", "train-predictor"):
+        pytest.importorskip("sb3_contrib")
+    if place == "no permission" and not NOWHERE.is_dir():
+        pytest.skip("there is no such folder here")
+    (tmp_path / "file").write_text("mine")
+    out = tmp_path / "file" if place == "a file" else NOWHERE
+    assert run_cli(monkeypatch, *arguments(name, out)) == 2
+    told = capsys.readouterr().err.strip()
+    assert told.startswith("layoutexplore: ") and str(out) in told and "\n" not in told
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_places_are_named_by_their_options(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for option, call in (
+        ("--out", lambda path: check_places(path)),
+        ("--json", lambda path: check_places(None, path / "a.json")),
+        ("--save-state", lambda path: check_places(None, path / "a.npz", file="--save-state")),
+        ("--store", lambda path: check_places(None, store=path)),
+    ):
+        with pytest.raises(ConfigError, match=f"is a file: {option} "):
+            call(tmp_path / "file" / "x")
+        call(tmp_path / "new" / "x")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+LIMITED = """
+import resource, signal, sys
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv.pop(1)), -1))
+from layoutexplore.__main__ import start
+start()
+"""
+"""The command where no file can grow beyond so many bytes: writing fails as it does on a full disk."""
+
+
+def limited(size: int, *words: str) -> tuple[int, str]:
+    """Exit status and error output."""
+    command = [sys.executable, "-c", LIMITED, str(size), *words]
+    told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    return told.returncode, told.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="files are limited as Linux does")
+def test_a_file_that_cannot_grow_ends_a_benchmark_that_can_go_on(tmp_path: Path) -> None:
+    command = arguments("benchmark", tmp_path)
+    status, errors = limited(3000, *command)
+    assert status == 2 and "cannot write" in errors and "Traceback" not in errors, errors
+    assert not list(tmp_path.rglob("*.part"))
+    before = ResultsFolder(tmp_path / "b").rows() if (tmp_path / "b" / "results.csv").exists() else []
+    assert CliRunner().invoke(cli.app, command).exit_code == 0
+    rows = ResultsFolder(tmp_path / "b").rows()
+    assert len(rows) == 4 and timeless(rows)[: len(before)] == timeless(before)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 1.5 MB; only root can make one."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    made = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=1500k", "tmpfs", str(disk)], capture_output=True, check=False
+    )
+    if made.returncode:
+        pytest.skip("this user cannot mount a disk")
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="a tmpfs is a small disk")
+@pytest.mark.parametrize("free", [0, 10_000, 60_000, 200_000])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_full_disk(name: str, free: int, small_disk: Path) -> None:
+    """One line and status 2, or all is done; nothing half-written stays, and with room it goes on."""
+    (small_disk / "fill").write_bytes(b"x" * (1_530_000 - free))
+    command = [sys.executable, "-m", "layoutexplore", *arguments(name, small_disk)]
+    told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    assert told.returncode in (0, 2) and "Traceback" not in told.stderr, told.stderr
+    assert told.returncode == 0 or "layoutexplore: " in told.stderr
+    assert not list(small_disk.rglob("*.part"))
+    (small_disk / "fill").unlink()
+    if name in ("benchmark", "robustness"):
+        again = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+        assert again.returncode in (0, 2) and "Traceback" not in again.stderr, again.stderr
