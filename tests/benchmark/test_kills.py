@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import signal
@@ -18,7 +19,7 @@ from layoutexplore.processes import descendants
 from tests.benchmark.cases import timeless
 
 BENCHMARK = (
-    *("--plans", "office-01", "--plans", "apartment-01", "--starts", "6", "--seed", "3"),
+    *("--plans", "office-01", "--plans", "apartment-01", "--starts", "10", "--seed", "3"),
     *("--agents", "nearest", "--agents", "random", "--no-explain", "--jobs", "2"),
 )
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
@@ -31,17 +32,50 @@ def started(out: Path, cluster: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-def killed(process: subprocess.Popen[bytes], rng: random.Random) -> str:
-    """Send a signal to the driver or to one of its workers at a random moment; what was done."""
-    whom, number = rng.choice(("driver", "worker")), rng.choice(SIGNALS)
-    while whom == "worker" and process.poll() is None and len(descendants(process.pid)) < 2:
-        time.sleep(0.2)
-    try:
-        process.wait(rng.uniform(1.0, 15.0))
+def working(below: list[int]) -> list[int]:
+    """Those of the processes that make runs: no trackers, nannies and servers."""
+    found = []
+    for process in below:
+        try:
+            command = Path(f"/proc/{process}/cmdline").read_bytes().replace(b"\0", b" ")
+            ticks = sum(map(int, Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11:13]))
+        except OSError:
+            continue
+        makes_runs = b"ray::" in command or b"spawn_main" in command or b"forkserver" in command
+        if makes_runs and ticks > os.sysconf("SC_CLK_TCK"):  # a second of computing: it is at work
+            found.append(process)
+    return found
+
+
+def wait_for_work(process: subprocess.Popen[bytes], out: Path, rng: random.Random) -> None:
+    """Until a random number of further runs is done, and a random moment within the next one."""
+    table, further = out / "results.csv", rng.randrange(4)
+    size = table.stat().st_size if table.exists() else 0
+    end = time.monotonic() + 60
+    while process.poll() is None and time.monotonic() < end:
+        there = table.stat().st_size if table.exists() else 0
+        if there > size:
+            size, further = there, further - 1
+        if further < 0 and working(descendants(process.pid)):
+            break
+        time.sleep(0.02)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(rng.uniform(0.0, 0.3))
+
+
+def killed(process: subprocess.Popen[bytes], out: Path, rng: random.Random) -> str:
+    """Send a signal to the driver or to one of its processes; what was done, empty when it was over."""
+    whom, number = rng.choices(("worker", "other", "driver"), (7, 1, 2))[0], rng.choice(SIGNALS)
+    if whom == "driver" and rng.random() < 0.5:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(rng.uniform(0.0, 8.0))  # while it is loaded, too
+    else:
+        wait_for_work(process, out, rng)
+    if process.poll() is not None:
         return ""
-    except subprocess.TimeoutExpired:
-        below = descendants(process.pid)
-    victim = process.pid if whom == "driver" or not below else rng.choice(below)
+    below = descendants(process.pid)
+    victims = working(below) if whom == "worker" else below if whom == "other" else [process.pid]
+    victim = rng.choice(victims or [process.pid])
     try:
         os.kill(victim, number)
     except ProcessLookupError:
@@ -52,7 +86,8 @@ def killed(process: subprocess.Popen[bytes], rng: random.Random) -> str:
         while time.monotonic() < end and any(Path(f"/proc/{k}/exe").exists() for k in below):
             time.sleep(0.2)
         assert not [k for k in below if Path(f"/proc/{k}/exe").exists()]
-    return f"{'driver' if victim == process.pid else 'worker'} {number.name}"
+        return f"driver {number.name}"
+    return f"{whom} {number.name}"
 
 
 @pytest.mark.slow
@@ -67,13 +102,16 @@ def test_every_cell_once_and_as_if_undisturbed(cluster: str, tmp_path: Path) -> 
     round_ = 0
     while done.total() < KILLS:
         out = tmp_path / f"killed-{round_}"
-        for _ in range(6):
+        end = time.monotonic() + 300
+        while done.total() < KILLS and time.monotonic() < end:
             process = started(out, cluster)
-            while process.poll() is None:
-                if (what := killed(process, rng)) and done.total() < KILLS:
-                    done[what] += 1
+            while process.poll() is None and done.total() < KILLS:
+                done.update(filter(None, [killed(process, out, rng)]))
+            process.wait(300)
+            if process.returncode == 0:
+                break
         last = started(out, cluster)
-        assert last.wait() == 0
+        assert last.wait(600) == 0
         rows = ResultsFolder(out).rows()
         assert len({row.key for row in rows}) == len(rows) == len(whole)
         assert timeless(rows) == timeless(whole)
