@@ -336,8 +336,8 @@ def test_a_tried_rule_is_what_the_agent_would_have_done(plan: FloorPlan, tmp_pat
     told = found[agents[2]]
     assert tried.tried and not told.tried and any(row.stop_reason == "agent" for row in outcome.rows)
     for a, b in zip(tried.runs, told.runs, strict=True):
-        assert (a.plan, a.saved, a.lost) == (
-            b.plan,
+        assert (a.building, a.saved, a.lost) == (
+            b.building,
             pytest.approx(b.saved, abs=1e-4),
             pytest.approx(b.lost, abs=1e-4),
         )
