@@ -30,6 +30,8 @@ SPARE = 48
 """Words of a set beyond those of sampled cells, where a floor may change: for what lies beyond its edge."""
 _BEAMS_TURNING, _BEAMS_WALKING = 720, 240
 """Beams in 360 degrees that planning needs: what falls between two of them, the next scan shows."""
+_BEAMS_FORESEEN = 360
+"""The same of a turn on a floor that may change: it is planned on anew before it is walked."""
 
 
 class FloorInView(NamedTuple):
@@ -99,7 +101,8 @@ class Visibility:
         self._numbers.ravel()[self.sample] = np.arange(self.count)
         self._inner = labels[1:-1, 1:-1]
         reach = scene.sensor.range_max / self.resolution
-        self._around = _Scanner(labels, *beam_table(_thinned(around(scene.sensor), _BEAMS_TURNING)), reach)
+        turning = _BEAMS_TURNING if fixed else _BEAMS_FORESEEN
+        self._around = _Scanner(labels, *beam_table(_thinned(around(scene.sensor), turning)), reach)
         self._ahead = _Scanner(labels, *beam_table(_thinned(scene.sensor, _BEAMS_WALKING)), reach)
         self.adapt(scene)
 

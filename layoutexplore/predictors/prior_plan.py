@@ -33,6 +33,9 @@ from layoutexplore.priors.registration import Registration
 SURE = 0.7
 """Confidence from which a plan is believed."""
 
+DOUBTED = 0.5
+"""Share of that confidence below which a plan that was believed is believed no longer."""
+
 HINTS = ("scale", "rotation", "mirror", "here")
 """Options that tell something of a plan's place."""
 
@@ -68,6 +71,7 @@ class PriorPredictor:
         self.name = f"prior:{self._source}"
         self.registration: Registration | None = None
         self.confidence = 0.0
+        self._believed = False
         self._on_map = PlanOnMap()
         if self._prior is not None:
             self.registration = Registration(self._prior)
@@ -87,6 +91,7 @@ class PriorPredictor:
 
     def _begin(self, prior: PriorPlan) -> None:
         self.registration, self.confidence, self._on_map = Registration(prior), 0.0, PlanOnMap()
+        self._believed = False
 
     @property
     def unused(self) -> str:
@@ -117,7 +122,8 @@ class PriorPredictor:
             self.registration.start = float(decision.track[0, 0]), float(decision.track[0, 1])
         self.registration.update(decision.grid)
         self.confidence = confidence(self.registration)
-        if self.confidence < self._sure:
+        self._believed = self.confidence >= self._sure * (DOUBTED if self._believed else 1.0)
+        if not self._believed:
             return None
         return self._on_map.foresee(self.registration, decision.grid, self.confidence, self.name)
 

@@ -9,6 +9,7 @@ from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.morphology import disc
+from layoutexplore.priors.openings import with_ways_in
 from layoutexplore.priors.registration import Hypothesis, Registration, thinned
 from layoutexplore.priors.warp import WarpedPlacement
 
@@ -16,7 +17,7 @@ WALL_DEPTH = 0.5
 """Metres of solid behind floor that are foreseen as walls; deeper, a plan is silent."""
 
 CONTRADICTED, LEAST_POINTS = 0.5, 10
-"""A plan's room is contradicted where so large a share of the points seen in it, of so many, disagrees."""
+"""A plan's room is contradicted where so large a share of the points seen in it, of so many, are walls."""
 
 POINT_OFF = 0.6
 """Metres by which a seen wall is off when it disagrees with a plan."""
@@ -64,6 +65,7 @@ class PlanOnMap:
             gone = np.isin(ids, sorted(silent))
             cells[gone] = UNKNOWN
         _drop_slivers(cells, grid, min(LEAST_GAP, 2.0 * _usual_error(registration, best)))
+        cells = with_ways_in(cells, grid.cells, grid.resolution)
         ids[cells != FREE] = 0
         return Foresight(
             cells=cells, room_ids=ids, confidence=confidence, predictor=name, resolution=grid.resolution
@@ -85,7 +87,7 @@ def drawn_on(registration: Registration, hypothesis: Hypothesis, grid: Occupancy
 
 
 def contradicted_rooms(registration: Registration, hypothesis: Hypothesis) -> set[int]:
-    """Rooms of the plan in which most of what has been seen disagrees with it."""
+    """Rooms of the plan in whose middle most of what has been seen are walls."""
     fields = registration.fields
     votes = np.zeros((2, int(fields.room_ids.max()) + 1))
     walls, floor = thinned(registration.evidence.walls), thinned(registration.evidence.floor)
@@ -94,14 +96,10 @@ def contradicted_rooms(registration: Registration, hypothesis: Hypothesis) -> se
         place = np.floor((at - fields.low) / fields.cell).astype(int)
         inside = ((place >= 0) & (place < fields.free.shape[::-1])).all(axis=1)
         col, row = place[inside].T
-        if is_wall:
-            room = fields.room_ids[row, col]  # in the middle of a drawn room
-            off = fields.to_walls[row, col] > POINT_OFF
-        else:
-            room = fields.nearest_room[row, col]
-            off = fields.depth[row, col] < -LEAST_GAP
+        room = fields.room_ids[row, col]
         np.add.at(votes[0], room, 1.0)
-        np.add.at(votes[1], room, off.astype(np.float64))
+        if is_wall:  # in the middle of a drawn room
+            np.add.at(votes[1], room, (fields.to_walls[row, col] > POINT_OFF).astype(np.float64))
     many = votes[0] >= LEAST_POINTS
     wrong = many & (votes[1] > CONTRADICTED * votes[0])
     return set(np.flatnonzero(wrong).tolist()) - {0}

@@ -51,17 +51,6 @@ class PlanFields:
         return np.asarray((inside - outside) * self.cell, np.float32)
 
     @cached_property
-    def nearest_room(self) -> Ints32:
-        """int32 (rows, cols): the room that each cell lies in or next to; 0 only in a plan without rooms."""
-        none = (self.room_ids == 0).astype(np.uint8)
-        if none.all():
-            return self.room_ids
-        _, nearest = cv2.distanceTransformWithLabels(none, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-        of_label = np.zeros(int(nearest.max()) + 1, np.int32)
-        of_label[nearest[none == 0]] = self.room_ids[none == 0]
-        return np.asarray(of_label[nearest], np.int32)
-
-    @cached_property
     def direction(self) -> float:
         """The direction of most walls, radians 0..pi/2."""
         return wall_direction(self.free)
