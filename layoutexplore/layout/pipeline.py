@@ -44,39 +44,51 @@ def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None
 
 
 class LayoutCache:
-    """`reconstruct` that keeps its last layout while the walls it was made from have not changed.
+    """`reconstruct` that keeps its last layout while the walls it was made from have hardly changed.
 
-    Almost half of the scans of an exploration add no occupied cell; segments, walls and lines then stay as
-    they are, bit for bit. What a change of free cells alone does to the rooms is left out until a wall
-    changes, unless `exact` is asked for.
+    Segments, walls and lines stay as they are, bit for bit, until an occupied cell changes. What a change of
+    free cells alone does to the rooms is left out until a wall changes, unless `exact` is asked for.
 
     Args:
         method: As for `reconstruct`.
         config: As for `reconstruct`.
         exact: Reconstruct as soon as any cell has changed.
+        growth: Reconstruct as soon as the occupied cells that have changed are more than this share of those
+            that there were.
     """
 
-    def __init__(self, method: str = "default", config: Any = None, *, exact: bool = False) -> None:
+    def __init__(
+        self, method: str = "default", config: Any = None, *, exact: bool = False, growth: float = 0.0
+    ) -> None:
+        if not 0 <= growth < 1:
+            raise ConfigError(f"growth must lie in [0, 1), got {growth}")
         self.method = layout_method(method)
         self.config = self.method.config(config)
-        self.exact = exact
+        self.exact, self.growth = exact, growth
         self._seen: NDArray[Any] | None = None
+        self._most = 0
         self._frame: tuple[float, Pose] | None = None
         self._layout: Layout | None = None
 
-    def __call__(self, grid: OccupancyGrid) -> Layout:
-        """The layout of the grid, or the last one while the cells that matter are the same."""
+    def __call__(self, grid: OccupancyGrid, part: Callable[[], OccupancyGrid] | None = None) -> Layout:
+        """The layout of the grid, or the last one while the cells that matter are the same.
+
+        Args:
+            grid: The grid.
+            part: What the method is shown of it; all of it unless given.
+        """
         seen = grid.cells.copy() if self.exact else grid.cells == OCCUPIED
         frame = grid.resolution, grid.origin
-        if (
-            self._layout is None
-            or self._seen is None
-            or frame != self._frame
-            or not np.array_equal(seen, self._seen)
-        ):
-            self._layout = self.method.run(grid, self.config)
+        if self._layout is None or frame != self._frame or self._differs(seen):
+            self._layout = self.method.run(part() if part else grid, self.config)
             self._seen, self._frame = seen, frame
+            self._most = 0 if self.exact else int(self.growth * np.count_nonzero(seen))
         return self._layout
+
+    def _differs(self, seen: NDArray[Any]) -> bool:
+        if self._seen is None or seen.shape != self._seen.shape:
+            return True
+        return int(np.count_nonzero(seen != self._seen)) > self._most
 
 
 ConfigT = TypeVar("ConfigT")

@@ -33,6 +33,9 @@ LINE_METHODS = ("default", "rose2", "ias15")
 COMPLETIONS = ("faces", "lines", "none")
 """How half-seen rooms are completed: by the method's own faces, by rooms of ROSE2's lines, or not at all."""
 
+GROWTH = 0.01
+"""Lines are kept until the known walls have changed by this share of them."""
+
 
 class ReconstructedRooms(RoomsOnGrid):
     """The rooms of a layout on the grid of a decision, completed when they are first asked for.
@@ -85,6 +88,8 @@ class ReconstructedPredictor:
         method: A method of `layoutexplore.layout.pipeline.reconstruct`.
         completion: How half-seen rooms are completed; empty for "faces" with methods of lines, "lines" with
             others.
+        growth: Lines are kept until more occupied cells than this share of them have changed; with 0 they are
+            found anew as soon as one has.
         options: Options of the method to change.
 
     Raises:
@@ -92,15 +97,17 @@ class ReconstructedPredictor:
         ConfigError: An option's value makes no sense.
     """
 
-    def __init__(self, method: str, completion: str = "", **options: Any) -> None:
-        given = {"completion": completion, **options} if completion else options
+    def __init__(self, method: str, completion: str = "", growth: float = GROWTH, **options: Any) -> None:
+        own = {"completion": (completion, ""), "growth": (growth, GROWTH)}
+        given = {key: value for key, (value, default) in own.items() if value != default} | options
         self.name = ";".join([f"reconstruct:{method}", *(f"{k}={format_value(v)}" for k, v in given.items())])
         self._completion = completion or ("faces" if layout_method(method).name in LINE_METHODS else "lines")
         if self._completion not in COMPLETIONS:
             raise unknown_name("completion of rooms", self._completion, COMPLETIONS)
-        # Lines stay as they are until a wall changes; rooms that are labels of free cells change with any.
-        self._layouts = LayoutCache(method, options or None, exact=self._completion != "faces")
-        self._lines = LayoutCache("rose2")
+        # Lines stay as they are until walls change; rooms that are labels of free cells change with any cell.
+        exact = self._completion != "faces"
+        self._layouts = LayoutCache(method, options or None, exact=exact, growth=growth)
+        self._lines = LayoutCache("rose2", growth=growth)
         self.fingerprint = self._layouts.method.digest
 
     def predict(self, decision: Decision) -> Decision:
@@ -119,12 +126,12 @@ class ReconstructedPredictor:
         return self._reconstruct(decision.grid).rooms
 
     def _reconstruct(self, grid: OccupancyGrid) -> ReconstructedRooms:
-        part = known_part(grid, walls=self._completion == "faces")
-        layout = self._layouts(part)
+        own = self._completion == "faces"
+        layout = self._layouts(grid, lambda: known_part(grid, walls=own))
         if self._completion == "none":
             return ReconstructedRooms(grid, layout)
-        own = self._completion == "faces"
-        return ReconstructedRooms(grid, layout, layout if own else self._lines(known_part(grid, walls=True)))
+        lines = layout if own else self._lines(grid, lambda: known_part(grid, walls=True))
+        return ReconstructedRooms(grid, layout, lines)
 
 
 def predictor_of_method(text: str) -> ReconstructedPredictor:
@@ -141,12 +148,13 @@ def predictor_of_method(text: str) -> ReconstructedPredictor:
         'reconstruct:rose2;sigma=0.2'
     """
     method, *items = (item.strip() for item in text.replace(",", ";").split(";"))
-    known: dict[str, Any] = dataclasses.asdict(layout_method(method).config())
+    known: dict[str, Any] = {"completion": "", "growth": GROWTH}
+    known |= dataclasses.asdict(layout_method(method).config())
     where, options = f"predictor reconstruct:{text}", dict[str, Any]()
     for key, value in split_pairs(where, items).items():
-        if key != "completion" and key not in known:
-            raise unknown_name(f"option of the {method} method", key, ["completion", *known])
-        options[key] = read_value(f"{where}: {key}", known.get(key, ""), value)
+        if key not in known:
+            raise unknown_name(f"option of the {method} method", key, [*known])
+        options[key] = read_value(f"{where}: {key}", known[key], value)
     return ReconstructedPredictor(method, **options)
 
 

@@ -44,7 +44,7 @@ class SeenRegions:
         if self._layouts.method.name == DOORWAYS:
             return doorways
         free = grid.free
-        labels = grow_labels(labels_on_grid(self._layouts(known_part(grid)), grid), free)
+        labels = grow_labels(labels_on_grid(self._layouts(grid, lambda: known_part(grid)), grid), free)
         # What no room reaches becomes regions of its own.
         parts, _ = label_components(free & (labels == 0))
         labels = np.where(parts > 0, parts + labels.max(initial=0), labels).astype(np.int32)
