@@ -15,7 +15,7 @@ from layoutexplore.layout.lines.faces import Arrangement
 
 def paint_faces(arrangement: Arrangement, shape: tuple[int, int], resolution: float) -> Ints32:
     """The one face that holds each cell's centre, int32 (rows, cols); -1 outside the box."""
-    corners, offsets = arrangement.rings()
+    corners, offsets = arrangement.rings
     image = np.full(shape, -1, np.int32)
     _paint_convex(corners / resolution - 0.5, offsets, image)
     return image

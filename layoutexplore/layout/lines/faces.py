@@ -8,6 +8,7 @@ half-edge lies on its left.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse
@@ -97,6 +98,7 @@ class Arrangement:
         """float64 (e,), in metres."""
         return self.span[:, 1] - self.span[:, 0]
 
+    @cached_property
     def rings(self) -> tuple[Floats, Ints]:
         """Corners float64 (n, 2) of all bounded faces, counter-clockwise, and offsets int64 (f + 1,).
 

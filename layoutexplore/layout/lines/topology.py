@@ -20,9 +20,10 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
-from layoutexplore.grids.components import components, split_labels
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
+from layoutexplore.grids.components import components, join_runs
 from layoutexplore.grids.grid import FREE, OccupancyGrid
+from layoutexplore.grids.runs import find_runs
 from layoutexplore.layout.limits import most_lines
 from layoutexplore.layout.lines.face_clusters import merge_small, renumber
 from layoutexplore.layout.lines.face_model import (
@@ -34,7 +35,7 @@ from layoutexplore.layout.lines.face_model import (
     line_weights,
     with_lines,
 )
-from layoutexplore.layout.lines.faces import Arrangement
+from layoutexplore.layout.lines.faces import Arrangement, LineSet
 
 BINS = 256
 """Of equal width, that a room's cells fall into when their extent is measured."""
@@ -94,15 +95,23 @@ def split_rooms(
     Returns:
         The lines with those added that were needed, the faces cut by them, and the room of each face.
     """
-    free = (grid.cells == FREE).astype(np.uint8)
-    distance = cv2.distanceTransform(np.pad(free, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
-    is_open = np.asarray(distance * grid.resolution > options.split_clearance)
+    is_open = _open_cells(grid, options.split_clearance)
+    changed = np.ones(int(room.max(initial=-1)) + 1, np.bool_)
     for _ in range(options.split_rounds):
-        cuts = _find_cuts(grid, model, faces, room, is_open, options)
+        # in a room that stays as it is no cut is found again: a line that was added has no wall
+        looked_at = np.where(np.append(changed, False)[room], room, -1)
+        cuts = _find_cuts(grid, model, faces, looked_at, is_open, options)
         if not cuts:
             break
-        model, faces, room = _apply(grid, model, faces, room, cuts, config)
+        model, faces, room, changed = _apply(grid, model, faces, room, cuts, config)
     return model, faces, room
+
+
+def _open_cells(grid: OccupancyGrid, clearance: float) -> Mask:
+    """Free cells farther than this, in metres, from all that are not, bool (rows, cols)."""
+    free = (grid.cells == FREE).astype(np.uint8)
+    distance = cv2.distanceTransform(np.pad(free, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
+    return np.asarray(distance * grid.resolution > clearance)
 
 
 def _find_cuts(
@@ -113,22 +122,23 @@ def _find_cuts(
     is_open: Mask,
     options: TopologyConfig,
 ) -> list[Cut]:
-    labels = _label_open(is_open, faces.painted, np.append(room[faces.group], -1))
-    part, size = split_labels(labels)
-    owner = _owners(labels, part, len(size))
+    runs, part, owner = _open_runs(is_open, faces.painted, np.append(room[faces.group], -1))
+    length = runs[:, 2] - runs[:, 1]
+    size = np.bincount(part, length, len(owner))
     owner[size * grid.resolution**2 < options.split_area] = -1
     parts_in_room = np.bincount(owner[owner >= 0], minlength=1)
     wanted = np.flatnonzero(parts_in_room >= 2)
     if not len(wanted):
         return []
-    is_wanted = np.append(parts_in_room >= 2, False)[owner]
-    at = np.flatnonzero(np.append(is_wanted, False)[part])
-    part_of = part.reshape(-1)[at]
-    by_room = np.argsort(owner[part_of], kind="stable")
-    at, part_of = at[by_room], part_of[by_room]
-    room_of = owner[part_of]
-    points = np.stack((at % grid.shape[1] + 0.5, at // grid.shape[1] + 0.5), axis=1) * grid.resolution
-    first = np.searchsorted(room_of, np.append(wanted, len(parts_in_room)))
+    # the runs of these rooms, room by room, and from them their cells
+    chosen = np.flatnonzero(np.append(parts_in_room >= 2, False)[owner[part]])
+    chosen = chosen[np.argsort(owner[part[chosen]], kind="stable")]
+    length = length[chosen]
+    behind = np.cumsum(length)
+    column = np.arange(behind[-1]) - np.repeat(behind - length - runs[chosen, 1], length)
+    part_of, row = np.repeat(part[chosen], length), np.repeat(runs[chosen, 0], length)
+    points = np.stack((column + 0.5, row + 0.5), axis=1) * grid.resolution
+    first = np.searchsorted(owner[part_of], np.append(wanted, len(parts_in_room)))
     by_owner = np.argsort(owner, kind="stable")
     rank = np.empty(len(owner), np.int64)
     rank[by_owner] = np.arange(len(owner)) - np.searchsorted(owner[by_owner], owner[by_owner])
@@ -155,14 +165,22 @@ def _label_open(is_open: Mask, painted: Ints32, room: Ints) -> Ints32:
 
 
 @njit(cache=True, nogil=True)
-def _owners(labels: Ints32, part: Ints32, count: int) -> Ints:
-    """The label int64 (count,) of each part of equal labels."""
-    out = np.full(count, -1, np.int64)
-    for r in range(part.shape[0]):
-        for c in range(part.shape[1]):
-            if part[r, c] >= 0:
-                out[part[r, c]] = labels[r, c]
-    return out
+def _open_runs(is_open: Mask, painted: Ints32, room: Ints) -> tuple[Ints32, Ints, Ints]:
+    """The connected parts of the open cells of each room.
+
+    `room` is that of each cell of the arrangement, as for `_label_open`.
+
+    Returns:
+        Runs int32 (n, 3) as `find_runs` finds them, the part int64 (n,) of each, and the room int64 (k,) of
+        each part.
+    """
+    labels = _label_open(is_open, painted, room)
+    runs = find_runs(labels, np.int32(-1))
+    part = join_runs(runs, labels, 0)
+    owner = np.empty(part.max() + 1 if len(part) else 0, np.int64)
+    for k in range(len(runs)):
+        owner[part[k]] = labels[runs[k, 0], runs[k, 1]]
+    return runs, part, owner
 
 
 def _best_cut(
@@ -260,14 +278,16 @@ def _grouped(values: Floats, rank: Ints, count: int) -> tuple[Floats, Ints]:
 
 def _apply(
     grid: OccupancyGrid, model: WallModel, faces: FaceModel, room: Ints, cuts: list[Cut], config: FaceConfig
-) -> tuple[WallModel, FaceModel, Ints]:
+) -> tuple[WallModel, FaceModel, Ints, Mask]:
+    """Lines, faces and rooms after the cuts; and of each room whether it has changed."""
     added = np.array([c.direction for c in cuts], np.int64), np.array([c.offset for c in cuts])
     model = replace(model, lines=with_lines(model.lines, *added, most_lines(grid.shape)))
     arrangement = arrange_lines(grid, model, config.margin)
     covered, weight = line_weights(arrangement, model)
     centre, parent = _centres(arrangement), _parents(arrangement, faces.arrangement)
     group = faces.group[parent]
-    of_cell = room[group]
+    before = room[group]
+    of_cell = before.copy()
     count = int(room.max()) + 1
     for cut in cuts:
         angle = model.aligned.directions[cut.direction]
@@ -278,30 +298,54 @@ def _apply(
     faces = face_model(grid, arrangement, covered, weight, group, faces.region, config)
     room = np.full(len(faces), -1, np.int64)
     room[group] = of_cell
-    return model, faces, merge_small(renumber(room), faces.graph, faces.free_area, config.room_area)
+    room = merge_small(renumber(room), faces.graph, faces.free_area, config.room_area)
+    return model, faces, room, _changed(before, room[group])
+
+
+def _changed(before: Ints, after: Ints) -> Mask:
+    """Of each group of `after` (n,) whether its members are not those of a group of `before`; -1 is none."""
+    count = int(after.max(initial=-1)) + 1
+    inside = after >= 0
+    old = np.full(count, -1, np.int64)
+    old[after[inside]] = before[inside]
+    same = np.bincount(after[inside & (before == old[after])], minlength=count)
+    size = np.bincount(before[before >= 0], minlength=1)
+    return np.asarray((old < 0) | (same != np.bincount(after[inside], minlength=count)) | (same != size[old]))
 
 
 def _centres(arrangement: Arrangement) -> Floats:
     """A point float64 (f, 2) inside each cell: the mean of its corners."""
-    corners, offsets = arrangement.rings()
+    corners, offsets = arrangement.rings
     return np.asarray(np.add.reduceat(corners, offsets[:-1]) / np.diff(offsets)[:, None])
 
 
 def _parents(fine: Arrangement, coarse: Arrangement) -> Ints:
     """The coarse arrangement's cell that holds each of the fine one, by the sides of all coarse lines."""
-    lines = coarse.lines
-    normal = np.stack((-np.sin(lines.angle), np.cos(lines.angle)))
-    held, wanted = (
-        [code.tobytes() for code in _codes(_centres(a), normal, lines.offset)] for a in (coarse, fine)
-    )
-    cell_of = {code: cell for cell, code in enumerate(held)}
-    return np.array([cell_of.get(code, 0) for code in wanted], np.int64)
+    code = _strips(coarse.lines, np.concatenate((_centres(coarse), _centres(fine))))
+    cell_of = np.zeros(int(code.max()) + 1, np.int64)
+    cell_of[code[: len(coarse)]] = np.arange(len(coarse))
+    return cell_of[code[len(coarse) :]]
 
 
-def _codes(points: Floats, normal: Floats, offset: Floats) -> Bytes:
-    """On which side of each line (2, n) points (m, 2) lie, as bits uint8 (m, n / 8); block by block."""
-    blocks = [points[i : i + 4096] for i in range(0, len(points), 4096)]
-    return np.concatenate([np.packbits(block @ normal > offset, axis=1) for block in blocks])
+def _strips(lines: LineSet, points: Floats) -> Ints:
+    """A number int64 (m,) from 0 for the cell that holds each of the points (m, 2), the same in one cell.
+
+    It comes from the strips that a point lies in, one of each set of parallel lines.
+    """
+    code, numbers = np.zeros(len(points), np.int64), 1
+    for angle in np.unique(lines.angle):
+        offset = np.sort(lines.offset[lines.angle == angle])
+        if numbers > 2**62 // (len(offset) + 1):
+            code = _from_zero(code)
+            numbers = len(points)
+        strip = np.searchsorted(offset, points @ np.array((-np.sin(angle), np.cos(angle))))
+        code = code * (len(offset) + 1) + strip
+        numbers *= len(offset) + 1
+    return _from_zero(code)
+
+
+def _from_zero(code: Ints) -> Ints:
+    return np.unique(code, return_inverse=True)[1].reshape(-1)
 
 
 def _connected(arrangement: Arrangement, group: Ints, of_cell: Ints) -> tuple[Ints, Ints]:

@@ -18,7 +18,7 @@ from tests.layout.lines.cases import BOX, arrangement_of, lines, seeds
 def test_every_cell_centre_is_painted_with_the_face_that_holds_it(drawn):
     arrangement = arrangement_of(drawn)
     image = paint_faces(arrangement, (33, 41), 0.25)
-    corners, offsets = arrangement.rings()
+    corners, offsets = arrangement.rings
     polygons = np.array([shapely.Polygon(corners[a:b]) for a, b in itertools.pairwise(offsets)])
     rows, cols = np.mgrid[:33, :41]
     centres = shapely.points((cols.ravel() + 0.5) * 0.25, (rows.ravel() + 0.5) * 0.25)
@@ -35,7 +35,7 @@ def test_outlines_are_the_union_of_their_faces(drawn, seed):
     arrangement = arrangement_of(drawn)
     rng = np.random.default_rng(seed)
     group, count = dissolve(arrangement, rng.random(len(arrangement.line)) < 0.4)
-    corners, offsets = arrangement.rings()
+    corners, offsets = arrangement.rings
     faces = np.array([shapely.Polygon(corners[a:b]) for a, b in itertools.pairwise(offsets)])
     for index, polygon in enumerate(outline(arrangement, group, count)):
         union = shapely.union_all(faces[group == index])

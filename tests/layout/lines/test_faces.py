@@ -23,7 +23,7 @@ def test_arrangement_covers_the_box_with_convex_faces(drawn):
     arrangement = arrangement_of(drawn)
     assert arrangement.area.sum() == pytest.approx((BOX[2] - BOX[0]) * (BOX[3] - BOX[1]), rel=1e-6)
     assert len(arrangement.vertices) - len(arrangement.edges) + len(arrangement) == 1
-    corners, offsets = arrangement.rings()
+    corners, offsets = arrangement.rings
     polygons = [shapely.Polygon(corners[a:b]) for a, b in itertools.pairwise(offsets)]
     for polygon, area in zip(polygons, arrangement.area, strict=True):
         assert polygon.area == pytest.approx(area, rel=1e-6, abs=1e-9)
