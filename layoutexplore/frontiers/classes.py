@@ -19,6 +19,7 @@ from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import UNKNOWN
+from layoutexplore.grids.runs import run_end
 
 LITTLE_LEFT = 1.0
 """Square metres: a closed frontier with less left in its room can wait, a room with less left is finished."""
@@ -117,10 +118,18 @@ def _count_rooms(cells: Cells, room_ids: Ints32, passable: Mask) -> tuple[Ints, 
     rooms = room_ids.max() + 1
     total, seen = np.zeros(rooms, np.int64), np.zeros(rooms, np.int64)
     for r in range(cells.shape[0]):
-        for c in range(cells.shape[1]):
-            if passable[r, c]:
-                total[room_ids[r, c]] += 1
-                seen[room_ids[r, c]] += cells[r, c] != -1
+        first = 0
+        # counted once a run of equal cells, not once a cell
+        while first < cells.shape[1]:
+            room = room_ids[r, first]
+            last = run_end(room_ids[r], first, room)
+            here, known = 0, 0
+            for c in range(first, last):
+                here += passable[r, c]
+                known += passable[r, c] & (cells[r, c] != UNKNOWN)
+            total[room] += here
+            seen[room] += known
+            first = last
     return total, seen
 
 
@@ -135,9 +144,16 @@ def _count_components(component: Ints32, components: int, room_ids: Ints32, room
     """int64 (components + 1, rooms): cells of each component in each room."""
     by_room = np.zeros((components + 1, rooms), np.int64)
     for r in range(component.shape[0]):
-        for c in range(component.shape[1]):
-            if component[r, c]:
-                by_room[component[r, c], room_ids[r, c]] += 1
+        first = 0
+        while first < component.shape[1]:
+            part = component[r, first]
+            last = run_end(component[r], first, part)
+            while part and first < last:
+                room = room_ids[r, first]
+                behind = min(run_end(room_ids[r], first, room), last)
+                by_room[part, room] += behind - first
+                first = behind
+            first = last
     return by_room
 
 
@@ -159,19 +175,19 @@ def _rooms_behind(
         # The queue holds the ring that is spread from, queue[first:ring], and behind it the next one.
         first, last = 0, 0
         for n in range(offsets[k], offsets[k + 1]):
-            queue[last] = members[n]
+            queue[last, 0], queue[last, 1] = members[n, 0], members[n, 1]
             last += 1
         for _ in range(depth):
             ring = last
             while first < ring:
-                row, col = queue[first]
+                row, col = queue[first, 0], queue[first, 1]
                 first += 1
                 for step in range(4):
                     r, c = row + (step == 0) - (step == 1), col + (step == 2) - (step == 3)
                     if _unknown_at(cells, passable, r, c) and stamp[r, c] != k + 1:
                         stamp[r, c] = k + 1
                         votes[room_ids[r, c]] += 1
-                        queue[last] = r, c
+                        queue[last, 0], queue[last, 1] = r, c
                         last += 1
         votes[0] = 0  # Cells in no room do not vote.
         if votes.max() > 0:

@@ -138,19 +138,29 @@ def _spread_within(cells: Cells, labels: Ints32, reach: Ints32) -> Ints32:
     stack = np.empty((rows * cols, 2), np.int32)
     for r in range(rows):
         for c in range(cols):
-            if labels[r, c] == 0:
+            label = reach[r, c]
+            if label == 0 or cells[r, c] != UNKNOWN or out[r, c]:
                 continue
-            stack[0] = r, c
+            # an unknown cell beside one of its room, seen or reached: all that is reached from it follows
+            if not (
+                (r > 0 and out[r - 1, c] == label)
+                or (c > 0 and out[r, c - 1] == label)
+                or (c + 1 < cols and out[r, c + 1] == label)
+                or (r + 1 < rows and out[r + 1, c] == label)
+            ):
+                continue
+            out[r, c] = label
+            stack[0, 0], stack[0, 1] = r, c
             count = 1
             while count:
                 count -= 1
-                row0, col0 = stack[count]
+                row0, col0 = stack[count, 0], stack[count, 1]
                 for step in range(4):
                     row, col = row0 + (step == 0) - (step == 1), col0 + (step == 2) - (step == 3)
                     if not (0 <= row < rows and 0 <= col < cols) or cells[row, col] != UNKNOWN:
                         continue
-                    if out[row, col] == 0 and reach[row, col] == labels[r, c]:
-                        out[row, col] = labels[r, c]
-                        stack[count] = row, col
+                    if out[row, col] == 0 and reach[row, col] == label:
+                        out[row, col] = label
+                        stack[count, 0], stack[count, 1] = row, col
                         count += 1
     return out

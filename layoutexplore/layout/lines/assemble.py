@@ -145,7 +145,7 @@ class FaceDetails(Details):
         at_border = np.zeros(int(self.room.max(initial=-1)) + 2, np.bool_)
         at_border[self.room[model.at_border] + 1] = True
         at_border[0] = False  # faces in no room
-        return RoomReach(of_cell[model.painted], at_border)
+        return RoomReach(_looked_up(model.painted, of_cell), at_border)
 
     def _edges(self) -> list[list[FaceEdge]]:
         """The sides of each face that part it from another one or from what lies outside the box."""
@@ -177,6 +177,16 @@ def polygons_to_world(polygons: list[shapely.Polygon], origin: Pose) -> list[sha
     """Polygons of the local frame in the world frame."""
     moved: Any = shapely.transform(np.array(polygons, object), lambda points: to_world(points, origin))
     return list(moved.tolist())
+
+
+@njit(cache=True, nogil=True)
+def _looked_up(painted: Ints32, of_cell: Ints32) -> Ints32:
+    """What `of_cell` says of the cell of the arrangement at each grid cell; its last entry where that is -1."""
+    out = np.empty(painted.shape, np.int32)
+    for row in range(painted.shape[0]):
+        for col in range(painted.shape[1]):
+            out[row, col] = of_cell[painted[row, col]]
+    return out
 
 
 @njit(cache=True, nogil=True)

@@ -14,6 +14,7 @@ from numba import njit
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.runs import run_end
 from layoutexplore.layout.frame import extent
 from layoutexplore.layout.lines.face_clusters import (
     FaceGraph,
@@ -290,11 +291,20 @@ def _count_cells(painted: Ints32, region: Bytes, cells: Cells, count: int) -> tu
     total, inside = np.zeros(count, np.int64), np.zeros(count, np.int64)
     known, free = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for row in range(painted.shape[0]):
-        for col in range(painted.shape[1]):
-            face = painted[row, col]
+        first = 0
+        # counted once a run of equal cells, not once a cell
+        while first < painted.shape[1]:
+            face = painted[row, first]
+            last = run_end(painted[row], first, face)
             if face >= 0:
-                total[face] += 1
-                inside[face] += region[row, col]
-                known[face] += cells[row, col] != UNKNOWN
-                free[face] += cells[row, col] == FREE
+                seen, empty, within = 0, 0, 0
+                for col in range(first, last):
+                    within += region[row, col]
+                    seen += cells[row, col] != UNKNOWN
+                    empty += cells[row, col] == FREE
+                total[face] += last - first
+                inside[face] += within
+                known[face] += seen
+                free[face] += empty
+            first = last
     return total, inside, known, free

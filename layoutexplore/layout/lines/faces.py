@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse
-from scipy.sparse.csgraph import connected_components
+from numba import njit
 
 from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.layout.lines.segments import AlignedSegments
@@ -154,13 +153,9 @@ def arrange(lines: LineSet) -> Arrangement:
     angle = np.stack((lines.angle[line], lines.angle[line] + np.pi), axis=1).reshape(-1)
     origin = edges.reshape(-1)
     following = _next_half_edges(origin, angle)
-    _, cycle = connected_components(
-        scipy.sparse.coo_array((np.ones(len(following), np.int8), (np.arange(len(following)), following))),
-        directed=True,
-        connection="weak",
-    )
+    cycle = _cycles(following)
     a, b = vertices[origin], vertices[origin[np.arange(len(origin)) ^ 1]]
-    area = sums(cycle.astype(np.int64), (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2)
+    area = sums(cycle, (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2)
     bounded = area > 0
     rank = np.where(bounded, np.cumsum(bounded) - 1, -1)
     return Arrangement(
@@ -224,6 +219,20 @@ def _next_half_edges(origin: Ints, angle: Floats) -> Ints:
     twin_place = place[np.arange(len(origin)) ^ 1]
     previous = np.where(twin_place == first[twin_place], last[twin_place], twin_place - 1)
     return np.asarray(order[previous])
+
+
+@njit(cache=True, nogil=True)
+def _cycles(following: Ints) -> Ints:
+    """The cycle of each member (n,) of a permutation, numbered from 0 by first member."""
+    cycle = np.full(len(following), -1, np.int64)
+    count = 0
+    for k in range(len(following)):
+        if cycle[k] < 0:
+            while cycle[k] < 0:
+                cycle[k] = count
+                k = following[k]
+            count += 1
+    return cycle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

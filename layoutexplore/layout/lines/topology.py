@@ -18,13 +18,14 @@ from itertools import pairwise
 import cv2
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.grids.components import components, join_runs
 from layoutexplore.grids.grid import FREE, OccupancyGrid
 from layoutexplore.grids.runs import find_runs
-from layoutexplore.layout.limits import most_lines
+from layoutexplore.layout.limits import cells_at_most, most_lines
 from layoutexplore.layout.lines.face_clusters import merge_small, renumber
 from layoutexplore.layout.lines.face_model import (
     FaceConfig,
@@ -39,6 +40,13 @@ from layoutexplore.layout.lines.faces import Arrangement, LineSet
 
 BINS = 256
 """Of equal width, that a room's cells fall into when their extent is measured."""
+
+LEAST_WIDTH = 1e-9
+"""Values less than this apart, in metres, fall into one of these bins."""
+
+
+LARGEST_DISC = 5
+"""Larger discs are not drawn: distances are measured instead, whose time does not grow with the radius."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +118,14 @@ def split_rooms(
 def _open_cells(grid: OccupancyGrid, clearance: float) -> Mask:
     """Free cells farther than this, in metres, from all that are not, bool (rows, cols)."""
     free = (grid.cells == FREE).astype(np.uint8)
+    reach = cells_at_most(clearance, grid.resolution, max(grid.shape))
+    if reach <= LARGEST_DISC:
+        # what is too near to one cell is the same around all of them
+        alone = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+        alone[reach, reach] = 0
+        distance = cv2.distanceTransform(alone, cv2.DIST_L2, cv2.DIST_MASK_5)
+        disc = (distance * grid.resolution <= clearance).astype(np.uint8)
+        return cv2.erode(free, disc, borderType=cv2.BORDER_CONSTANT, borderValue=0).view(np.bool_)
     distance = cv2.distanceTransform(np.pad(free, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
     return np.asarray(distance * grid.resolution > clearance)
 
@@ -227,53 +243,53 @@ def quantile_extent(values: Floats, rank: Ints, count: int, share: float) -> tup
 
 @njit(cache=True, nogil=True)
 def _extents(values: Floats, rank: Ints, count: int, share: float) -> tuple[Floats, Floats]:
-    grouped, first = _grouped(values, rank, count)
-    low, high = np.empty(count), np.empty(count)
+    least, most = np.full(count, np.inf), np.full(count, -np.inf)
+    for n in range(len(values)):
+        k = rank[n]
+        least[k], most[k] = min(least[k], values[n]), max(most[k], values[n])
+    # values of one bin lie side by side in rising order: only those in the two bins wanted are sorted
+    scale = BINS / np.maximum(most - least, LEAST_WIDTH)
+    table = np.zeros((count, BINS + 1), np.int32)
+    bins = np.empty(len(values), np.int16)
+    for n in range(len(values)):
+        bins[n] = min(int((values[n] - least[rank[n]]) * scale[rank[n]]), BINS)
+        table[rank[n], bins[n]] += 1
+    low, high = np.empty((count, 2), np.int64), np.empty((count, 2), np.int64)
     for k in range(count):
-        group = grouped[first[k] : first[k + 1]]
-        low[k] = _nth(group, int(share * (len(group) - 1)))
-        high[k] = _nth(group, int((1 - share) * (len(group) - 1)))
-    return low, high
+        places = table[k].sum() - 1
+        low[k] = _bin_of(table[k], int(share * places))
+        high[k] = _bin_of(table[k], int((1 - share) * places))
+    return _picked(values, rank, bins, table, low), _picked(values, rank, bins, table, high)
 
 
 @njit(cache=True, nogil=True)
-def _nth(values: Floats, place: int) -> float:
-    """The value at a place in rising order: only those in its bin are looked at again."""
-    while True:
-        least, width = values.min(), values.max() - values.min()
-        if width == 0:
-            return float(least)
-        counts = np.zeros(BINS + 1, np.int64)
-        for value in values:
-            counts[int((value - least) / width * BINS)] += 1
-        wanted = 0
-        while counts[wanted] <= place:
-            place -= counts[wanted]
-            wanted += 1
-        # the least and the largest value are never in one bin: fewer are left with every round
-        inside = np.empty(counts[wanted])
-        count = 0
-        for value in values:
-            if int((value - least) / width * BINS) == wanted:
-                inside[count] = value
-                count += 1
-        values = inside
+def _bin_of(counts: Ints32, place: int) -> tuple[int, int]:
+    """The bin that holds a place in rising order, and the place within it."""
+    wanted = 0
+    while counts[wanted] <= place:
+        place -= counts[wanted]
+        wanted += 1
+    return wanted, place
 
 
 @njit(cache=True, nogil=True)
-def _grouped(values: Floats, rank: Ints, count: int) -> tuple[Floats, Ints]:
-    """The values (n,) group by group, and where each group begins, int64 (count + 1,)."""
+def _picked(values: Floats, rank: Ints, bins: NDArray[np.int16], table: Ints32, wanted: Ints) -> Floats:
+    """Of each rank the value at the place within the bin that is wanted, int64 (count, 2) as both."""
+    count = len(wanted)
     first = np.zeros(count + 1, np.int64)
-    for k in range(len(rank)):
-        first[rank[k] + 1] += 1
-    for group in range(count):
-        first[group + 1] += first[group]
-    # `place` is where the next value of a group goes
-    place, grouped = first[:-1].copy(), np.empty(len(values))
-    for k in range(len(values)):
-        grouped[place[rank[k]]] = values[k]
-        place[rank[k]] += 1
-    return grouped, first
+    for k in range(count):
+        first[k + 1] = first[k] + table[k, wanted[k, 0]]
+    # `at` is where the next value of a rank goes
+    inside, at = np.empty(first[count]), first[:-1].copy()
+    for n in range(len(values)):
+        k = rank[n]
+        if bins[n] == wanted[k, 0]:
+            inside[at[k]] = values[n]
+            at[k] += 1
+    out = np.empty(count)
+    for k in range(count):
+        out[k] = np.sort(inside[first[k] : first[k + 1]])[wanted[k, 1]]
+    return out
 
 
 def _apply(
