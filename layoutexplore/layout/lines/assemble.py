@@ -181,7 +181,7 @@ def polygons_to_world(polygons: list[shapely.Polygon], origin: Pose) -> list[sha
 
 @njit(cache=True, nogil=True)
 def _looked_up(painted: Ints32, of_cell: Ints32) -> Ints32:
-    """What `of_cell` says of the cell of the arrangement at each grid cell; its last entry where that is -1."""
+    """The entry of `of_cell` of the arrangement's cell at each grid cell; its last one where that is -1."""
     out = np.empty(painted.shape, np.int32)
     for row in range(painted.shape[0]):
         for col in range(painted.shape[1]):
