@@ -178,6 +178,25 @@ def test_cache_keeps_the_layout_while_the_walls_stay():
     assert cache(OccupancyGrid(grid.cells, 0.2)).clean_grid.resolution == 0.2
 
 
+def test_cache_keeps_the_layout_while_the_walls_have_hardly_grown():
+    grid = building(0.1)
+    cache = LayoutCache("rose2", growth=0.01)
+    shown: list[OccupancyGrid] = []
+
+    def part() -> OccupancyGrid:
+        shown.append(grid)
+        return grid
+
+    first, walls = cache(grid, part), np.argwhere(grid.cells == 100)
+    few = len(walls) // 100
+    grid.cells[tuple(walls[:few].T)] = 0
+    assert cache(grid, part) is first and len(shown) == 1
+    grid.cells[tuple(walls[few])] = 0
+    assert cache(grid, part) is not first and len(shown) == 2
+    with pytest.raises(ConfigError, match="growth"):
+        LayoutCache("rose2", growth=1.0)
+
+
 @pytest.mark.parametrize(
     ("method", "options"),
     [

@@ -179,6 +179,20 @@ def test_walls_that_have_not_changed_are_not_reconstructed_again() -> None:
     assert second.layout is first.layout
 
 
+def test_lines_are_kept_while_walls_hardly_grow_and_rooms_follow_what_is_seen() -> None:
+    grid = drawn(HALF_SEEN)
+    seen = grid.cells.copy()
+    seen[10 * SCALE, 12 * SCALE : 12 * SCALE + 3] = 100  # of 830 wall cells
+    seen[9 * SCALE + 2, 10 * SCALE + 2 : 13 * SCALE] = 0
+    more = decide(OccupancyGrid(seen, 0.1, grid.origin))
+    kept, anew = (make_room_predictor(name) for name in ("reconstruct:rose2", "reconstruct:rose2;growth=0"))
+    first = kept.predict(decide(grid)).rooms
+    again = kept.predict(more)
+    assert again.rooms.layout is first.layout and anew.predict(more).rooms.layout is not first.layout
+    assert (again.rooms.labels[seen == 0] > 0).any() and not again.rooms.labels[seen == 100].any()
+    assert at(again, 9, 13).is_closed
+
+
 @dataclass(frozen=True, eq=False)
 class Reaching(Details):
     """Of a layout whose rooms reach over given cells."""
@@ -231,6 +245,8 @@ def test_known_part_keeps_the_world() -> None:
         ("reconstruct:rose2;sigma=0.1;sigma=0.2", "twice"),
         ("reconstruct:rose2,sigma=wide", "a number"),
         ("reconstruct:rose2,sigma=-1", "sigma"),
+        ("reconstruct:rose2;growth=1", "growth"),
+        ("reconstruct:distance;growth=much", "a number"),
     ],
 )
 def test_bad_specs_are_told(spec: str, said: str) -> None:
@@ -240,4 +256,6 @@ def test_bad_specs_are_told(spec: str, said: str) -> None:
 
 def test_options_reach_the_method_and_name_the_predictor() -> None:
     assert make_room_predictor("reconstruct:rose2, sigma=0.20").name == "reconstruct:rose2;sigma=0.2"
+    assert make_room_predictor("reconstruct:rose2;growth=0").name == "reconstruct:rose2;growth=0"
+    assert make_room_predictor("reconstruct:rose2;growth=0.01").name == "reconstruct:rose2"
     assert make_room_predictor("reconstruct").name == "reconstruct:rose2"
