@@ -98,8 +98,8 @@ class ReconstructedPredictor:
     """
 
     def __init__(self, method: str, completion: str = "", growth: float = GROWTH, **options: Any) -> None:
-        own = {"completion": (completion, ""), "growth": (growth, GROWTH)}
-        given = {key: value for key, (value, default) in own.items() if value != default} | options
+        given: dict[str, Any] = {"completion": completion} if completion else {}
+        given |= ({"growth": growth} if growth != GROWTH else {}) | options
         self.name = ";".join([f"reconstruct:{method}", *(f"{k}={format_value(v)}" for k, v in given.items())])
         self._completion = completion or ("faces" if layout_method(method).name in LINE_METHODS else "lines")
         if self._completion not in COMPLETIONS:
