@@ -13,6 +13,8 @@ Grid coordinates follow the house: row 0 at the lowest y, `origin` is the lower 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import shapely
 from numba import njit
@@ -36,6 +38,23 @@ def polygons_of(geometry: BaseGeometry) -> list[Polygon]:
     if isinstance(geometry, Polygon):
         return [] if geometry.is_empty else [geometry]
     return [polygon for part in getattr(geometry, "geoms", ()) for polygon in polygons_of(part)]
+
+
+def mended(polygons: Any) -> list[Polygon]:
+    """Polygons object (k,), each whose boundary crosses or touches itself replaced by its largest valid part.
+
+    Moved polygons need it too: a corner that lies on another side can lie across it once both are rounded.
+
+    Example:
+        >>> bow_tie = Polygon([(0, 0), (2, 2), (2, 0), (0, 2)])
+        >>> mended(np.array([bow_tie], object))[0].area
+        1.0
+    """
+    found: list[Polygon] = polygons.tolist()
+    for k in np.flatnonzero(~shapely.is_valid(polygons)).tolist():
+        parts = polygons_of(shapely.make_valid(found[k], method="structure", keep_collapsed=False))
+        found[k] = max(parts, key=lambda p: float(p.area), default=Polygon())
+    return found
 
 
 def fill(

@@ -38,6 +38,7 @@ def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
     twice = np.cumsum(points[:, 0] * np.roll(points[:, 1], -1) - points[:, 1] * np.roll(points[:, 0], -1))
     shells: dict[int, tuple[float, int]] = {}
     holes: dict[int, list[Floats]] = {}
+    several: set[int] = set()
     for ring, (begin, end, owner) in enumerate(
         zip(starts[:-1].tolist(), starts[1:].tolist(), owners.tolist(), strict=True)
     ):
@@ -45,7 +46,10 @@ def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
         double = inner + points[end - 1, 0] * points[begin, 1] - points[end - 1, 1] * points[begin, 0]
         if double < 0:
             holes.setdefault(owner, []).append(points[begin:end])
-        elif owner not in shells or double > shells[owner][0]:
+            continue
+        if owner in shells:
+            several.add(owner)
+        if owner not in shells or double > shells[owner][0]:
             shells[owner] = (double, ring)
     if not shells:
         return {}
@@ -55,9 +59,10 @@ def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
     for k, label in enumerate(names):
         if label in holes:
             outlines[k] = _with_holes(outlines[k], holes[label])
-    doubtful = np.flatnonzero(
-        np.isin(names, owners[touching])
-    )  # where no label touches itself, its outline is valid
+    # An outline is valid where its label neither touches itself nor has a part in a hole of another part:
+    # the holes of the inner part lie in the outer one's too.
+    nested = several & holes.keys()
+    doubtful = np.flatnonzero(np.isin(names, [*owners[touching].tolist(), *nested]))
     for k in doubtful[~shapely.is_valid(outlines[doubtful])].tolist():
         if shapely.get_num_interior_rings(outlines[k]) > MANY_HOLES:
             outlines[k] = _cut_apart(outlines[k])

@@ -39,3 +39,13 @@ def _simple(parts: np.ndarray, count: int) -> bool:
 
 def test_rooms_are_numbered_in_raster_order() -> None:
     assert number_rooms(np.array([[0, 7, 7], [3, 0, 9]], np.int32)).tolist() == [[0, 1, 1], [2, 0, 3]]
+
+
+def test_a_part_within_a_hole_of_its_label_keeps_its_own_hole() -> None:
+    labels = np.ones((15, 15), np.int32)
+    labels[2:13, 2:13] = 0
+    labels[4:11, 4:11] = 1
+    labels[6:9, 6:9] = 2
+    shapes = label_polygons(labels)
+    assert shapes[1].is_valid and shapes[1].area == 15**2 - 11**2
+    assert shapes[2].area == 9

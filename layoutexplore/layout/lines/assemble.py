@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import shapely
@@ -14,6 +13,7 @@ from numba import njit
 from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid, Pose
+from layoutexplore.grids.polygons import mended
 from layoutexplore.layout.frame import angles_to_world, ranks, to_world
 from layoutexplore.layout.lines.face_model import FaceModel, WallModel
 from layoutexplore.layout.lines.face_outlines import outline
@@ -174,9 +174,8 @@ class FaceDetails(Details):
 
 
 def polygons_to_world(polygons: list[shapely.Polygon], origin: Pose) -> list[shapely.Polygon]:
-    """Polygons of the local frame in the world frame."""
-    moved: Any = shapely.transform(np.array(polygons, object), lambda points: to_world(points, origin))
-    return list(moved.tolist())
+    """Polygons of the local frame in the world frame, valid there too."""
+    return mended(shapely.transform(np.array(polygons, object), lambda points: to_world(points, origin)))
 
 
 @njit(cache=True, nogil=True)

@@ -10,6 +10,7 @@ import shapely
 from numba import njit
 
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
+from layoutexplore.grids.polygons import mended
 from layoutexplore.layout.lines.faces import Arrangement
 
 
@@ -79,17 +80,7 @@ def outline(arrangement: Arrangement, group: Ints, count: int) -> list[shapely.P
         polygons[groups] = shapely.polygons(
             shapely.linearrings(np.concatenate(corners), indices=of_ring), indices=of_group
         )
-    for k in np.flatnonzero(~shapely.is_valid(polygons)):
-        polygons[k] = _mended(polygons[k])
-    found: list[shapely.Polygon] = polygons.tolist()
-    return found
-
-
-def _mended(polygon: shapely.Polygon) -> shapely.Polygon:
-    """The largest valid part of a polygon whose boundary touches itself."""
-    parts = shapely.get_parts(shapely.make_valid(polygon, method="structure", keep_collapsed=False))
-    polygons = [p for p in parts if isinstance(p, shapely.Polygon)]
-    return max(polygons, key=lambda p: p.area, default=shapely.Polygon())
+    return mended(polygons)
 
 
 def _boundary_rings(arrangement: Arrangement, group: Ints) -> tuple[list[Floats], Ints, Floats]:

@@ -8,6 +8,9 @@ import numpy as np
 import shapely
 from hypothesis import given, settings
 
+from layoutexplore.grids.grid import Pose
+from layoutexplore.layout.frame import to_world
+from layoutexplore.layout.lines.assemble import polygons_to_world
 from layoutexplore.layout.lines.face_clusters import dissolve
 from layoutexplore.layout.lines.face_outlines import outline, paint_faces
 from tests.layout.lines.cases import BOX, arrangement_of, lines, seeds
@@ -41,3 +44,15 @@ def test_outlines_are_the_union_of_their_faces(drawn, seed):
         union = shapely.union_all(faces[group == index])
         assert polygon.is_valid
         assert polygon.symmetric_difference(union).area < 1e-3
+
+
+def test_a_corner_on_another_side_stays_valid_when_moved() -> None:
+    shell, corner = [(0, 0), (7, 1), (6, 9), (1, 8)], (3.5, 0.5)
+    touching = shapely.Polygon(shell, [[corner, (4, 4), (3, 4)]])
+    angles = np.linspace(0, np.pi, 50)
+    origins = [Pose(1.1, 0.7, angle) for angle in angles.tolist()]
+    plain = [shapely.transform(touching, lambda p, o=origin: to_world(p, o)) for origin in origins]
+    assert not all(polygon.is_valid for polygon in plain)
+    for origin in origins:
+        (moved,) = polygons_to_world([touching], origin)
+        assert moved.is_valid and abs(moved.area - touching.area) < 1e-6
