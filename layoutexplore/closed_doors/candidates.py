@@ -38,8 +38,9 @@ def rectangles(scene: Scene, door: ClosedDoor) -> Ints:
     stops = [*_ends(strip, middle, 1, reach), *_beside(scene, door, 1, reach)]
     inner = scene.span(0.15)
     inside = np.s_[max(door.start + inner, 0) : max(door.stop - inner, door.start + scene.span(0.2))]
-    shaft = scene.possible[:, inside].mean(1) > 0.6
-    tops = _ends(shaft, bottom - 1, -1, reach)
+    shaft = scene.possible[:, inside]
+    open_rows = shaft.sum(1) > 0.6 * shaft.shape[1]
+    tops = _ends(open_rows, bottom - 1, -1, reach)
     left, right, far = _mirrored_room(scene, bottom, middle)
     starts, stops, tops = starts + left, stops + right, tops + far
     starts += _lines(scene, (0, 1), t, middle, -1)

@@ -253,9 +253,9 @@ def line_weights(arrangement: Arrangement, model: WallModel) -> tuple[Floats, Fl
     """Covered metres of each edge (e,) and covered share of each line (m + 4,)."""
     lines: LineSet = arrangement.lines
     count = len(model.lines)
-    reach = 4 * (
-        1 + np.abs(np.concatenate((lines.start, lines.end, model.aligned.start, model.aligned.end))).max()
-    )
+    crosses = lines.start <= lines.end  # a line that misses the box starts and ends at infinity
+    start, end = np.where(crosses, lines.start, 0.0), np.where(crosses, lines.end, 0.0)
+    reach = 4 * (1 + np.abs(np.concatenate((start, end, model.aligned.start, model.aligned.end))).max())
     coverage = cover_lines(model.aligned, model.lines.group, float(reach))
     wall = arrangement.line < count
     covered = np.zeros(len(arrangement.line))
@@ -263,8 +263,8 @@ def line_weights(arrangement: Arrangement, model: WallModel) -> tuple[Floats, Fl
         arrangement.line[wall], arrangement.span[wall, 0], arrangement.span[wall, 1]
     )
     weight = np.ones(count + 4)
-    length = np.maximum(lines.end[:count] - lines.start[:count], 1e-9)
-    weight[:count] = coverage.between(np.arange(count), lines.start[:count], lines.end[:count]) / length
+    length = np.maximum(end[:count] - start[:count], 1e-9)
+    weight[:count] = coverage.between(np.arange(count), start[:count], end[:count]) / length
     return np.minimum(covered, arrangement.edge_length), np.minimum(weight, 1.0)
 
 
