@@ -60,6 +60,7 @@ class Traversability:
         self, shape: tuple[int, int], robot_radius: float, resolution: float, *, large: int = LARGE
     ) -> None:
         self._shape, self._radius, self._resolution, self._large = shape, robot_radius, resolution, large
+        self._vast = shape[0] * shape[1] >= 4 * large  # a search of all cells would need too much memory
         self._margin = math.ceil(robot_radius / resolution)
         self._search = Search(shape)
         self._changed = self._ever_changed = _NOTHING
@@ -152,7 +153,7 @@ class Traversability:
         box, self._changed = self._changed, _NOTHING
         if box[0] >= box[1]:
             return
-        if self.corners is None and _size(self._ever_changed) >= self._large:
+        if self.corners is None and (self._vast or _size(self._ever_changed) >= self._large):
             rows, cols = self._shape
             self.corners, self._connected = CornerPaths(self._shape), ConnectedTiles((rows + 2, cols + 2))
             self.cache = DistanceCache()

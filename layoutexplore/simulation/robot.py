@@ -68,11 +68,14 @@ def draw_start(
         StartError: The robot fits nowhere in the region.
     """
     reachable = raster.reachable(robot_radius)
-    cells = np.argwhere(reachable if region is None else reachable & region)
-    if len(cells) == 0:
+    cells = reachable if region is None else reachable & region
+    in_rows = np.cumsum(np.count_nonzero(cells, axis=1))
+    if in_rows[-1] == 0:
         raise StartError("the robot fits nowhere in the region: it is too small or not in the building")
-    row, col = cells[rng.integers(len(cells))]
-    x, y = raster.cell_to_world(int(row), int(col))
+    number = int(rng.integers(in_rows[-1]))  # of the cells in raster order
+    row = int(np.searchsorted(in_rows, number, side="right"))
+    col = int(np.flatnonzero(cells[row])[number - in_rows[row]])
+    x, y = raster.cell_to_world(row, col)
     return Pose(x, y, float(rng.uniform(-math.pi, math.pi)))
 
 
