@@ -85,7 +85,9 @@ def grow_labels(seeds: Ints32, mask: Mask) -> Ints32:
     return labels
 
 
-def spread_in_place(labels: Ints32, mask: Mask, steps: int | None = None, *, backwards: bool = False) -> int:
+def spread_in_place(
+    labels: Ints32, mask: Mask, steps: int | None = None, *, backwards: bool = False, consume: bool = False
+) -> int:
     """Spread labels over the 4-neighbours inside a mask, ring by ring; the soonest label wins.
 
     Of labels that come equally soon the one wins that was queued first: the cells that begin are queued in
@@ -96,6 +98,7 @@ def spread_in_place(labels: Ints32, mask: Mask, steps: int | None = None, *, bac
         mask: bool (rows, cols), C-contiguous, the cells that may be labelled.
         steps: At most so many cells deep; until nothing changes when None.
         backwards: Queue last row and last column before the next ones.
+        consume: The mask's memory may be used: what stays in it are the cells without a label.
 
     Returns:
         How many cells of the mask are left without a label.
@@ -105,7 +108,8 @@ def spread_in_place(labels: Ints32, mask: Mask, steps: int | None = None, *, bac
         >>> spread_in_place(labels, np.array([[1, 1, 1, 1, 0, 1]], bool), 2), labels.tolist()
         (1, [[1, 1, 1, 0, 0, 2]])
     """
-    return int(_spread(labels, mask, labels.size if steps is None else steps, 1 if backwards else -1))
+    bare = mask.view(np.uint8) if consume else np.empty(mask.shape, np.uint8)
+    return int(_spread(labels, mask, bare, labels.size if steps is None else steps, 1 if backwards else -1))
 
 
 @njit(cache=True, nogil=True)
@@ -124,12 +128,14 @@ def _mark_border(labels: Ints32, bare: Bytes, r: int, mark: Bytes) -> None:
         mark[c] |= (label[c] != 0) & (here[c - 1] != 0)
 
 
-@njit("int64(int32[:,::1], boolean[:,::1], int64, int64)", cache=True, nogil=True)
-def _spread(labels: Ints32, mask: Mask, steps: int, sign: int) -> int:
-    """The kernel of `spread_in_place`; the first neighbour of a cell to be queued lies `-sign` rows away."""
+@njit("int64(int32[:,::1], boolean[:,::1], uint8[:,::1], int64, int64)", cache=True, nogil=True)
+def _spread(labels: Ints32, mask: Mask, bare: Bytes, steps: int, sign: int) -> int:
+    """The kernel of `spread_in_place`; the first neighbour of a cell to be queued lies `-sign` rows away.
+
+    The cells without a label are written to `bare`, which may be the mask itself.
+    """
     rows, cols = mask.shape
-    flat, bare = labels.ravel(), np.empty((rows, cols), np.uint8)
-    left = 0
+    flat, left = labels.ravel(), 0
     for r in range(rows):
         for c in range(cols):
             bare[r, c] = mask[r, c] & (labels[r, c] == 0)

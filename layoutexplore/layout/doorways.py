@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
@@ -57,6 +59,9 @@ class DoorwaysConfig(DoorGapConfig):
             raise ConfigError("slack and room_area must be at least 0")
 
 
+Gaps: TypeAlias = NDArray[np.unsignedinteger[Any]]
+"""Widths of gaps in cells."""
+
 SHIPPED = DoorwaysConfig()
 """With these the models that ship have learnt."""
 
@@ -68,12 +73,20 @@ class Regions:
     Attributes:
         labels: int32 (rows, cols), region of each known free cell, from 1; 0 elsewhere.
         count: Number of regions.
-        door_width: float32 (rows, cols), width in metres of the gap that a cell lies in, 0 elsewhere.
+        gaps: uint8, or wider where that is too small, (rows, cols): width in cells of the gap that may be a
+            door and that a cell lies in, 0 elsewhere.
+        resolution: Metres per cell.
     """
 
     labels: Ints32
     count: int
-    door_width: Floats32
+    gaps: Gaps
+    resolution: float
+
+    @property
+    def door_width(self) -> Floats32:
+        """float32 (rows, cols), width in metres of the gap that a cell lies in, 0 elsewhere."""
+        return np.asarray(self.gaps * np.float64(self.resolution), np.float32)
 
     @property
     def boxes(self) -> Ints:
@@ -87,7 +100,7 @@ class Regions:
 
     @cached_property
     def _sums(self) -> tuple[Ints, Floats]:
-        return _sum_up(self.labels, self.door_width, self.count)
+        return _sum_up(self.labels, self.gaps, self.count, self.resolution)
 
 
 def doorway_regions(cells: Cells, resolution: float, config: DoorwaysConfig = SHIPPED) -> Regions:
@@ -105,7 +118,6 @@ def doorway_regions(cells: Cells, resolution: float, config: DoorwaysConfig = SH
         >>> regions.count, round(float(regions.door_width.max()), 1)
         (2, 0.8)
     """
-    labels, door_width = np.zeros(cells.shape, np.int32), np.zeros(cells.shape, np.float32)
     row0, row1, col0, col1 = known_box(cells)
     box = slice(row0, row1), slice(col0, col1)
     margin = round((config.door_max + config.widening) / resolution) + 1
@@ -121,40 +133,45 @@ def doorway_regions(cells: Cells, resolution: float, config: DoorwaysConfig = SH
         parts, more = label_components(rest)
         np.add(parts, count, out=grown, where=rest)
         count += more
-    labels[box], door_width[box] = grown[inner], doors[inner]
-    return Regions(labels, count, door_width)
+    labels, gaps = np.zeros(cells.shape, np.int32), np.zeros(cells.shape, doors.dtype)
+    labels[box], gaps[box] = grown[inner], doors[inner]
+    return Regions(labels, count, gaps, resolution)
 
 
-def find_doors(occupied: Mask, resolution: float, config: DoorGapConfig = SHIPPED) -> Floats32:
-    """Gaps along rows and columns that may be doors: float32 (rows, cols), width in metres, 0 elsewhere.
+def gap_type(resolution: float, config: DoorGapConfig = SHIPPED) -> np.dtype[np.unsignedinteger[Any]]:
+    """The smallest type that holds the width of a door in cells."""
+    return np.min_scalar_type(int(config.door_max / resolution) + 2)
+
+
+def find_doors(occupied: Mask, resolution: float, config: DoorGapConfig = SHIPPED) -> Gaps:
+    """Gaps along rows and columns that may be doors, of `gap_type` (rows, cols): width in cells, 0 elsewhere.
 
     Where two gaps cross, the narrower one counts.
     """
     along_rows, along_cols = list_gaps(occupied, resolution, config, longest=config.door_run)
-    width = np.zeros(occupied.shape, np.float32)
-    _paint(along_rows, resolution, width)
-    _paint(along_cols, resolution, width.T)
+    width = np.zeros(occupied.shape, gap_type(resolution, config))
+    _paint(along_rows, width)
+    _paint(along_cols, width.T)
     return width
 
 
 @njit(cache=True, nogil=True)
-def _paint(gaps: Ints32, resolution: float, width: Floats32) -> None:
-    """Write the width of gaps in metres where none is or a wider one."""
+def _paint(gaps: Ints32, width: Gaps) -> None:
+    """Write the width of gaps in cells where none is or a wider one."""
     for k in range(len(gaps)):
         row, col, n = gaps[k, GAP.line], gaps[k, GAP.begin], gaps[k, GAP.width]
-        metres = np.float32(n * resolution)
         for c in range(col, col + n):
-            if width[row, c] == 0 or width[row, c] > metres:
-                width[row, c] = metres
+            if width[row, c] == 0 or width[row, c] > n:
+                width[row, c] = n
 
 
 @njit(cache=True, nogil=True)
-def _sum_up(labels: Ints32, door_width: Floats32, count: int) -> tuple[Ints, Floats]:
+def _sum_up(labels: Ints32, gaps: Gaps, count: int, resolution: float) -> tuple[Ints, Floats]:
     """Boxes and doors of all regions."""
     boxes, doors = np.zeros((count + 1, 5), np.int64), np.zeros(count + 1)
     cols = labels.shape[1]
     for r in range(labels.shape[0]):
-        row, widths = labels[r], door_width[r]
+        row, widths = labels[r], gaps[r]
         c = 0
         while c < cols:
             label, begin = row[c], c
@@ -168,7 +185,7 @@ def _sum_up(labels: Ints32, door_width: Floats32, count: int) -> tuple[Ints, Flo
             if some:
                 for k in range(begin, c):
                     if widths[k] > 0:
-                        doors[label] += 1.0 / widths[k]
+                        doors[label] += 1.0 / np.float32(widths[k] * resolution)
             box = boxes[label]
             if box[0] == 0:
                 box[1], box[2] = r, begin

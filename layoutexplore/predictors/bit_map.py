@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Bytes, Cells, Floats32, Ints, Mask
+from layoutexplore.grids.arrays import Bytes, Cells, Ints, Mask
 from layoutexplore.grids.boxes import known_box
-from layoutexplore.layout.doorways import Regions
+from layoutexplore.layout.doorways import Gaps, Regions
 
 FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT = 1, 2, 4, 8
 """What a cell is known to be, and whether it lies in a gap that may be a door."""
@@ -53,7 +53,7 @@ def draw_bit_map(cells: Cells, regions: Regions, resolution: float, margin: floa
     Example:
         >>> cells = np.full((3, 9), -1, np.int8)
         >>> cells[1, :3] = 100
-        >>> regions = Regions(np.zeros((3, 9), np.int32), 0, np.zeros((3, 9), np.float32))
+        >>> regions = Regions(np.zeros((3, 9), np.int32), 0, np.zeros((3, 9), np.uint8), 0.2)
         >>> draw_bit_map(cells, regions, 0.2, 0.2).code[2].tolist()
         [20, 2, 2, 2, 20, 20, 20, 20, 20, 20, 20]
     """
@@ -62,7 +62,7 @@ def draw_bit_map(cells: Cells, regions: Regions, resolution: float, margin: floa
     code = np.full((rows + 2 * border, cols + 2 * border), UNKNOWN_BIT, np.uint8)
     row0, row1, col0, col1 = known_box(cells)
     box = np.array([row0, col0, row1, col1], np.int64)
-    _draw(cells, regions.door_width, box, border, code)
+    _draw(cells, regions.gaps, box, border, code)
     box += border
     _extend_walls(code, box, max(round(WALL_MIN / resolution), 1), round(EXTENSION_REACH / resolution))
     return BitMap(code, border)
@@ -75,12 +75,12 @@ def extended_walls(bit_map: BitMap) -> Mask:
 
 
 @njit(cache=True, nogil=True)
-def _draw(cells: Cells, door_width: Floats32, box: Ints, margin: int, code: Bytes) -> None:
+def _draw(cells: Cells, gaps: Gaps, box: Ints, margin: int, code: Bytes) -> None:
     low, high = box[1], box[3]
     for r in range(box[0], box[2]):
         values, widths, bits = (
             cells[r, low:high],
-            door_width[r, low:high],
+            gaps[r, low:high],
             code[r + margin, low + margin : high + margin],
         )
         for c in range(values.size):

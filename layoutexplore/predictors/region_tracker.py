@@ -17,7 +17,7 @@ from layoutexplore.grids.components import label_components
 from layoutexplore.grids.flood import spread_in_place
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.morphology import disc
-from layoutexplore.layout.doorways import SHIPPED, Regions, find_doors
+from layoutexplore.layout.doorways import SHIPPED, Regions, find_doors, gap_type
 
 _REACH = 2.0 * SHIPPED.door_max + SHIPPED.widening
 """Metres: a cell farther away than this has no say in whether a cell is of a door."""
@@ -54,23 +54,21 @@ class RegionTracker:
             self._find_doors(_grown(box, self._reach, cells.shape))
             self._find_cores(_grown(box, self._reach + self._core_cells, cells.shape))
         labels, count = label_components(self._core, self._labels)
-        if spread_in_place(
-            labels, self._free, backwards=True
-        ):  # What no core reaches is a region of its own.
-            rest = self._free & (labels == 0)
-            parts, more = label_components(rest)
+        rest: Mask = self._cells == FREE
+        if spread_in_place(labels, rest, backwards=True, consume=True):
+            parts, more = label_components(rest)  # What no core reaches is a region of its own.
             np.add(parts, count, out=labels, where=rest)
             count += more
-        return Regions(labels, count, self._door_width)
+        return Regions(labels, count, self._gaps, resolution)
 
     def _begin(self, shape: tuple[int, ...], resolution: float) -> None:
         self._resolution = resolution
         self._reach = round(_REACH / resolution) + 2
         self._core_cells = disc(SHIPPED.core / resolution, closed=True).shape[0] // 2
         self._cells = np.full(shape, UNKNOWN, np.int8)
-        self._door_width = np.zeros(shape, np.float32)
+        self._gaps = np.zeros(shape, gap_type(resolution))
         self._labels = np.zeros(shape, np.int32)
-        self._core, self._free = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+        self._core = np.zeros(shape, np.bool_)
 
     def _find_doors(self, box: Box) -> None:
         """Find the doors in a box anew, from what lies in it and around it."""
@@ -82,19 +80,17 @@ class RegionTracker:
         top, left = margin + seen[0] - box[0], margin + seen[2] - box[2]
         occupied[top : top + part.shape[0], left : left + part.shape[1]] = part
         doors = find_doors(occupied, self._resolution)
-        self._door_width[box[0] : box[1], box[2] : box[3]] = doors[margin:-margin, margin:-margin]
+        self._gaps[box[0] : box[1], box[2] : box[3]] = doors[margin:-margin, margin:-margin]
 
     def _find_cores(self, box: Box) -> None:
         """Find the cores in a box anew: free cells away from walls and doors."""
         seen = _grown(box, self._core_cells, self._cells.shape)
         around = slice(seen[0], seen[1]), slice(seen[2], seen[3])
-        barred = (self._cells[around] == OCCUPIED) | (self._door_width[around] > 0)
+        barred = (self._cells[around] == OCCUPIED) | (self._gaps[around] > 0)
         shut = cv2.dilate(barred.view(np.uint8), disc(SHIPPED.core / self._resolution, closed=True))
         inner = slice(box[0] - seen[0], box[1] - seen[0]), slice(box[2] - seen[2], box[3] - seen[2])
         here = slice(box[0], box[1]), slice(box[2], box[3])
-        free: Mask = self._cells[here] == FREE
-        self._free[here] = free
-        self._core[here] = free & (shut[inner] == 0)
+        self._core[here] = (self._cells[here] == FREE) & (shut[inner] == 0)
 
 
 @njit(cache=True, nogil=True)

@@ -48,7 +48,7 @@ class SeenRegions:
         # What no room reaches becomes regions of its own.
         parts, _ = label_components(free & (labels == 0))
         labels = np.where(parts > 0, parts + labels.max(initial=0), labels).astype(np.int32)
-        return Regions(labels, int(labels.max(initial=0)), doorways.door_width)
+        return Regions(labels, int(labels.max(initial=0)), doorways.gaps, grid.resolution)
 
 
 def known_part(grid: OccupancyGrid, *, walls: bool = False) -> OccupancyGrid:

@@ -46,10 +46,9 @@ def test_sums_of_regions_against_slow_ones(seed: int) -> None:
     """Labels in runs of all lengths, shorter and longer than what is compared at once; doors at few cells."""
     rng = np.random.default_rng(seed)
     labels = rng.integers(0, 5, (6, 60)).repeat(rng.integers(1, 30, 60), axis=1).astype(np.int32)
-    width = np.where(rng.random(labels.shape) < 0.02, rng.uniform(0.5, 2.0, labels.shape), 0.0).astype(
-        np.float32
-    )
-    regions = Regions(labels, 4, width)
+    gaps = np.where(rng.random(labels.shape) < 0.02, rng.integers(5, 20, labels.shape), 0).astype(np.uint8)
+    regions = Regions(labels, 4, gaps, 0.1)
+    width = regions.door_width
     for region in range(1, 5):
         rows, cols = np.nonzero(labels == region)
         expected = (
@@ -66,5 +65,5 @@ def test_doors_are_the_narrower_of_two_gaps() -> None:
     rows = ["#########", "#...#...#", "#.......#", "#...#...#", "#########"]
     cells = np.array([[c == "#" for c in row] for row in rows])
     width = find_doors(np.kron(cells, np.ones((8, 8), np.bool_)), 0.1)
-    assert width.dtype == np.float32 and np.unique(width).tolist() == pytest.approx([0.0, 0.8])
+    assert width.dtype == np.uint8 and np.unique(width).tolist() == [0, 8]
     assert (width[18:22, 34:38] > 0).all() and not width[:16].any() and not width[24:].any()

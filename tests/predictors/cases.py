@@ -31,7 +31,7 @@ wide = st.builds(
 
 
 def nothing_seen(shape: tuple[int, int]) -> Regions:
-    return Regions(np.zeros(shape, np.int32), 0, np.zeros(shape, np.float32))
+    return Regions(np.zeros(shape, np.int32), 0, np.zeros(shape, np.uint8), 0.1)
 
 
 def decide(grid: OccupancyGrid) -> Decision:

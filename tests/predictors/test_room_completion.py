@@ -24,7 +24,7 @@ def test_where_no_two_shapes_overlap_one_array_says_how_far_rooms_reach() -> Non
         reach = np.kron(rng.integers(0, 4, (7, 9)), np.ones((2, 2)))[:, :17].astype(np.int32)
         seen = np.where(cells == 0, reach, np.int32(0))
         shapes = {k: Shape(0, 0, reach == k) for k in (1, 2, 3)}
-        expected = complete_regions(cells, Regions(seen, 3, np.zeros(cells.shape, np.float32)), shapes)
+        expected = complete_regions(cells, Regions(seen, 3, np.zeros(cells.shape, np.uint8), 0.1), shapes)
         found = complete_within(cells, seen, reach, 4)
         assert (found.room_ids == expected.room_ids).all() and found.rest == expected.rest
         assert (found.passable == expected.passable).all()

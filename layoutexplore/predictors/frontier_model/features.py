@@ -14,7 +14,7 @@ from numba import njit
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32
-from layoutexplore.layout.doorways import Regions
+from layoutexplore.layout.doorways import Gaps, Regions
 from layoutexplore.predictors.bit_map import BitMap, draw_bit_map
 from layoutexplore.predictors.frontier_model.feature_cache import (
     BARRIERS,
@@ -130,7 +130,7 @@ def frontier_features(around: Surroundings, visible: Floats) -> Floats32:
     rest[:, _AT.known] = math.log(1.0 + _count_free(around.cells) * resolution**2)
     rest[:, _AT.frontiers] = len(frontiers)
     frames = around.frames - np.array([bit_map.margin] * 2 + [0] * 6)
-    grids, sums = (regions.labels, regions.door_width), (regions.boxes, regions.doors)
+    grids, sums = (regions.labels, regions.gaps), (regions.boxes, regions.doors)
     clusters = Clusters(frontiers.cells, frontiers.offsets)
     _region_features(clusters, around.homes, frames, grids, sums, resolution, rest)
     return out
@@ -179,16 +179,16 @@ def _region_features(
     clusters: Clusters,
     home: Ints,
     frames: Floats,
-    grids: tuple[Ints32, Floats32],
+    grids: tuple[Ints32, Gaps],
     sums: tuple[Ints, Floats],
     resolution: float,
     out: Floats32,
 ) -> None:
     """The region that holds each frontier, and what finished rooms are like: written to `out` by `_AT`.
 
-    `grids` are the labels and door widths of `Regions`, `sums` their boxes and doors.
+    `grids` are the labels and gaps of `Regions`, `sums` their boxes and doors.
     """
-    (labels, door_width), (boxes, doors), (members, offsets) = grids, sums, clusters
+    (labels, gaps), (boxes, doors), (members, offsets) = grids, sums, clusters
     frontier_cells, waiting = np.zeros(len(boxes), np.int64), np.zeros(len(boxes), np.int64)
     for n in range(len(members)):
         frontier_cells[labels[members[n, 0], members[n, 1]]] += 1
@@ -203,7 +203,8 @@ def _region_features(
     for k in range(len(home)):
         region, box, row = home[k], boxes[home[k]], out[k]
         for n in range(offsets[k], offsets[k + 1]):
-            row[_AT.door_width] = max(row[_AT.door_width], door_width[members[n, 0], members[n, 1]])
+            width = np.float32(gaps[members[n, 0], members[n, 1]] * resolution)
+            row[_AT.door_width] = max(row[_AT.door_width], width)
         row[_AT.region] = box[0] * area
         # The region's box as the frontier sees it: cells from its middle, ahead and to the side.
         for axis, low_at, high_at in (

@@ -156,7 +156,7 @@ def test_changed_blocks_against_a_slow_version(seed: int) -> None:
 
 def test_the_home_of_a_frontier() -> None:
     labels = np.array([[1, 1, 2, 2, 3]], np.int32)
-    regions = Regions(labels, 3, np.zeros(labels.shape, np.float32))
+    regions = Regions(labels, 3, np.zeros(labels.shape, np.uint8), 0.1)
     clusters = FrontierClusters.of(
         [np.array([[0, k] for k in part], np.int32) for part in ((0, 2, 3), (1, 2), (4,))]
     )
