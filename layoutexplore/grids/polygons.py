@@ -40,14 +40,14 @@ def polygons_of(geometry: BaseGeometry) -> list[Polygon]:
     return [polygon for part in getattr(geometry, "geoms", ()) for polygon in polygons_of(part)]
 
 
-def mended(polygons: Any) -> list[Polygon]:
+def valid_polygons(polygons: Any) -> list[Polygon]:
     """Polygons object (k,), each whose boundary crosses or touches itself replaced by its largest valid part.
 
     Moved polygons need it too: a corner that lies on another side can lie across it once both are rounded.
 
     Example:
         >>> bow_tie = Polygon([(0, 0), (2, 2), (2, 0), (0, 2)])
-        >>> mended(np.array([bow_tie], object))[0].area
+        >>> valid_polygons(np.array([bow_tie], object))[0].area
         1.0
     """
     found: list[Polygon] = polygons.tolist()

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
-from layoutexplore.grids.polygons import Point, mended
+from layoutexplore.grids.polygons import Point, valid_polygons
 from layoutexplore.layout.frame import angles_to_world, extent, ranks, to_world, undirected
 from layoutexplore.layout.types import (
     BORDER,
@@ -96,7 +96,7 @@ class Inversion:
     def polygons(self, polygons: Iterable[shapely.Polygon]) -> list[shapely.Polygon]:
         """The polygons in the world, their rings running as before."""
         moved: Any = shapely.transform(np.array([*polygons], object), self.points)
-        return mended(shapely.reverse(moved) if self.mirrors else moved)
+        return valid_polygons(shapely.reverse(moved) if self.mirrors else moved)
 
     @cached_property
     def rank(self) -> Ints:

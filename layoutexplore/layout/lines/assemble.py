@@ -13,7 +13,7 @@ from numba import njit
 from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid, Pose
-from layoutexplore.grids.polygons import mended
+from layoutexplore.grids.polygons import valid_polygons
 from layoutexplore.layout.frame import angles_to_world, ranks, to_world
 from layoutexplore.layout.lines.face_model import FaceModel, WallModel
 from layoutexplore.layout.lines.face_outlines import outline
@@ -175,7 +175,9 @@ class FaceDetails(Details):
 
 def polygons_to_world(polygons: list[shapely.Polygon], origin: Pose) -> list[shapely.Polygon]:
     """Polygons of the local frame in the world frame, valid there too."""
-    return mended(shapely.transform(np.array(polygons, object), lambda points: to_world(points, origin)))
+    return valid_polygons(
+        shapely.transform(np.array(polygons, object), lambda points: to_world(points, origin))
+    )
 
 
 @njit(cache=True, nogil=True)

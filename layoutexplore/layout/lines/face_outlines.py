@@ -10,7 +10,7 @@ import shapely
 from numba import njit
 
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
-from layoutexplore.grids.polygons import mended
+from layoutexplore.grids.polygons import valid_polygons
 from layoutexplore.layout.lines.faces import Arrangement
 
 
@@ -80,7 +80,7 @@ def outline(arrangement: Arrangement, group: Ints, count: int) -> list[shapely.P
         polygons[groups] = shapely.polygons(
             shapely.linearrings(np.concatenate(corners), indices=of_ring), indices=of_group
         )
-    return mended(polygons)
+    return valid_polygons(polygons)
 
 
 def _boundary_rings(arrangement: Arrangement, group: Ints) -> tuple[list[Floats], Ints, Floats]:
