@@ -17,14 +17,15 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from layoutexplore.envs.curriculum import Randomisation
+from layoutexplore.envs.foreseen import came_true, hidden_floor
 from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.plans import PlanSource, PlanSpec, load
-from layoutexplore.envs.rewards import Reward, Transition, reads_rooms, reward
+from layoutexplore.envs.rewards import Reward, Transition, reads_foresight, reads_rooms, reward
 from layoutexplore.envs.room_progress import RoomLedger
 from layoutexplore.envs.viewer import RENDER_MODES, Viewer
 from layoutexplore.errors import ConfigError, StartError
 from layoutexplore.frontiers.decision import Predictor
-from layoutexplore.grids.arrays import Bytes
+from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import Pose
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN, distance_to_coverage
 from layoutexplore.options import check_kind
@@ -83,6 +84,8 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         self._predictor = _named(predictor) if isinstance(predictor, str) else predictor
         self._reward = reward(reward_function)
         self._counts_visits = reads_rooms(self._reward)
+        self._reads_foresight = self._predictor is not None and reads_foresight(self._reward)
+        self._foreseen: Mask | None = None
         self._watches_rooms = watches_rooms or self._counts_visits
         self._ledger: RoomLedger | None = None
         self._viewer = viewer
@@ -134,6 +137,8 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         """Keep what the reward of the next step is measured from."""
         simulation = self.simulation
         self._before = (simulation.distance, simulation.mapper.known_free, simulation.coverage)
+        if self._reads_foresight:
+            self._foreseen = None if self._over else hidden_floor(simulation.decision)
 
     def _finish(self) -> tuple[float, bool, bool]:
         """Reward, terminated and truncated of the step that has been made."""
@@ -154,6 +159,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
             metres_before_99=self._metres_before(FULLY_SEEN),
             reference=0.2 * (100.0 + simulation.target_area),
             rooms_finished=finished,
+            foreseen_area=came_true(self._foreseen, simulation.mapper.grid),
         )
         self._remember()
         truncated = self.stop_reason in _TRUNCATING

@@ -25,7 +25,7 @@ LAYOUT_CHANNELS = ("predicted_room", "predicted_wall", "closed_room")
 FRONTIER, TRAIL, ROOM, WALL, CLOSED = 1, 2, 4, 8, 16
 """Bits of a mark: the channels from "frontier" on, in this order."""
 
-_FIRST_MARK = 2
+FIRST_MARK = 2
 """The first channel that is a mark."""
 
 
@@ -95,7 +95,7 @@ def draw_local_map(
         pose: The middle of the image, and its upward direction.
         size: Side in pixels.
         span: Side in metres.
-        channels: Number of channels: those of `CHANNELS`, then `LAYOUT_CHANNELS`.
+        channels: Number of channels: those of `CHANNELS`, then one for each further bit.
         detect: Take every free cell beside an unknown one as a frontier instead of the marked ones.
 
     Returns:
@@ -120,7 +120,7 @@ def draw_global_map(
         marks: uint8 (rows, cols), bits as above.
         size: Side in pixels.
         min_span: Least side of the square in metres; it grows with the map.
-        channels: Number of channels: those of `CHANNELS`, then `LAYOUT_CHANNELS`.
+        channels: Number of channels: those of `CHANNELS`, then one for each further bit.
 
     Returns:
         uint8 (channels, size, size), and where it lies.
@@ -183,8 +183,8 @@ def _draw_local(cells: Cells, marks: Bytes, view: _View, detect: bool, image: By
         for j in range(size):
             image[0, i, j] = (255 * free[j]) // (samples * samples)
             if bits[j]:
-                for channel in range(_FIRST_MARK, channels):
-                    if bits[j] & (1 << (channel - _FIRST_MARK)):
+                for channel in range(FIRST_MARK, channels):
+                    if bits[j] & (1 << (channel - FIRST_MARK)):
                         image[channel, i, j] = 255
 
 
@@ -236,8 +236,8 @@ def _draw_global(
             if highest == 100:
                 image[1, i, j] = 255
             if bit:
-                for channel in range(_FIRST_MARK, channels):
-                    if bit & (1 << (channel - _FIRST_MARK)):
+                for channel in range(FIRST_MARK, channels):
+                    if bit & (1 << (channel - FIRST_MARK)):
                         image[channel, i, j] = 255
 
 

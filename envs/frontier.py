@@ -61,6 +61,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `robot` | (9,) | the robot and the map as a whole |
     | `action_mask` | (65,) | 1 for valid actions |
     | `privileged` | (8,) | what only the floor plan tells, for the critic; only with `privileged=True` |
+    | `foresight` | (3,) | what a plan known beforehand tells; only with `foresight=True` |
 
     Channels: `free` (share of the pixel), `occupied`, `frontier`, `trail` (where the robot has been),
     `predicted_room` (unknown cells of a predicted room), `predicted_wall` (unknown cells at the outline of
@@ -69,6 +70,11 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     behind them, walls that continue first. `ObservationConfig(rooms="completed")` shows the rooms that the
     predictor's network completes instead, for 30 to 200 ms a decision. The channels differ, `frontiers` and
     `robot` do not.
+
+    `ObservationConfig(foresight=True)` adds the channels `foreseen_floor` and `foreseen_wall` (unknown cells
+    that are foreseen free, or solid; within the frame of the known map) and the vector `foresight`:
+    `confidence`, `floor` (area foreseen and not seen yet), `rooms` (foreseen rooms with 1 m² of it). They are
+    filled by predictors that foresee, such as `prior:FILE` and `oracle:horizon=1`, and zero otherwise.
 
     | Column of `frontiers` | Content |
     |---|---|
@@ -112,6 +118,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `area_per_metre` | the same per metre travelled |
     | `room_area` | the same, and 5 for every room finished on the first visit |
     | `coverage` | gain of coverage in per cent |
+    | `foreseen_area` | m² per metre that had been foreseen and came into view; 0 without foresight |
 
     ## Episode End
     Terminated: the coverage goal is reached (99 % of the floor that can be seen from where the robot can

@@ -18,6 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.envs import egocentric_maps as map_images
+from layoutexplore.envs import foreseen
 from layoutexplore.envs.egocentric_maps import (
     CHANNELS,
     LAYOUT_CHANNELS,
@@ -86,7 +87,7 @@ the length of a tour over these and of its parts up to 95 and 99 % coverage (est
 metres that may be travelled.
 """
 
-
+_SWITCHES = ("local_map", "global_map", "layout_channels", "foresight", "detour", "privileged")
 _PIXELS, _SCALE = Rule(kind=int, low=8, high=2048), Rule(low=1e-6, high=1e6)
 
 
@@ -109,6 +110,8 @@ class ObservationConfig:
             drawn as rooms, `layoutexplore.predictors.room_sketch` for `layout`, its own rooms for predictors
             that have them at once. "completed": the rooms of `layoutexplore evaluate partial-rooms`; with
             `layout` a network completes them, which takes 30 to 200 ms a decision.
+        foresight: Whether the maps have the channels of foreseen floor and walls, and the observation the
+            vector `foresight` (`layoutexplore.envs.foreseen`).
         detour: Whether to compute the columns `detour` and `tour_rank`: the distances between all frontiers
             and a tour, a millisecond or two a decision. Without it the columns are zero.
         tour: How the tour behind these columns weighs path lengths and areas.
@@ -131,6 +134,7 @@ class ObservationConfig:
     global_min_span: float = 20.0
     layout_channels: bool = True
     rooms: str = "sketched"
+    foresight: bool = False
     detour: bool = False
     tour: TourConfig = field(default_factory=TourConfig)
     privileged: bool = False
@@ -148,14 +152,15 @@ class ObservationConfig:
             rooms=Rule(kind=str, choices=("sketched", "completed")),
             length_scale=_SCALE,
             area_scale=_SCALE,
-            **dict.fromkeys(("local_map", "global_map", "layout_channels", "detour", "privileged"), FLAG),
+            **dict.fromkeys(_SWITCHES, FLAG),
         )
         check_kind("tour", self.tour, TourConfig)
 
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the maps' channels."""
-        return CHANNELS + (LAYOUT_CHANNELS if self.layout_channels else ())
+        layout = LAYOUT_CHANNELS if self.layout_channels else ()
+        return CHANNELS + layout + (foreseen.FORESIGHT_CHANNELS if self.foresight else ())
 
     @property
     def space(self) -> spaces.Space[Observation]:
@@ -169,6 +174,8 @@ class ObservationConfig:
         }
         if self.privileged:
             parts["privileged"] = spaces.Box(*bounds(PRIVILEGED_FEATURES))
+        if self.foresight:
+            parts["foresight"] = spaces.Box(*bounds(foreseen.FORESIGHT_FEATURES))
         for name, shown, size in (
             ("local_map", self.local_map, self.local_size),
             ("global_map", self.global_map, self.global_size),
@@ -215,6 +222,8 @@ class Observer:
         if config.privileged:
             shown = np.zeros(len(PRIVILEGED_FEATURES), np.float32) if privileged is None else privileged
             observation["privileged"] = shown
+        if config.foresight:
+            observation["foresight"] = foreseen.encode_foresight(decision, config.area_scale)
         frame = MapFrame(0.0, 0.0, 1.0)
         if config.local_map or config.global_map:
             marks = self._marked(decision)
@@ -253,6 +262,10 @@ class Observer:
         marks = self._trail.marks.copy()
         if layout:
             marks |= layout_marks(decision, self.config.rooms)
+        if self.config.foresight:
+            foreseen.mark_foreseen(
+                decision, marks, self.config.channels.index(foreseen.FORESIGHT_CHANNELS[0])
+            )
         if decision.frontiers:
             cells = np.concatenate([frontier.cells for frontier in decision.frontiers])
             marks[cells[:, 0], cells[:, 1]] |= map_images.FRONTIER

@@ -33,6 +33,8 @@ class Transition(NamedTuple):
             frontier needs.
         rooms_finished: Rooms of which less than 1 m² is left to see after this step, for the first time, and
             to which the robot has not come twice.
+        foreseen_area: Of `new_area`, what had been foreseen at the decision before, in square metres; 0
+            without a predictor that foresees.
     """
 
     metres: float
@@ -46,6 +48,7 @@ class Transition(NamedTuple):
     metres_before_99: float = 0.0
     reference: float = 1.0
     rooms_finished: int = 0
+    foreseen_area: float = 0.0
 
 
 Reward = Callable[[Transition], float]
@@ -137,6 +140,18 @@ class RoomArea:
         return area_per_metre(transition) + self.bonus * transition.rooms_finished
 
 
+def foreseen_area(transition: Transition) -> float:
+    """Square metres per metre travelled that had been foreseen and came into view; shorter steps are a metre.
+
+    Zero wherever nothing is foreseen: a term to add to another reward.
+
+    Example:
+        >>> foreseen_area(Transition(4.0, 6.0, 0.5, 0.1, 40.0, 200.0, foreseen_area=5.0))
+        1.25
+    """
+    return transition.foreseen_area / max(transition.metres, 1.0)
+
+
 REWARDS: dict[str, Reward] = {
     "path_length": path_length,
     "path_to_marks": PathToMarks(),
@@ -144,6 +159,7 @@ REWARDS: dict[str, Reward] = {
     "area_per_metre": area_per_metre,
     "room_area": RoomArea(),
     "coverage": coverage,
+    "foreseen_area": foreseen_area,
 }
 """The reward functions that are known by name."""
 
@@ -153,6 +169,12 @@ def reads_rooms(function: Reward) -> bool:
     return isinstance(function, RoomArea) or not (
         isinstance(function, PathToMarks) or function in REWARDS.values()
     )
+
+
+def reads_foresight(function: Reward) -> bool:
+    """Whether a reward may read `Transition.foreseen_area`; where none does, nothing is counted."""
+    known = isinstance(function, PathToMarks | RoomArea) or function in REWARDS.values()
+    return function is foreseen_area or not known
 
 
 def reward(name_or_callable: str | Reward) -> Reward:

@@ -174,12 +174,16 @@ def fingerprints(agents: Iterable[str]) -> dict[str, str]:
 
 
 def knows_the_plan(agent: str) -> bool:
-    """Whether an agent, or its predictor, is shown the floor plan; not one that this version cannot make."""
+    """Whether an agent, or its predictor, is shown the floor plan; not one that this version cannot make.
+
+    A predictor that is told of a run but learns nothing true of its plan says so (`shows_truth`).
+    """
     try:
         chosen = make_agent(agent)
-        return isinstance(chosen, Privileged) or isinstance(
-            make_predictor(getattr(chosen, "predictor", "none")), Privileged
-        )
+        if isinstance(chosen, Privileged):
+            return True
+        predictor = make_predictor(getattr(chosen, "predictor", "none"))
+        return isinstance(predictor, Privileged) and bool(getattr(predictor, "shows_truth", True))
     except LayoutExploreError:
         return False
 

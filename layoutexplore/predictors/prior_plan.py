@@ -36,6 +36,9 @@ SURE = 0.7
 DOUBTED = 0.5
 """Share of that confidence below which a plan that was believed is believed no longer."""
 
+TRUE_PRESETS = ("true", "rough", "corridors", "mirrored")
+"""Presets that show the floor of the run, well or badly."""
+
 HINTS = ("scale", "rotation", "mirror", "here")
 """Options that tell something of a plan's place."""
 
@@ -92,6 +95,11 @@ class PriorPredictor:
     def _begin(self, prior: PriorPlan) -> None:
         self.registration, self.confidence, self._on_map = Registration(prior), 0.0, PlanOnMap()
         self._believed = False
+
+    @property
+    def shows_truth(self) -> bool:
+        """Whether its plan is made from that of the run; a file, another floor or building is not."""
+        return self._prior is None and self._source in TRUE_PRESETS
 
     @property
     def unused(self) -> str:

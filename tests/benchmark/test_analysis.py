@@ -111,3 +111,8 @@ def test_who_knows_the_plan() -> None:
         and not knows_the_plan("nearest")
     )
     assert not knows_the_plan("clairvoyant-of-tomorrow")
+    assert knows_the_plan("plan-tour:predictor=prior:true") and knows_the_plan(
+        "plan-tour:predictor=prior:rough"
+    )
+    for name in ("wrong", "empty", "other-floor", "office-01"):
+        assert not knows_the_plan(f"plan-tour:predictor=prior:{name}")

@@ -49,7 +49,9 @@ def total(
 
 def test_names_and_callables_are_found() -> None:
     assert reward("area") is area
-    assert set(REWARDS) == {"path_length", "path_to_marks", "area", "area_per_metre", "room_area", "coverage"}
+    assert set(REWARDS) == {
+        *("path_length", "path_to_marks", "area", "area_per_metre", "room_area", "coverage", "foreseen_area")
+    }
 
     def mine(transition: Transition) -> float:
         return transition.metres
