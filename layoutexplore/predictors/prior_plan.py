@@ -30,7 +30,7 @@ from layoutexplore.priors.presets import PRESETS, study_prior
 from layoutexplore.priors.reading import read_prior
 from layoutexplore.priors.registration import Registration
 
-SURE = 0.7
+SURE = 0.5
 """Confidence from which a plan is believed."""
 
 DOUBTED = 0.5

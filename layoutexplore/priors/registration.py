@@ -34,8 +34,11 @@ HOPELESS = 150.0
 STEADY = 1.0
 """Metres by which the best hypothesis may move at a decision and be the same."""
 
-KEPT, TRIED, TRIED_A_DECISION = 8, 32, 8
+KEPT, TRIED, TRIED_A_DECISION = 8, 32, 11
 """Hypotheses that are kept, and places of a search that are refined, in all and at one decision."""
+
+STRETCHED, ASPECTS = 24, (-0.07, 0.07)
+"""Orientations and scales that are searched with the plan stretched too, and by which ratios' logarithms."""
 
 LEAST_WALLS = 10
 """Points of walls from which a plan is looked for."""
@@ -46,7 +49,7 @@ APART = 1.5
 SHIFTED, SHIFT_GROWTH = 3, 1.04
 """So many of the best hypotheses are laid onto the plan anew when the seen floor has grown by that factor."""
 
-TRANSFORMED = 400_000
+TRANSFORMED = 800_000
 """Numbers that go through Fourier transforms at a decision after the first match."""
 
 NEW_ROUNDS, OLD_ROUNDS = (0.8, 0.5, 0.35, 0.35), (0.5, 0.35)
@@ -140,6 +143,8 @@ class Registration:
                 self._try(TRIED)
         elif self._job is not None:
             self._search(TRANSFORMED)
+            if self._job is None:
+                self._try(TRIED_A_DECISION)
         elif self._waiting:
             self._try(TRIED_A_DECISION)
         self._note_best()
@@ -163,8 +168,11 @@ class Registration:
         search = CoarseSearch(self.fields, self.evidence, self.direction)
         found = []
         for hypothesis in self.hypotheses[:SHIFTED]:
-            log_scale = float(hypothesis.placed.placement.parameters[:2].mean())
-            found += search.run(dataclasses.replace(hypothesis.slice, log_scale=log_scale))
+            log_x, log_y = hypothesis.placed.placement.parameters[:2].tolist()
+            part = dataclasses.replace(
+                hypothesis.slice, log_scale=0.5 * (log_x + log_y), aspect=log_x - log_y
+            )
+            found += search.run(part)
         new = [self._refined(WarpedPlacement(c.placement), c.slice, NEW_ROUNDS) for c in found]
         self._keep([*self.hypotheses, *new])
 
@@ -183,6 +191,16 @@ class Registration:
                 if abs(off) > math.pi / 4:
                     continue
             yield part
+        yield from self._aspects()
+
+    def _aspects(self) -> Iterator[Slice]:
+        """The best orientations and scales found so far, with the plan stretched along either axis."""
+        best: dict[Slice, float] = {}
+        for candidate in self._found:
+            best[candidate.slice] = max(candidate.score, best.get(candidate.slice, -math.inf))
+        for part in sorted(best, key=lambda part: -best[part])[:STRETCHED]:
+            for aspect in ASPECTS:
+                yield dataclasses.replace(part, aspect=aspect)
 
     def _search(self, budget: float) -> None:
         """Search on; when all is searched, the best places wait to be tried."""

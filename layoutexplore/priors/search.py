@@ -53,11 +53,18 @@ class Slice:
         quarter: Turns of the building's axes by 90 degrees, 0..3.
         mirrored: Whether the plan is.
         log_scale: Logarithm of plan metres a world metre.
+        aspect: Logarithm of the ratio of that along the building's first axis to that along the second.
     """
 
     quarter: int
     mirrored: bool
     log_scale: float
+    aspect: float = 0.0
+
+    @property
+    def factors(self) -> Floats:
+        """float64 (2,): plan metres a world metre along the building's axes."""
+        return np.exp(self.log_scale + 0.5 * self.aspect * np.array([1.0, -1.0]))
 
     def turn(self, direction: float) -> Floats:
         """Q of a placement, float64 (2, 2), in a plan with walls in that direction (radians)."""
@@ -138,7 +145,7 @@ class CoarseSearch:
         rows, cols = self._fields.free.shape
         span = np.array([cols, rows]) * self._fields.cell
         corners = self._fields.low + np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * span
-        axes = corners @ part.turn(self._fields.direction) / math.exp(part.log_scale)
+        axes = corners @ part.turn(self._fields.direction) / part.factors
         low = axes.min(axis=0)
         size = np.ceil((axes.max(axis=0) - low) / COARSE).astype(int)[::-1]
         return low, (int(size[0]), int(size[1]))
@@ -165,13 +172,13 @@ class CoarseSearch:
     def run(self, part: Slice) -> list[Candidate]:
         """The best positions of one orientation and scale."""
         low, (rows, cols) = self._box(part)
-        shape, scale = self._shape(part), math.exp(part.log_scale)
+        shape, scale = self._shape(part), part.factors
         turn = part.turn(self._fields.direction)
         images = self._images
         step = self._fields.free.shape[1] * self._fields.cell / images[0].shape[1]
         # Pixel (j, i) of the drawn plan -> axes -> plan metres -> pixel of the image.
         matrix = turn * scale * COARSE / step
-        shift = (turn @ (low + COARSE / 2) * scale - self._fields.low) / step - 0.5
+        shift = (turn @ ((low + COARSE / 2) * scale) - self._fields.low) / step - 0.5
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         warp = np.column_stack([matrix, shift])
         drawn = [cv2.warpAffine(image, warp, (cols, rows), flags=flags) for image in images]
@@ -190,8 +197,8 @@ class CoarseSearch:
         row, col = (r - rows if r >= drawn[0] else r), (c - cols if c >= drawn[1] else c)
         # Cell `self._low` of the seen points lies at cell (row, col) of the plan.
         axes = low + np.array([col, row]) * COARSE - self._low * COARSE
-        b = turn @ axes * math.exp(part.log_scale)
-        parameters = np.array([part.log_scale, part.log_scale, self.direction, b[0], b[1]])
+        b = turn @ (axes * part.factors)
+        parameters = np.array([*np.log(part.factors), self.direction, b[0], b[1]])
         return Candidate(float(scores[r, c]), part, Placement(turn, parameters, self._centre))
 
 

@@ -75,7 +75,7 @@ def test_a_file_of_its_own(tmp_path: Path) -> None:
         if simulation.done or decision.foresight is not None:
             break
         decision = simulation.step(0)
-    assert predictor.confidence > 0.7
+    assert predictor.confidence > SURE
 
 
 @pytest.mark.parametrize(
