@@ -182,7 +182,7 @@ def knows_the_plan(agent: str) -> bool:
         chosen = make_agent(agent)
         if isinstance(chosen, Privileged):
             return True
-        predictor = make_predictor(getattr(chosen, "predictor", "none"))
+        predictor: object = make_predictor(getattr(chosen, "predictor", "none"))
         return isinstance(predictor, Privileged) and bool(getattr(predictor, "shows_truth", True))
     except LayoutExploreError:
         return False

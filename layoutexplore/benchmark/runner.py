@@ -14,6 +14,7 @@ import cv2
 
 import layoutexplore
 from layoutexplore.agents import make_agent
+from layoutexplore.benchmark.believed import BeliefNotes
 from layoutexplore.benchmark.cluster import RUNS_CODE, check_cluster, run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.counterfactual import CounterfactualRollouts
@@ -236,7 +237,7 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
         repeat = repeating_command(
             task.plan.source, task.agent, task.sensor, settings, seed, start, folder.path
         )
-        recorder = Recorder(with_rooms=config.explain)
+        recorder, beliefs = Recorder(with_rooms=config.explain), BeliefNotes()
         with code.installed():
             simulation, agent = prepare(plan, settings, task.agent)
             simulation.on_scan = recorder.note_scan
@@ -245,11 +246,12 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
                 agent,
                 seed=seed,
                 start=start,
-                on_step=recorder.note_decision,
+                on_step=beliefs.noting_after(recorder.note_decision),
                 probe=CounterfactualRollouts if config.explain else None,
             )
-        episode = dataclasses.replace(episode, seconds=episode.seconds - recorder.seconds)
+        episode = dataclasses.replace(episode, seconds=episode.seconds - recorder.seconds - beliefs.seconds)
         scored = score_run(row, simulation, episode)
+        beliefs.save(folder, scored)
         folder.save_episode(scored, episode, recorder.end())
         return scored
     except WriteError:

@@ -8,9 +8,9 @@ import numpy as np
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.dashboard import put_text
 from layoutexplore.drawing.palette import Image
-from layoutexplore.grids.arrays import Floats
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.priors.completion import drawn_on
+from layoutexplore.grids.arrays import Bytes, Floats
+from layoutexplore.grids.grid import OccupancyGrid
+from layoutexplore.priors.completion import Compared, compared
 from layoutexplore.priors.registration import Registration
 
 CAPTION = 28
@@ -38,33 +38,35 @@ def draw_registered(
     Returns:
         uint8 (rows * scale + caption, cols * scale, 3) RGB; the top row is the highest y.
     """
-    cells = grid.cells
-    image = np.empty((*grid.shape, 3), np.float32)
-    image[:] = palette.CANVAS
-    image[cells == FREE] = palette.FREE
-    image[cells == OCCUPIED] = palette.WALL
-    words = "no place found"
-    if registration.hypotheses:
-        drawn, _ = drawn_on(registration, registration.hypotheses[0], grid)
-        unseen = cells == UNKNOWN
-        image[unseen & (drawn == FREE)] = _mixed(palette.CANVAS, palette.PREDICTED, confidence)
-        image[unseen & (drawn == OCCUPIED)] = _mixed(palette.CANVAS, palette.BLUE, 0.3 + 0.7 * confidence)
-        # Half a metre of a wall's error is drawn as agreement: what is farther off is a mistake.
-        near = max(1, round(0.5 / grid.resolution))
-        kernel = np.ones((2 * near + 1, 2 * near + 1), np.uint8)
-        walls = cv2.dilate((drawn == OCCUPIED).astype(np.uint8), kernel) > 0
-        image[(cells == OCCUPIED) & ~walls] = palette.VERMILLION
-        solid = cv2.erode((drawn != FREE).astype(np.uint8), kernel) > 0
-        image[(cells == FREE) & solid] = _mixed(palette.FREE, palette.VERMILLION, 0.35)
-        words = f"confidence {confidence:.2f}"
-    large = cv2.resize(
-        image[::-1].astype(np.uint8), None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST
-    )
+    image = draw_comparison(compared(grid, registration), confidence)
+    large = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
     picture = np.asarray(large, np.uint8)
     _draw_way(picture, grid, track, scale)
     framed = np.pad(picture, ((CAPTION, 0), (0, 0), (0, 0)), constant_values=255)
+    words = f"confidence {confidence:.2f}" if registration.hypotheses else "no place found"
     put_text(framed, words, 6, CAPTION - 9, 13, palette.INK)
     return framed
+
+
+def draw_comparison(codes: Bytes, confidence: float) -> Image:
+    """What `compared` found as a picture, a pixel a cell.
+
+    Args:
+        codes: uint8 (rows, cols), values of `Compared`.
+        confidence: Of the plan's place, 0..1: foreseen floor and walls are paler where it is low.
+
+    Returns:
+        uint8 (rows, cols, 3) RGB; the top row is the highest y.
+    """
+    colours = np.empty((len(Compared), 3), np.float64)
+    colours[Compared.SILENT] = palette.CANVAS
+    colours[Compared.FLOOR] = palette.FREE
+    colours[Compared.WALL] = palette.WALL
+    colours[Compared.FORESEEN_FLOOR] = _mixed(palette.CANVAS, palette.PREDICTED, confidence)
+    colours[Compared.FORESEEN_WALL] = _mixed(palette.CANVAS, palette.BLUE, 0.3 + 0.7 * confidence)
+    colours[Compared.OTHER_FLOOR] = _mixed(palette.FREE, palette.VERMILLION, 0.35)
+    colours[Compared.OTHER_WALL] = palette.VERMILLION
+    return np.asarray(colours.astype(np.uint8)[codes[::-1]], np.uint8)
 
 
 def side_by_side(left: Image, right: Image) -> Image:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
+
 import cv2
 import numpy as np
 
 from layoutexplore.frontiers.foresight import Foresight
-from layoutexplore.grids.arrays import Cells, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.morphology import disc
 from layoutexplore.priors.openings import with_ways_in
@@ -28,6 +30,10 @@ HELD = 0.2
 LEAST_GAP = 0.25
 """Metres; where a plan's walls are off, foreseen floor into which a disc of this radius (or of twice their
 usual error, if that is less) does not fit is the error of a wall's place."""
+
+
+TOLERANCE = 0.5
+"""Metres; half a metre of a wall's error is agreement, what is farther off is a mistake of the plan."""
 
 
 class PlanOnMap:
@@ -123,3 +129,38 @@ def _drop_slivers(cells: Cells, grid: OccupancyGrid, radius: float) -> None:
     kernel = disc(radius / grid.resolution)
     wide = cv2.morphologyEx(floor.astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
     cells[hidden & ~wide] = OCCUPIED
+
+
+class Compared(IntEnum):
+    """What a cell is by the map and by the plan."""
+
+    SILENT = 0
+    """Neither known nor foreseen."""
+    FLOOR = 1
+    WALL = 2
+    FORESEEN_FLOOR = 3
+    FORESEEN_WALL = 4
+    OTHER_FLOOR = 5
+    """Seen floor that the plan draws as solid."""
+    OTHER_WALL = 6
+    """A seen wall where the plan draws none."""
+
+
+def compared(grid: OccupancyGrid, registration: Registration) -> Bytes:
+    """uint8 (rows, cols), values of `Compared`, by the best hypothesis; without any, the map alone."""
+    cells = grid.cells
+    codes = np.full(grid.shape, Compared.SILENT, np.uint8)
+    codes[cells == FREE] = Compared.FLOOR
+    codes[cells == OCCUPIED] = Compared.WALL
+    if registration.hypotheses:
+        drawn, _ = drawn_on(registration, registration.hypotheses[0], grid)
+        unseen = cells == UNKNOWN
+        codes[unseen & (drawn == FREE)] = Compared.FORESEEN_FLOOR
+        codes[unseen & (drawn == OCCUPIED)] = Compared.FORESEEN_WALL
+        near = max(1, round(TOLERANCE / grid.resolution))
+        kernel = np.ones((2 * near + 1, 2 * near + 1), np.uint8)
+        walls = cv2.dilate((drawn == OCCUPIED).astype(np.uint8), kernel) > 0
+        codes[(cells == OCCUPIED) & ~walls] = Compared.OTHER_WALL
+        solid = cv2.erode((drawn != FREE).astype(np.uint8), kernel) > 0
+        codes[(cells == FREE) & solid] = Compared.OTHER_FLOOR
+    return codes

@@ -142,8 +142,7 @@ class Registration:
             if first:
                 self._try(TRIED)
         elif self._job is not None:
-            self._search(TRANSFORMED)
-            if self._job is None:
+            if self._search(TRANSFORMED):
                 self._try(TRIED_A_DECISION)
         elif self._waiting:
             self._try(TRIED_A_DECISION)
@@ -202,8 +201,8 @@ class Registration:
             for aspect in ASPECTS:
                 yield dataclasses.replace(part, aspect=aspect)
 
-    def _search(self, budget: float) -> None:
-        """Search on; when all is searched, the best places wait to be tried."""
+    def _search(self, budget: float) -> bool:
+        """Search on; whether all is searched: then the best places wait to be tried."""
         assert self._job is not None
         search, waiting = self._job
         while budget > 0:
@@ -212,9 +211,10 @@ class Registration:
                 self._job = None
                 ranked = sorted(self._found, key=lambda c: -(c.score + self._expected(c.slice, c.placement)))
                 self._waiting, self._found = ranked[:TRIED], []
-                return
+                return True
             budget -= search.cost(part)
             self._found += search.run(part)
+        return False
 
     def _try(self, count: int) -> None:
         """Refine some places that were found; the best ones, old and new, are kept."""

@@ -45,6 +45,7 @@ from layoutexplore.report.plots import (
     scale_bar,
     track_picture,
 )
+from layoutexplore.report.prior_section import prior_section
 from layoutexplore.report.profiles import profile_plot
 from layoutexplore.report.replay import replay_view, runs_to_replay
 from layoutexplore.report.templates import interval, number, percent, render
@@ -184,6 +185,7 @@ def report_view(
         "metrics": METRICS,
         "pooled": POOLED,
         **layouts,
+        "beliefs": prior_section(folder, rows, baseline, looks),
         "replay": replay_view(folder, replayed),
         "profile": profile_plot(rows, looks),
         "looks": looks,

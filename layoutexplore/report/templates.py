@@ -53,6 +53,8 @@ def map_colours(*, as_numbers: bool = False) -> dict[str, Any]:
         "right": palette.RIGHT,
         "wrong": palette.WRONG,
         "missed": palette.MISSED,
+        "plan_wall": palette.BLUE,
+        "otherwise": palette.VERMILLION,
     }
     if as_numbers:
         return {**named, "rooms": palette.ROOMS}

@@ -12,7 +12,7 @@ from layoutexplore.frontiers.decision import Decision
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.predictors import make_predictor
 from layoutexplore.predictors.learned import LearnedPredictor
-from layoutexplore.predictors.prior_plan import PriorPredictor, predictor_of_prior
+from layoutexplore.predictors.prior_plan import SURE, PriorPredictor, predictor_of_prior
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 from tests.priors.cases import office

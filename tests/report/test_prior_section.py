@@ -1,0 +1,55 @@
+"""The report's section on plans known beforehand."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.files import write_arrays
+from layoutexplore.priors.completion import Compared
+from layoutexplore.report.prior_section import prior_section
+from layoutexplore.report.templates import render
+
+AGENT = "plan-tour:predictor=prior:rough"
+
+
+def folder_of(path: Path, ratios: dict[str, float]) -> tuple[ResultsFolder, list[Row]]:
+    """Runs of the agent on plans, by their metres to 99 % over the baseline's 100 m."""
+    folder, rows = ResultsFolder(path), []
+    for plan, ratio in ratios.items():
+        base = Row(plan=plan, start=0, sensor="stage", agent="nearest", seed=0, d99=100.0)
+        row = dataclasses.replace(base, agent=AGENT, d99=100.0 * ratio)
+        codes = np.zeros((2, 60, 80), np.uint8)
+        codes[:, 20:40, 20:60] = Compared.FLOOR
+        codes[:, 20:30, 20:60] = Compared.OTHER_FLOOR
+        codes[1, 40:50, 20:60] = Compared.FORESEEN_FLOOR
+        way = np.array([(0.0, 0.05, 0.1), (10.0, 0.2, 0.4), (40.0, 0.5, 0.9)], np.float32)
+        place = folder.curve_path(row).with_suffix(".prior.npz")
+        write_arrays(place, {"way": way, "at": np.array([1, 2], np.int32), "maps": codes})
+        rows += [base, row]
+    return folder, rows
+
+
+def test_the_best_and_the_worst_run_are_shown(tmp_path: Path) -> None:
+    folder, rows = folder_of(tmp_path, {"a": 0.8, "b": 0.6, "c": 1.1})
+    (line,) = prior_section(folder, rows, "nearest", {})
+    assert line.agent == AGENT and len(line.runs) == 3
+    assert [run.row.plan for run in line.shown] == ["b", "c"]
+    assert "gained most, 0.60" in line.shown[0].title and "gained least, 1.10" in line.shown[1].title
+    assert line.sure == np.float32(0.4)  # half of 40 m: the decision at 10 m
+    first = line.shown[0].pictures[0]
+    assert first.caption.startswith("20") and "50" in first.caption and "confidence 0.40" in first.caption
+    assert line.median.startswith("M0.0,90.0 ") and line.median.endswith("L100.0,10.0")
+
+
+def test_the_page_has_it_and_others_do_not(tmp_path: Path) -> None:
+    folder, rows = folder_of(tmp_path, {"a": 0.8})
+    lines = prior_section(folder, rows, "nearest", {})
+    page = render("prior_section.html", beliefs=lines, baseline="nearest")
+    assert AGENT in page and page.count("data:image/png") == 2 and page.count("<path") == 2
+    assert "Plans known" not in render("prior_section.html", beliefs=[], baseline="nearest")
+    assert prior_section(folder, [rows[0]], "nearest", {}) == []
