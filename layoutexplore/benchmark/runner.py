@@ -14,7 +14,6 @@ import cv2
 
 import layoutexplore
 from layoutexplore.agents import make_agent
-from layoutexplore.benchmark.believed import BeliefNotes
 from layoutexplore.benchmark.cluster import RUNS_CODE, check_cluster, run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.counterfactual import CounterfactualRollouts
@@ -24,6 +23,7 @@ from layoutexplore.benchmark.pool import Limited, run_all
 from layoutexplore.benchmark.recording import Recorder
 from layoutexplore.benchmark.rows import Row, fingerprints, prepare, score_run
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
+from layoutexplore.drawing.beliefs import SUFFIX, BeliefNotes
 from layoutexplore.errors import ConfigError, WriteError
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -251,7 +251,7 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
             )
         episode = dataclasses.replace(episode, seconds=episode.seconds - recorder.seconds - beliefs.seconds)
         scored = score_run(row, simulation, episode)
-        beliefs.save(folder, scored)
+        beliefs.save(folder.curve_path(scored).with_suffix(SUFFIX))
         folder.save_episode(scored, episode, recorder.end())
         return scored
     except WriteError:

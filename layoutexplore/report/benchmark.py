@@ -31,7 +31,7 @@ from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
 from layoutexplore.files import atomic, write_atomically
 from layoutexplore.report.caveats import caveats
-from layoutexplore.report.layout_section import layout_section
+from layoutexplore.report.layout_section import layout_section, prior_section
 from layoutexplore.report.plots import (
     CurveLine,
     ForestPlot,
@@ -45,7 +45,6 @@ from layoutexplore.report.plots import (
     scale_bar,
     track_picture,
 )
-from layoutexplore.report.prior_section import prior_section
 from layoutexplore.report.profiles import profile_plot
 from layoutexplore.report.replay import replay_view, runs_to_replay
 from layoutexplore.report.templates import interval, number, percent, render

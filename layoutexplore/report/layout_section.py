@@ -1,6 +1,6 @@
 """The parts of the exploration report that are about layouts.
 
-What they changed, how right they were, stopping early.
+What they changed, how right they were, stopping early; what runs believed of plans known beforehand.
 """
 
 from __future__ import annotations
@@ -12,17 +12,32 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from layoutexplore.benchmark.analysis import Comparison, Curves
 from layoutexplore.benchmark.counterfactual import Counterfactual, DecisiveDecision
 from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops, has_stop_rule, tried_stops
 from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
 from layoutexplore.benchmark.rows import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.drawing.beliefs import SUFFIX, BelievedPlan, believed_plan
+from layoutexplore.drawing.prior_plans import draw_comparison
+from layoutexplore.grids.arrays import Bytes, Floats
+from layoutexplore.priors.completion import Compared
 from layoutexplore.report.decisive_decisions import DecisionPicture, decision_picture
 from layoutexplore.report.plots import LABEL_GAP, Look, agent_looks, label_places
+from layoutexplore.report.templates import number, percent, png_uri
 
 DRAWN, WRONG_DRAWN = 6, 2
 """Decisive decisions that are drawn, and how many of them at most in which the prediction was wrong."""
+
+_NBSP = "\N{NO-BREAK SPACE}"
+
+STEPS = np.linspace(0.0, 1.0, 41)
+"""Shares of a run's metres at which its confidence is drawn."""
+
+MARGIN = 1.0
+"""Metres around what a picture shows."""
 
 
 @dataclass(frozen=True)
@@ -192,3 +207,117 @@ def stop_plot(stops: Sequence[EarlyStop], looks: Mapping[str, Look]) -> StopPlot
     x_ticks = [(x(value / 100), f"{value}") for value in range(0, points + 1, step)]
     y_ticks = [(y(value / 100), f"{value} %") for value in range(round(100 * low), round(100 * high) + 1, 10)]
     return StopPlot(marks, x_ticks, y_ticks, x(POINTS_LOST))
+
+
+@dataclass(frozen=True)
+class BeliefPicture:
+    """The map with the plan as it was believed to lie at one moment of a run."""
+
+    image: str
+    caption: str
+
+
+@dataclass(frozen=True)
+class BeliefRun:
+    """A run that is shown: why, and its pictures."""
+
+    row: Row
+    why: str
+    pictures: tuple[BeliefPicture, ...]
+
+    @property
+    def title(self) -> str:
+        """The cell, and how the run compares."""
+        return f"{self.row.plan}, start {self.row.start}, {self.row.sensor}: {self.why}"
+
+
+@dataclass(frozen=True)
+class BeliefLine:
+    """One agent: its runs' confidence over their metres as paths in a square of 100, and the runs shown."""
+
+    agent: str
+    colour: str
+    median: str
+    runs: tuple[str, ...]
+    sure: float
+    shown: tuple[BeliefRun, ...]
+
+
+def prior_section(
+    folder: ResultsFolder, rows: Sequence[Row], baseline: str, looks: Mapping[str, Look]
+) -> list[BeliefLine]:
+    """A line for each agent with a plan known beforehand; empty where there is none."""
+    base = {row.key[:3]: row for row in rows if row.agent == baseline and not row.error}
+    by_agent: dict[str, list[tuple[Row, BelievedPlan]]] = {}
+    for row in rows:
+        found = None if row.error else believed_plan(folder.curve_path(row).with_suffix(SUFFIX))
+        if found is not None and len(found.way):
+            by_agent.setdefault(row.agent, []).append((row, found))
+    lines = []
+    for agent, runs in by_agent.items():
+        curves = np.array([_confidence(found) for _, found in runs])
+        lines.append(
+            BeliefLine(
+                agent=agent,
+                colour=looks[agent][0] if agent in looks else "#444",
+                median=_line(np.median(curves, axis=0)),
+                runs=tuple(_line(curve) for curve in curves),
+                sure=float(curves[:, len(STEPS) // 2].mean()),
+                shown=_runs_shown(runs, base),
+            )
+        )
+    return lines
+
+
+def _confidence(found: BelievedPlan) -> Floats:
+    """A run's confidence at `STEPS` of its metres: that of the last decision before each."""
+    metres = found.way[:, 0].astype(np.float64)
+    at = np.searchsorted(metres, STEPS * max(float(metres[-1]), 1e-9), side="right") - 1
+    return np.asarray(found.way[np.maximum(at, 0), 2], np.float64)
+
+
+def _line(curve: Floats) -> str:
+    points = (f"{100 * x:.1f},{100 - 100 * y:.1f}" for x, y in zip(STEPS, curve, strict=True))
+    return "M" + " L".join(points)
+
+
+def _runs_shown(
+    runs: Sequence[tuple[Row, BelievedPlan]], base: Mapping[tuple[str, int, str], Row]
+) -> tuple[BeliefRun, ...]:
+    """The run that gained most and the one that gained least against the baseline."""
+    compared = ((row, base.get(row.key[:3])) for row, _ in runs)
+    ratios = [(row.d99 / other.d99 if other else 1.0, k) for k, (row, other) in enumerate(compared)]
+    found: list[BeliefRun] = []
+    for word, (ratio, k) in (("gained most", min(ratios)), ("gained least", max(ratios))):
+        row, plan = runs[k]
+        if found and found[0].row is row:
+            continue
+        why = f"{word}, {number(ratio)} of the metres to 99{_NBSP}%"
+        pictures = tuple(_belief_picture(plan, n) for n in range(len(plan.at)))
+        found.append(BeliefRun(row, why, pictures))
+    return tuple(found)
+
+
+def _belief_picture(plan: BelievedPlan, n: int) -> BeliefPicture:
+    codes = plan.maps[n]
+    metres, coverage, confidence = plan.way[plan.at[n]].tolist()
+    counts = np.bincount(codes.ravel(), minlength=len(Compared))
+    floor, walls = counts[Compared.FLOOR] + counts[Compared.OTHER_FLOOR], counts[Compared.OTHER_WALL]
+    wrong_floor = counts[Compared.OTHER_FLOOR] / max(floor, 1)
+    wrong_walls = walls / max(walls + counts[Compared.WALL], 1)
+    caption = (
+        f"{percent(coverage)} seen, {number(metres, 0)}{_NBSP}m: confidence {number(confidence)}; of what is "
+        f"seen the plan shows otherwise {percent(float(wrong_floor))} of the floor and "
+        f"{percent(float(wrong_walls))} of the walls"
+    )
+    image = draw_comparison(_cropped(codes, round(MARGIN / plan.resolution)), confidence)
+    return BeliefPicture(png_uri(image), caption)
+
+
+def _cropped(codes: Bytes, margin: int) -> Bytes:
+    """The part that shows anything, and so many cells around it."""
+    rows, cols = np.nonzero(codes)
+    if not len(rows):
+        return codes
+    low = np.maximum([rows.min() - margin, cols.min() - margin], 0)
+    return codes[low[0] : rows.max() + margin + 1, low[1] : cols.max() + margin + 1]

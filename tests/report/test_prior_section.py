@@ -9,9 +9,10 @@ import numpy as np
 
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.drawing.beliefs import SUFFIX
 from layoutexplore.files import write_arrays
 from layoutexplore.priors.completion import Compared
-from layoutexplore.report.prior_section import prior_section
+from layoutexplore.report.layout_section import prior_section
 from layoutexplore.report.templates import render
 
 AGENT = "plan-tour:predictor=prior:rough"
@@ -28,8 +29,8 @@ def folder_of(path: Path, ratios: dict[str, float]) -> tuple[ResultsFolder, list
         codes[:, 20:30, 20:60] = Compared.OTHER_FLOOR
         codes[1, 40:50, 20:60] = Compared.FORESEEN_FLOOR
         way = np.array([(0.0, 0.05, 0.1), (10.0, 0.2, 0.4), (40.0, 0.5, 0.9)], np.float32)
-        place = folder.curve_path(row).with_suffix(".prior.npz")
-        write_arrays(place, {"way": way, "at": np.array([1, 2], np.int32), "maps": codes})
+        arrays = {"way": way, "at": np.array([1, 2], np.int32), "maps": codes, "resolution": np.array([0.1])}
+        write_arrays(folder.curve_path(row).with_suffix(SUFFIX), arrays)
         rows += [base, row]
     return folder, rows
 

@@ -1,6 +1,6 @@
 """What a run believed of a plan known beforehand: how sure it was on the way, and where the plan lay.
 
-It is kept in a file of its own beside the run's (`*.prior.npz`) and shown by the report.
+A benchmark keeps it in a file of its own beside the run's, for the pictures of its report.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.benchmark.rows import Row
-from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.files import ArrayRule, read_arrays, write_arrays
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints32
 from layoutexplore.predictors.prior_plan import PriorPredictor
 from layoutexplore.priors.completion import Compared, compared
 from layoutexplore.simulation.simulation import Simulation
+
+SUFFIX = ".prior.npz"
+"""Ending of the files."""
 
 SHARES = (0.1, 0.3, 0.6)
 """Coverages at which the plan is kept as it was believed to lie."""
@@ -34,17 +35,20 @@ class BelievedPlan:
         way: float32 (decisions, 3), metres, coverage and confidence at each decision.
         at: int32 (pictures,), numbers of the decisions at which `maps` were kept.
         maps: uint8 (pictures, rows, cols), values of `layoutexplore.priors.completion.Compared`.
+        resolution: Metres a cell.
     """
 
     way: Floats32
     at: Ints32
     maps: Bytes
+    resolution: float
 
 
 _RULES = {
     "way": ArrayRule(shape=("decisions", 3), low=0, high=1e9),
     "at": ArrayRule(kinds="iu", shape=("pictures",), low=0, high=1e6),
     "maps": ArrayRule(kinds="u", shape=("pictures", "rows", "cols"), high=len(Compared) - 1),
+    "resolution": ArrayRule(shape=(1,), low=1e-6, high=1e6),
 }
 
 
@@ -59,6 +63,7 @@ class BeliefNotes:
         self.seconds = 0.0
         self._way: list[tuple[float, float, float]] = []
         self._maps: list[tuple[int, Bytes]] = []
+        self._resolution = 1.0
 
     def note(self, simulation: Simulation) -> None:
         """A decision is due, or the run is over."""
@@ -68,6 +73,7 @@ class BeliefNotes:
         began = time.perf_counter()
         # The decision asks the predictor: what it believes is of now only afterwards.
         grid = simulation.decision.grid
+        self._resolution = grid.resolution
         self._way.append((simulation.distance, simulation.coverage, predictor.confidence))
         due = SHARES[len(self._maps)] if len(self._maps) < len(SHARES) else 2.0
         if simulation.coverage >= due and predictor.registration is not None:
@@ -83,30 +89,27 @@ class BeliefNotes:
 
         return both
 
-    def save(self, folder: ResultsFolder, row: Row) -> None:
-        """Write what was noted, if anything was."""
+    def save(self, path: Path) -> None:
+        """Write what was noted, if anything was, into a file that ends in `SUFFIX`."""
         if self._way:
             shape = self._maps[0][1].shape if self._maps else (0, 0)
             arrays: dict[str, NDArray[Any]] = {
                 "way": np.array(self._way, np.float32),
                 "at": np.array([k for k, _ in self._maps], np.int32),
                 "maps": np.array([codes for _, codes in self._maps], np.uint8).reshape(-1, *shape),
+                "resolution": np.array([self._resolution], np.float64),
             }
-            write_arrays(_path(folder, row), arrays)
+            write_arrays(path, arrays)
 
 
-def believed_plan(folder: ResultsFolder, row: Row) -> BelievedPlan | None:
-    """What a run believed; None for one without a plan known beforehand.
+def believed_plan(path: Path) -> BelievedPlan | None:
+    """What a run believed; None where there is no such file: it had no plan known beforehand.
 
     Raises:
-        ResultsError: Its file is damaged.
+        ResultsError: The file is damaged.
     """
-    path = _path(folder, row)
     if not path.is_file():
         return None
-    data = read_arrays(path, "way", "at", "maps", rules=_RULES)
-    return BelievedPlan(data["way"].astype(np.float32), data["at"].astype(np.int32), data["maps"])
-
-
-def _path(folder: ResultsFolder, row: Row) -> Path:
-    return folder.curve_path(row).with_suffix(".prior.npz")
+    data = read_arrays(path, *_RULES, rules=_RULES)
+    way, at = data["way"].astype(np.float32), data["at"].astype(np.int32)
+    return BelievedPlan(way, at, data["maps"], float(data["resolution"][0]))

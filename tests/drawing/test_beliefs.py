@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from layoutexplore.benchmark.believed import SHARES, believed_plan
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.drawing.beliefs import SHARES, SUFFIX, BelievedPlan, believed_plan
 from layoutexplore.errors import ResultsError
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.priors.completion import Compared
@@ -35,10 +35,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
     return ResultsFolder(place / "out")
 
 
+def believed(folder: ResultsFolder, agent: str) -> BelievedPlan | None:
+    (row,) = (row for row in folder.rows() if row.agent == agent)
+    return believed_plan(folder.curve_path(row).with_suffix(SUFFIX))
+
+
 def test_a_run_notes_its_confidence_and_where_the_plan_lay(folder: ResultsFolder) -> None:
-    (row,) = (row for row in folder.rows() if row.agent == AGENT)
-    found = believed_plan(folder, row)
-    assert found is not None and len(found.way) == row.decisions
+    found = believed(folder, AGENT)
+    assert found is not None and found.resolution == 0.1
+    assert len(found.way) == next(row.decisions for row in folder.rows() if row.agent == AGENT)
     metres, coverage, confidence = found.way.T
     assert (np.diff(metres) >= 0).all() and (np.diff(coverage) >= 0).all()
     assert confidence.min() >= 0 and 0.5 < confidence.max() <= 1
@@ -51,15 +56,11 @@ def test_a_run_notes_its_confidence_and_where_the_plan_lay(folder: ResultsFolder
 
 
 def test_others_note_nothing(folder: ResultsFolder) -> None:
-    (plain,) = (row for row in folder.rows() if row.agent == "nearest")
-    assert believed_plan(folder, plain) is None
+    assert believed(folder, "nearest") is None
 
 
-def test_a_damaged_file_is_named(folder: ResultsFolder, tmp_path: Path) -> None:
-    (row,) = (row for row in folder.rows() if row.agent == AGENT)
-    copy = ResultsFolder(tmp_path)
-    target = copy.curve_path(row).with_suffix(".prior.npz")
-    target.parent.mkdir(parents=True)
-    target.write_bytes(b"no archive")
+def test_a_damaged_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / f"run{SUFFIX}"
+    path.write_bytes(b"no archive")
     with pytest.raises(ResultsError, match=r"prior\.npz"):
-        believed_plan(copy, row)
+        believed_plan(path)
