@@ -61,6 +61,9 @@ class PriorPredictor:
         MapError: The file cannot be read, or is no plan.
     """
 
+    remembers = True
+    """What it believes comes from all decisions of a run: one that goes on asks it at each of them again."""
+
     def __init__(
         self, source: PriorPlan | str, hints: PriorHints | None = None, *, among: str = "", sure: float = SURE
     ) -> None:

@@ -70,6 +70,7 @@ class TimedPredictor:
         self.inner = inner
         self.name = inner.name
         self.ms = 0.0
+        self.remembers = bool(getattr(inner, "remembers", False))
         if isinstance(inner, Privileged):
             self.reveal = inner.reveal
 

@@ -71,7 +71,8 @@ class SavedRun:
             simulation: Of the same floor plan and configuration; it is reset.
             agent: Who goes on, if anybody: it is reset and shown the truth if it may know it. One that
                 remembers (all but those that say `remembers = False`) is asked at every decision again, with
-                predictions; the moves are those of the file whatever it answers.
+                predictions; the moves are those of the file whatever it answers. A predictor that says
+                `remembers = True` is asked again, too.
 
         Raises:
             ConfigError: The simulation has another floor plan or configuration.
@@ -79,9 +80,10 @@ class SavedRun:
         """
         if simulation.plan.content_hash != self.content_hash or simulation.config != self.config:
             raise ConfigError(f"this run was saved on {self.plan!r} with another plan or configuration")
-        remembers = agent is not None and getattr(agent, "remembers", True)
         predictor = simulation.predictor
-        simulation.predictor = predictor if remembers else None
+        remembers = agent is not None and getattr(agent, "remembers", True)
+        predicts = remembers or bool(getattr(predictor, "remembers", False))
+        simulation.predictor = predictor if predicts else None
         try:
             simulation.reset(self.seed, self.start)
             if agent is not None:
@@ -96,10 +98,11 @@ class SavedRun:
             raise ResultsError(f"{_ELSEWHERE}: {cause(error)}") from error
         finally:
             simulation.predictor = predictor
-        told: object = None if remembers else predictor
+        told: object = None if predicts else predictor
         if isinstance(told, Privileged):
             told.reveal(simulation.truth)
-        simulation.state.decision = None
+        if not predicts:  # what remembers is asked once a decision
+            simulation.state.decision = None
         self._check(simulation)
         return simulation.decision
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from layoutexplore.agents import make_agent
 from layoutexplore.errors import ConfigError, LayoutExploreError, UnknownNameError
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.maps.geojson import save_plan
@@ -14,6 +15,7 @@ from layoutexplore.predictors import make_predictor
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.prior_plan import SURE, PriorPredictor, predictor_of_prior
 from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.saved_run import read_saved_run, save_simulation
 from layoutexplore.simulation.simulation import Simulation
 from tests.priors.cases import office
 
@@ -108,3 +110,24 @@ def test_other_floors_have_to_be_named() -> None:
         simulation.reset(seed=0)
     with pytest.raises((UnknownNameError, LayoutExploreError)):
         Simulation(office(), SimulationConfig(), predictor_of_prior("wrong;among=nowhere/")).reset(seed=0)
+
+
+@pytest.mark.parametrize("agent", ["plan-tour", "layout-tour"])
+def test_a_run_goes_on_as_if_it_had_not_been_stopped(agent: str, tmp_path: Path) -> None:
+    """`layout-tour` remembers nothing itself: then the predictor alone has to be asked again."""
+
+    def explored(pause: int) -> tuple[list[tuple[float, ...]], float]:
+        predictor, explorer = predictor_of_prior("true"), make_agent(agent)
+        simulation = Simulation(office(), SimulationConfig(sensor="indoor"), predictor)
+        decision = simulation.reset(seed=1)
+        explorer.reset(1)
+        while not simulation.done and simulation.decisions < 9:
+            decision = simulation.step(explorer.act(decision))
+            if simulation.decisions == pause:
+                save_simulation(simulation, tmp_path / "run.npz")
+                predictor, explorer = predictor_of_prior("true"), make_agent(agent)
+                simulation = Simulation(office(), SimulationConfig(sensor="indoor"), predictor)
+                decision = read_saved_run(tmp_path / "run.npz").restore(simulation, explorer)
+        return simulation.track.tolist(), predictor.confidence
+
+    assert explored(pause=5) == explored(pause=-1)
