@@ -159,23 +159,27 @@ def _spread(labels: Ints32, mask: Mask, bare: Bytes, steps: int, sign: int) -> i
     queue = np.empty(last + left, np.int32)
     queue[:last] = border[:last]
     first, step = 0, 0
-    begun, open_cells = last, bare.ravel()
+    begun, open_cells, size = last, bare.ravel(), flat.size
+    # A column too far comes out in another row, which matters where cells at the sides are bare alone.
+    sides = cols > 1 and (bare[:, 0].any() or bare[:, cols - 1].any())
+    steps_aside = (-sign * cols, sign * cols, -sign, sign)
     while first < last and step < steps:
         step += 1
         end = last
         while first < end:
-            i = int(queue[first])
+            i = int(queue[np.uint64(first)])
             first += 1
-            label, col = flat[i], i % cols
-            for d in range(4):
-                away = sign if d & 1 else -sign
-                k = i + away * cols if d < 2 else i + away
-                # A row too far leaves the flat array; a column too far would come out in another row.
-                if k < 0 or k >= flat.size or (d >= 2 and not 0 <= col + away < cols):
+            label = flat[np.uint64(i)]
+            for away in steps_aside:
+                k = i + away
+                if k < 0 or k >= size:
                     continue
-                if open_cells[np.uint64(k)]:
-                    open_cells[np.uint64(k)] = 0
-                    flat[np.uint64(k)] = label
+                place = np.uint64(k)
+                if open_cells[place]:
+                    if sides and (away == 1 or away == -1) and k // cols != i // cols:
+                        continue
+                    open_cells[place] = 0
+                    flat[place] = label
                     queue[np.uint64(last)] = k
                     last += 1
     return left - (last - begun)
