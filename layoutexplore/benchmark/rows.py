@@ -12,7 +12,7 @@ import numpy as np
 
 from layoutexplore.agents import AGENTS, make_agent
 from layoutexplore.errors import LayoutExploreError
-from layoutexplore.frontiers.decision import Agent, Privileged
+from layoutexplore.frontiers.decision import Agent, Privileged, predictor_of
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.metrics.exploration import revisit_share, rooms_finished, score_curve
 from layoutexplore.plugins.code_digest import digest_of
@@ -149,7 +149,7 @@ def prepare(plan: FloorPlan | str, config: SimulationConfig, agent: str) -> tupl
         UnknownNameError: No agent or plan of that name.
     """
     chosen = make_agent(agent)
-    predictor = make_predictor(getattr(chosen, "predictor", "none"))
+    predictor = make_predictor(predictor_of(chosen))
     return Simulation(plan, config, TimedPredictor(predictor) if predictor else None), chosen
 
 
@@ -164,7 +164,7 @@ def fingerprints(agents: Iterable[str]) -> dict[str, str]:
     found = {}
     for name in agents:
         agent = make_agent(name)
-        wanted = getattr(agent, "predictor", "none")
+        wanted = predictor_of(agent)
         code = PREDICTORS.digest(wanted) if isinstance(wanted, str) else digest_of(wanted)
         parts = agent, make_predictor(wanted)
         learnt = (getattr(part, "fingerprint", "") for part in parts)
@@ -182,7 +182,7 @@ def knows_the_plan(agent: str) -> bool:
         chosen = make_agent(agent)
         if isinstance(chosen, Privileged):
             return True
-        predictor: object = make_predictor(getattr(chosen, "predictor", "none"))
+        predictor: object = make_predictor(predictor_of(chosen))
         return isinstance(predictor, Privileged) and bool(getattr(predictor, "shows_truth", True))
     except LayoutExploreError:
         return False

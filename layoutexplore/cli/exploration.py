@@ -72,9 +72,11 @@ class RunWatcher:
         from layoutexplore.grids.ros_map import encode_png
         from layoutexplore.layout.export import layout_to_geojson
         from layoutexplore.predictors.prior_plan import PriorPredictor
+        from layoutexplore.simulation.episode import TimedPredictor
 
         self.pictures[percent] = encode_png(self.draw(state))
-        predictor = getattr(state.predictor, "inner", None)
+        timed = state.predictor
+        predictor = timed.inner if isinstance(timed, TimedPredictor) else timed
         if isinstance(predictor, PriorPredictor) and predictor.registration:
             drawn = draw_registered(
                 state.mapper.grid, predictor.registration, predictor.confidence, state.track

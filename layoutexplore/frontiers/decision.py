@@ -240,6 +240,20 @@ class Agent(Protocol):
 
 
 @runtime_checkable
+class AsksForRooms(Protocol):
+    """An agent that names the predictor which completes its decisions."""
+
+    @property
+    def predictor(self) -> object:
+        """The predictor's name and options, or the predictor itself."""
+
+
+def predictor_of(agent: Agent) -> object:
+    """The predictor that an agent asks for; "none" where it asks for none."""
+    return agent.predictor if isinstance(agent, AsksForRooms) else "none"
+
+
+@runtime_checkable
 class Privileged(Protocol):
     """An agent or predictor that is allowed to know the floor plan: it is shown the truth after `reset`."""
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import unknown_name
+from layoutexplore.errors import ConfigError, UnknownNameError, unknown_name
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
@@ -155,7 +155,12 @@ def predictor_of_method(text: str) -> ReconstructedPredictor:
         if key not in known:
             raise unknown_name(f"option of the {method} method", key, [*known])
         options[key] = read_value(f"{where}: {key}", known[key], value)
-    return ReconstructedPredictor(method, **options)
+    try:
+        return ReconstructedPredictor(method, **options)
+    except UnknownNameError:
+        raise
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None
 
 
 def _by_owner(reach: Ints32, at_border: Mask, seen: Ints32) -> tuple[Ints32, Mask]:

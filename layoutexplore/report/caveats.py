@@ -9,6 +9,7 @@ from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import agents_of
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import LayoutExploreError
+from layoutexplore.frontiers.decision import predictor_of
 from layoutexplore.maps import splits
 from layoutexplore.report.templates import percent
 
@@ -87,6 +88,6 @@ def _of_simulation(settings: dict[str, Any]) -> list[str]:
 def _has_learnt(agent: str) -> bool:
     """Whether an agent asks the room predictor that ships; not one that this version cannot make."""
     try:
-        return getattr(make_agent(agent), "predictor", "none") == "layout"
+        return predictor_of(make_agent(agent)) == "layout"
     except LayoutExploreError:
         return False

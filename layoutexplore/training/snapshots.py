@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import LayoutExploreError, ResultsError, shortened
 from layoutexplore.files import ArrayRule, read_arrays, safe_name, write_arrays
 from layoutexplore.files.archives import check_arrays
-from layoutexplore.frontiers.decision import Agent, Decision, KnownDistances
+from layoutexplore.frontiers.decision import Agent, Decision, KnownDistances, predictor_of
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
@@ -76,7 +76,7 @@ def _run(
     simulation: Simulation, seed: int, agent: Agent, coverages: Iterable[float]
 ) -> list[tuple[float, Decision]]:
     """The first decisions at or above each coverage."""
-    simulation.predictor = make_predictor(getattr(agent, "predictor", "none"))
+    simulation.predictor = make_predictor(predictor_of(agent))
     waiting, found = list(coverages), []
 
     def keep(simulation: Simulation) -> None:

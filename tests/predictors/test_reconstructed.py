@@ -244,8 +244,8 @@ def test_known_part_keeps_the_world() -> None:
         ("reconstruct:rose2;sigma", "key=value"),
         ("reconstruct:rose2;sigma=0.1;sigma=0.2", "twice"),
         ("reconstruct:rose2,sigma=wide", "a number"),
-        ("reconstruct:rose2,sigma=-1", "sigma"),
-        ("reconstruct:rose2;growth=1", "growth"),
+        ("reconstruct:rose2,sigma=-1", "predictor reconstruct:rose2,sigma=-1: sigma"),
+        ("reconstruct:rose2;growth=1", "reconstruct:rose2;growth=1: growth"),
         ("reconstruct:distance;growth=much", "a number"),
     ],
 )
