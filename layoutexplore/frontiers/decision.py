@@ -254,6 +254,20 @@ def predictor_of(agent: Agent) -> object:
 
 
 @runtime_checkable
+class Remembering(Protocol):
+    """An agent or predictor that says whether it keeps anything in mind from decision to decision."""
+
+    @property
+    def remembers(self) -> bool:
+        """Whether what it answers depends on the decisions before."""
+
+
+def remembers(part: object, otherwise: bool) -> bool:
+    """What an agent or predictor says of itself, as in `Remembering`; `otherwise` where it says nothing."""
+    return part.remembers if isinstance(part, Remembering) else otherwise
+
+
+@runtime_checkable
 class Privileged(Protocol):
     """An agent or predictor that is allowed to know the floor plan: it is shown the truth after `reset`."""
 

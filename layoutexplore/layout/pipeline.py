@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
@@ -53,8 +54,8 @@ class LayoutCache:
         method: As for `reconstruct`.
         config: As for `reconstruct`.
         exact: Reconstruct as soon as any cell has changed.
-        growth: Reconstruct as soon as the occupied cells that have changed are more than this share of those
-            that there were.
+        growth: Of a map that is written into the same array, reconstruct as soon as the occupied cells that
+            have changed are more than this share of those that there were.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class LayoutCache:
         self.exact, self.growth = exact, growth
         self._seen: NDArray[Any] | None = None
         self._most = 0
+        self._cells: weakref.ref[NDArray[Any]] | None = None
         self._frame: tuple[float, Pose] | None = None
         self._layout: Layout | None = None
 
@@ -79,16 +81,18 @@ class LayoutCache:
         """
         seen = grid.cells.copy() if self.exact else grid.cells == OCCUPIED
         frame = grid.resolution, grid.origin
-        if self._layout is None or frame != self._frame or self._differs(seen):
+        if self._layout is None or frame != self._frame or self._differs(grid, seen):
             self._layout = self.method.run(part() if part else grid, self.config)
-            self._seen, self._frame = seen, frame
+            self._seen, self._frame, self._cells = seen, frame, weakref.ref(grid.cells)
             self._most = 0 if self.exact else int(self.growth * np.count_nonzero(seen))
         return self._layout
 
-    def _differs(self, seen: NDArray[Any]) -> bool:
-        if self._seen is None or seen.shape != self._seen.shape:
+    def _differs(self, grid: OccupancyGrid, seen: NDArray[Any]) -> bool:
+        if self._seen is None or self._cells is None or seen.shape != self._seen.shape:
             return True
-        return int(np.count_nonzero(seen != self._seen)) > self._most
+        # another map that looks nearly alike is no grown one
+        most = self._most if self._cells() is grid.cells else 0
+        return int(np.count_nonzero(seen != self._seen)) > most
 
 
 ConfigT = TypeVar("ConfigT")

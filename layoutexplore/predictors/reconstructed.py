@@ -97,6 +97,9 @@ class ReconstructedPredictor:
         ConfigError: An option's value makes no sense.
     """
 
+    remembers = True
+    """Lines that are kept are those of an earlier decision."""
+
     def __init__(self, method: str, completion: str = "", growth: float = GROWTH, **options: Any) -> None:
         given: dict[str, Any] = {"completion": completion} if completion else {}
         given |= ({"growth": growth} if growth != GROWTH else {}) | options

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from layoutexplore.errors import LayoutExploreError
-from layoutexplore.frontiers.decision import Agent, Decision, Predictor, Privileged
+from layoutexplore.frontiers.decision import Agent, Decision, Predictor, Privileged, remembers
 from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
@@ -70,7 +70,7 @@ class TimedPredictor:
         self.inner = inner
         self.name = inner.name
         self.ms = 0.0
-        self.remembers = bool(getattr(inner, "remembers", False))
+        self.remembers = remembers(inner, otherwise=False)
         if isinstance(inner, Privileged):
             self.reveal = inner.reveal
 

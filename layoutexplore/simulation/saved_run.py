@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, ResultsError, cause
 from layoutexplore.files import ArrayRule, parse_json, read_arrays, write_arrays
-from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged
+from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.options import check_kind, from_table
@@ -81,8 +81,8 @@ class SavedRun:
         if simulation.plan.content_hash != self.content_hash or simulation.config != self.config:
             raise ConfigError(f"this run was saved on {self.plan!r} with another plan or configuration")
         predictor = simulation.predictor
-        remembers = agent is not None and getattr(agent, "remembers", True)
-        predicts = remembers or bool(getattr(predictor, "remembers", False))
+        asks = agent is not None and remembers(agent, otherwise=True)
+        predicts = asks or remembers(predictor, otherwise=False)
         simulation.predictor = predictor if predicts else None
         try:
             simulation.reset(self.seed, self.start)
@@ -91,8 +91,9 @@ class SavedRun:
                 if isinstance(agent, Privileged):
                     agent.reveal(simulation.truth)
             for move in self.moves:
-                if agent is not None and remembers:
-                    agent.act(simulation.decision)
+                decision = simulation.decision if predicts else None
+                if agent is not None and asks and decision is not None:
+                    agent.act(decision)
                 _make(simulation, move)
         except ConfigError as error:
             raise ResultsError(f"{_ELSEWHERE}: {cause(error)}") from error

@@ -191,8 +191,10 @@ def test_cache_keeps_the_layout_while_the_walls_have_hardly_grown():
     few = len(walls) // 100
     grid.cells[tuple(walls[:few].T)] = 0
     assert cache(grid, part) is first and len(shown) == 1
-    grid.cells[tuple(walls[few])] = 0
-    assert cache(grid, part) is not first and len(shown) == 2
+    assert cache(OccupancyGrid(grid.cells.copy(), 0.1), part) is not first and len(shown) == 2
+    second = cache(grid, part)
+    grid.cells[tuple(walls[few : 2 * few + 1].T)] = 0
+    assert cache(grid, part) is not second and len(shown) == 3
     with pytest.raises(ConfigError, match="growth"):
         LayoutCache("rose2", growth=1.0)
 

@@ -43,7 +43,15 @@ def digest(simulation: Simulation) -> list[bytes]:
 
 
 @pytest.mark.parametrize(
-    "agent", ["tour", "layout-tour", "random", "clairvoyant", "layout-tour:predictor=oracle"]
+    "agent",
+    [
+        "tour",
+        "layout-tour",
+        "random",
+        "clairvoyant",
+        "layout-tour:predictor=oracle",
+        "layout-tour:predictor=reconstruct:rose2;growth=0.3",
+    ],
 )
 @pytest.mark.parametrize("config", CONFIGS)
 def test_a_run_goes_on_bit_for_bit(tmp_path: Path, config: str, agent: str) -> None:
