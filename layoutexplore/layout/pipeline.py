@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import weakref
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.layout.outlines import layout_of_labels
 from layoutexplore.layout.timing import StageTimer
@@ -68,7 +68,7 @@ class LayoutCache:
         self.exact, self.growth = exact, growth
         self._seen: NDArray[Any] | None = None
         self._most = 0
-        self._cells: weakref.ref[NDArray[Any]] | None = None
+        self._cells: Cells | None = None
         self._frame: tuple[float, Pose] | None = None
         self._layout: Layout | None = None
 
@@ -83,15 +83,15 @@ class LayoutCache:
         frame = grid.resolution, grid.origin
         if self._layout is None or frame != self._frame or self._differs(grid, seen):
             self._layout = self.method.run(part() if part else grid, self.config)
-            self._seen, self._frame, self._cells = seen, frame, weakref.ref(grid.cells)
+            self._seen, self._frame, self._cells = seen, frame, grid.cells
             self._most = 0 if self.exact else int(self.growth * np.count_nonzero(seen))
         return self._layout
 
     def _differs(self, grid: OccupancyGrid, seen: NDArray[Any]) -> bool:
-        if self._seen is None or self._cells is None or seen.shape != self._seen.shape:
+        if self._seen is None or seen.shape != self._seen.shape:
             return True
         # another map that looks nearly alike is no grown one
-        most = self._most if self._cells() is grid.cells else 0
+        most = self._most if self._cells is grid.cells else 0
         return int(np.count_nonzero(seen != self._seen)) > most
 
 
