@@ -28,7 +28,7 @@ class LoopScore:
         hidden_iou: IoU of the predicted and the true hidden parts of rooms, interval over buildings.
         leftover: Share of frontiers of which "closed, with less than 1 m2 left" is told rightly, 0..1.
         ms: Milliseconds of a prediction, median.
-        d95: Metres to 95 % over those of the baseline, interval over floor plans; None where nothing ran.
+        d95: Metres to 95 % over those of the baseline, interval over buildings; None where nothing ran.
         d99: The same to 99 %.
         reached: Share of the runs that reached 99 %, 0..1; None where nothing ran.
     """

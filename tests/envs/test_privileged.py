@@ -183,6 +183,21 @@ def test_a_predictor_by_name_fills_what_a_layout_tells_and_none_leaves_it_empty(
         assert shown["layout"]["global_map"][known + k].any(), LAYOUT_CHANNELS[k]
 
 
+@pytest.mark.parametrize("method", ["rose2", "distance"])
+def test_a_layout_method_fills_what_a_layout_tells(method: str) -> None:
+    env = make(predictor=f"reconstruct:{method}", plan="office-01", observation=ObservationConfig(detour=True))
+    observation, _ = env.reset(seed=1)
+    classes = {0.0}
+    for _ in range(30):
+        observation, _, terminated, truncated, _ = env.step(0)
+        if terminated or truncated:
+            break
+        columns = named_columns(observation)
+        classes |= set(columns["class"].tolist())
+        assert (columns["confidence"] == 1.0).all() and env.observation_space.contains(observation)
+    assert {-1.0, 1.0} <= classes and observation["global_map"][len(CHANNELS)].any()
+
+
 def test_predictors_by_name_and_as_objects_are_the_same() -> None:
     named, given = make(predictor="oracle:flip=0.25"), make(predictor=make_predictor("oracle:flip=0.25"))
     for env in (named, given):
