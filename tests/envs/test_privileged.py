@@ -185,7 +185,9 @@ def test_a_predictor_by_name_fills_what_a_layout_tells_and_none_leaves_it_empty(
 
 @pytest.mark.parametrize("method", ["rose2", "distance"])
 def test_a_layout_method_fills_what_a_layout_tells(method: str) -> None:
-    env = make(predictor=f"reconstruct:{method}", plan="office-01", observation=ObservationConfig(detour=True))
+    env = make(
+        predictor=f"reconstruct:{method}", plan="office-01", observation=ObservationConfig(detour=True)
+    )
     observation, _ = env.reset(seed=1)
     classes = {0.0}
     for _ in range(30):
