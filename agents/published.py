@@ -1,6 +1,6 @@
 """The strategy of Luperto and Amigoni (AAMAS 2021), as published: its utility, its classes, its pipeline.
 
-The partial grid is reconstructed by the IAS-15 pipeline and half-seen rooms are completed by its faces. The
+The partial grid is reconstructed by the IAS-15 pipeline at every decision and half-seen rooms are completed by its faces. The
 gain of a closed frontier is the predicted unseen area of its room, that of an open one what can be seen from
 it; distance and gain weigh alike. Its own baselines are `nearest` and the same utility without rooms,
 `cost-utility-0.5`.
@@ -23,7 +23,9 @@ class PredictedUtilityOptions(LayoutOptions):
     """Parameters of `PredictedUtility`."""
 
     alpha: float = option(0.5, "weight of the distance; the predicted area has the rest", low=0.0, high=1.0)
-    predictor: str = option("reconstruct:ias15", "where classes and areas come from")
+    predictor: str = option(
+        "reconstruct:ias15;growth=0", "where classes and areas come from, as published anew at every decision"
+    )
 
 
 class PredictedUtility(RoomAwareHeuristic[PredictedUtilityOptions]):

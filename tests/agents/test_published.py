@@ -34,7 +34,7 @@ def test_utility_by_hand(closed: tuple[bool, bool], areas: tuple[float, float], 
 
 def test_its_pipeline_is_the_published_one() -> None:
     agent = make_agent("aamas-2021")
-    assert isinstance(agent, RoomAwareHeuristic) and agent.predictor == "reconstruct:ias15"
+    assert isinstance(agent, RoomAwareHeuristic) and agent.predictor == "reconstruct:ias15;growth=0"
     other = make_agent("aamas-2021:predictor=reconstruct:rose2")
     assert isinstance(other, RoomAwareHeuristic) and other.predictor == "reconstruct:rose2"
 
