@@ -1,9 +1,9 @@
 """The strategy of Luperto and Amigoni (AAMAS 2021), as published: its utility, its classes, its pipeline.
 
-The partial grid is reconstructed by the IAS-15 pipeline at every decision and half-seen rooms are completed by its faces. The
-gain of a closed frontier is the predicted unseen area of its room, that of an open one what can be seen from
-it; distance and gain weigh alike. Its own baselines are `nearest` and the same utility without rooms,
-`cost-utility-0.5`.
+The partial grid is reconstructed by the IAS-15 pipeline at every decision and half-seen rooms are completed
+by its faces. The gain of a closed frontier is the predicted unseen area of its room, that of an open one what
+can be seen from it; distance and gain weigh alike. Its own baselines are `nearest` and the same utility
+without rooms, `cost-utility-0.5`.
 """
 
 from __future__ import annotations
