@@ -22,9 +22,9 @@ from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.models.forest import Forest
 from layoutexplore.training.folds import Progress, check_folds, deal_folds, silent
+from layoutexplore.training.map_noise.examples import simulated_examples
 from layoutexplore.training.merging_examples import Example
 from layoutexplore.training.room_merging import MergingTrainingConfig, train_forest, training_examples
-from layoutexplore.training.simulated_maps import simulated_examples
 
 Scored = tuple[Case, MapScore, Ints32]
 """A map, its scores and its labels."""

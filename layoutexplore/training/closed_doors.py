@@ -31,7 +31,13 @@ from layoutexplore.grids.grid import FREE, in_cells
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.models.forest_files import save_forests
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
-from layoutexplore.training.closed_door_examples import RESOLUTION, add_outer_doors, plan_cells, shut_rooms
+from layoutexplore.training.closed_door_examples import (
+    RESOLUTION,
+    add_outer_doors,
+    plan_cells,
+    shut_rooms,
+    vary_doorways,
+)
 
 SHUT_AGAIN, PLAN_MAPS = 5, 3
 """Simulated maps of each building of a folder, and of each floor plan."""
@@ -187,7 +193,8 @@ def find_sources(
             Source(building_of(name, "closed doors"), f"{name}-shut-{k}", truth, None)
             for k in range(SHUT_AGAIN)
         ]
-    named = [(Path(plan).name.split(".")[0], Path(plan)) for plan in plans]
+    # a map of a floor and its plan are of one building, however their files write its spaces
+    named = [(Path(plan).name.split(".")[0].replace(" ", "_"), Path(plan)) for plan in plans]
     return out + [
         Source(building_of(name, "closed doors"), f"{name}-plan-{k}", path, None)
         for k in range(PLAN_MAPS)
@@ -235,6 +242,7 @@ def _maps(source: Source, rng: np.random.Generator) -> tuple[Cells, Cells] | Non
         if "-shut-" in source.name
         else plan_cells(load_plan(source.path), RESOLUTION, rng)
     )
+    truth = vary_doorways(truth, RESOLUTION, rng)
     cells = shut_rooms(truth, RESOLUTION, rng)
     return None if cells is None else add_outer_doors(cells, truth, RESOLUTION, rng, int(rng.integers(3)))
 

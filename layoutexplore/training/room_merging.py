@@ -3,8 +3,8 @@
 A map's regions are labelled by the room most of their cells lie in. The regions are merged in the order in
 which the classifier trained so far would merge them, but only where that is right, and every pair looked at
 on the way is a sample: so the classifier learns from the very unions it meets. Every building weighs the same
-for each kind of map of it, unless a kind is given another weight, and the simulated maps together weigh a
-quarter of what all real ones would without such weights.
+for each kind of map of it, unless a kind is given another weight, and the simulated maps together weigh three
+quarters of what all real ones would without such weights.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from layoutexplore.models.forest import Forest
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
 from layoutexplore.training.explored_maps import explored_examples
 from layoutexplore.training.folds import Progress, silent
+from layoutexplore.training.map_noise.examples import simulated_examples
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
-from layoutexplore.training.simulated_maps import simulated_examples
 
 RISING = (
     *("openness", "contact_share_small", "contact_share_large", "pass", "pass_ratio_small"),
@@ -65,7 +65,7 @@ class MergingTrainingConfig:
     leaves: int = 12
     rate: float = 0.18
     features: float = 0.5
-    simulated_weight: float = 0.25
+    simulated_weight: float = 0.75
     kind_weights: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
 

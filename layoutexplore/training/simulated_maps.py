@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import cv2
 import numpy as np
 
-from layoutexplore.errors import LayoutExploreError
 from layoutexplore.grids.arrays import Bytes, Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell, Pose, in_cells
 from layoutexplore.grids.morphology import inflate
@@ -84,7 +81,7 @@ def _furniture(shape: tuple[int, ...], place: Cell, resolution: float, rng: np.r
     return canvas
 
 
-def see(occupied: Mask, rooms: Ints32, origin: Pose, rng: np.random.Generator) -> Cells | None:
+def see(occupied: Mask, origin: Pose, rng: np.random.Generator) -> Cells | None:
     """The map of a building: whole, partly explored, or so with a noisy lidar; None where no robot fits."""
     kind = str(rng.choice(["whole", "explored", "explored", "noisy", "noisy"]))
     if kind == "whole":
@@ -98,7 +95,8 @@ def see(occupied: Mask, rooms: Ints32, origin: Pose, rng: np.random.Generator) -
         range_noise_std=noise,
     )
     lidar, mapper = Lidar(sensor, occupied, RESOLUTION, origin), Mapper(occupied.shape, RESOLUTION, origin)
-    for cell in choose_stops(~inflate(occupied, 0.15, RESOLUTION) & (rooms > 0), RESOLUTION, rng):
+    # doorways too, which belong to no room: a robot that may not stand in them sees one room only
+    for cell in choose_stops(~inflate(occupied, 0.15, RESOLUTION), RESOLUTION, rng):
         x, y = mapper.grid.cell_to_world(*cell)
         pose = Pose(x, y, float(rng.uniform(0, 2 * np.pi)))
         if kind == "explored":
@@ -140,43 +138,7 @@ def simulated_example(plan: FloorPlan, rng: np.random.Generator) -> Example | No
         if density
         else raster.occupied
     )
-    cells = see(occupied, raster.room_ids, raster.origin, rng)
+    cells = see(occupied, raster.origin, rng)
     if cells is None:
         return None
     return make_example(cells, raster.room_ids, RESOLUTION, building=SIMULATED, kind=plan.name)
-
-
-def simulated_examples(
-    count: int,
-    plans: tuple[str, ...] = (),
-    seed: int = 1,
-    progress: Callable[[str, int, int], None] | None = None,
-) -> tuple[Example, ...]:
-    """Maps of floor plans: every third of a given one in turn, the others generated, of all families in turn.
-
-    Args:
-        count: Maps; a few are left out where the plan is too large.
-        plans: Files of floor plans, or names that `layoutexplore.maps.load_plan` knows.
-        seed: Of furniture, scans and plans; the same seed gives the same maps.
-        progress: Receives what is being done, how often it has been done, and how often it will be.
-    """
-    from layoutexplore.maps import load_plan
-    from layoutexplore.maps.generator import FAMILIES, generate
-
-    families, out = sorted(FAMILIES), []
-    for k in range(count):
-        if progress is not None:
-            progress("maps simulated", k + 1, count)
-        try:
-            given = plans and k % 3 == 0
-            plan = (
-                load_plan(plans[k // 3 % len(plans)])
-                if given
-                else generate(families[k % len(families)], 1000 * seed + k)
-            )
-            example = simulated_example(plan, np.random.default_rng([seed, k]))
-        except LayoutExploreError:
-            continue
-        if example is not None:
-            out.append(example)
-    return tuple(out)

@@ -9,7 +9,8 @@ from layoutexplore.closed_doors import predict_closed_rooms
 from layoutexplore.closed_doors.models import shipped_models
 from layoutexplore.closed_doors.prediction import door_probability, find_closed_doors
 from layoutexplore.evaluation.closed_doors import score_prediction
-from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.arrays import Cells
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.closed_doors.cases import DEPTH, WALL, WIDTH, office
 
 
@@ -24,6 +25,19 @@ def test_closed_doors_are_found_and_open_ones_are_not() -> None:
 
     assert doors((1, 4)) == [(10 + k * (WIDTH + WALL) + 25, 10 + k * (WIDTH + WALL) + 45) for k in (1, 4)]
     assert doors(()) == []
+
+
+def test_what_is_seen_through_a_chink_does_not_part_a_door() -> None:
+    def doors(cells: Cells) -> list[tuple[int, int, int]]:
+        found = find_closed_doors(cells, 0.05, lambda turns, edges, features: np.ones(len(edges)))[0]
+        return [(door.row, door.start, door.stop) for door in found]
+
+    seen = office((2,))[0]
+    chink = seen.copy()
+    row, left = 12 + DEPTH, 10 + 2 * (WIDTH + WALL) + 25
+    assert (chink[row, left : left + 20] == OCCUPIED).all()
+    chink[row - 1, left + 7 : left + 14] = FREE
+    assert doors(chink) == doors(seen) and (row, left, left + 20) in doors(seen)
 
 
 @pytest.mark.parametrize("turns", range(4))

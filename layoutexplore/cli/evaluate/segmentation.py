@@ -63,7 +63,7 @@ def segmentation(
     source: Sources = None,
     seeds: Seeds = 1,
     buildings: BuildingsFile = None,
-    simulated: Simulated = 150,
+    simulated: Simulated = 450,
     plans: PlanFolders = None,
     weight: Weights = None,
     resolution: Resolution = 0.05,
@@ -312,7 +312,7 @@ def train_merging(
     buildings: Annotated[
         Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")
     ] = None,
-    simulated: Annotated[int, typer.Option(min=0, help="Simulated maps to train on besides.")] = 150,
+    simulated: Annotated[int, typer.Option(min=0, help="Simulated maps to train on besides.")] = 450,
     plans: Annotated[
         list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
     ] = None,

@@ -70,6 +70,7 @@ class MergingConfig(DoorGapConfig):
     Attributes:
         clutter_area: Obstacles that float freely are clutter below this occupied area [m2] ...
         clutter_length: ... unless they are this long: a curved or diagonal wall hangs on nothing.
+        clutter_gap: Obstacles this far apart count as one: a thin wall is seen in pieces.
         chink: Unseen space between seen space narrower than twice this is taken as free.
         basin_share: Two basins are one where the pass between them is at least this share of the lower
             peak ...
@@ -87,12 +88,13 @@ class MergingConfig(DoorGapConfig):
 
     clutter_area: float = 1.0
     clutter_length: float = 2.0
+    clutter_gap: float = 0.1
     chink: float = 0.25
     basin_share: float = 0.85
     basin_wide: float = 1.5
     sliver_area: float = 0.5
     room_pass: float = 0.6
-    merge_level: float = 0.0
+    merge_level: float = 0.25
     room_area: float = 1.5
     nook_area: float = 3.0
     nook_level: float = -1.0
@@ -107,8 +109,10 @@ class MergingConfig(DoorGapConfig):
             if not 0 < getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must lie in (0, 1], got {getattr(self, name)}")
         positive = self.clutter_area, self.clutter_length, self.basin_wide
-        if min(positive) <= 0 or min(self.chink, self.room_area, self.nook_area) < 0:
-            raise ConfigError("lengths and areas must be above 0 (chink, room_area and nook_area may be 0)")
+        if min(positive) <= 0 or min(self.chink, self.clutter_gap, self.room_area, self.nook_area) < 0:
+            raise ConfigError(
+                "lengths and areas must be above 0 (chink, clutter_gap, room_area and nook_area may be 0)"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +162,12 @@ def find_regions(
         gaps = find_door_gaps(occupied, resolution, config)
         doors = gaps.gap > 0
         structural = structural_components(
-            occupied, doors, resolution, area=config.clutter_area, length=config.clutter_length
+            occupied,
+            doors,
+            resolution,
+            gap=config.clutter_gap,
+            area=config.clutter_area,
+            length=config.clutter_length,
         )
         wall = occupied & structural
         clutter = occupied & ~structural

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.components import join_runs
 from layoutexplore.grids.runs import find_runs
+from layoutexplore.layout.limits import cells_at_most
+
+MOST_STEPS = 100
+"""Obstacles are grown by no more cells."""
 
 
 @njit("boolean[:,::1](uint8[:,::1], boolean[:,::1], float64, float64, float64)", cache=True, nogil=True)
-def _structural(solid: Bytes, occupied: Mask, resolution: float, area: float, length: float) -> Mask:
-    """The solid cells of the components, over eight neighbours, that are large or long enough."""
-    runs = find_runs(solid, np.uint8(0))
-    number = join_runs(runs, solid, 1)
+def _structural(near: Bytes, occupied: Mask, resolution: float, area: float, length: float) -> Mask:
+    """The cells of the components of `near`, over eight neighbours, that are large or long enough."""
+    runs = find_runs(near, np.uint8(0))
+    number = join_runs(runs, near, 1)
     count = number.max() + 1 if len(runs) else 0
     # By part: first row and column, row and column behind the last (half open), and the occupied cells.
     low = np.full((count, 2), max(occupied.shape), np.int64)
@@ -36,16 +41,29 @@ def _structural(solid: Bytes, occupied: Mask, resolution: float, area: float, le
 
 
 def structural_components(
-    occupied: Mask, doors: Mask, resolution: float, *, area: float, length: float
+    occupied: Mask, doors: Mask, resolution: float, *, gap: float, area: float, length: float
 ) -> Mask:
     """Obstacles and door gaps that are structure: bool (rows, cols); other components are small and float.
+
+    A sensor breaks a thin wall into pieces, each of which floats: what lies within a small gap of each other
+    is one component.
 
     Args:
         occupied: bool (rows, cols), the obstacles.
         doors: bool (rows, cols), the cells of door gaps; with them, obstacles hang together.
         resolution: Metres a cell.
+        gap: Obstacles this far apart hang together [m]; 0 for those that touch.
         area: Components of structure have this occupied area at least [m2] ...
         length: ... or are longer than this [m].
     """
-    solid = np.ascontiguousarray(occupied | doors).view(np.uint8)
-    return np.asarray(_structural(solid, np.ascontiguousarray(occupied), resolution, area, length))
+    solid = np.ascontiguousarray(occupied | doors)
+    steps = cells_at_most(gap / 2, resolution, MOST_STEPS) if gap else 0
+    near = solid.view(np.uint8)
+    if steps:
+        near = cv2.dilate(near, np.ones((2 * steps + 1, 2 * steps + 1), np.uint8))
+    # grown by half the gap on either side, a component is longer than it was by that much
+    longest = length + 2 * steps * resolution
+    return np.asarray(
+        solid
+        & _structural(np.ascontiguousarray(near), np.ascontiguousarray(occupied), resolution, area, longest)
+    )

@@ -1,0 +1,47 @@
+"""Simulated maps as examples, and the lidar that walks from room to room."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from layoutexplore.grids.grid import FREE
+from layoutexplore.maps import load_plan
+from layoutexplore.training.map_noise import examples
+from layoutexplore.training.map_noise.examples import noisy_example, simulated_examples
+from layoutexplore.training.map_noise.simulate import MapNoiseConfig
+from layoutexplore.training.merging_examples import SIMULATED
+from layoutexplore.training.simulated_maps import see
+
+ROUGH = MapNoiseConfig(resolution=(0.1, 0.1), beams=(120, 120), spacing=(2.5, 2.5), explored=(1.2, 1.2))
+
+
+def test_an_explored_map_shows_more_than_the_room_of_the_start() -> None:
+    raster = load_plan("apartment:1").rasterize(0.05)
+    rooms = []
+    for seed in range(8):
+        cells = see(raster.occupied, raster.origin, np.random.default_rng(seed))
+        assert cells is not None and not ((cells == FREE) & raster.occupied).all()
+        counts = np.bincount(raster.room_ids[cells == FREE])[1:]
+        rooms.append(int((counts * 0.05**2 > 2.0).sum()))
+    assert max(rooms) >= 4
+
+
+def test_a_noisy_map_becomes_regions_and_the_rooms_they_lie_in() -> None:
+    plan = load_plan("apartment:1")
+    example = noisy_example(plan, ROUGH, np.random.default_rng(0))
+    assert example is not None
+    assert (example.building, example.kind) == (SIMULATED, plan.name)
+    assert len(example.graph.nodes) == len(example.rooms) > 3
+    assert (example.rooms[:, 1:].sum(0) > 0).sum() >= 3
+
+
+def test_examples_take_turns_of_noise_and_are_the_same_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(examples, "NOISES", (None, ROUGH))
+    plans, told = ("apartment:2", "apartment:3"), []
+    monkeypatch.setattr(examples, "_plan", lambda k, given, seed: load_plan(given[k % 2]))
+    first = simulated_examples(4, plans, progress=lambda *done: told.append(done))
+    assert told == [("maps simulated", k, 4) for k in (1, 2, 3, 4)]
+    again = simulated_examples(4, plans)
+    assert 2 <= len(first) == len(again)
+    assert all(np.array_equal(a.rooms, b.rooms) for a, b in zip(first, again, strict=True))
