@@ -94,6 +94,8 @@ def door_features(cells: Cells, resolution: float, edges: Ints) -> Floats32:
 def is_marked(features: Floats32) -> Mask:
     """Edges that look like doors: shut, and between two jambs or with a line that runs on inside the wall.
 
+    Between two jambs a few holes in the line are no matter.
+
     Args:
         features: `DOOR_FEATURES`, float32 (n, features).
     """
@@ -105,7 +107,8 @@ def is_marked(features: Floats32) -> Mask:
         & (known["length"] < 2.9)
     )
     inside = known["buried"] + known["buried_other"] > 0.09
-    return np.asarray((known["occupied"] > 0.9) & (niche | inside))
+    shut = known["occupied"]
+    return np.asarray((shut > 0.8) & niche | (shut > 0.9) & inside)
 
 
 def _describe(cells: Cells, resolution: float, row: int, start: int, stop: int) -> list[float]:

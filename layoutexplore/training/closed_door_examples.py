@@ -20,13 +20,6 @@ RESOLUTION = 0.05
 
 _WIDTHS, _DEPTHS = (0.6, 2.6), (0.1, 0.9)  # metres, of a doorway
 _MARKS = ((2.0, 2.1), (1.2, 2.6))  # metres, of the line that marks a door: a fixed length, or one of its own
-_WIDE = (1.2, 2.0)  # metres, of a doorway that is widened
-_NICHE = (
-    (0.1, 0.6),
-    (0.1, 0.3),
-)  # metres, by which the walls beside a doorway are deeper, and their thickness
-_WIDENED, _DEEPENED = 0.25, 0.35  # shares of the doorways
-_SHORT, _RAGGED = 0.3, 0.2  # shares of the marks that end before the doorway does, and that have holes
 _SHARE = 0.6  # the largest share of the free space that is shut off
 _AREAS = (0.8, 250.0)  # square metres of a room that is shut
 _TRIED = 30  # doorways that may be shut
@@ -103,51 +96,6 @@ def _wider(free: Mask, stack: list[int], resolution: float) -> bool:
     return True
 
 
-def vary_doorways(truth: Cells, resolution: float, rng: np.random.Generator) -> Cells:
-    """The map with some of its doorways as wide as for two leaves, and some in a recess.
-
-    Floor plans draw every door alike: one leaf, in a wall as thin as the others.
-
-    Args:
-        truth: int8 (rows, cols), rows along walls.
-        resolution: Metres a cell.
-        rng: Which doorways, and how wide and deep they become.
-    """
-    out = truth.copy()
-    for doorway in find_doorways(truth, resolution):
-        turned = np.rot90(out, doorway.turns)
-        start, stop = doorway.start, doorway.stop
-        if rng.random() < _WIDENED:
-            start, stop = _widen(turned, doorway, round(float(rng.uniform(*_WIDE)) / resolution))
-        if rng.random() < _DEEPENED:
-            deep, thick = (in_cells(float(rng.uniform(*ends)), resolution) for ends in _NICHE)
-            above = rng.random() < 0.5
-            rows = (
-                slice(max(doorway.row - deep, 0), doorway.row)
-                if above
-                else slice(doorway.end, doorway.end + deep)
-            )
-            for columns in (slice(max(start - thick, 0), start), slice(stop, stop + thick)):
-                beside = turned[rows, columns]
-                beside[beside == FREE] = OCCUPIED
-    return out
-
-
-def _widen(turned: Cells, doorway: Doorway, width: int) -> tuple[int, int]:
-    """Make a doorway as wide as that, where there is space on both sides of the wall; its columns then."""
-    more = width - (doorway.stop - doorway.start)
-    start, stop = doorway.start - more // 2, doorway.stop + more - more // 2
-    edges = slice(max(start - 1, 0), stop + 1)
-    inside = start > 0 and stop < turned.shape[1] and doorway.row > 0 and doorway.end < turned.shape[0]
-    if more <= 0 or not inside:
-        return doorway.start, doorway.stop
-    if not (turned[doorway.row - 1, edges] == FREE).all() or not (turned[doorway.end, edges] == FREE).all():
-        return doorway.start, doorway.stop
-    turned[doorway.row : doorway.end, edges] = OCCUPIED
-    turned[doorway.row : doorway.end, start:stop] = FREE
-    return start, stop
-
-
 def shut_rooms(truth: Cells, resolution: float, rng: np.random.Generator) -> Cells | None:
     """What is seen of a map when some of its doorways are shut; None where no room can be shut off.
 
@@ -180,21 +128,8 @@ def shut_rooms(truth: Cells, resolution: float, rng: np.random.Generator) -> Cel
     touched = cv2.dilate(seen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     for line in shut:
         if (line & touched).any():
-            cells[_mark(line, rng)] = OCCUPIED
+            cells[line] = OCCUPIED
     return cells
-
-
-def _mark(line: Mask, rng: np.random.Generator) -> Mask:
-    """The cells of a line that are seen as a door: all, or not one of its ends, or not all of them."""
-    cells = np.argwhere(line)
-    if rng.random() < _SHORT:
-        lost = int(len(cells) * float(rng.uniform(0.1, 0.5)))
-        cells = cells[lost:] if rng.random() < 0.5 else cells[: len(cells) - lost]
-    if rng.random() < _RAGGED:
-        cells = cells[rng.random(len(cells)) > float(rng.uniform(0.03, 0.2))]
-    mark = np.zeros_like(line)
-    mark[cells[:, 0], cells[:, 1]] = True
-    return mark
 
 
 def _is_room(lost: Mask, resolution: float) -> bool:

@@ -31,13 +31,7 @@ from layoutexplore.grids.grid import FREE, in_cells
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.models.forest_files import save_forests
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
-from layoutexplore.training.closed_door_examples import (
-    RESOLUTION,
-    add_outer_doors,
-    plan_cells,
-    shut_rooms,
-    vary_doorways,
-)
+from layoutexplore.training.closed_door_examples import RESOLUTION, add_outer_doors, plan_cells, shut_rooms
 
 SHUT_AGAIN, PLAN_MAPS = 5, 3
 """Simulated maps of each building of a folder, and of each floor plan."""
@@ -242,7 +236,6 @@ def _maps(source: Source, rng: np.random.Generator) -> tuple[Cells, Cells] | Non
         if "-shut-" in source.name
         else plan_cells(load_plan(source.path), RESOLUTION, rng)
     )
-    truth = vary_doorways(truth, RESOLUTION, rng)
     cells = shut_rooms(truth, RESOLUTION, rng)
     return None if cells is None else add_outer_doors(cells, truth, RESOLUTION, rng, int(rng.integers(3)))
 
