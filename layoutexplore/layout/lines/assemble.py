@@ -82,12 +82,14 @@ class FaceDetails(Details):
         face_model: Their faces, n of them.
         room: int64 (n,), room of each face from 0, -1 for none.
         origin: Of the grid.
+        rooms: At least so many rooms there are, those without a face among them.
     """
 
     model: WallModel
     face_model: FaceModel
     room: Ints
     origin: Pose
+    rooms: int = 0
 
     @property
     def cell_scores(self) -> Floats32 | None:
@@ -142,7 +144,7 @@ class FaceDetails(Details):
         """The cells of the rooms' faces."""
         model = self.face_model
         of_cell = np.append(self.room[model.group] + 1, 0).astype(np.int32)
-        at_border = np.zeros(int(self.room.max(initial=-1)) + 2, np.bool_)
+        at_border = np.zeros(max(int(self.room.max(initial=-1)) + 1, self.rooms) + 1, np.bool_)
         at_border[self.room[model.at_border] + 1] = True
         at_border[0] = False  # faces in no room
         return RoomReach(_looked_up(model.painted, of_cell), at_border)

@@ -173,7 +173,7 @@ def faces_of_labels(grid: OccupancyGrid, model: WallModel, labels: Ints32, confi
     faces = face_model(grid, arrangement, covered, weight, group, region, config, painted)
     room = np.zeros(count, np.int64)
     room[group] = owner
-    return FaceDetails(model, faces, np.where(faces.kind > 0, room, 0) - 1, grid.origin)
+    return FaceDetails(model, faces, np.where(faces.kind > 0, room, 0) - 1, grid.origin, rooms - 1)
 
 
 @njit("int64[::1](int32[:,::1], int32[:,::1], int64, int64, float64)", cache=True, nogil=True)

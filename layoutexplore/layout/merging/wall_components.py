@@ -58,9 +58,9 @@ def structural_components(
     """
     solid = np.ascontiguousarray(occupied | doors)
     steps = cells_at_most(gap / 2, resolution, MOST_STEPS) if gap else 0
-    near = solid.view(np.uint8)
+    near: Bytes = solid.view(np.uint8)
     if steps:
-        near = cv2.dilate(near, np.ones((2 * steps + 1, 2 * steps + 1), np.uint8))
+        near = np.asarray(cv2.dilate(near, np.ones((2 * steps + 1, 2 * steps + 1), np.uint8)), np.uint8)
     # grown by half the gap on either side, a component is longer than it was by that much
     longest = length + 2 * steps * resolution
     return np.asarray(
