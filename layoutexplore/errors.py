@@ -8,11 +8,22 @@ keeps working.
 from __future__ import annotations
 
 import difflib
+import functools
 import importlib
+import inspect
 import reprlib
-from collections.abc import Iterable
+import types
+import typing
+from collections.abc import Callable, Iterable, Sequence
 from types import ModuleType
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+P = ParamSpec("P")
+R = TypeVar("R")
+C = TypeVar("C", bound=type)
 
 
 class LayoutExploreError(Exception):
@@ -127,3 +138,100 @@ def require(module: str, extra: str) -> ModuleType:
         raise MissingExtraError(
             f"{error.name} is not installed: pip install 'layoutexplore[{extra}]'"
         ) from error
+
+
+_PLAIN = (AttributeError, TypeError, ValueError, LookupError, ArithmeticError, MemoryError)
+"""What Python and NumPy raise inside a function that got something else than it was made for."""
+_NUMBERS: dict[Any, tuple[type, ...]] = {
+    float: (float, int, np.floating, np.integer),
+    int: (int, np.integer),
+    bool: (bool, np.bool_),
+}
+_LARGEST = 1e18
+"""A number beyond it is no length, index or count."""
+
+
+def checks_calls(cls: C) -> C:
+    """A class whose public methods, and whose making, do what `checks_arguments` does."""
+    for name, method in list(vars(cls).items()):
+        if inspect.isfunction(method) and (name == "__init__" or not name.startswith("_")):
+            setattr(cls, name, checks_arguments(method))
+    return cls
+
+
+def checks_arguments(function: Callable[P, R]) -> Callable[P, R]:
+    """A function whose plain errors name the argument that is of another kind than it is annotated with.
+
+    Calls that succeed cost nothing, and an error that no argument explains stays what it was.
+
+    Example:
+        >>> @checks_arguments
+        ... def half(length: float) -> float:
+        ...     return length / 2
+        >>> half("x")
+        Traceback (most recent call last):
+        ...
+        layoutexplore.errors.ConfigError: half: length must be float, got 'x'
+    """
+
+    @functools.wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except _PLAIN as error:
+            wrong = "" if isinstance(error, LayoutExploreError) else _wrong_argument(function, args, kwargs)
+            if wrong:
+                raise ConfigError(f"{function.__qualname__}: {wrong}") from error
+            raise
+
+    return checked
+
+
+def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> str:
+    """What is wrong with one of the arguments; empty where nothing is, or they do not fit the signature."""
+    try:
+        given = inspect.signature(function).bind(*args, **kwargs).arguments
+    except TypeError:
+        return ""
+    for name, value in given.items():
+        annotation = function.__annotations__.get(name, Any)
+        try:
+            meant = eval(annotation, function.__globals__) if isinstance(annotation, str) else annotation
+        except NameError:  # imported for type checkers alone
+            continue
+        if not _fits(value, meant):
+            return f"{name} must be {annotation}, got {shortened(value)}"
+    return ""
+
+
+def _fits(value: Any, meant: Any) -> bool:
+    """Whether a value can be what an annotation says; where nobody can tell, it can."""
+    number: Any = value
+    origin, parts = typing.get_origin(meant), typing.get_args(meant)
+    if meant in _NUMBERS:
+        return isinstance(value, _NUMBERS[meant]) and bool(abs(number) <= _LARGEST)
+    if origin is np.ndarray or meant == ArrayLike:
+        return _is_array(value)
+    if origin in (typing.Union, types.UnionType):
+        return any(_fits(value, part) for part in parts)
+    base = origin or meant
+    if base is Any or not isinstance(base, type) or getattr(base, "_is_protocol", False):
+        return meant is not None or value is None
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        return False  # no number of Python's, and nothing to go through
+    if issubclass(base, tuple) and hasattr(base, "_fields"):
+        return isinstance(value, tuple) and len(value) == len(base._fields) and _is_array(value)
+    if base is tuple and Ellipsis not in parts and isinstance(value, tuple):
+        return len(value) == len(parts) and all(map(_fits, value, parts))
+    if parts and base in (Iterable, Sequence, list) and isinstance(value, (list, tuple, set, frozenset)):
+        return all(_fits(item, parts[0]) for item in value)
+    return isinstance(value, base)
+
+
+def _is_array(value: Any) -> bool:
+    """Whether a value is an array of numbers or flags, or nested lists of them."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        return False
+    return array.dtype.kind in "biuf" and array.ndim > 0 and (array.size > 0 or array is value)

@@ -24,7 +24,7 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import MapError, shortened
+from layoutexplore.errors import MapError, checks_calls, shortened
 from layoutexplore.files.limits import limits
 from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.grid import Pose, check_resolution
@@ -75,6 +75,7 @@ class Door:
         return math.dist(self.start, self.end)
 
 
+@checks_calls
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FloorPlan:
     """One floor of a building, in metres.

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, checks_calls
 from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.morphology import grow, inflate
@@ -22,10 +22,14 @@ from layoutexplore.grids.polygons import Point, resample_solid
 SIGHT_BEYOND_REACH = 0.8
 """Metres of free space beyond the reachable cells that an exploration is asked to see."""
 
+LARGEST_ROBOT = 100.0
+"""Metres: a greater radius of a robot is a mistake, and would take much memory."""
+
 _COUNTED = 1 << 20
 """Cells that are counted at once."""
 
 
+@checks_calls
 @dataclass(frozen=True, eq=False)
 class PlanRaster:
     """A rasterised floor plan; everything that is not indoor free space is occupied.
@@ -98,9 +102,15 @@ class PlanRaster:
         return PlanRaster(occupied, np.where(occupied, 0, room_ids), self.resolution, origin)
 
     def blocked(self, robot_radius: float) -> Mask:
-        """Bool (rows, cols): cells where the centre of a robot of that radius (metres) may not be."""
+        """Bool (rows, cols): cells where the centre of a robot of that radius (metres) may not be.
+
+        Raises:
+            MapError: The radius is below 0 or above `LARGEST_ROBOT`.
+        """
         key = ("blocked", robot_radius)
         if key not in self._cache:
+            if not 0 <= robot_radius <= LARGEST_ROBOT:
+                raise MapError(f"robot_radius must be from 0 to {LARGEST_ROBOT:g} m, got {robot_radius}")
             self._cache[key] = inflate(self.occupied, robot_radius, self.resolution)
         blocked: Mask = self._cache[key]
         return blocked

@@ -15,6 +15,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from layoutexplore.errors import checks_calls
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.frontiers.table import Frontier, FrontierList, FrontierTable
@@ -110,6 +111,7 @@ class PredictedRooms(Protocol):
         """The rooms with their polygons; walls, lines and faces, too, where the predictor found some."""
 
 
+@checks_calls
 @dataclass(frozen=True, eq=False)
 class Decision:
     """One decision of an exploration. Arrays are views that change with the next step: copy what you keep.

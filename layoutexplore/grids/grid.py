@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, checks_calls
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Mask
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
@@ -34,6 +34,7 @@ class Cell(NamedTuple):
     col: int
 
 
+@checks_calls
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
     """A grid of int8 cells with a resolution and an origin.

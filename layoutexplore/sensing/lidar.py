@@ -27,7 +27,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import ConfigError, MapError, StartError, unknown_name
+from layoutexplore.errors import ConfigError, MapError, StartError, checks_calls, unknown_name
 from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Mask
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.rays import ray_frame, steps
@@ -160,6 +160,7 @@ def sensor(name: str | LidarConfig) -> LidarConfig:
     return SENSORS[name]
 
 
+@checks_calls
 class Lidar:
     """A lidar in a known world.
 

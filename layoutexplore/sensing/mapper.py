@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.errors import ConfigError, MapError, checks_calls
 from layoutexplore.grids.arrays import Bytes, Floats32
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
@@ -81,6 +81,7 @@ class ScanUpdate(NamedTuple):
     box: Box
 
 
+@checks_calls
 class Mapper:
     """The robot's grid and the methods that add to it.
 

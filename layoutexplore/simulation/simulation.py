@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_calls
 from layoutexplore.frontiers.decision import STOP, CellPath, Choice, Decision, Predictor, Privileged, Truth
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import cells_in_view, facing, remaining_share
@@ -39,6 +39,7 @@ from layoutexplore.simulation.stop_reasons import StopReason
 __all__ = ["Motion", "Simulation", "SimulationConfig"]
 
 
+@checks_calls
 class Simulation:
     """One robot exploring one floor plan.
 
