@@ -17,12 +17,18 @@ _OURS = tuple(
 
 _PYTHON = tuple({str(Path(sysconfig.get_path(name)).resolve()) for name in ("stdlib", "purelib", "platlib")})
 
+_LONGEST_LINE, _LONGEST = 300, 2600
+"""Characters of a line, and of all, that are told: a line of a program may be as long as a file."""
+
 
 def told(error: BaseException) -> str:
     """The traceback of an error from the user's first frame on, or only what it says where there is none."""
     frames = own_frames(error)
-    lines = ["Traceback (most recent call last):\n", *traceback.format_list(frames)] if frames else []
-    return "".join([*lines, *traceback.format_exception_only(error)]).rstrip("\n")
+    parts = ["Traceback (most recent call last):\n", *traceback.format_list(frames)] if frames else []
+    lines = "".join([*parts, *traceback.format_exception_only(error)]).rstrip("\n").split("\n")
+    text = "\n".join(line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]}..." for line in lines)
+    half = _LONGEST // 2
+    return text if len(text) <= _LONGEST else f"{text[:half]}\n...\n{text[-half:]}"
 
 
 def own_frames(error: BaseException) -> list[traceback.FrameSummary]:

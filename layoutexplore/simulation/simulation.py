@@ -2,8 +2,7 @@
 
 A run alternates decisions and paths. At a decision the robot knows its grid, the reachable frontiers and a
 path to each; it follows the path to the one that is chosen, scanning on the way, and decides again on
-arrival, when the frontier has dissolved or when the path turns out to be blocked. The environments, the
-benchmark and the recorder all drive this class.
+arrival, when the frontier has dissolved or when the path turns out to be blocked. All others drive this.
 
 The robot's disc is tested against the same cells that the lidar sees. It plans on what it knows; a wall that
 it has not seen stops it, and touching the wall puts it on the map.

@@ -37,3 +37,11 @@ def test_an_error_without_own_code_says_its_message() -> None:
     with pytest.raises(ValueError, match="shape") as caught:
         np.zeros(3).reshape(2, 2)
     assert "reshape" in told(caught.value)
+
+
+def test_what_is_told_has_a_length_that_can_be_read() -> None:
+    with pytest.raises(SyntaxError) as caught:
+        compile("x = (" + "y z " * 5000, "mine.py", "exec")
+    assert len(told(caught.value)) < 2000 and "SyntaxError" in told(caught.value)
+    text = told(ValueError("first\n" + "more\n" * 5000 + "last"))
+    assert len(text) < 3000 and text.startswith("ValueError: first") and text.endswith("last")
