@@ -9,6 +9,7 @@ import dataclasses
 from collections import OrderedDict
 from typing import Any
 
+import cv2
 import numpy as np
 from numba import njit
 
@@ -53,7 +54,7 @@ class Places:
         if not (changed.any() or moved):
             self.visibility.target = self.visibility.set_of(scene.target)
             return
-        near = self.visibility.near(changed)
+        near = self.visibility.near(changed & ~_shifted(self._opaque, scene.occupied))
         self.visibility.adapt(scene)
         self._opaque, self.traversable = scene.occupied, np.ascontiguousarray(scene.reachable)
         cells = _lattice(self.traversable, self._step) if moved else self.cells
@@ -123,6 +124,22 @@ def _keep(store: OrderedDict[Any, Any], key: Any, value: Any, most: int) -> None
     store[key] = value
     if len(store) > most:
         store.popitem(last=False)
+
+
+def _shifted(before: Mask, after: Mask) -> Mask:
+    """Bool (rows, cols): cells that changed only because the face of a wall moved by a cell.
+
+    What is seen past such a face is the same but for a strip of a cell: a view need not be made anew for it.
+
+    Args:
+        before: bool (rows, cols), solid cells.
+        after: The same, later.
+    """
+    kernel = np.ones((3, 3), np.uint8)
+    was_solid, is_solid, was_free = (
+        cv2.dilate(mask.view(np.uint8), kernel).view(np.bool_) for mask in (before, after, ~before)
+    )
+    return np.where(after, was_solid, was_free & is_solid)
 
 
 @njit(cache=True, nogil=True)
