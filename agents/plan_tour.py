@@ -48,7 +48,7 @@ class PlanTourOptions(LayoutTourOptions):
     """Parameters of `PlanTour`."""
 
     sure: float = option(0.5, "confidence from which foresight is relied on", low=0.0, high=1.0)
-    early: float = option(0.5, "what a metre before 95 % costs more than one after it", low=0.0)
+    early: float = option(1.0, "what a metre before 95 % costs more than one after it", low=0.0)
     rounds: int = option(3, "stretches of the route that are planned anew at a decision", low=0)
     first_rounds: int = option(10, "the same at the first decision with foresight", low=0)
     lattice: float = option(0.8, "metres between places where the route may stop", low=0.2)

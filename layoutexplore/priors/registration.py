@@ -58,8 +58,9 @@ NEW_ROUNDS, OLD_ROUNDS = (0.8, 0.5, 0.35, 0.35), (0.5, 0.35)
 MOST_POINTS = 700
 """Points of walls, and of floor, that hypotheses are refined and judged by; more are thinned out evenly."""
 
-MIRRORED_COST = 2.0
-"""What a mirrored plan costs in log-likelihood: plans are hardly ever drawn so."""
+MIRRORED_COST = 20.0
+"""What a mirrored plan costs in log-likelihood: plans are hardly ever drawn so, and points that are seen say
+much the same, so that their sum makes more of a difference than there is."""
 
 HERE_STD = 3.0
 """Metres by which a place that is told ("you are here") is off."""
