@@ -73,6 +73,7 @@ def test_the_same_seed_gives_the_same_maps_and_huge_plans_are_left_out() -> None
     assert simulate_map(load_plan("apartment:1"), QUIET, np.random.default_rng(0), largest=10.0) is None
 
 
+@pytest.mark.slow
 def test_a_fit_finds_the_noise_that_maps_were_made_with() -> None:
     only = MapNoiseConfig(**{k: (v, v) for k, v in QUIET._replace(spacing=2.5)._asdict().items()})
     wide = dataclasses.replace(only, broken=(0.0, 0.6))
@@ -122,6 +123,7 @@ def test_bad_ranges_and_folders_are_named(tmp_path: Path) -> None:
             describe_folders([tmp_path], 0.05)
 
 
+@pytest.mark.slow
 def test_the_command_prints_statistics_and_writes_what_is_wanted(tmp_path: Path) -> None:
     write_cases(simulate_maps(PLANS, FAST, 24, seed=4), tmp_path / "real")
     start = tmp_path / "start.toml"
