@@ -37,7 +37,7 @@ def chosen_levels(names: Sequence[str] | None) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class AgentUnderNoise:
-    """One strategy at one level of noise; intervals over floor plans.
+    """One strategy at one level of noise; intervals over buildings.
 
     Attributes:
         agent: The strategy.
