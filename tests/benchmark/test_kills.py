@@ -23,6 +23,8 @@ BENCHMARK = (
     *("--agents", "nearest", "--agents", "random", "--no-explain", "--jobs", "2"),
 )
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+GONE = {"local": 20.0, "dask": 20.0, "ray": 90.0}
+"""Seconds until nothing is left of a driver that was killed: Ray's agents look for theirs once a minute."""
 KILLS = int(os.environ.get("LAYOUTEXPLORE_KILLS", "34"))
 
 
@@ -63,7 +65,7 @@ def wait_for_work(process: subprocess.Popen[bytes], out: Path, rng: random.Rando
         process.wait(rng.uniform(0.0, 0.3))
 
 
-def killed(process: subprocess.Popen[bytes], out: Path, rng: random.Random) -> str:
+def killed(process: subprocess.Popen[bytes], out: Path, rng: random.Random, cluster: str) -> str:
     """Send a signal to the driver or to one of its processes; what was done, empty when it was over."""
     whom, number = rng.choices(("worker", "other", "driver"), (7, 1, 2))[0], rng.choice(SIGNALS)
     if whom == "driver" and rng.random() < 0.5:
@@ -82,7 +84,7 @@ def killed(process: subprocess.Popen[bytes], out: Path, rng: random.Random) -> s
         return ""
     if victim == process.pid:
         process.wait(60)
-        end = time.monotonic() + 20
+        end = time.monotonic() + GONE[cluster]
         while time.monotonic() < end and any(Path(f"/proc/{k}/exe").exists() for k in below):
             time.sleep(0.2)
         assert not [k for k in below if Path(f"/proc/{k}/exe").exists()]
@@ -106,7 +108,7 @@ def test_every_cell_once_and_as_if_undisturbed(cluster: str, tmp_path: Path) -> 
         while done.total() < KILLS and time.monotonic() < end:
             process = started(out, cluster)
             while process.poll() is None and done.total() < KILLS:
-                done.update(filter(None, [killed(process, out, rng)]))
+                done.update(filter(None, [killed(process, out, rng, cluster)]))
             process.wait(300)
             if process.returncode == 0:
                 break
