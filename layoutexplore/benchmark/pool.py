@@ -250,8 +250,13 @@ class _Deadline:
         """Nothing is raised any more once this has returned."""
         while not self._over.is_set():  # the error itself may come in here once more
             with contextlib.suppress(CellTimeoutError), self._lock:
-                _raise_in(self._thread, None)
                 self._over.set()
+                if self.late:
+                    # One that is still to come is replaced by one that comes now. It must not be taken back:
+                    # Python 3.11 would look for it at every step, and hang in a thread that is traced.
+                    _raise_in(self._thread, CellTimeoutError)
+                    for _ in range(100):
+                        pass
 
     def _watch(self) -> None:
         with self._gate:
@@ -267,11 +272,9 @@ class _Deadline:
                 os._exit(1)
 
 
-def _raise_in(thread: int, error: type[BaseException] | None) -> None:
-    """Let a thread raise an error at its next step; None takes back what it has not raised yet."""
-    ctypes.pythonapi.PyThreadState_SetAsyncExc(
-        ctypes.c_ulong(thread), None if error is None else ctypes.py_object(error)
-    )
+def _raise_in(thread: int, error: type[BaseException]) -> None:
+    """Let a thread raise an error at its next step."""
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(error))
 
 
 @contextlib.contextmanager

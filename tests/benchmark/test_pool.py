@@ -80,6 +80,32 @@ def test_a_swallowed_end_of_time_does_not_wait_for_ever(monkeypatch: pytest.Monk
     assert limited(1) == "late"
 
 
+TRACED = """
+import sys, time
+from layoutexplore.benchmark.pool import Limited
+
+def work(seconds):
+    time.sleep(seconds)
+    return seconds
+
+limited = Limited(work, seconds={limit}, late=lambda task: "late")
+print([limited(0.0), limited({task})])
+
+def step():
+    return 1
+
+sys.settrace(lambda *_: None)
+print(step())
+"""
+
+
+@pytest.mark.parametrize(("limit", "task", "last"), [(60.0, 0.0, "0.0"), (0.05, 0.2, "'late'")])
+def test_a_process_can_be_traced_after_a_limited_task(limit: float, task: float, last: str) -> None:
+    code = TRACED.format(limit=limit, task=task)
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    assert ended.stdout.splitlines() == [f"[0.0, {last}]", "1"], ended.stderr
+
+
 def test_a_task_that_ends_as_its_time_does() -> None:
     """Whoever wins, the outcome is one of the two, and nothing is raised after it."""
     rng = np.random.default_rng(0)
