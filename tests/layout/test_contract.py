@@ -117,6 +117,14 @@ def test_hard_inputs_have_an_answer_twice_the_same(method: str, name: str) -> No
     assert np.array_equal(grid.cells, cells), "the grid belongs to the caller"
 
 
+def test_a_corner_in_the_middle_of_a_side_of_a_face() -> None:
+    occupied = np.array([[5, 5], [7, 2], [16, 4], [17, 1], [17, 10], [17, 12]])
+    cells = np.zeros((35, 13), np.int8)
+    cells[occupied[:, 0], occupied[:, 1]] = 100
+    grid = OccupancyGrid(np.repeat(np.repeat(cells, 3, axis=0), 3, axis=1), 0.2)
+    check(reconstruct(grid, "ias15"), grid)
+
+
 @pytest.mark.parametrize("method", list(METHOD_MODULES))
 @given(
     hnp.arrays(

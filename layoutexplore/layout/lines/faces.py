@@ -23,6 +23,9 @@ Bounds = tuple[float, float, float, float]
 SNAP = 1e-5
 """Intersections closer than about this, in metres, are one vertex."""
 
+_SAME_DIRECTION = 9
+"""Decimals of an angle in radians: half-edges whose angles differ less have one direction."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LineSet:
@@ -102,12 +105,16 @@ class Arrangement:
         """Corners float64 (n, 2) of all bounded faces, counter-clockwise, and offsets int64 (f + 1,).
 
         Faces of an arrangement of lines are convex: sorting their half-edges by direction walks around them.
+        Those of one direction follow each other along it: a corner can lie in the middle of a side.
         """
         inner = np.flatnonzero(self.face >= 0)
-        angle = np.mod(self.lines.angle[self.line[inner // 2]] + np.pi * (inner % 2), 2 * np.pi)
-        inner = inner[np.lexsort((angle, self.face[inner]))]
-        offsets = np.searchsorted(self.face[inner], np.arange(len(self) + 1))
-        return self.vertices[self.edges.reshape(-1)[inner]], offsets
+        angle = self.lines.angle[self.line[inner // 2]] + np.pi * (inner % 2)
+        angle = np.mod(np.round(np.mod(angle, 2 * np.pi), _SAME_DIRECTION), round(2 * np.pi, _SAME_DIRECTION))
+        corner = self.vertices[self.edges.reshape(-1)[inner]]
+        along = corner[:, 0] * np.cos(angle) + corner[:, 1] * np.sin(angle)
+        order = np.lexsort((along, angle, self.face[inner]))
+        offsets = np.searchsorted(self.face[inner[order]], np.arange(len(self) + 1))
+        return corner[order], offsets
 
 
 def clip_lines(angle: Floats, offset: Floats, box: Bounds) -> LineSet:
