@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from layoutexplore.evaluation.cross_validation import CrossValidationConfig
     from layoutexplore.evaluation.segmentation import MapScore
     from layoutexplore.maps.painted_rooms import Case
 
@@ -78,13 +79,8 @@ def segmentation(
     With --leave-out source, each source of maps is scored with a judge trained without it: the figure to
     expect of maps from elsewhere, and the one by which models are chosen.
     """
-    from layoutexplore.cli.progress import progress_lines
     from layoutexplore.errors import ConfigError, require
-    from layoutexplore.evaluation.cross_validation import (
-        CrossValidationConfig,
-        cross_validate_merging,
-        leave_sources_out,
-    )
+    from layoutexplore.evaluation.cross_validation import CrossValidationConfig
     from layoutexplore.evaluation.segmentation import evaluate_cases
     from layoutexplore.layout.pipeline import layout_method
     from layoutexplore.maps.painted_rooms import find_cases
@@ -112,8 +108,7 @@ def segmentation(
             weights=_weights(weight, cases),
             sources=_sources(source, cases),
         )
-        validate = leave_sources_out if leave_out else cross_validate_merging
-        results = validate(cases, config, progress=progress_lines())
+        results = _scores_held_out(cases, config, by_source=leave_out is not None)
     else:
         results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
     collected = []
@@ -123,6 +118,17 @@ def segmentation(
     _print_all([row for _, row, _ in collected], by_source=leave_out is not None)
     held_out = "each source left out" if leave_out else f"{folds} folds of buildings" if folds else ""
     _write_results(collected, json_file, out, protocol=protocol, resolution=resolution, held_out=held_out)
+
+
+def _scores_held_out(
+    cases: Sequence[Case], config: CrossValidationConfig, *, by_source: bool
+) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
+    """Each map with its score by a judge that has seen no map of its fold, or of its source."""
+    from layoutexplore.cli.progress import progress_lines
+    from layoutexplore.evaluation.cross_validation import cross_validate_merging, leave_sources_out
+
+    validate = leave_sources_out if by_source else cross_validate_merging
+    return validate(cases, config, progress=progress_lines())
 
 
 def _check_held_out(

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from layoutexplore import load_plan
-from layoutexplore.agents import make_agent
+from layoutexplore import Simulation, SimulationConfig, load_plan, make_agent
 from layoutexplore.drawing.prior_plans import draw_registered, side_by_side
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.predictors.prior_plan import PriorPredictor
@@ -13,8 +12,6 @@ from layoutexplore.priors.evacuation_picture import draw_evacuation_plan
 from layoutexplore.priors.presets import PRESETS
 from layoutexplore.priors.reading import prior_of_picture
 from layoutexplore.priors.spoiling import spoil
-from layoutexplore.simulation.config import SimulationConfig
-from layoutexplore.simulation.simulation import Simulation
 
 SHOWN = 0.4
 """The share of the floor that has been seen when the picture is made."""

@@ -173,9 +173,8 @@ def flood_unknown(
 
     Writes the number of cells within each depth, then the sides at which the flood touches walls, free space
     and the barrier, the share of its starting cells that the barrier takes, and whether it came to an end
-    before the last depth. The scratch's stamps must not hold `mark`. `touched` int32
-    (TOUCHED,) receives the free cells that the flood touches, evenly thinned out, as indices into the flat
-    bit map; -1 for none.
+    before the last depth. The scratch's stamps must not hold `mark`. `touched` int32 (TOUCHED,) receives the
+    free cells that the flood touches, evenly thinned out, as indices into the flat bit map; -1 for none.
 
     Returns:
         All bits of the unknown cells that the flood meets.
@@ -190,8 +189,7 @@ def flood_unknown(
     stopped = started - last
     first = walls = free = barred = 0
     touched[:] = -1
-    stride, kept = 1, 0
-    depth = 1
+    stride, kept, depth = 1, 0, 1
     for d in range(len(depths)):
         while depth < depths[d] and first < last:
             depth += 1
