@@ -80,6 +80,11 @@ class ForeseenFloor:
         return [min(seen + count, 64 * visibility.words) for count in missing]
 
     @property
+    def left_share(self) -> float:
+        """The share of the floor that is left to see."""
+        return self.left / max(1, self._total)
+
+    @property
     def left(self) -> int:
         """How many cells of the floor are left to see."""
         return self._total - self._known

@@ -13,7 +13,7 @@ import numpy as np
 
 from layoutexplore.agents.base import register
 from layoutexplore.agents.foreseen_floor import ForeseenFloor
-from layoutexplore.agents.omniscient.route_planner import PlannedRoute, RouteConfig, RoutePlanner
+from layoutexplore.agents.omniscient.route_planner import PlannedRoute, Quota, RouteConfig, RoutePlanner
 from layoutexplore.agents.room_aware import LayoutTourOptions, RoomAwareHeuristic
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import Choice, Decision
@@ -35,19 +35,30 @@ PATIENCE = 3
 ATTEMPTS = 3
 """Plans at a decision, each without the stops of the last one that the robot cannot set out for."""
 
-FINISHES = (FULLY_SEEN + 0.0015, 0.994, 0.997, 1.0)
-"""Shares of what is known and foreseen that a plan ends at: the next one where the last one is met already.
+FINISHES = (FULLY_SEEN, 0.994, 0.997, 1.0)
+"""Shares of what is known and foreseen that a plan ends at: the next one where one is met already."""
 
-The first one is a little more than what ends a run: what is foreseen is a little wrong, and the way back for
-a tenth of a per cent is long.
+ENOUGH, MARGIN = 0.0003, 0.0012
+"""Shares of the floor beyond those that a run is measured by: a plan that shows the first more is kept, a new
+one shows the second more besides while much is left to see.
+
+Scans on the way show a little less than was planned, and the way back for a tenth of a per cent is long.
 """
+
+MUCH = 0.3
+"""Share of the floor: where so much is left to see, all of `MARGIN` is planned for."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanTourOptions(LayoutTourOptions):
     """Parameters of `PlanTour`."""
 
-    sure: float = option(0.5, "confidence from which foresight is relied on", low=0.0, high=1.0)
+    sure: float = option(
+        0.0,
+        "confidence from which foresight is relied on, beyond what its predictor asks for",
+        low=0.0,
+        high=1.0,
+    )
     early: float = option(1.0, "what a metre before 95 % costs more than one after it", low=0.0)
     rounds: int = option(3, "stretches of the route that are planned anew at a decision", low=0)
     first_rounds: int = option(10, "the same at the first decision with foresight", low=0)
@@ -93,7 +104,7 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
             self._plans += 1
             planner = RoutePlanner(floor.places, config)
             for share in FINISHES:
-                quotas = floor.quotas(min(NEARLY_SEEN, share), share)
+                quotas = _quotas(floor, share)
                 self._plan = planner.replan(here, floor.seen, self._ahead(here), quotas, self._plans)
                 if len(self._plan.stops):
                     break
@@ -139,6 +150,15 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
             return _frontier_near(decision, path[1])
         self._arriving = stop if count == len(path) else None
         return path[:count]
+
+
+def _quotas(floor: ForeseenFloor, share: float) -> list[Quota]:
+    """How much is to be seen early, and in all by a plan that ends at a share."""
+    shares = min(NEARLY_SEEN, share), share
+    spare = MARGIN * min(1.0, floor.left_share / MUCH)
+    least = floor.quotas(*(min(q + ENOUGH, 1.0) for q in shares))
+    wanted = floor.quotas(*(min(q + ENOUGH + spare, 1.0) for q in shares))
+    return [Quota(*both) for both in zip(wanted, least, strict=True)]
 
 
 def _frontier_near(decision: Decision, cell: Ints32) -> int | None:

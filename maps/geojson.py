@@ -21,7 +21,7 @@ import shapely
 from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import MapError, shortened
+from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.files import read_json, write_atomically
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
@@ -72,6 +72,7 @@ def _feature(geometry: BaseGeometry, **properties: Any) -> dict[str, Any]:
     return {"type": "Feature", "properties": properties, "geometry": mapping(geometry)}
 
 
+@checks_arguments
 def load_geojson(path: Path, data: Any = None) -> FloorPlan:
     """Read a plan.
 

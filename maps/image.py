@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.outside import without_outside
@@ -29,6 +29,7 @@ ROOM_ENDINGS = ("_rooms", "_gt", LABELS_ENDING)
 """What the name of an image of the rooms of a map ends with."""
 
 
+@checks_arguments
 def load_image(path: Path, *, resolution: float | None = None) -> FloorPlan:
     """Read a ROS map or an image as a floor plan.
 
@@ -79,6 +80,7 @@ def _load_labels(path: Path, resolution: float | None) -> FloorPlan:
     )
 
 
+@checks_arguments
 def rooms_beside(path: Path) -> Path | None:
     """The image of the rooms of a map, or None: the map may be one itself."""
     for ending in ROOM_ENDINGS:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from shapely.errors import GEOSException
 
-from layoutexplore.errors import MapError, cause, unknown_name
+from layoutexplore.errors import MapError, cause, checks_arguments, unknown_name
 from layoutexplore.files import is_there, read_json
 from layoutexplore.files.schema import Items, TableOf, Text
 from layoutexplore.grids.grid import check_resolution
@@ -99,6 +99,7 @@ def _loader(
     raise MapError(f"{path}: no known format of floor plans; known endings: {', '.join(SUFFIXES)}")
 
 
+@checks_arguments
 def shows_rooms(source: str | Path) -> bool:
     """Whether a file tells of rooms, itself or by another beside it; a map or a picture alone does not."""
     path, _ = split_level(str(source))
@@ -159,6 +160,7 @@ def _all_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in PLAN_FOLDER.glob("*.geojson")))
 
 
+@checks_arguments
 def plan_names(split: str | None = None) -> list[str]:
     """Names of the floor plans that ship, of one split or all.
 
@@ -241,6 +243,7 @@ def _is_plan(path: Path) -> bool:
     return not (suffix == ".xml" and path.stem.endswith("_gt"))
 
 
+@checks_arguments
 def find_plans(specs: Iterable[str]) -> list[str]:
     """What `load_plan` can read, for names, files, folders and splits: each once, in the order given.
 
@@ -257,6 +260,7 @@ def find_plans(specs: Iterable[str]) -> list[str]:
     return list(found)
 
 
+@checks_arguments
 def cached_plan(source: str | Path) -> FloorPlan:
     """Like `load_plan`; the last plans stay in memory, and a file that has changed since is read again."""
     path, _ = split_level(str(source))

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import shapely
 
-from layoutexplore.errors import MapError, shortened
+from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.grids.outlines import trace_mask
 from layoutexplore.grids.polygons import Point, polygons_of
@@ -31,6 +31,7 @@ WALL_DEPTH = 0.5
 """Metres of the solid around the free space that are traced as walls."""
 
 
+@checks_arguments
 def plan_from_raster(
     source: PlanRaster,
     *,
@@ -114,6 +115,7 @@ def _trace_walls(source: PlanRaster) -> shapely.Geometry:
     return trace_mask(near & (free == 0), source.resolution, corner)
 
 
+@checks_arguments
 def trace_doors(source: PlanRaster, where: str = "the plan", *, oblique: bool = False) -> tuple[Door, ...]:
     """Doors between the rooms of a raster: small gaps that join two rooms, and where two rooms touch.
 
@@ -220,6 +222,7 @@ def _door(
     return Door(start=start, end=end, rooms=rooms)
 
 
+@checks_arguments
 def floorplan_from_ascii(text: str, resolution: float = 1.0, *, name: str = "ascii") -> FloorPlan:
     """A floor plan drawn as text, one cell a character; the first line is the top (the highest y).
 

@@ -11,11 +11,29 @@ import numpy as np
 import pytest
 
 from layoutexplore import FloorPlan, OccupancyGrid, Pose, Simulation, SimulationConfig
-from layoutexplore.errors import ConfigError, LayoutExploreError, checks_arguments, checks_calls
+from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, checks_arguments, checks_calls
+from layoutexplore.importing.building import building_from_grid, building_of_plan
+from layoutexplore.importing.findings import find_faults
+from layoutexplore.layout.doorways import DoorwaysConfig, doorway_regions
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.metrics.exploration import auc_horizon, revisit_share
+from layoutexplore.metrics.segmentation import overlap_table, score_segmentation
+from layoutexplore.metrics.statistics import (
+    cluster_bootstrap,
+    cluster_means,
+    improvements,
+    interquartile_mean,
+    log_ratios,
+)
+from layoutexplore.priors.evacuation_picture import draw_evacuation_plan
+from layoutexplore.priors.plan import prior_of_plan
+from layoutexplore.priors.reading import prior_of_picture
+from layoutexplore.priors.spoiling import SpoilConfig, spoil
 from layoutexplore.sensing.lidar import Lidar, sensor
 from layoutexplore.sensing.mapper import Mapper
+from layoutexplore.simulation.way_back import return_to_start
 from tests.plans import HOUSE
 
 KINDS: tuple[Any, ...] = (
@@ -77,6 +95,71 @@ def test_no_wrong_call_ends_in_an_error_of_python(kind: type, name: str, argumen
 
 def test_there_are_many_methods() -> None:
     assert len(methods()) > 25
+
+
+def with_one_wrong(function: Callable[..., Any], **good: Any) -> Callable[[str, Any], Any]:
+    """Calls of a function with an argument replaced."""
+    return lambda name, value: function(**{**good, name: value})
+
+
+def functions() -> dict[str, tuple[Callable[[str, Any], Any], tuple[str, ...]]]:
+    """Functions of pages and examples with arguments that they need, by name."""
+    grid, rooms, seeded = raster().grid, raster().room_ids, np.random.default_rng(0)
+    calls: list[tuple[Callable[..., Any], dict[str, Any]]] = [
+        (auc_horizon, {"target_area": 9.0}),
+        (revisit_share, {"track": [(0.0, 0.0), (1.0, 0.0)]}),
+        (interquartile_mean, {"values": [1.0, 2.0]}),
+        (cluster_bootstrap, {"values": [1.0, 2.0], "clusters": ["a", "b"]}),
+        (cluster_means, {"values": [1.0, 2.0], "clusters": ["a", "b"]}),
+        (log_ratios, {"values": [1.0, 2.0], "baseline": [1.0, 1.0]}),
+        (improvements, {"differences": [1.0, -1.0]}),
+        (score_segmentation, {"predicted": rooms, "truth": rooms, "free": grid.free}),
+        (overlap_table, {"predicted": rooms[3], "truth": rooms[3]}),
+        (doorway_regions, {"cells": grid.cells, "resolution": grid.resolution}),
+        (find_faults, {"plan": PLAN}),
+        (building_from_grid, {"grid": grid, "name": "house"}),
+        (building_of_plan, {"plan": PLAN}),
+        (spoil, {"plan": PLAN, "config": SpoilConfig(), "rng": seeded}),
+        (prior_of_plan, {"plan": PLAN}),
+        (prior_of_picture, {"image": np.zeros((9, 9, 3), np.uint8)}),
+        (draw_evacuation_plan, {"free": grid.free, "room_ids": rooms, "resolution": 0.3, "rng": seeded}),
+        (return_to_start, {"simulation": None}),
+        (BenchmarkConfig, {"plans": ("office:1",), "cell_mb": 900, "cell_seconds": 9}),
+        (floorplan_from_ascii, {"text": HOUSE, "resolution": 0.6}),
+        (DoorwaysConfig, {"door_min": 0.5, "core": 0.3}),
+    ]
+    return {function.__name__: (with_one_wrong(function, **good), tuple(good)) for function, good in calls}
+
+
+@pytest.mark.parametrize("name", functions())
+def test_no_wrong_call_of_a_function_ends_in_an_error_of_python(name: str) -> None:
+    call, arguments = functions()[name]
+    failures = {}
+    for argument in arguments:
+        for value in KINDS:
+            try:
+                call(argument, value)
+            except LayoutExploreError:
+                continue
+            except Exception as error:
+                failures[argument, repr(value)[:30]] = f"{type(error).__name__}: {error}"
+    assert not failures
+
+
+def test_arrays_of_another_shape_are_named() -> None:
+    flat, odd = np.zeros(3, np.int32), np.zeros((3, 3), np.int32)
+    with pytest.raises(ConfigError, match="rows of x and y"):
+        revisit_share(flat)
+    with pytest.raises(ConfigError, match="as many clusters"):
+        cluster_means([1.0, 2.0], ["a"])
+    with pytest.raises(MapError, match="of one length"):
+        overlap_table(flat, odd)
+    with pytest.raises(MapError, match="three colours"):
+        prior_of_picture(odd.astype(np.uint8))
+    with pytest.raises(MapError, match="equal 2-d shapes"):
+        draw_evacuation_plan(odd > 0, odd[:2], 0.1, np.random.default_rng(0))
+    with pytest.raises(MapError, match="two-dimensional"):
+        doorway_regions(flat, 0.1)  # type: ignore[arg-type]
 
 
 def test_an_error_that_no_argument_explains_stays() -> None:

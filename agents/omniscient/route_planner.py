@@ -76,6 +76,16 @@ class PlannedRoute(NamedTuple):
     mark: int
 
 
+class Quota(NamedTuple):
+    """How much a route is to show: what is planned for, and what is enough of a plan that there is.
+
+    A robot on its way sees a little less than was planned; a way back for that would be long.
+    """
+
+    wanted: int
+    least: int
+
+
 class RoutePlanner:
     """Plans routes on a known floor plan.
 
@@ -107,7 +117,7 @@ class RoutePlanner:
         return route.cells()
 
     def replan(
-        self, start: Cell, seen: Bits, plan: PlannedRoute, quotas: list[int], seed: int
+        self, start: Cell, seen: Bits, plan: PlannedRoute, quotas: list[Quota], seed: int
     ) -> PlannedRoute:
         """A plan for a robot on its way.
 
@@ -120,7 +130,10 @@ class RoutePlanner:
         """
         stops = [self.places.at(Cell(*c)) for c in plan.stops.tolist() if self.places.traversable[*c]]
         route = self._linked([self.places.at(start, seen), *stops], min(plan.mark, len(stops)))
-        route = self._improved(route, quotas, self.config.rounds, np.random.default_rng(seed))
+        counts = self._counts(route)
+        # A plan is not to show less than it does; one that shows too little is to show all that is wanted.
+        wanted = [q.wanted if n < q.least else min(q.wanted, n) for q, n in zip(quotas, counts, strict=True)]
+        route = self._improved(route, wanted, self.config.rounds, np.random.default_rng(seed))
         return PlannedRoute(route.cells(), route.mark)
 
     def _improved(self, route: Route, quotas: list[int], rounds: int, rng: np.random.Generator) -> Route:

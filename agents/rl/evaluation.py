@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import gymnasium
@@ -12,6 +13,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
+from layoutexplore.errors import ResultsError, shortened
+from layoutexplore.files import read_csv
 from layoutexplore.frontiers.decision import Agent
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.metrics.exploration import score_curve
@@ -113,6 +116,53 @@ def score(scores: dict[str, float], references: tuple[str, ...]) -> float:
         return 1.0 - scores["coverage"]
     name = references[0]
     return float(np.sqrt(scores[f"d95_ratio.{name}"] * scores[f"d99_ratio.{name}"]))
+
+
+def read_evaluations(path: Path, steps: float = np.inf) -> list[dict[str, float]]:
+    """What evaluations found up to a step, oldest first; nothing where there is no such file.
+
+    Raises:
+        ResultsError: The file is something else.
+    """
+    if not path.exists():
+        return []
+    header, *lines = read_csv(path, what="table of evaluations") or [[]]
+    try:
+        if "steps" not in header:
+            raise ValueError("there is no column steps")
+        rows = [
+            {key: float(value) for key, value in zip(header, line, strict=True) if value} for line in lines
+        ]
+        return [row for row in rows if row["steps"] <= steps]
+    except (ValueError, KeyError) as error:
+        raise ResultsError(
+            f"{path} is damaged: {shortened(str(error))}; remove it to go on without the evaluations so far"
+        ) from error
+
+
+def curve_table(evaluations: Sequence[Mapping[str, float]]) -> str:
+    """The curve of a run as a Markdown table, a row an evaluation, with the columns of the last one.
+
+    Example:
+        >>> print(curve_table([{"steps": 64.0, "score": 1.0, "d95": 61.0, "d95_ratio.nearest": 1.25}]))
+        | steps | d95 | d95 / nearest |
+        |--:|--:|--:|
+        | 64 | 61.0 | 1.250 |
+    """
+    names = [name for name in evaluations[-1] if name != "score"] if evaluations else ["steps"]
+    heads = [name.replace("_ratio.", " / ") for name in names]
+    rows = [[_shown(name, evaluation.get(name)) for name in names] for evaluation in evaluations]
+    lines = [heads, *rows]
+    table = ["| " + " | ".join(line) + " |" for line in lines]
+    return "\n".join([table[0], "|" + "--:|" * len(names), *table[1:]])
+
+
+def _shown(name: str, value: float | None) -> str:
+    """A number of an evaluation: steps whole, metres to 0.1, ratios and shares to 0.001."""
+    if value is None:
+        return ""
+    digits = 0 if name == "steps" else 3 if "ratio" in name or name == "coverage" else 1
+    return f"{value:.{digits}f}"
 
 
 def evaluate_motion(model: BaseAlgorithm, config: TrainingConfig, stop: Stop) -> dict[str, float]:

@@ -150,6 +150,8 @@ class TrainingConfig:
         reward: Keyword arguments of `PathToMarks`; of Frontier-v0 only.
         critic_steps: Steps at the start from which only the critic learns; of Frontier-v0 only.
         averaging: Share of the actor's running average that an update leaves; of Frontier-v0 only.
+        final_learning_rate: To which the learning rate changes evenly until the last step, 0 for one that
+            stays; of Frontier-v0 only.
         max_steps: Steps after which an episode is cut off, 0 for never; of Motion-v0 only.
         network: Of Frontier-v0 only.
         imitation: Of "maskable-ppo" only.
@@ -177,6 +179,7 @@ class TrainingConfig:
     reward: Mapping[str, Any] = field(default_factory=dict)
     critic_steps: int = 0
     averaging: float = 0.0
+    final_learning_rate: float = 0.0
     max_steps: int = 0
     network: NetworkConfig | None = None
     imitation: ImitationConfig | None = None
@@ -187,6 +190,7 @@ class TrainingConfig:
         check(self, steps=COUNT, envs=COUNT, checkpoint_every=COUNT, averaging=Rule(low=0.0, below=1.0))
         natural = Rule(kind=int, low=0)
         check(self, workers=natural, seed=natural, critic_steps=natural, max_steps=natural)
+        check(self, final_learning_rate=Rule(low=0.0, high=1.0))
         if not self.plans or not self.sensors:
             raise ConfigError("training needs at least one of plans and of sensors")
 

@@ -29,6 +29,7 @@ import torch
 from layoutexplore.agents.base import Heuristic
 from layoutexplore.agents.rl.card import PolicySpec, spec_of
 from layoutexplore.agents.rl.environments import plan_source
+from layoutexplore.agents.rl.evaluation import read_evaluations
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.response_surface import fit_surface, lowest
@@ -36,7 +37,7 @@ from layoutexplore.agents.rl.run import EVALUATIONS, TrainingRun, Watcher
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.plans import PlanSource
 from layoutexplore.errors import ResultsError, shortened
-from layoutexplore.files import atomic, parse_csv, read_csv, read_text
+from layoutexplore.files import atomic, parse_csv, read_text
 from layoutexplore.frontiers.decision import Decision, Predictor
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
 from layoutexplore.grids.arrays import Floats
@@ -102,7 +103,7 @@ class SearchRun(TrainingRun):
         make_predictor(config.predictor)
         if resume:
             self.explorations = read_explorations(folder / EXPLORATIONS, self.members)
-            self.evaluations = _read_evaluations(folder / EVALUATIONS, self.steps)
+            self.evaluations = read_evaluations(folder / EVALUATIONS, self.steps)
         else:
             self.begin_folder()
         self._rewrite()
@@ -311,25 +312,3 @@ def _executor(workers: int) -> Iterator[Executor | None]:
         ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), end_with_parent) as executor,
     ):
         yield executor
-
-
-def _read_evaluations(path: Path, steps: int) -> list[dict[str, float]]:
-    """What evaluations found up to a step.
-
-    Raises:
-        ResultsError: The file is something else.
-    """
-    if not path.exists():
-        return []
-    header, *lines = read_csv(path, what="table of evaluations") or [[]]
-    try:
-        if "steps" not in header:
-            raise ValueError("there is no column steps")
-        rows = [
-            {key: float(value) for key, value in zip(header, line, strict=True) if value} for line in lines
-        ]
-        return [row for row in rows if row["steps"] <= steps]
-    except (ValueError, KeyError) as error:
-        raise ResultsError(
-            f"{path} is damaged: {shortened(str(error))}; remove it to go on without the evaluations so far"
-        ) from error

@@ -87,12 +87,24 @@ class Run(TrainingRun):
             if self.progress.steps == 0 and not self.progress.evaluations:
                 self._begin()
             self.model.set_logger(configure(str(self.folder / "tensorboard"), ["tensorboard"]))
-            while self.progress.steps < self.config.steps and not self.stopping:
-                self._stretch()
+            while not self.stopping:
+                if self._evaluation_is_due():
+                    self.evaluate()
+                elif self.progress.steps < self.config.steps:
+                    self._stretch()
+                else:
+                    break
         self.envs.close()
 
+    def _evaluation_is_due(self) -> bool:
+        """Whether a mark has been passed since the last evaluation: one that was cut off is made up for."""
+        every, steps, last = self.config.evaluation.every, self.progress.steps, self.progress.evaluations[-1:]
+        if not last:
+            return True
+        return steps // every > last[0]["steps"] // every or last[0]["steps"] < steps >= self.config.steps
+
     def _begin(self) -> None:
-        """Imitation, if any, and how good the policy is before it learns by reward."""
+        """Imitation, if any: what the policy is before it learns by reward."""
         if self.spec and self.config.imitation and self.config.imitation.teacher:
             actor = self.actor()
             imitate(actor, self.config, self.watcher.say, lambda: self.stopping)
@@ -100,7 +112,6 @@ class Run(TrainingRun):
                 self._policy.actor.load_state_dict(actor.state_dict())
                 self._policy.averaged.load_state_dict(actor.state_dict())
         self.save()
-        self.evaluate()
 
     def _stretch(self) -> None:
         """Learn until the next checkpoint."""
@@ -116,14 +127,11 @@ class Run(TrainingRun):
         self.model.learn(target - progress.steps, callback, reset_num_timesteps=False)
         if callback.interrupted:
             self.model.num_timesteps = callback.learnt
-        before, progress.steps = progress.steps, self.model.num_timesteps
+        progress.steps = self.model.num_timesteps
         progress.updates = int(getattr(self.model, "_n_updates", 0))
         progress.calls = int(getattr(self.model, "_n_calls", 0))
         progress.seconds += time.monotonic() - began
         self.save()
-        every = config.evaluation.every
-        if progress.steps // every > before // every or progress.steps >= config.steps:
-            self.evaluate()
 
     def scores(self) -> dict[str, float]:
         """How good the policy is, by name; empty when somebody asked to stop."""
@@ -169,4 +177,7 @@ def build(config: TrainingConfig, envs: Any, spec: PolicySpec | None, device: st
     if isinstance(model, DQN):
         first, last, until = 1.0, learning["exploration_final_eps"], share * config.steps
         model.exploration_schedule = lambda _: max(last, first + (last - first) * model.num_timesteps / until)
+    if config.final_learning_rate:
+        rate, change = learning["learning_rate"], config.final_learning_rate - learning["learning_rate"]
+        model.lr_schedule = lambda _: rate + change * min(1.0, model.num_timesteps / config.steps)
     return model

@@ -12,7 +12,7 @@ from typing import Any
 
 import layoutexplore
 from layoutexplore.agents import AGENTS
-from layoutexplore.errors import ConfigError, shortened, unknown_name
+from layoutexplore.errors import ConfigError, checks_arguments, checks_calls, shortened, unknown_name
 from layoutexplore.files import read_toml
 from layoutexplore.options import COUNT, FLAG, Rule, check, check_keys, from_table
 from layoutexplore.sensing.lidar import SENSORS, LidarConfig
@@ -34,6 +34,7 @@ QUICK_AGENTS = (
 """What runs when no agent is named: one of each kind of strategy."""
 
 
+@checks_calls
 @dataclass(frozen=True, kw_only=True)
 class BenchmarkConfig:
     """Everything that decides the results of a benchmark.
@@ -119,6 +120,7 @@ def settings(config: BenchmarkConfig) -> dict[str, Any]:
     }
 
 
+@checks_arguments
 def read_benchmark_config(path: Path) -> dict[str, Any]:
     """Keyword arguments for `BenchmarkConfig` from a TOML file.
 

@@ -24,7 +24,7 @@ from layoutexplore.benchmark.recording import Recorder
 from layoutexplore.benchmark.rows import Row, fingerprints, prepare, score_run
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.drawing.beliefs import SUFFIX, BeliefNotes
-from layoutexplore.errors import ConfigError, WriteError
+from layoutexplore.errors import ConfigError, WriteError, checks_arguments
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.plugins.transport import NO_CODE, OwnCode, pack_own_code
@@ -113,6 +113,7 @@ class Outcome:
         return [row for row in self.rows if row.error]
 
 
+@checks_arguments
 def run_benchmark(
     config: BenchmarkConfig,
     out: Path,

@@ -42,7 +42,7 @@ from layoutexplore.benchmark.recording import (
     to_arrays,
 )
 from layoutexplore.benchmark.rows import Row
-from layoutexplore.errors import ResultsError, cause, shortened
+from layoutexplore.errors import ResultsError, cause, checks_calls, shortened
 from layoutexplore.files import (
     HALF,
     ArrayRule,
@@ -102,6 +102,7 @@ def _bounded(value: float) -> float:
     return value
 
 
+@checks_calls
 class ResultsFolder:
     """A folder of results of one configuration.
 

@@ -29,6 +29,8 @@ evaluations on held-out plans
 
   layoutexplore train --out runs/first --resume
 
+  layoutexplore train --out runs/first --curve
+
   layoutexplore train --algorithm maskable-ppo --steps 100000 --out runs/network
 
   layoutexplore benchmark --plans test --agents tour --agents policy:runs/first
@@ -77,6 +79,9 @@ def train(
     resume: Annotated[
         bool, typer.Option(help="Go on with the run of the folder; --steps may be raised.")
     ] = False,
+    curve: Annotated[
+        bool, typer.Option("--curve", help="Only print the evaluations of the folder's run, as a table.")
+    ] = False,
 ) -> None:
     """Train a policy."""
     from rich.console import Console
@@ -86,6 +91,9 @@ def train(
     from layoutexplore.errors import ConfigError, require
     from layoutexplore.files import check_places
 
+    if curve:
+        typer.echo(_curve(out))
+        return
     check_places(out)
     flags = {
         "algorithm": algorithm,
@@ -103,8 +111,7 @@ def train(
     settings = read_config(config, flags)
     for module in ("torch", "stable_baselines3", "sb3_contrib", "safetensors", "tensorboard"):
         require(module, "rl")
-    console = Console(highlight=False)
-    with ProgressLine(console, "steps") as line:
+    with ProgressLine(Console(highlight=False), "steps") as line:
         _run(settings, out, device, resume, line)
 
 
@@ -138,6 +145,20 @@ def _kept_config(out: Path, config: Path | None, flags: dict[str, Any]) -> Path:
     if fixed:
         raise ConfigError(f"--resume goes on with the configuration of {out}: leave out {fixed[0]}")
     return out / "config.toml"
+
+
+def _curve(out: Path) -> str:
+    """The evaluations of the run in a folder as a table."""
+    from layoutexplore.errors import ResultsError, require
+
+    require("stable_baselines3", "rl")
+    from layoutexplore.agents.rl.evaluation import curve_table, read_evaluations
+    from layoutexplore.agents.rl.run import EVALUATIONS
+
+    evaluations = read_evaluations(out / EVALUATIONS)
+    if not evaluations:
+        raise ResultsError(f"no evaluations in {out / EVALUATIONS}: train there first, or give another --out")
+    return curve_table(evaluations)
 
 
 def _run(settings: TrainingConfig, out: Path, device: str, resume: bool, line: ProgressLine) -> None:

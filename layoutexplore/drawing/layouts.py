@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from layoutexplore.drawing.palette import Colour, Image
+from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Bytes, Floats, Ints32
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.types import FaceKind, Layout
@@ -55,6 +56,7 @@ def draw_layout(layout: Layout, grid: OccupancyGrid | None = None, *, panel: int
     return np.concatenate(images, axis=0 if width > WIDE * height else 1)
 
 
+@checks_arguments
 def room_colours(count: int) -> Bytes:
     """RGB uint8 (count + 1, 3), white for 0: hues by the golden angle, so that close ids look different."""
     hue = (np.arange(count + 1) * 137.508) % 360

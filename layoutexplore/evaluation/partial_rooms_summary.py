@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,24 @@ def summarise_rooms(rooms: Sequence[RoomScore]) -> list[dict[str, Any]]:
     return [{"explored": name} | _room_line(part) for name, part in strata if part]
 
 
+def summarise_parts(scores: Scores, predictor: str, part_of: Mapping[str, str]) -> list[dict[str, Any]]:
+    """One line a part of the plans, in the order of `part_of`, which tells the part of each plan by its name.
+
+    Where a part has no half-seen room, or no frontier, it has no line.
+    """
+    lines = []
+    for part in dict.fromkeys(part_of.values()):
+        rooms = [r for r in scores.rooms if r.predictor == predictor and part_of[r.plan] == part]
+        frontiers = [f for f in scores.frontiers if f.predictor == predictor and part_of[f.plan] == part]
+        if not rooms or not frontiers:
+            continue
+        of_rooms, of_frontiers = _room_line(rooms), _frontier_line(frontiers)
+        line = {"part": part, "buildings": len({r.building for r in rooms})}
+        line |= {name: of_rooms[name] for name in ("rooms", "hidden_iou", "hidden_mean", "iou")}
+        lines.append(line | {name: of_frontiers[name] for name in ("frontiers", "mcc", "leftover_accuracy")})
+    return lines
+
+
 def _room_line(rooms: Sequence[RoomScore]) -> dict[str, Any]:
     buildings = [r.building for r in rooms]
     hidden = cluster_bootstrap([r.hidden_iou for r in rooms], buildings)
@@ -51,6 +69,7 @@ def _room_line(rooms: Sequence[RoomScore]) -> dict[str, Any]:
         "hidden_iou": hidden.estimate,
         "hidden_low": hidden.low,
         "hidden_high": hidden.high,
+        "hidden_mean": float(np.mean([r.hidden_iou for r in rooms])),
         "iou": whole.estimate,
         "iou_low": whole.low,
         "iou_high": whole.high,

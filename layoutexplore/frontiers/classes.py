@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
@@ -62,6 +63,7 @@ class FrontierClasses:
 DEFAULT_CLASSES = ClassConfig()
 
 
+@checks_arguments
 def classify_frontiers(
     cells: Cells,
     clusters: FrontierClusters,
@@ -106,6 +108,7 @@ def classify_frontiers(
     return FrontierClasses(~is_open, room, remaining, share, (beyond * cell_area).astype(np.float64))
 
 
+@checks_arguments
 def true_classes(decision: Decision, truth: Truth) -> FrontierClasses:
     """The classes of a decision's frontiers against the rooms of the floor plan."""
     cells, raster = decision.grid.cells, truth.raster

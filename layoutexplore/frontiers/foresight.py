@@ -24,7 +24,8 @@ class Foresight:
         cells: int8 (rows, cols), the shape and frame of the decision's grid: 0 foreseen free, 100 foreseen
             wall, -1 nothing foreseen. It may repeat or contradict what is known: see `completed`.
         room_ids: int32 (rows, cols), the foreseen room of each cell, 0 for none; seen rooms may have ids too.
-        confidence: Probability 0..1 that space is as it is foreseen; planners leave it aside where it is low.
+        confidence: Probability 0..1 that space is as it is foreseen. Who foresees decides from where on it is
+            worth telling; planners may ask for more.
         predictor: Name of the predictor that it came from.
         resolution: Side of a cell in metres.
 

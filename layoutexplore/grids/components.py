@@ -12,24 +12,28 @@ from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Mask
 from layoutexplore.grids.runs import find_runs
 
 
-def label_components(mask: Mask, out: Ints32 | None = None) -> tuple[Ints32, int]:
+def label_components(mask: Mask, out: Ints32 | None = None, after: int = 0) -> tuple[Ints32, int]:
     """Label the 4-connected parts of a mask, as `cv2.connectedComponents` does.
 
     Args:
         mask: bool (rows, cols).
         out: int32 (rows, cols), C-contiguous, where the labels are written; new memory when None.
+        after: The number after which those of the parts begin. Above 0, `out` keeps what it holds outside of
+            the mask.
 
     Returns:
-        int32 (rows, cols), the part of each cell, numbered from 1 by the first cell, row by row, and 0
-        outside of the mask; and the number of parts.
+        int32 (rows, cols), the part of each cell, numbered from `after` + 1 by the first cell, row by row,
+        and 0 outside of the mask; and the number of parts.
 
     Example:
         >>> labels, count = label_components(np.array([[1, 0, 1], [1, 0, 1], [0, 1, 1]], bool))
         >>> labels.tolist(), count
         ([[1, 0, 2], [1, 0, 2], [0, 2, 2]], 2)
     """
-    labels = np.empty(mask.shape, np.int32) if out is None else out
-    return labels, int(_label(np.ascontiguousarray(mask, np.bool_).view(np.uint8), labels))
+    labels = np.zeros(mask.shape, np.int32) if out is None else out
+    if not after:
+        labels[:] = 0
+    return labels, int(_label(np.ascontiguousarray(mask, np.bool_).view(np.uint8), labels, after))
 
 
 def split_labels(labels: Ints32) -> tuple[Ints32, Ints]:
@@ -113,13 +117,12 @@ def join_runs(runs: Ints32, cells: NDArray[Any], aside: int) -> Ints:
 
 
 @njit(cache=True, nogil=True)
-def _label(mask: Bytes, labels: Ints32) -> int:
-    """Write the labels of all cells; how many there are."""
+def _label(mask: Bytes, labels: Ints32, after: int) -> int:
+    """Write the labels of the mask's cells; how many there are."""
     runs = find_runs(mask, np.uint8(0))
     number = join_runs(runs, mask, 0)
-    labels[:] = 0
     for k in range(len(runs)):
-        labels[runs[k, 0], runs[k, 1] : runs[k, 2]] = np.int32(number[k] + 1)
+        labels[runs[k, 0], runs[k, 1] : runs[k, 2]] = np.int32(after + number[k] + 1)
     return number.max() + 1 if len(runs) else 0
 
 

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import MapError, MapWarning, shortened
+from layoutexplore.errors import MapError, MapWarning, checks_arguments, shortened
 from layoutexplore.files import read_yaml, write_atomically
 from layoutexplore.files.images import read_pixels
 from layoutexplore.grids.arrays import Bytes, Cells, Mask
@@ -49,6 +49,7 @@ UnknownGrey = int | Literal["auto", "none"]
 """Which grey level of a map is unknown: a number, "auto" (found in the map) or "none"."""
 
 
+@checks_arguments
 def load_grid(
     path: str | Path,
     *,
@@ -90,6 +91,7 @@ def load_grid(
     )
 
 
+@checks_arguments
 def read_image(path: Path, *, luma: bool = False) -> tuple[Bytes, Mask]:
     """Grey levels uint8 (h, w) and which pixels are not opaque, bool (h, w), of an image of any kind.
 
@@ -290,6 +292,7 @@ def _to_pixels(cells: Cells, mode: str) -> Bytes:
     return np.where(free, 254, np.where(occupied, 0, 205)).astype(np.uint8)
 
 
+@checks_arguments
 def encode_png(image: Bytes | NDArray[np.uint16]) -> bytes:
     """A picture (h, w) grey or (h, w, 3) RGB as a PNG file's content, packed as small as it goes."""
     pixels = image if image.ndim == 2 else image[:, :, ::-1]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, IMAGE_SUFFIXES
@@ -41,6 +41,7 @@ class Building:
     warnings: tuple[str, ...] = ()
 
 
+@checks_arguments
 def import_building(path: Path, config: PictureConfig | None = None, *, method: str = "default") -> Building:
     """Read a map or a picture and find its rooms and doors.
 
@@ -64,6 +65,7 @@ def import_building(path: Path, config: PictureConfig | None = None, *, method: 
     return building_from_grid(grid, name=path.stem, method=method, metadata=metadata)
 
 
+@checks_arguments
 def building_from_grid(
     grid: OccupancyGrid, *, name: str, method: str = "default", metadata: Mapping[str, str] | None = None
 ) -> Building:
@@ -100,6 +102,7 @@ def building_from_grid(
     return Building(grid=clean, room_ids=plan.source.room_ids, plan=plan, warnings=warnings)
 
 
+@checks_arguments
 def building_of_plan(plan: FloorPlan) -> Building:
     """The building that a floor plan tells of, with a map of it.
 
@@ -110,6 +113,7 @@ def building_of_plan(plan: FloorPlan) -> Building:
     return Building(grid=raster.grid, room_ids=raster.room_ids, plan=plan)
 
 
+@checks_arguments
 def is_door(door: Door) -> bool:
     """Whether an opening is wide enough for a door."""
     return door.width >= LEAST_DOOR

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.polygons import Point
 from layoutexplore.maps.floorplan import Door, FloorPlan
 
@@ -33,6 +34,7 @@ FINEST, LONGEST_SIDE = 0.05, 4000
 """Metres of a cell of the map on which a plan is checked, and cells of its longest side for large plans."""
 
 
+@checks_arguments
 def resolution_for(plan: FloorPlan) -> float:
     """Metres a cell at which a plan is looked at: 0.05 for buildings, more where metres are no metres."""
     x0, y0, x1, y1 = plan.bounds
@@ -48,6 +50,7 @@ class Finding(NamedTuple):
     y: float
 
 
+@checks_arguments
 def find_faults(plan: FloorPlan) -> list[Finding]:
     r"""What looks wrong in a floor plan: its scale first, then floor out of reach, rooms, and doors.
 

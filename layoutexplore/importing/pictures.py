@@ -6,7 +6,7 @@ import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from layoutexplore.errors import ConfigError, MapError, MapWarning, MissingExtraError
+from layoutexplore.errors import ConfigError, MapError, MapWarning, MissingExtraError, checks_arguments
 from layoutexplore.grids.grid import OccupancyGrid, check_resolution
 from layoutexplore.grids.outside import without_outside
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, YAML_SUFFIXES, UnknownGrey, load_grid
@@ -41,6 +41,7 @@ class PictureConfig:
             )
 
 
+@checks_arguments
 def picture_config(
     *,
     resolution: float | None = None,
@@ -86,6 +87,7 @@ def picture_config(
     )
 
 
+@checks_arguments
 def read_picture(path: Path, config: PictureConfig | None = None) -> OccupancyGrid:
     """A map or a picture of a plan as a grid, its outside unknown.
 

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_arguments, checks_calls
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.components import label_components
@@ -33,6 +33,7 @@ from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, empty_layout, has_free_space
 
 
+@checks_calls
 @dataclass(frozen=True, kw_only=True)
 class DoorwaysConfig(DoorGapConfig):
     """Options of the method; lengths in metres.
@@ -103,6 +104,7 @@ class Regions:
         return _sum_up(self.labels, self.gaps, self.count, self.resolution)
 
 
+@checks_arguments
 def doorway_regions(cells: Cells, resolution: float, config: DoorwaysConfig = SHIPPED) -> Regions:
     """Divide the known free space into the seen parts of rooms.
 
@@ -111,6 +113,9 @@ def doorway_regions(cells: Cells, resolution: float, config: DoorwaysConfig = SH
         resolution: Metres per cell.
         config: The options.
 
+    Raises:
+        MapError: The cells are no occupancy grid, or the resolution is unusable.
+
     Example:
         >>> rows = ["#########", "#...#...#", "#.......#", "#...#...#", "#########"]
         >>> cells = np.array([[100 if c == "#" else 0 for c in row] for row in rows], np.int8)
@@ -118,6 +123,7 @@ def doorway_regions(cells: Cells, resolution: float, config: DoorwaysConfig = SH
         >>> regions.count, round(float(regions.door_width.max()), 1)
         (2, 0.8)
     """
+    cells = OccupancyGrid(cells, resolution).cells
     row0, row1, col0, col1 = known_box(cells)
     box = slice(row0, row1), slice(col0, col1)
     margin = round((config.door_max + config.widening) / resolution) + 1
@@ -129,10 +135,7 @@ def doorway_regions(cells: Cells, resolution: float, config: DoorwaysConfig = SH
     shut = cv2.dilate((occupied | (doors > 0)).view(np.uint8), disc(config.core / resolution, closed=True))
     grown, count = label_components(free & (shut == 0))
     if spread_in_place(grown, free, backwards=True):  # What no core reaches becomes regions of its own.
-        rest = free & (grown == 0)
-        parts, more = label_components(rest)
-        np.add(parts, count, out=grown, where=rest)
-        count += more
+        count += label_components(free & (grown == 0), grown, count)[1]
     labels, gaps = np.zeros(cells.shape, np.int32), np.zeros(cells.shape, doors.dtype)
     labels[box], gaps[box] = grown[inner], doors[inner]
     return Regions(labels, count, gaps, resolution)
@@ -143,6 +146,7 @@ def gap_type(resolution: float, config: DoorGapConfig = SHIPPED) -> np.dtype[np.
     return np.min_scalar_type(int(config.door_max / resolution) + 2)
 
 
+@checks_arguments
 def find_doors(occupied: Mask, resolution: float, config: DoorGapConfig = SHIPPED) -> Gaps:
     """Gaps along rows and columns that may be doors, of `gap_type` (rows, cols): width in cells, 0 elsewhere.
 

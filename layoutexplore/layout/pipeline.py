@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.errors import ConfigError, checks_arguments, checks_calls, unknown_name
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.layout.outlines import layout_of_labels
@@ -44,6 +44,7 @@ def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None
     return chosen.run(grid, chosen.config(config)).completed()
 
 
+@checks_calls
 class LayoutCache:
     """`reconstruct` that keeps its last layout while the walls it was made from have hardly changed.
 
@@ -228,6 +229,7 @@ def _run(run: Run, config: Any, grid: OccupancyGrid) -> Layout:
     return run(grid, config)
 
 
+@checks_arguments
 def layout_method(spec: str) -> LayoutMethod:
     """The method of `NAME`, `NAME:key=value,...`, `FILE.py:FUNCTION` or `package.module:FUNCTION`.
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_arguments
 
 NEARLY_SEEN = 0.95
 """Coverage from which a building is nearly explored: what is left are corners."""
@@ -57,6 +57,7 @@ class CurveScores:
     auc: float
 
 
+@checks_arguments
 def auc_horizon(target_area: float) -> float:
     """Metres over which the column `auc` averages the coverage: 20 m + 0.2 m for each square metre.
 
@@ -158,6 +159,7 @@ def coverage_at(distance: ArrayLike, coverage: ArrayLike, at: ArrayLike) -> NDAr
     return np.interp(np.asarray(at, np.float64), metres, share)
 
 
+@checks_arguments
 def revisit_share(track: ArrayLike, *, square: float = REVISIT_SQUARE, delay: float = REVISIT_DELAY) -> float:
     """Share of the metres walked that led through places walked before, 0..1.
 
@@ -170,12 +172,18 @@ def revisit_share(track: ArrayLike, *, square: float = REVISIT_SQUARE, delay: fl
         square: Side of a square in metres.
         delay: Metres.
 
+    Raises:
+        ConfigError: The track does not consist of rows of two numbers or more.
+
     Example:
         >>> there = [(0.1 * k, 0.0) for k in range(101)]
         >>> round(revisit_share(there + there[::-1]), 1)
         0.5
     """
-    points = np.asarray(track, np.float64)[:, :2]
+    points = np.asarray(track, np.float64)
+    if points.ndim != 2 or points.shape[1] < 2:
+        raise ConfigError(f"a track needs rows of x and y in metres, got shape {points.shape}")
+    points = points[:, :2]
     steps = np.hypot(*np.diff(points, axis=0).T)
     total = float(steps.sum())
     if total == 0.0:

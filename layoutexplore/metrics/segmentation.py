@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.errors import ConfigError, MapError, checks_arguments
 
 PROTOCOLS: dict[str, int] = {"rose2": 0, "bormann": 100}
 """Segments and rooms of at most so many cells are dropped, by protocol."""
@@ -48,6 +48,7 @@ class SegmentationScores:
     rooms: int
 
 
+@checks_arguments
 def score_segmentation(
     predicted: NDArray[np.integer[Any]],
     truth: NDArray[np.integer[Any]],
@@ -83,6 +84,7 @@ def score_segmentation(
     return scores_of_overlaps(*overlap_table(found.ravel(), truth.ravel(), min_cells=PROTOCOLS[protocol]))
 
 
+@checks_arguments
 def overlap_table(
     predicted: NDArray[np.integer[Any]], truth: NDArray[np.integer[Any]], *, min_cells: int = 0
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
@@ -96,7 +98,12 @@ def overlap_table(
     Returns:
         overlaps int64 (segments, rooms), sizes of the segments int64 (segments,), of the rooms int64
         (rooms,), by rising label.
+
+    Raises:
+        MapError: The arrays differ in shape or are not flat.
     """
+    if predicted.ndim != 1 or predicted.shape != truth.shape:
+        raise MapError(f"segments {predicted.shape} and rooms {truth.shape} must be flat and of one length")
     s, g = predicted.astype(np.int64), truth.astype(np.int64)
     rows, cols = int(s.max(initial=0)) + 1, int(g.max(initial=0)) + 1
     table = np.bincount(s * cols + g, minlength=rows * cols).reshape(rows, cols)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_arguments
 
 DRAWS = 10_000
 """Bootstrap draws."""
@@ -47,6 +47,7 @@ class Interval:
         return Interval(function(self.estimate), function(self.low), function(self.high))
 
 
+@checks_arguments
 def interquartile_mean(values: ArrayLike) -> float:
     """Mean of the middle half of the values; the values at the quartiles count by the part that lies inside.
 
@@ -60,6 +61,7 @@ def interquartile_mean(values: ArrayLike) -> float:
     return float(weighted_interquartile_mean(sample, np.ones((1, len(sample))))[0])
 
 
+@checks_arguments
 def weighted_interquartile_mean(values: Floats, weights: Floats) -> Floats:
     """Interquartile mean under each row of weights.
 
@@ -81,11 +83,13 @@ def weighted_interquartile_mean(values: Floats, weights: Floats) -> Floats:
     return np.asarray(inside @ values[order] / (high - low)[:, 0])
 
 
+@checks_arguments
 def weighted_mean(values: Floats, weights: Floats) -> Floats:
     """Mean under each row of weights, float64 (m,)."""
     return np.asarray(weights @ values / weights.sum(axis=1))
 
 
+@checks_arguments
 def cluster_bootstrap(
     values: ArrayLike,
     clusters: ArrayLike,
@@ -112,10 +116,7 @@ def cluster_bootstrap(
         >>> cluster_bootstrap([0.0, 0.0, 1.0, 1.0], ["a", "a", "b", "b"], seed=1)
         Interval(estimate=0.5, low=0.0, high=1.0)
     """
-    sample = _sample(values)
-    names, member = np.unique(np.asarray(clusters), return_inverse=True)
-    if len(member) != len(sample):
-        raise ConfigError(f"{len(sample)} values need as many clusters, got {len(member)}")
+    sample, names, member = _clustered(values, clusters)
     estimate = float(statistic(sample, np.ones((1, len(sample))))[0])
     if len(names) < 2:
         return Interval(estimate, float("nan"), float("nan"))
@@ -138,17 +139,22 @@ def _drawn(clusters: int, draws: int, seed: int) -> Floats:
     return weights
 
 
+@checks_arguments
 def cluster_means(values: ArrayLike, clusters: ArrayLike) -> tuple[Floats, NDArray[np.generic]]:
     """Mean of the values of each cluster, float64 (k,), and the clusters' names, sorted.
+
+    Raises:
+        ConfigError: No values, or values and clusters of different length.
 
     Example:
         >>> cluster_means([1.0, 3.0, 5.0], ["b", "b", "a"])[0].tolist()
         [5.0, 2.0]
     """
-    names, member = np.unique(np.asarray(clusters), return_inverse=True)
-    return np.bincount(member, weights=_sample(values)) / np.bincount(member), names
+    sample, names, member = _clustered(values, clusters)
+    return np.bincount(member, weights=sample) / np.bincount(member), names
 
 
+@checks_arguments
 def log_ratios(values: ArrayLike, baseline: ArrayLike) -> Floats:
     """ln(value / baseline) of pairs, float64 (n,): below 0 where the value is smaller.
 
@@ -163,6 +169,7 @@ def log_ratios(values: ArrayLike, baseline: ArrayLike) -> Floats:
     return np.log(a) - np.log(b)
 
 
+@checks_arguments
 def improvements(differences: ArrayLike) -> Floats:
     """1 where a paired difference is below 0 (better), 0.5 where it is 0, else 0.
 
@@ -174,6 +181,17 @@ def improvements(differences: ArrayLike) -> Floats:
     """
     sample = np.asarray(differences, np.float64)
     return np.asarray((sample < 0) + 0.5 * (sample == 0), np.float64)
+
+
+def _clustered(
+    values: ArrayLike, clusters: ArrayLike
+) -> tuple[Floats, NDArray[np.generic], NDArray[np.intp]]:
+    """The values, the clusters' names, sorted, and the number of each value's cluster."""
+    sample = _sample(values)
+    names, member = np.unique(np.asarray(clusters), return_inverse=True)
+    if member.shape != sample.shape:
+        raise ConfigError(f"{len(sample)} values need as many clusters, got {len(member)}")
+    return sample, names, member
 
 
 def _sample(values: ArrayLike) -> Floats:

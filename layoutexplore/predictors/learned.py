@@ -7,7 +7,8 @@ frontier is closed and how much is left behind it is estimated by trees on featu
 (`frontier_model.network`). All learn from simulated explorations of floor plans
 (`layoutexplore evaluate train-predictor`); MODEL_CARD.md says what the shipped models learnt from, and how
 right they are on buildings that they never saw. Rooms are completed only when somebody looks at them: a
-strategy that asks for classes does not pay for shapes.
+strategy that asks for classes does not pay for shapes. All look along rows and columns: a map whose walls run
+otherwise is looked at as it is when turned upright (`predictors.upright`).
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_clas
 from layoutexplore.predictors.room_completion import complete_regions
 from layoutexplore.predictors.room_sketch import sketch_rooms
 from layoutexplore.predictors.seen_regions import DOORWAYS, SeenRegions
+from layoutexplore.predictors.upright import upright_view
 
 CLOSED = 0.6
 """Probability from which a frontier is called closed.
@@ -183,7 +185,9 @@ class LearnedPredictor:
 
     def rooms(self, decision: Decision) -> RoomLabels:
         """The seen regions with what is thought to lie behind their frontiers."""
-        return self._completed(decision.grid, SeenRegions(self._method)(decision.grid)).rooms
+        view = upright_view(decision.grid, decision.clusters)
+        found = self._completed(view.grid, SeenRegions(self._method)(view.grid))
+        return view.rooms(found, self.name, decision.grid).rooms
 
     def _completed(
         self, grid: OccupancyGrid, regions: Regions, outlook: tuple[Surroundings, Floats] | None = None
@@ -194,17 +198,17 @@ class LearnedPredictor:
         """The decision with class, area and confidence, and a `LearnedRooms`."""
         if not decision.frontiers:
             return decision
-        cells, resolution = decision.grid.cells, decision.grid.resolution
-        regions = self._regions(decision.grid)
-        around = look_around(cells, decision.clusters, regions, resolution, self._memory)
+        view = upright_view(decision.grid, decision.clusters)
+        regions = self._regions(view.grid)
+        around = look_around(view.grid.cells, view.clusters, regions, view.grid.resolution, self._memory)
         scores = score_frontiers(frontier_features(around, decision.table.visible_area), self._frontiers)
         if self._frontier_network:
             doubtful = np.flatnonzero((np.abs(scores[:2] - _CHANGES[:, None]) < DOUBT).any(axis=0))
             found = self._frontier_network.score(draw_crops(around, doubtful)).T
             scores[:, doubtful] += FRONTIER_SHARE * (found - scores[:, doubtful])
         classes, confidence = classify(scores, around.homes.astype(np.int32))
-        rooms = self._completed(decision.grid, regions, (around, classes.remaining_area))
-        return with_classes(decision, classes, rooms, confidence)
+        rooms = self._completed(view.grid, regions, (around, classes.remaining_area))
+        return with_classes(decision, classes, view.rooms(rooms, self.name, decision.grid), confidence)
 
 
 def score_frontiers(features: Floats32, forests: dict[str, Forest]) -> Floats:

@@ -31,7 +31,7 @@ from layoutexplore.priors.reading import read_prior
 from layoutexplore.priors.registration import Registration
 
 SURE = 0.5
-"""Confidence from which a plan is believed."""
+"""Confidence from which a plan is believed: what it foresees is handed on, and planners rely on that."""
 
 DOUBTED = 0.5
 """Share of that confidence below which a plan that was believed is believed no longer."""

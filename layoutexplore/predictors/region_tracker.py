@@ -56,9 +56,7 @@ class RegionTracker:
         labels, count = label_components(self._core, self._labels)
         rest: Mask = self._cells == FREE
         if spread_in_place(labels, rest, backwards=True, consume=True):
-            parts, more = label_components(rest)  # What no core reaches is a region of its own.
-            np.add(parts, count, out=labels, where=rest)
-            count += more
+            count += label_components(rest, labels, count)[1]  # What no core reaches: regions of its own.
         return Regions(labels, count, self._gaps, resolution)
 
     def _begin(self, shape: tuple[int, ...], resolution: float) -> None:

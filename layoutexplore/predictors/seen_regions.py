@@ -46,9 +46,9 @@ class SeenRegions:
         free = grid.free
         labels = grow_labels(labels_on_grid(self._layouts(grid, lambda: known_part(grid)), grid), free)
         # What no room reaches becomes regions of its own.
-        parts, _ = label_components(free & (labels == 0))
-        labels = np.where(parts > 0, parts + labels.max(initial=0), labels).astype(np.int32)
-        return Regions(labels, int(labels.max(initial=0)), doorways.gaps, grid.resolution)
+        count = int(labels.max(initial=0))
+        count += label_components(free & (labels == 0), labels, count)[1]
+        return Regions(labels, count, doorways.gaps, grid.resolution)
 
 
 def known_part(grid: OccupancyGrid, *, walls: bool = False) -> OccupancyGrid:

@@ -14,12 +14,16 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
+from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
+from layoutexplore.grids.grid import check_resolution
 from layoutexplore.options import Rule, check
 
 WHITE, BLACK, GREEN = (255, 255, 255), (0, 0, 0), (0, 150, 70)
 TINT, RED, BLUE = (222, 243, 226), (205, 25, 30), (20, 70, 190)
 SIGNS = (RED, GREEN, BLUE)
+MOST_PIXELS = 200_000_000
+"""What a picture may have at most: more is a mistake in the scale."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +64,7 @@ class PictureStyle:
         )
 
 
+@checks_arguments
 def draw_evacuation_plan(
     free: Mask,
     room_ids: Ints32,
@@ -79,10 +84,19 @@ def draw_evacuation_plan(
         style: How it is drawn.
         here: Where "you are here" stands, (x, y) in metres from the lower left corner; in the largest room
             when None.
+
+    Raises:
+        MapError: Floor and rooms are no equal rasters, the resolution is unusable, or the picture would
+            have more than `MOST_PIXELS`.
     """
+    check_resolution(resolution)
+    if free.ndim != 2 or free.size == 0 or free.shape != room_ids.shape:
+        raise MapError(f"floor {free.shape} and rooms {room_ids.shape} must be equal 2-d shapes")
     style = style or PictureStyle()
     scale = style.pixels_per_metre * resolution
     height, width = (max(1, round(n * scale)) for n in free.shape)
+    if height * width > MOST_PIXELS:
+        raise MapError(f"the picture would have {width} x {height} pixels: draw fewer pixels a metre")
     size, nearest = (width, height), cv2.INTER_NEAREST
     floor = np.asarray(cv2.resize(free[::-1].astype(np.uint8), size, interpolation=nearest) > 0)
     ids = cv2.resize(room_ids[::-1].astype(np.float32), size, interpolation=nearest).astype(np.int32)

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.errors import ConfigError, MapError, checks_arguments, checks_calls
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.raster import PlanRaster
@@ -79,6 +79,7 @@ class PriorHints:
         )
 
 
+@checks_calls
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PriorPlan:
     """A plan of a building in a frame of its own.
@@ -136,6 +137,7 @@ class PriorPlan:
         return dataclasses.replace(self, resolution=resolution, scale_spread=spread, hints=hints, unused="")
 
 
+@checks_arguments
 def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan:
     """A floor plan as a prior; its metres are believed unless a scale is told.
 
@@ -162,6 +164,7 @@ def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan
     return with_doors_to_all(prior)
 
 
+@checks_arguments
 def prior_of_rooms(
     rooms: Sequence[Polygon], *, name: str = "rooms", hints: PriorHints | None = None, metric: bool = False
 ) -> PriorPlan:
@@ -194,12 +197,14 @@ def prior_of_rooms(
     )
 
 
+@checks_arguments
 def with_expected_scale(prior: PriorPlan) -> PriorPlan:
     """The plan at the scale at which its doors and rooms have their usual sizes."""
     factor, spread = expected_scale(prior)
     return prior.rescaled(factor, spread)
 
 
+@checks_arguments
 def expected_scale(prior: PriorPlan) -> tuple[float, float]:
     """By which factor a plan's lengths become usual ones, and the standard deviation of its logarithm."""
     areas = np.bincount(prior.room_ids.ravel())[1:]
@@ -228,6 +233,7 @@ def _door_widths(prior: PriorPlan) -> Floats:
     return widths[widths >= LEAST_DOOR_SHARE * ROOM_SIDE] * prior.resolution / unit
 
 
+@checks_arguments
 def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
     """The plan in which every room can be entered: where no door is drawn, one is assumed.
 
@@ -282,6 +288,7 @@ def _why_unused(prior: PriorPlan) -> str:
     return ""
 
 
+@checks_arguments
 def check_usable(prior: PriorPlan) -> None:
     """Raise `ConfigError` where a plan is of no use, and say why."""
     if prior.unused:

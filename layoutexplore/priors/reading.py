@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from layoutexplore.errors import MapError, MissingExtraError
+from layoutexplore.errors import MapError, MissingExtraError, checks_arguments
 from layoutexplore.files.images import read_pixels
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
@@ -60,6 +60,7 @@ class ReadPicture:
     corner: tuple[float, float]
 
 
+@checks_arguments
 def read_prior(path: str | Path, hints: PriorHints | None = None) -> PriorPlan:
     """A prior plan from a floor plan (file or name), or from a picture of one.
 
@@ -83,6 +84,7 @@ def read_prior(path: str | Path, hints: PriorHints | None = None) -> PriorPlan:
     return dataclasses.replace(prior, name=str(path) if place.exists() else plan.name)
 
 
+@checks_arguments
 def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints | None = None) -> ReadPicture:
     """A prior plan from a picture: words, symbols and swings erased, walls kept, rooms and doors found.
 
@@ -92,8 +94,10 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
         hints: What is told of it; a scale is metres a pixel.
 
     Raises:
-        MapError: It shows no walls.
+        MapError: It shows no walls, or is no picture.
     """
+    if image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
+        raise MapError(f"a picture needs rows, columns and three colours, got shape {image.shape}")
     hints = hints or PriorHints()
     shrink = max(1.0, float(np.sqrt(image.shape[0] * image.shape[1] / MOST_PIXELS)))
     if shrink > 1:

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import shapely
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.grids.polygons import fill
 from layoutexplore.maps.floorplan import FloorPlan
@@ -115,6 +116,7 @@ class SpoiledPlan:
     changed: frozenset[int]
 
 
+@checks_arguments
 def spoil(plan: FloorPlan, config: SpoilConfig, rng: np.random.Generator) -> SpoiledPlan:
     """A bad plan of a floor.
 

@@ -27,7 +27,14 @@ import cv2
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import ConfigError, MapError, StartError, checks_calls, unknown_name
+from layoutexplore.errors import (
+    ConfigError,
+    MapError,
+    StartError,
+    checks_arguments,
+    checks_calls,
+    unknown_name,
+)
 from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Mask
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.rays import ray_frame, steps
@@ -112,6 +119,7 @@ class LidarConfig:
         return self.range_noise_std > 0 or self.dropout > 0
 
 
+@checks_arguments
 def around(config: LidarConfig) -> LidarConfig:
     """The same lidar seeing all around with the same density of beams (what turning on the spot gives)."""
     if config.full_turn:
@@ -242,6 +250,7 @@ class Lidar:
         return _disturb(ranges, config, rng) if config.noisy else ranges
 
 
+@checks_arguments
 def clearance_field(occupied: Mask) -> Bytes:
     """Chebyshev distance to the nearest occupied cell, with a border of zeros around it.
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_calls
 from layoutexplore.grids.arrays import Floats, Floats32
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.options import COUNT, POSITIVE, Rule, check
@@ -84,6 +85,7 @@ MOST = 50.0
 """A mean of more points than this moves as if there were so many."""
 
 
+@checks_calls
 class ScanMatcher:
     """Corrects poses by the map that a robot makes.
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError, ResultsError, cause
+from layoutexplore.errors import ConfigError, ResultsError, cause, checks_arguments
 from layoutexplore.files import ArrayRule, parse_json, read_arrays, write_arrays
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
 from layoutexplore.grids.grid import Pose
@@ -130,6 +130,7 @@ def _reached(simulation: Simulation) -> dict[str, NDArray[Any]]:
     }
 
 
+@checks_arguments
 def save_simulation(simulation: Simulation, path: str | Path, notes: dict[str, Any] | None = None) -> None:
     """Write a run, between two moves, to a file from which `load_simulation` goes on.
 

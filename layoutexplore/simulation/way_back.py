@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.frontiers.decision import CellPath
 from layoutexplore.grids.grid import Cell
 from layoutexplore.simulation.simulation import Simulation
@@ -30,6 +30,7 @@ class WayBack(NamedTuple):
     arrived: bool
 
 
+@checks_arguments
 def return_to_start(simulation: Simulation) -> WayBack:
     """Send the robot of a run that is over back to its start, on the shortest path that its map knows.
 

@@ -29,6 +29,7 @@ from layoutexplore.files import ArrayRule, read_arrays, safe_name, write_arrays
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, in_cells
 from layoutexplore.maps.buildings import building_of
+from layoutexplore.maps.formats.building_files import split_level
 from layoutexplore.models.forest_files import save_forests
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
 from layoutexplore.training.closed_door_examples import RESOLUTION, add_outer_doors, plan_cells, shut_rooms
@@ -187,13 +188,19 @@ def find_sources(
             Source(building_of(name, "closed doors"), f"{name}-shut-{k}", truth, None)
             for k in range(SHUT_AGAIN)
         ]
-    # a map of a floor and its plan are of one building, however their files write its spaces
-    named = [(Path(plan).name.split(".")[0].replace(" ", "_"), Path(plan)) for plan in plans]
+    named = [(_name_of(plan), Path(plan)) for plan in plans]
     return out + [
         Source(building_of(name, "closed doors"), f"{name}-plan-{k}", path, None)
         for k in range(PLAN_MAPS)
         for name, path in named
     ]
+
+
+def _name_of(plan: str) -> str:
+    """The name of a plan, with its floor where a file has several; with no spaces, as its maps are named."""
+    path, level = split_level(plan)
+    name = path.name.split(".")[0] + (f"-{level}" if level else "")
+    return name.replace(" ", "_")
 
 
 _SAMPLES = {

@@ -23,16 +23,20 @@ class Example:
 
     Attributes:
         graph: Its regions.
+        features: float64 (regions + 1, `RegionFeatures`), what each of them is like by itself.
         rooms: float64 (regions + 1, rooms + 1), known free cells of each region in each true room, column 0
             in none.
         building: Maps of one building are trained on together or not at all.
         kind: Maps of one kind and building share one weight.
+        noisy: Whether it was simulated with the noise of recorded maps.
     """
 
     graph: RegionGraph
+    features: Floats
     rooms: Floats
     building: str
     kind: str
+    noisy: bool = False
 
 
 def make_example(
@@ -62,4 +66,4 @@ def make_example(
     counts = np.bincount(keys, minlength=len(regions.part) * columns).reshape(-1, columns).astype(np.float64)
     rooms = np.zeros((len(regions.graph.nodes), columns))
     np.add.at(rooms, regions.part, counts)
-    return Example(regions.graph, rooms, building, kind)
+    return Example(regions.graph, regions.features, rooms, building, kind)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from layoutexplore.files import is_there
+from layoutexplore.files import is_there, safe_name
+from layoutexplore.maps.formats.building_files import split_level
 from layoutexplore.maps.library import load_plan
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ class Explored:
         scenes: For the cell network.
         crops: For the frontier network.
         asked: Decisions for tests, by plan.
+        loaded_as: By what each plan from a file was loaded, by its name.
     """
 
     files: list[FloorPlan]
@@ -39,6 +41,7 @@ class Explored:
     scenes: list[CellNetworkSample]
     crops: list[CropSamples]
     asked: dict[str, list[Snapshot]]
+    loaded_as: dict[str, str]
 
 
 def explore_plans(
@@ -62,10 +65,10 @@ def explore_plans(
     )
     from layoutexplore.training.predictor_samples import gather, gather_crops, gather_network_inputs
 
-    seen = Explored([], {}, [], [], [], {})
+    seen = Explored([], {}, [], [], [], {}, {})
     for k, source in enumerate(sources):
         plan = load_plan(source)
-        is_file = is_there(Path(source))
+        is_file = is_there(split_level(source)[0])  # One floor of a file of several is from a file, too.
         found = list(stopped_explorations(plan, make_agent, starts if is_file else 1, stops, store))
         if is_file:
             protocol = list(protocol_explorations(plan, make_agent, store))
@@ -74,6 +77,7 @@ def explore_plans(
                 found.extend(stopped_explorations(copy, make_agent, 1, stops, store))
                 seen.copies[copy.name] = plan.name
             seen.files.append(plan)
+            seen.loaded_as[plan.name] = source
             seen.asked[plan.name] = [snapshot for part in protocol for snapshot in part] if forests else []
         if forests:
             seen.samples.append(gather(found))
@@ -99,6 +103,45 @@ def buildings_of(seen: Explored, folds: int) -> dict[str, str]:
     if folds:
         check_folds(folds, groups.values())
     return groups
+
+
+def parts_by_source(
+    seen: Explored, groups: Mapping[str, str], sources: Mapping[str, Sequence[str]]
+) -> dict[str, str]:
+    """The source with which each group of buildings is left out, as "without-NAME".
+
+    A building of which two sources have floors is left out with the first.
+
+    Args:
+        seen: What explorations have shown.
+        groups: The group of each plan from a file.
+        sources: What can be loaded of each source, by the word that names it; generated plans are of none.
+
+    Raises:
+        ConfigError: The plans from files are of one source only.
+
+    Example:
+        >>> from layoutexplore.maps.tracing import floorplan_from_ascii
+        >>> plans = [floorplan_from_ascii(".a", name=name) for name in ("hall", "tower")]
+        >>> loaded = {"hall": "a/hall.geojson", "tower": "b/tower.geojson"}
+        >>> seen = Explored(plans, {}, [], [], [], {}, loaded)
+        >>> words = {"a/": ["a/hall.geojson"], "b/": ["b/tower.geojson"]}
+        >>> parts_by_source(seen, {"hall": "hall", "tower": "tower"}, words)
+        {'hall': 'without-a', 'tower': 'without-b'}
+    """
+    from layoutexplore.errors import ConfigError
+
+    word_of = {found: word for word in reversed([*sources]) for found in sources[word]}
+    names: dict[str, str] = {}
+    for word in sources:
+        name = f"without-{safe_name(Path(word).name)}"
+        names[word] = name if name not in names.values() else f"without-{safe_name(word)}"
+    parts: dict[str, str] = {}
+    for plan in seen.files:
+        parts.setdefault(groups[plan.name], names[word_of[seen.loaded_as[plan.name]]])
+    if len(set(parts.values())) < 2:
+        raise ConfigError("leaving out a source takes plans from files of at least two words of the command")
+    return parts
 
 
 class NetworkTrainer:

@@ -127,11 +127,12 @@ def test_a_door_that_is_shut() -> None:
     assert simulation.stop_reason == "coverage"
 
 
-def test_low_confidence_is_no_foresight() -> None:
-    doubtful = explore(offices(), "plan-tour", Drawn(lambda cells: cells, confidence=0.4))
+def test_low_confidence_is_no_foresight_where_more_is_asked_for() -> None:
+    doubtful = Drawn(lambda cells: cells, confidence=0.4)
     without = explore(offices(), "plan-tour", None)
-    assert np.array_equal(doubtful.track, without.track)
+    assert np.array_equal(explore(offices(), "plan-tour:sure=0.5", doubtful).track, without.track)
     assert np.array_equal(without.track, explore(offices(), "layout-tour", None).track)
+    assert not np.array_equal(explore(offices(), "plan-tour", doubtful).track, without.track)
 
 
 def test_the_same_run_twice() -> None:

@@ -24,6 +24,9 @@ def test_train_resume_and_benchmark(
     assert "add --resume" in capsys.readouterr().err
     assert run_cli(monkeypatch, "train", "--out", out, "--resume", "--steps", "32") == 0
     assert "32/32 steps" in capsys.readouterr().out
+    assert run_cli(monkeypatch, "train", "--out", out, "--curve") == 0
+    head, _, *rows = capsys.readouterr().out.splitlines()
+    assert "d95 / nearest" in head and [row.split()[1] for row in rows] == ["0", "16", "32"]
     arguments = (
         "benchmark",
         "--plans",
@@ -46,6 +49,7 @@ def test_train_resume_and_benchmark(
         (("--algorithm", "ppoo"), "did you mean 'ppo'"),
         (("--resume", "--seed", "3"), "leave out --seed"),
         (("--resume",), "cannot read the configuration"),
+        (("--curve",), "no evaluations in"),
         (("--predictor", "lay"), "unknown predictor 'lay'"),
         (("--plans", "officee:3"), "officee"),
     ],

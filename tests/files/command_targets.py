@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.leaderboard import make_leaderboard
@@ -17,6 +18,7 @@ from layoutexplore.importing.pictures import PictureConfig
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.predictors import make_predictor
+from layoutexplore.priors.evacuation_picture import draw_evacuation_plan
 from tests.files.targets import RESULTS, TARGETS, Target, decision, house, read_school
 from tests.importing.cases import office
 from tests.maps.cases import SCHOOL
@@ -86,6 +88,19 @@ def read_picture(folder: Path) -> None:
     assert building.room_ids.shape == building.grid.shape
 
 
+def write_evacuation_plan(folder: Path) -> None:
+    raster = house().rasterize(0.1)
+    drawn = draw_evacuation_plan(raster.free, raster.room_ids, 0.1, np.random.default_rng(0))
+    cv2.imwrite(str(folder / "wall.png"), drawn[..., ::-1])
+
+
+def read_as_prior(path: Path) -> None:
+    """Look for a plan in what a robot sees first, as `plan-tour` does."""
+    seen = decision()
+    predicted = make_predictor(f"prior:{path}").predict(seen)
+    assert len(predicted.frontiers) == len(seen.frontiers)
+
+
 READERS: dict[str, Target] = TARGETS | {
     "offices XML": Target(write=write_office, files={"school.xml": "xml"}, read=read_school),
     "leaderboard": Target(
@@ -93,6 +108,18 @@ READERS: dict[str, Target] = TARGETS | {
     ),
     "specs": Target(
         write=write_specs, files={"specs.txt": "csv", "mine.py": "csv"}, read=read_specs, share=0.5
+    ),
+    "prior plan": Target(
+        write=lambda folder: save_plan(house(), folder / "plan.geojson"),
+        files={"plan.geojson": "json"},
+        read=lambda folder: read_as_prior(folder / "plan.geojson"),
+        share=0.2,
+    ),
+    "prior picture": Target(
+        write=write_evacuation_plan,
+        files={"wall.png": "png"},
+        read=lambda folder: read_as_prior(folder / "wall.png"),
+        share=0.2,
     ),
     "picture": Target(write=write_picture, files={"floor.png": "png"}, read=read_picture, share=0.2),
 }

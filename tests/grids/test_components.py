@@ -90,3 +90,15 @@ def test_components_are_numbered_by_their_first_member(count: int, edges: int, s
     )
     firsts = [slow.tolist().index(s) for s in slow]
     assert found.tolist() == [sorted(set(firsts)).index(f) for f in firsts]
+
+
+def test_parts_are_numbered_after_those_that_are_there() -> None:
+    rng = np.random.default_rng(2)
+    first, second = rng.random((2, 20, 30)) < 0.5
+    labels, count = label_components(first)
+    rest = second & ~first
+    parts, more = label_components(rest)
+    expected = np.where(rest, parts + count, labels)
+    same, found = label_components(rest, labels, count)
+    assert same is labels and found == more
+    np.testing.assert_array_equal(labels, expected)

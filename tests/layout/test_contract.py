@@ -125,6 +125,15 @@ def test_a_corner_in_the_middle_of_a_side_of_a_face() -> None:
     check(reconstruct(grid, "ias15"), grid)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_face_that_holds_no_free_cell_is_no_room(seed: int) -> None:
+    """Of single cells all over the map lines make slits that hold none."""
+    rng = np.random.default_rng(seed)
+    cells = rng.choice(np.array([-1, 0, 0, 0, 100], np.int8), rng.integers(10, 60, 2))
+    grid = OccupancyGrid(np.repeat(np.repeat(cells, 3, axis=0), 3, axis=1), 0.2)
+    check(reconstruct(grid, "ias15"), grid)
+
+
 @pytest.mark.parametrize("method", list(METHOD_MODULES))
 @given(
     hnp.arrays(

@@ -47,6 +47,12 @@ def test_samples_are_kept(closed_door_maps: Path, tmp_path: Path) -> None:
     assert {building_of(name, "closed doors") for name in ("battle_2", "battle_1", "battle2")} == {"battle"}
 
 
+def test_floors_of_one_file_are_of_one_building_and_have_names_of_their_own() -> None:
+    sources = find_sources(None, ["a/two towers.osm#0", "a/two towers.osm#1", "b/Villa_2.xml"])
+    assert len({s.name for s in sources}) == len(sources)
+    assert {s.building for s in sources} == {"two_towers", "Villa"}
+
+
 def test_command_holds_buildings_out(
     closed_door_maps: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -77,3 +77,23 @@ def test_a_plan_that_is_seen_at_once_teaches_nothing(tmp_path: Path) -> None:
     )
     result = CliRunner().invoke(cli.app, ["evaluate", "train-predictor", closet, house, *options])
     assert result.exit_code == 0 and (tmp_path / "models" / FRONTIER_MODEL.name).exists(), result.output
+
+
+def test_each_source_is_left_out_in_turn(tmp_path: Path) -> None:
+    wide = "\n".join(row[:20] + row[19:20] * 4 + row[20:] for row in THREE_OFFICES.strip().splitlines())
+    for name, plan in (("north", THREE_OFFICES), ("south", wide)):
+        (tmp_path / name).mkdir()
+        save_plan(floorplan_from_ascii(plan, resolution=0.9, name=f"{name}-1"), tmp_path / name / "1.geojson")
+    sources = [str(tmp_path / name) for name in ("north", "south")]
+    options = ["--leave-out", "source", "--no-network", "--stops", "2", "--trees", "4"]
+    out = tmp_path / "models"
+    command = ["evaluate", "train-predictor", *sources, "office:7", *options, "--out", str(out)]
+    result = CliRunner().invoke(cli.app, command)
+    assert result.exit_code == 0, result.output
+    rows = [line for line in result.output.splitlines() if re.match(r"without-(north|south) ", line)]
+    assert len(rows) == 2 and "hidden_mean" in result.output
+    for name, other in (("north", "south"), ("south", "north")):
+        held_out = json.loads((out / f"without-{name}" / "held_out.json").read_text())
+        assert held_out["plans"] == [f"{name}-1"], f"without {other}"
+    for wrong in ([*command, "--folds", "2"], [*command[:3], *command[4:]]):
+        assert CliRunner().invoke(cli.app, wrong).exit_code != 0, "one way to hold out, and two sources"

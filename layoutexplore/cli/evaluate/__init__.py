@@ -19,6 +19,7 @@ from layoutexplore.cli.evaluate.map_noise import HELP as MAP_NOISE_HELP
 from layoutexplore.cli.evaluate.map_noise import map_noise
 from layoutexplore.cli.evaluate.partial_rooms import HELP as PARTIAL_ROOMS_HELP
 from layoutexplore.cli.evaluate.partial_rooms import partial_rooms
+from layoutexplore.cli.evaluate.ray_fans import train_fans
 from layoutexplore.cli.evaluate.registration import (
     REGISTRATION_HELP,
     TRAIN_PRIOR_HELP,
@@ -42,6 +43,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], str | None]] = {
     "closed-doors": (closed_doors, CLOSED_DOORS_HELP),
     "segmentation": (segmentation, None),
     "train": (train_merging, None),
+    "train-fans": (train_fans, None),
     "layout": (evaluate_layout, None),
     "clutter": (clutter, CLUTTER_HELP),
     "map-noise": (map_noise, MAP_NOISE_HELP),
@@ -59,6 +61,7 @@ EXAMPLES = {
     "closed-doors": "maps/ --out predicted",
     "segmentation": "maps/ recorded/ --leave-out source --out report",
     "train": "maps/ --plans schools/ --out merging_model.json",
+    "train-fans": "--plans schools/ --out fan_model.json",
     "layout": "schools/ -m default -m ias15",
     "clutter": "maps/*.png",
     "map-noise": "recorded/ --plans schools/ --plans office:0-9 --out noise.toml --maps simulated/",

@@ -16,6 +16,7 @@ ROOM_COLUMNS = (
     "hidden_iou",
     "hidden_low",
     "hidden_high",
+    "hidden_mean",
     "iou",
     "log_area",
     "boundary_m",

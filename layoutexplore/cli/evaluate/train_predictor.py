@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 if TYPE_CHECKING:
+    from layoutexplore.evaluation.partial_rooms import Scores
     from layoutexplore.predictors.snapshot import Snapshot
     from layoutexplore.training.predictor import Explored
 
@@ -31,6 +32,12 @@ Folds = Annotated[
     typer.Option(
         min=0,
         help="Also train on all but one fold of buildings at a time, test there, and keep these models.",
+    ),
+]
+LeaveOut = Annotated[
+    Literal["source"] | None,
+    typer.Option(
+        help="Also train without each source, which is what one word of PLANS names, and test there."
     ),
 ]
 Starts = Annotated[
@@ -64,6 +71,7 @@ def train_predictor(
     plans: Plans,
     out: Out,
     folds: Folds = 0,
+    leave_out: LeaveOut = None,
     starts: Starts = 1,
     stretched: Stretched = 0,
     stops: Stops = 8,
@@ -79,15 +87,14 @@ def train_predictor(
     from rich.console import Console
 
     from layoutexplore.cli.progress import ProgressLine
-    from layoutexplore.errors import ConfigError, require
+    from layoutexplore.errors import require
     from layoutexplore.files import check_places
     from layoutexplore.maps.library import find_plans
     from layoutexplore.training.predictor import NetworkTrainer, buildings_of, explore_plans, forget_networks
     from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
     from layoutexplore.training.predictor_samples import join_samples
 
-    if folds and not forests:
-        raise ConfigError("folds are tested with trees and networks: leave --no-forests out, or --folds")
+    _check_held_out(folds, leave_out, forests)
     if network:
         require("torch", "rl")
     check_places(out, store=store)
@@ -100,6 +107,7 @@ def train_predictor(
         counts = starts, stretched, stops, store
         seen = explore_plans(sources, *counts, forests=forests, network=network, progress=advance)
     groups = buildings_of(seen, folds)
+    held_out = _parts(seen, groups, folds, plans if leave_out else ())
     config = PredictorForestConfig(trees=trees, cell_trees=trees // 2)
     samples = join_samples(seen.samples, groups) if forests else None
     if samples:
@@ -108,31 +116,62 @@ def train_predictor(
         NetworkTrainer(seen, groups, first_steps, steps, frontier_steps, _steps_line) if network else None
     )
 
-    def train(folder: Path, wanted: Callable[[str], bool], held_out: Mapping[str, str]) -> None:
+    def train(folder: Path, wanted: Callable[[str], bool], unseen: Mapping[str, str]) -> None:
         if samples:
-            train_models(samples.of_buildings(wanted), folder, held_out, config)
+            train_models(samples.of_buildings(wanted), folder, unseen, config)
         if trainer:
             trainer.write(folder, wanted)
         else:
             forget_networks(folder)
-        without = f", trained without {', '.join(sorted(set(held_out.values())))}" if held_out else ""
+        without = f", trained without {', '.join(sorted(set(unseen.values())))}" if unseen else ""
         typer.echo(f"written: {folder}{without}")
 
-    if folds:
-        _train_folds(train, seen, groups, folds, out)
+    if held_out:
+        _train_parts(train, seen, groups, held_out, out, by_part=leave_out is not None)
     train(out, lambda group: True, {})
 
 
-def _train_folds(train: Train, seen: Explored, groups: Mapping[str, str], folds: int, out: Path) -> None:
-    """Train on all but one fold at a time, keep the models, and print how each does on its fold."""
-    from layoutexplore.training.folds import deal_folds
+def _check_held_out(folds: int, leave_out: LeaveOut, forests: bool) -> None:
+    """Refuse what does not go together."""
+    from layoutexplore.errors import ConfigError
 
-    fold = deal_folds(groups.values(), folds, "name")
-    models = [out / f"fold{k + 1}" for k in range(folds)]
-    for k, folder in enumerate(models):
-        held_out = {plan.name: plan.building for plan in seen.files if fold[groups[plan.name]] == k}
-        train(folder, lambda group, k=k: fold.get(group) != k, held_out)  # type: ignore[misc]
-    _test(seen.asked, {name: models[fold[group]] for name, group in groups.items()})
+    if folds and leave_out:
+        raise ConfigError("--folds and --leave-out are two ways to hold plans out: choose one")
+    if (folds or leave_out) and not forests:
+        raise ConfigError("what is held out is tested with trees and networks: leave --no-forests out")
+
+
+def _parts(seen: Explored, groups: Mapping[str, str], folds: int, words: Sequence[str]) -> dict[str, str]:
+    """What each group of buildings is held out with: a fold, or a source by name where words name them."""
+    from layoutexplore.maps.library import find_plans
+    from layoutexplore.training.folds import deal_folds
+    from layoutexplore.training.predictor import parts_by_source
+
+    if words:
+        return parts_by_source(seen, groups, {word: find_plans([word]) for word in words})
+    if not folds:
+        return {}
+    return {group: f"fold{k + 1}" for group, k in deal_folds(groups.values(), folds, "name").items()}
+
+
+def _train_parts(
+    train: Train,
+    seen: Explored,
+    groups: Mapping[str, str],
+    parts: Mapping[str, str],
+    out: Path,
+    *,
+    by_part: bool,
+) -> None:
+    """Train on all but one part at a time, keep the models, and print how each does on its part."""
+    for part in dict.fromkeys(parts.values()):
+        unseen = {plan.name: plan.building for plan in seen.files if parts[groups[plan.name]] == part}
+        train(out / part, lambda group, part=part: parts.get(group) != part, unseen)  # type: ignore[misc]
+    scores = _test(seen.asked, {name: out / parts[groups[name]] for name in seen.asked})
+    typer.echo("held out:")
+    if by_part:
+        _print_parts(scores, {name: parts[groups[name]] for name in seen.asked})
+    _print_all(scores)
 
 
 @contextlib.contextmanager
@@ -146,14 +185,12 @@ def _steps_line(what: str) -> Iterator[Callable[[int, int, float], None]]:
         yield lambda done, total, loss: line.advance(done, total, done / total, f"{what}, loss {loss:.3f}")
 
 
-def _test(asked: Mapping[str, Sequence[Snapshot]], models: Mapping[str, Path]) -> None:
-    """Print how each plan's rooms and frontiers are predicted by the model that never saw its building."""
+def _test(asked: Mapping[str, Sequence[Snapshot]], models: Mapping[str, Path]) -> Scores:
+    """How each plan's rooms and frontiers are predicted by the model that never saw its building."""
     from rich.console import Console
 
-    from layoutexplore.cli.evaluate.partial_rooms import print_summary
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
-    from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
     from layoutexplore.predictors import make_room_predictor
     from layoutexplore.predictors.learned import LearnedPredictor
 
@@ -162,8 +199,27 @@ def _test(asked: Mapping[str, Sequence[Snapshot]], models: Mapping[str, Path]) -
         for k, (name, snapshots) in enumerate(asked.items()):
             layout = LearnedPredictor(models[name])
             layout.name = "layout"
-            part = score_predictors(snapshots, [layout, make_room_predictor("none")])
-            merged.extend(part)
+            merged.extend(score_predictors(snapshots, [layout, make_room_predictor("none")]))
             progress.advance(k + 1, len(asked), (k + 1) / len(asked), name)
-    typer.echo("held out:")
-    print_summary(summarise_partial_rooms(merged))
+    return merged
+
+
+def _print_all(scores: Scores) -> None:
+    from layoutexplore.cli.evaluate.partial_rooms import print_summary
+    from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
+
+    print_summary(summarise_partial_rooms(scores))
+
+
+def _print_parts(scores: Scores, part_of: Mapping[str, str]) -> None:
+    """One line a part that was left out, for the predictor `layout`."""
+    from layoutexplore.evaluation.partial_rooms_summary import summarise_parts
+
+    lines: list[dict[str, Any]] = summarise_parts(scores, "layout", part_of)
+    wide = max(len(line["part"]) for line in lines)
+    columns = [name for name in lines[0] if name != "part"]
+    typer.echo(f"{'':<{wide}}" + "".join(f"{name:>19}" for name in columns))
+    for line in lines:
+        values = (f"{line[c]:>19d}" if isinstance(line[c], int) else f"{line[c]:>19.3f}" for c in columns)
+        typer.echo(f"{line['part']:<{wide}}" + "".join(values))
+    typer.echo("")

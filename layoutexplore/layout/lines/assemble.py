@@ -51,7 +51,9 @@ def assemble(
     with timer("rooms"):
         labels = np.zeros(grid.shape, np.int32)
         of_cell = np.append(room[faces.group] + 1, 0).astype(np.int32)
-        _label_free(faces.painted, grid.cells, of_cell, labels)
+        seen = np.zeros(room.max(initial=-1) + 2, np.bool_)
+        _label_free(faces.painted, grid.cells, of_cell, labels, seen)
+        room, labels = _numbered(room, labels, seen)
         details = FaceDetails(model, faces, room, grid.origin)
         if room.max(initial=-1) < 0:
             warnings = (*warnings, "no room: no face of the wall lines lies inside the seen space")
@@ -193,12 +195,22 @@ def _looked_up(painted: Ints32, of_cell: Ints32) -> Ints32:
 
 
 @njit(cache=True, nogil=True)
-def _label_free(painted: Ints32, cells: Cells, of_cell: Ints32, labels: Ints32) -> None:
-    """Write the room of the face that holds each free cell; other cells keep what they have."""
+def _label_free(painted: Ints32, cells: Cells, of_cell: Ints32, labels: Ints32, seen: Mask) -> None:
+    """Write the room of the face that holds each free cell, and which rooms hold any; others stay."""
     for row in range(painted.shape[0]):
         for col in range(painted.shape[1]):
             if painted[row, col] >= 0 and cells[row, col] == FREE:
                 labels[row, col] = of_cell[painted[row, col]]
+                seen[labels[row, col]] = True
+
+
+def _numbered(room: Ints, labels: Ints32, seen: Mask) -> tuple[Ints, Ints32]:
+    """Rooms of faces and cells without those that hold no free cell: slits between lines."""
+    if seen[1:].all():
+        return room, labels
+    held = np.append(False, seen[1:])  # entry 0 stands for cells in no room
+    number = np.where(held, np.cumsum(held), 0)
+    return number[room + 1] - 1, number.astype(np.int32)[labels]
 
 
 def _rooms(details: FaceDetails) -> tuple[LayoutRoom, ...]:

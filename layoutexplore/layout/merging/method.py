@@ -9,10 +9,12 @@
 4. Slivers join the neighbour they open to most widely. Representative lines through the long walls cut the
    map into faces and rooms of their own (the idea of ROSE2), which fall apart where the passes inside them
    are narrow; they are no result but evidence.
-5. Small forests of decision trees look at two touching regions (the pass between them, the door gaps and
+5. What beams have painted outside the building, through doors, windows and glass, is told by a forest that
+   looks at each region (the unknown and the walls on its border, the walls around it, ...), and left out.
+6. Small forests of decision trees look at two touching regions (the pass between them, the door gaps and
    walls in line with it, the lines between them, their shapes and that of their union, ...), and the surest
    pair merges, again and again, while it is likely that both belong to one room.
-6. Regions too small for a room join the neighbour they most likely belong to, and so do nooks that are not
+7. Regions too small for a room join the neighbour they most likely belong to, and so do nooks that are not
    surely rooms; what is too small and has no neighbour is dropped. The rooms' cells are turned back.
 
 What varies from map to map is in the features; there is one set of parameters.
@@ -29,7 +31,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.arrays import Cells, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.flood import grow_in_place, spread_in_place
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -50,6 +52,9 @@ from layoutexplore.layout.merging.graph_tables import RegionGraph
 from layoutexplore.layout.merging.line_evidence import LineEvidence, find_evidence
 from layoutexplore.layout.merging.line_rooms import split_line_rooms
 from layoutexplore.layout.merging.merge_forest import load_forest
+from layoutexplore.layout.merging.ray_fans.classifier import load_fan_forest, outside_regions, without_regions
+from layoutexplore.layout.merging.ray_fans.enclosure import enclosure_of_regions
+from layoutexplore.layout.merging.ray_fans.features import describe_regions
 from layoutexplore.layout.merging.slivers import absorb_slivers
 from layoutexplore.layout.merging.wall_components import structural_components
 from layoutexplore.layout.merging.watershed import closed_space, watershed_basins
@@ -80,6 +85,8 @@ class MergingConfig(DoorGapConfig):
         room_pass: Regions are in one room of the lines as far as the passes between them are this share of
             the smaller peak.
         merge_level: Regions merge while the log-odds of belonging together are at least this.
+        fan_level: Regions lie outside the building from these log-odds on ...
+        fan_spread: ... and so do those with these log-odds that they are open to.
         room_area: Smallest room [m2]; what is smaller joins the neighbour it most likely belongs to.
         nook_area: What is smaller than this joins it too [m2] ...
         nook_level: ... unless the log-odds are below this.
@@ -95,6 +102,8 @@ class MergingConfig(DoorGapConfig):
     sliver_area: float = 0.5
     room_pass: float = 0.6
     merge_level: float = 0.25
+    fan_level: float = 2.0
+    fan_spread: float = 0.0
     room_area: float = 1.5
     nook_area: float = 3.0
     nook_level: float = -1.0
@@ -125,6 +134,7 @@ class Oversegmentation:
         clutter: bool, occupied cells that are no wall.
         graph: What the regions are like, slivers having joined their neighbours.
         part: int32 (k + 1,), the region of the graph that each labelled one is a part of, 0 for none.
+        features: float64 (regions of the graph, `RegionFeatures`), what each one is like by itself.
         structure: The directions of its walls, in the frame of its known part (the profile in the frame it
             was brought into).
         doubts: What was left out, in words.
@@ -135,6 +145,7 @@ class Oversegmentation:
     clutter: Mask
     graph: RegionGraph
     part: Ints32
+    features: Floats
     structure: Directions
     doubts: tuple[str, ...] = ()
 
@@ -193,7 +204,9 @@ def find_regions(
         graph, part_of = absorb_slivers(graph, config.sliver_area)
         graph, doubts = _with_line_rooms(graph, part_of, labels, free, lines)
         graph = split_line_rooms(graph, config.room_pass)
-    return Oversegmentation(turned, labels, clutter, graph, part_of, structure, doubts)
+        enclosure = enclosure_of_regions(labels, free, part_of, wall, resolution)
+        features = describe_regions(graph.nodes, enclosure, resolution)
+    return Oversegmentation(turned, labels, clutter, graph, part_of, features, structure, doubts)
 
 
 def _with_line_rooms(
@@ -223,8 +236,10 @@ def merge_into_rooms(
     A footprint is a room with its furniture and half its walls.
     """
     rest = Rest(config.room_area, config.nook_area, config.nook_level, most_questions(grid.shape))
-    into, done = merge_within(regions.graph, forest, config.merge_level, rest)
-    into = into[regions.part]
+    levels = {"level": config.fan_level, "spread": config.fan_spread}
+    outside = outside_regions(regions.graph, regions.features, load_fan_forest(), **levels)
+    into, done = merge_within(without_regions(regions.graph, outside), forest, config.merge_level, rest)
+    into = np.where(outside, 0, into).astype(np.int32)[regions.part]
     footprint = turn_back(regions.labels, regions.turned, grid.shape)
     if regions.turned.angle:
         grow_in_place(footprint, grid.free)

@@ -8,6 +8,8 @@ come.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from layoutexplore.errors import LayoutExploreError
@@ -27,7 +29,8 @@ def noisy_example(plan: FloorPlan, config: MapNoiseConfig, rng: np.random.Genera
     made = simulate_map(plan, MapNoise.draw(config, rng), rng, largest=LARGEST)
     if made is None:
         return None
-    return make_example(made.cells, made.rooms, made.resolution, building=SIMULATED, kind=plan.name)
+    example = make_example(made.cells, made.rooms, made.resolution, building=SIMULATED, kind=plan.name)
+    return replace(example, noisy=True)
 
 
 def simulated_examples(

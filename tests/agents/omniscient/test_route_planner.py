@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from layoutexplore.agents.omniscient.route_planner import RouteConfig, RoutePlanner
+import itertools
+
+import numpy as np
+
+from layoutexplore.agents.omniscient.route_planner import PlannedRoute, Quota, RouteConfig, RoutePlanner
+from layoutexplore.agents.omniscient.visibility import size
 from layoutexplore.grids.grid import Cell
 from layoutexplore.planning.shortest_paths import geodesic_distances
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 from tests.plans import offices
+
+NOTHING = PlannedRoute(np.empty((0, 2), np.int32), 0)
 
 
 def test_a_smaller_quota_makes_a_shorter_route() -> None:
@@ -22,3 +29,27 @@ def test_a_smaller_quota_makes_a_shorter_route() -> None:
         fields = [geodesic_distances(simulation.truth.reachable, cell, 0.1) for cell in cells]
         lengths.append(sum(float(field[cell]) for field, cell in zip(fields, cells[1:], strict=False)))
     assert lengths[0] < lengths[1] < lengths[2]
+
+
+def test_a_plan_that_shows_enough_is_kept_and_one_that_does_not_is_filled_up() -> None:
+    simulation = Simulation(offices(), SimulationConfig(sensor="short"))
+    simulation.reset(seed=0)
+    start = simulation.truth.raster.world_to_cell(*simulation.pose[:2])
+    planner = RoutePlanner.of(simulation.truth, RouteConfig(rounds=0))
+    places = planner.places
+    nothing, count = np.zeros(places.visibility.words, np.uint64), places.visibility.count
+
+    def replanned(plan: PlannedRoute, wanted: float, least: float) -> PlannedRoute:
+        quotas = [Quota(int(wanted * count), int(least * count))] * 2
+        return planner.replan(start, nothing, plan, quotas, seed=0)
+
+    def shown(plan: PlannedRoute) -> float:
+        stops = [places.at(start), *(places.at(Cell(int(r), int(c))) for r, c in plan.stops)]
+        legs = [places.leg(a, b).seen for a, b in itertools.pairwise(stops)]
+        return size(np.bitwise_or.reduce([*(stop.seen for stop in stops), *legs])) / count
+
+    plan = replanned(NOTHING, 0.8, 0.8)
+    assert 0.8 <= shown(plan) < 0.95
+    kept = replanned(plan, 0.97, 0.75)
+    assert shown(plan) - 1e-9 <= shown(kept) < 0.95
+    assert shown(replanned(plan, 0.97, 0.96)) >= 0.97

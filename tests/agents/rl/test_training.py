@@ -72,6 +72,16 @@ def test_training_moved_actor_and_critic(trained: Path, tmp_path: Path) -> None:
         assert any(not torch.equal(start[name], end[name]) for name in end if name.startswith(part))
 
 
+def test_the_learning_rate_hangs_on_the_steps_of_the_whole_run(tmp_path: Path) -> None:
+    config = small_config(tmp_path, steps=32, final_learning_rate=1e-4, learning={"learning_rate": 3e-4})
+    run = train(config, tmp_path / "run")
+    assert run.model.policy.optimizer.param_groups[0]["lr"] == pytest.approx(1e-4)
+    config = dataclasses.replace(config, steps=64)
+    run = Run(config, tmp_path / "run", device="cpu", resume=True, watcher=Silent())
+    assert run.model.lr_schedule(1.0) == pytest.approx(2e-4)
+    run.envs.close()
+
+
 def test_what_is_kept_is_the_average_of_the_actor(trained: Path) -> None:
     state, kept = tensors(trained), safetensors.torch.load_file(trained / "policy.safetensors")
     assert all(torch.equal(kept[name], state[f"policy.averaged.{name}"]) for name in kept)

@@ -1,0 +1,1 @@
+"""Regions that beams have painted outside the building, through doors, windows and glass: no rooms."""

@@ -1,0 +1,91 @@
+"""The forest that says which regions lie outside the building, and the graph without them.
+
+How the one that ships was trained, and what it brings, is told in `fan_model.md` beside its file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from layoutexplore.grids.arrays import Floats, Mask
+from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
+from layoutexplore.layout.merging.ray_fans.features import RegionFeatures
+from layoutexplore.models.forest import Forest
+from layoutexplore.models.forest_files import load_forests, save_forests
+
+FAN_MODEL = Path(__file__).with_name("fan_model.json")
+"""The shipped model; `layoutexplore.training.map_noise.ray_fans` makes it."""
+
+_NAME = "outside"
+
+
+def save_fan_forest(forest: Forest, path: Path, *, note: str = "") -> None:
+    """Write a forest.
+
+    Raises:
+        MapError: The file cannot be written.
+    """
+    save_forests(path, {_NAME: forest}, RegionFeatures._fields, note, double=True)
+
+
+def load_fan_forest(path: Path = FAN_MODEL) -> Forest:
+    """Read a forest; that of an unchanged file only once.
+
+    Raises:
+        ConfigError: The file cannot be read, is damaged, or was made for other features.
+    """
+    return load_forests(path, RegionFeatures._fields, (_NAME,), double=True)[_NAME]
+
+
+def outside_regions(
+    graph: RegionGraph, features: Floats, forest: Forest, *, level: float, spread: float
+) -> Mask:
+    """Which regions lie outside the building: bool (k + 1,), the first is False.
+
+    What beams paint falls into pieces: one that surely lies outside takes along those it leads to that
+    probably do.
+
+    Args:
+        graph: The regions.
+        features: float64 (k + 1, features) of the regions.
+        forest: The classifier.
+        level: Log-odds from which on a region lies outside ...
+        spread: ... or from which on, if one that does can be reached through regions of such log-odds.
+    """
+    odds = forest.score(features)
+    odds[0] = -np.inf
+    probable = odds >= min(spread, level)
+    # components of the probable regions that touch: those with a sure one lie outside as a whole
+    touching = graph.ends[(graph.edges[:, EDGE.open] > 0) & probable[graph.ends].all(axis=1)]
+    ones = np.ones(len(touching), np.int8)
+    table = coo_array((ones, (touching[:, 0], touching[:, 1])), shape=(len(odds), len(odds)))
+    count, component = connected_components(table, directed=False)
+    sure = np.zeros(count, np.bool_)
+    sure[component[odds >= level]] = True
+    return np.asarray(probable & sure[component])
+
+
+def without_regions(graph: RegionGraph, left_out: Mask) -> RegionGraph:
+    """The graph without some regions, whose numbers stay: what was open to them is open to unknown space.
+
+    Args:
+        graph: The regions; not changed.
+        left_out: bool (k + 1,).
+    """
+    if not left_out.any():
+        return graph
+    nodes, rooms = graph.nodes.copy(), graph.rooms.copy()
+    gone = left_out[graph.ends]
+    for side in (0, 1):
+        # of a contact with one region that is left out, the sides of the other one
+        lost = gone[:, 1 - side] & ~gone[:, side]
+        np.add.at(nodes[:, NODE.open_end], graph.ends[lost, side], graph.edges[lost, EDGE.open])
+    nodes[left_out] = 0.0
+    rooms[left_out] = 0.0
+    stays = ~gone.any(axis=1)
+    return replace(graph, nodes=nodes, ends=graph.ends[stays], edges=graph.edges[stays], rooms=rooms)

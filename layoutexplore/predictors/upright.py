@@ -1,0 +1,236 @@
+"""A map turned upright for predictors whose features look along rows and columns, and rooms turned back.
+
+A robot's map lies in its world as the robot began, a plan with geographic coordinates as its street runs: the
+walls of either seldom run along rows and columns. There the doorways are not found and the shapes of rooms
+are not understood by models that have learnt from upright plans. What lies within `LEAST` of upright stays as
+it is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.flood import grow_labels
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
+from layoutexplore.layout.alignment import Turned, turn_back
+from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid
+
+LEAST = math.radians(3.0)
+"""A map whose walls lie closer to the axes than this is left as it is."""
+
+SHARPER = 1.2
+"""A map is turned if its walls are in line so many times better when turned than as they are."""
+
+STEP = 0.3
+"""Metres: so short a break in a line of wall is filled, for a turned wall steps to and fro by a cell."""
+
+CLEARER, _OTHER = 1.3, 9.0
+"""And so many times better than in any direction that lies so many degrees away: where wings of a building
+run in several directions, or walls bend, there is no upright."""
+
+_COARSE = 3.0
+"""Degrees between the angles that are tried first; then every degree is."""
+
+_POINTS = 1000
+"""So many points of walls are looked at, or fewer, however large the map is."""
+
+_STRIP = 0.2
+"""Metres: what lies in a strip as wide as this is in line."""
+
+T = TypeVar("T", np.int32, np.bool_, np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class UprightView:
+    """A grid as predictors look at it.
+
+    Attributes:
+        grid: The grid, turned if need be.
+        clusters: The frontiers' cells in it, free ones all.
+        turned: How it was turned; None where it is the grid itself.
+    """
+
+    grid: OccupancyGrid
+    clusters: FrontierClusters
+    turned: Turned | None
+
+    def rooms(self, found: RoomsOnGrid, name: str, grid: OccupancyGrid) -> RoomsOnGrid:
+        """Rooms found in this view as rooms of the grid, for the predictor of that name."""
+        return found if self.turned is None else UprightRooms(name, grid, found, self.turned)
+
+
+def upright_view(grid: OccupancyGrid, clusters: FrontierClusters) -> UprightView:
+    """The grid with its walls along rows and columns.
+
+    Args:
+        grid: What is known.
+        clusters: Cells of frontiers; there may be none.
+    """
+    angle = wall_angle(grid.cells, grid.resolution)
+    if not angle:
+        return UprightView(grid, clusters, None)
+    turned = _turned(grid.cells, angle)
+    turned.cells[_steps_filled(turned.cells == OCCUPIED, in_cells(STEP, grid.resolution))] = OCCUPIED
+    members = _turned_members(clusters.cells, turned)
+    # The frontiers stay where they are known to be free, also where a wall beside them was rounded onto them.
+    turned.cells[members[:, 0], members[:, 1]] = FREE
+    seen = OccupancyGrid(turned.cells, grid.resolution)
+    return UprightView(seen, FrontierClusters(members, clusters.offsets), turned)
+
+
+def wall_angle(cells: Cells, resolution: float) -> float:
+    """The angle in radians in (-pi/4, pi/4] by which the walls are turned against rows and columns; often 0.
+
+    It is 0 for less than `LEAST`, and where no single other direction is sharper than that of the axes.
+
+    Args:
+        cells: int8 (rows, cols), as in `OccupancyGrid`.
+        resolution: Metres a cell.
+
+    Example:
+        >>> cells = np.full((60, 60), UNKNOWN, np.int8)
+        >>> for k in range(40):
+        ...     cells[5 + k // 2, 10 + k] = OCCUPIED
+        >>> 25 <= round(math.degrees(wall_angle(cells, 0.1))) <= 28, wall_angle(cells[:5], 0.1)
+        (True, 0.0)
+    """
+    walls, strip = _places(cells, OCCUPIED), max(_STRIP / resolution, 1.0)
+    # Every n-th in raster order: the same map has always the same angle.
+    points = walls[:: max(-(-len(walls) // _POINTS), 1)].astype(np.float64)
+    coarse = _sharpness(points, np.arange(0.0, 90.0, _COARSE), 2 * strip)
+    best = int(coarse.argmax()) * _COARSE
+    away = np.abs(
+        (np.arange(len(coarse)) - coarse.argmax() + len(coarse) / 2) % len(coarse) - len(coarse) / 2
+    )
+    if best == 0.0 or coarse.max() < CLEARER * coarse[away * _COARSE >= _OTHER].max():
+        return 0.0
+    tried = np.append(np.arange(best - _COARSE + 1.0, best + _COARSE), 0.0)
+    fine = _sharpness(points, tried, strip)
+    degrees = float(tried[int(fine[:-1].argmax())])
+    angle = math.radians(degrees - 90.0 if degrees > 45.0 else degrees)
+    return angle if abs(angle) >= LEAST and fine[:-1].max() > SHARPER * fine[-1] else 0.0
+
+
+def _steps_filled(walls: Mask, longest: int) -> Mask:
+    """Walls bool (rows, cols) with the breaks along rows and columns that are shorter than so many cells."""
+    around = np.pad(walls, longest).view(np.uint8)
+    along_rows, along_cols = (
+        np.asarray(cv2.morphologyEx(around, cv2.MORPH_CLOSE, np.ones(side, np.uint8))) > 0
+        for side in ((1, longest), (longest, 1))
+    )
+    inner = slice(longest, -longest)
+    return np.asarray((along_rows | along_cols)[inner, inner])
+
+
+def _places(cells: Cells, wanted: int) -> Ints:
+    """Rows and columns int64 (n, 2) of the cells of a value, in raster order."""
+    found = np.flatnonzero(cells == wanted)  # Several times as fast as `numpy.argwhere`.
+    return np.stack(np.divmod(found, cells.shape[1]), axis=1)
+
+
+@njit(cache=True, nogil=True)
+def _sharpness(points: Floats, degrees: Floats, wide: float) -> Floats:
+    """How well points (k, 2) are in line at each of n angles, float64 (n,).
+
+    The measure is the sum of the squares of the points in each strip, so many cells wide, along the angle and
+    across it: it is largest where the strips lie on walls.
+    """
+    # Projections lie within the largest row and column together, on either side of 0: bins are shifted by it.
+    reach = int((points[:, 0].max() + points[:, 1].max()) / wide) + 2 if len(points) else 1
+    out = np.zeros(len(degrees))
+    for k in range(len(degrees)):
+        across, along = np.zeros(2 * reach + 1, np.int64), np.zeros(2 * reach + 1, np.int64)
+        c, s = math.cos(math.radians(degrees[k])) / wide, math.sin(math.radians(degrees[k])) / wide
+        for n in range(len(points)):
+            across[math.floor(c * points[n, 0] - s * points[n, 1]) + reach] += 1
+            along[math.floor(c * points[n, 1] + s * points[n, 0]) + reach] += 1
+        for n in range(2 * reach + 1):
+            out[k] += across[n] * across[n] + along[n] * along[n]
+    return out
+
+
+def _turned(cells: Cells, angle: float) -> Turned:
+    """The grid turned around its middle, each cell looked up, and no occupied one lost.
+
+    As `layoutexplore.layout.alignment.turn` does for grids that are turned once, here for every decision.
+    """
+    shape = cells.shape[0], cells.shape[1]
+    c, s = math.cos(angle), math.sin(angle)
+    rows, cols = (math.ceil(a * abs(c) + b * abs(s)) + 2 for a, b in (shape, shape[::-1]))
+    (r0, c0), (r1, c1) = ((0.5 * (high - 1), 0.5 * (wide - 1)) for high, wide in (shape, (rows, cols)))
+    looked_up = np.array([[c, -s, c0 - c * c1 + s * r1], [s, c, r0 - s * c1 - c * r1]])
+    found = cv2.warpAffine(
+        np.ascontiguousarray(cells).view(np.uint8),
+        looked_up,
+        (cols, rows),
+        flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
+        borderValue=int(np.array(UNKNOWN, np.int8).view(np.uint8)),
+    )
+    turned = Turned(np.asarray(found).view(np.int8), angle, (0, 0), shape)
+    walls = _turned_members(_places(cells, OCCUPIED), turned)
+    turned.cells[walls[:, 0], walls[:, 1]] = OCCUPIED
+    return turned
+
+
+def _turned_members(members: Ints32 | Ints, turned: Turned) -> Ints32:
+    """Where cells int (n, 2) of a grid lie in its turned one, which has the same middle, int32 (n, 2)."""
+    c, s = math.cos(turned.angle), math.sin(turned.angle)
+    (r0, c0), (r1, c1) = (
+        (0.5 * (rows - 1), 0.5 * (cols - 1)) for rows, cols in (turned.shape, turned.cells.shape)
+    )
+    y, x = members[:, 0] - r0, members[:, 1] - c0
+    found = np.stack([r1 - s * x + c * y, c1 + c * x + s * y], axis=1)
+    return np.ascontiguousarray(np.floor(found + 0.5), np.int32)
+
+
+class UprightRooms(RoomsOnGrid):
+    """Rooms of a grid that were predicted in its upright view.
+
+    Args:
+        name: Of the predictor.
+        grid: What the robot knows.
+        found: The rooms of the upright view.
+        turned: How the grid was turned.
+    """
+
+    def __init__(self, name: str, grid: OccupancyGrid, found: RoomsOnGrid, turned: Turned) -> None:
+        super().__init__(name, grid)
+        self._found, self._turned = found, turned
+
+    @cached_property
+    def rooms(self) -> RoomLabels:
+        """The rooms, every seen cell in one that it touches."""
+        rooms, cells = self._found.rooms, self._grid.cells
+        passable = self._back(rooms.passable) & (cells == UNKNOWN) | (cells == FREE)
+        return RoomLabels(self._seen_kept(self._back(rooms.room_ids), rooms.rest), passable, rooms.rest)
+
+    @cached_property
+    def sketch(self) -> Ints32:
+        """The sketch of the upright view."""
+        return self._seen_kept(self._back(self._found.sketch), 0)
+
+    @cached_property
+    def inside(self) -> Floats32:
+        """The probabilities of the upright view."""
+        return np.where(self._grid.cells == UNKNOWN, self._back(self._found.inside), np.float32(0.0))
+
+    def _back(self, values: NDArray[T]) -> NDArray[T]:
+        return turn_back(values, self._turned, self._grid.shape)
+
+    def _seen_kept(self, labels: Ints32, rest: int) -> Ints32:
+        """Labels in which every free cell is of a seen room, also where it has looked up a wall beside it."""
+        free = self._grid.cells == FREE
+        if rest:
+            labels[free & (labels == rest)] = 0
+        grown = grow_labels(np.where(free, labels, np.int32(0)), free)
+        return np.where(free, grown, labels)
