@@ -76,7 +76,11 @@ class BenchmarkConfig:
     def __post_init__(self) -> None:
         for name in ("plans", "sensors", "agents"):
             given = getattr(self, name)
-            values = tuple(v if isinstance(v, str) else AGENTS.register_object(v) for v in given)
+            values = tuple(
+                v if isinstance(v, str) or name != "agents" else AGENTS.register_object(v) for v in given
+            )
+            if unnamed := [value for value in values if not isinstance(value, str)]:
+                raise ConfigError(f"{name} are given by name, got {shortened(unnamed[0])}")
             object.__setattr__(self, name, values)
             if not values:
                 raise ConfigError(f"a benchmark needs at least one of {name}")

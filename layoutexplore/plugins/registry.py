@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from layoutexplore.errors import ConfigError, OwnCodeError, unknown_name
+from layoutexplore.errors import ConfigError, OwnCodeError, shortened, unknown_name
 from layoutexplore.options import check_kind, format_spec, format_value, parse_options
 from layoutexplore.plugins.code_digest import digest_of
 from layoutexplore.plugins.docstrings import meanings
@@ -127,8 +127,12 @@ class Registry(Generic[T]):
         """Register a class, function or object of the user's own under its name; the name.
 
         Raises:
-            ConfigError: It has no name, or the name is taken.
+            ConfigError: It is None, a number, a list or alike, has no name, or the name is taken.
         """
+        if not callable(thing) and type(thing).__module__ == "builtins":
+            raise ConfigError(
+                f"an own {self.kind} is a class, a function or an object of a class, not {shortened(thing)}"
+            )
         given = getattr(thing, "name", None)
         name: str = given if isinstance(given, str) else getattr(thing, "__name__", type(thing).__name__)
         self.remove(name)  # a cell of a notebook that ran again

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from layoutexplore.agents import AGENTS, make_agent, register_agent
+from layoutexplore.agents import AGENTS, agent_names, make_agent, register_agent
 from layoutexplore.agents.room_aware import LayoutTour, LayoutTourOptions
+from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.errors import ConfigError, OwnCodeError, UnknownNameError
 from layoutexplore.layout.pipeline import LAYOUTS
 from layoutexplore.plugins import registry
@@ -121,6 +122,22 @@ def test_an_object_is_known_by_its_name(shelf: Registry[Any]) -> None:
     ready.name = "ready"  # type: ignore[attr-defined]
     assert shelf.register_object(ready) == "ready"
     assert shelf.make("ready") is not ready and isinstance(shelf.make("ready"), Still)
+
+
+@pytest.mark.parametrize("value", [None, 3, 2.5, b"x", [Still], {"a": Still}])
+def test_what_is_no_code_is_not_registered(shelf: Registry[Any], value: Any) -> None:
+    before = shelf.names()
+    with pytest.raises(ConfigError, match="a class, a function or an object of a class"):
+        shelf.register_object(value)
+    assert shelf.names() == before
+
+
+@pytest.mark.parametrize("name", ["plans", "sensors"])
+def test_plans_and_sensors_of_a_benchmark_are_names(name: str) -> None:
+    before = agent_names()
+    with pytest.raises(ConfigError, match=f"{name} are given by name, got "):
+        BenchmarkConfig(**{name: [Still()]})
+    assert agent_names() == before
 
 
 def test_entry_points_of_installed_packages(monkeypatch: pytest.MonkeyPatch, shelf: Registry[Any]) -> None:
