@@ -30,7 +30,7 @@ from layoutexplore.maps.school_xml import load_school_xml
 from layoutexplore.options import check_kind
 
 PLAN_FOLDER = Path(__file__).parent / "plans"
-SUFFIXES = (".geojson", ".json", ".xml", ".osm", *YAML_SUFFIXES, *IMAGE_SUFFIXES)
+SUFFIXES = (".geojson", ".json", ".xml", ".osm", ".ifc", *YAML_SUFFIXES, *IMAGE_SUFFIXES)
 
 _SPLITS = TableOf(Items(Text()))
 
@@ -48,7 +48,7 @@ def load_plan(
     Args:
         path_or_name: Name, FAMILY:SEED, or the path of our GeoJSON, a school XML, a KTH ID_occ.png, a
             HouseExpo JSON, a ROS map's YAML or a plain image; or FILE#LEVEL, a floor of an IMDF folder, an
-            OpenStreetMap file or an Open-RMF building.
+            OpenStreetMap file, an Open-RMF building or an IFC model.
         resolution: Metres a pixel of a plain image; 0.05 is assumed when None. Other formats have a scale.
         columns: Names of properties in a GeoJSON of another program, as for `load_foreign_geojson`.
 

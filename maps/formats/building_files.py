@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from layoutexplore.files import is_there
 from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.formats.ifc import ifc_levels, is_ifc, load_ifc
 from layoutexplore.maps.formats.imdf import imdf_levels, is_imdf, load_imdf
 from layoutexplore.maps.formats.osm import load_osm, osm_levels
 from layoutexplore.maps.formats.rmf import is_rmf, load_rmf, rmf_levels
@@ -29,6 +30,7 @@ FORMATS = (
     BuildingFormat(is_imdf, imdf_levels, load_imdf),
     BuildingFormat(_is_osm, osm_levels, load_osm),
     BuildingFormat(is_rmf, rmf_levels, load_rmf),
+    BuildingFormat(is_ifc, ifc_levels, load_ifc),
 )
 
 

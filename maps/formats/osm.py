@@ -1,14 +1,15 @@
 """OpenStreetMap XML of buildings: simple indoor tagging, and area graphs (osmAG), one floor at a time.
 
-Simple indoor tagging: a room is a closed way with `indoor` = room, corridor or area, a door a node with
-`door` on the outline that two ways share. osmAG: a room is a way with `osmAG:areaType` = room, a door a way
-of two nodes with `osmAG:type` = passage that names the two areas it joins. Walls have no thickness.
+Simple indoor tagging: a room is a closed way, or a multipolygon, with `indoor` = room, corridor or area, a
+door a node with `door` on the outline that two ways share. osmAG: a room is a way with `osmAG:areaType` =
+room, a door a way of two nodes with `osmAG:type` = passage that names its two areas. Walls have no thickness.
 """
 
 from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,11 +31,12 @@ INDOOR_ROOMS = ("room", "corridor", "area")
 
 @dataclass(frozen=True)
 class _Element:
-    """A node or way with its tags; a node is its own only place."""
+    """A node, way or multipolygon with its tags; a node is its own only place, holes lie in an outline."""
 
     key: str
     tags: dict[str, str]
     nodes: tuple[str, ...]
+    holes: tuple[tuple[str, ...], ...] = ()
 
     @property
     def levels(self) -> set[str]:
@@ -60,7 +62,10 @@ class _Building:
     ways: tuple[_Element, ...]
 
     def points(self, element: _Element) -> Floats:
-        return np.array([self.places[key] for key in element.nodes if key in self.places]).reshape(-1, 2)
+        return self.points_of(element.nodes)
+
+    def points_of(self, keys: Iterable[str]) -> Floats:
+        return np.array([self.places[key] for key in keys if key in self.places]).reshape(-1, 2)
 
 
 def osm_levels(path: Path) -> list[str]:
@@ -93,7 +98,8 @@ def load_osm(path: Path, level: str = "") -> FloorPlan:
         if len(points) < 4 or not np.array_equal(points[0], points[-1]):
             dropped.add("rooms whose outline is not closed are left out")
             continue
-        for outline in mended(Polygon(points), dropped)[:1]:
+        holes = [frame.to_metres(building.points_of(hole)) for hole in way.holes]
+        for outline in mended(Polygon(points, [hole for hole in holes if len(hole) > 3]), dropped)[:1]:
             rooms[len(outlines) + 1] = way
             outlines[len(outlines) + 1] = outline
     openings = [*_doors(building, name, rooms, frame), *_passages(building, name, rooms, frame)]
@@ -128,7 +134,42 @@ def _read(path: Path) -> _Building:
         _Element(way.get("id", ""), _tags(way), tuple(nd.get("ref", "") for nd in way.iter("nd")))
         for way in root.iter("way")
     ]
-    return _Building(places, tuple(nodes), tuple(ways))
+    return _Building(
+        places, tuple(nodes), (*ways, *_multipolygons(root, {way.key: way.nodes for way in ways}))
+    )
+
+
+def _multipolygons(root: ElementTree.Element, ways: Mapping[str, tuple[str, ...]]) -> Iterator[_Element]:
+    """The outlines of relations that are multipolygons, each with the holes of its relation."""
+    for relation in root.iter("relation"):
+        tags = _tags(relation)
+        if tags.get("type") != "multipolygon":
+            continue
+        lines: dict[bool, list[tuple[str, ...]]] = {False: [], True: []}
+        for member in relation.iter("member"):
+            lines[member.get("role") == "inner"].append(ways.get(member.get("ref", ""), ()))
+        outer, inner = (_joined(lines[is_hole]) for is_hole in (False, True))
+        for part, ring in enumerate(outer):
+            yield _Element(f"relation/{relation.get('id', '')}/{part}", tags, ring, tuple(inner))
+
+
+def _joined(lines: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Lines of nodes put together where they meet, until they are closed or nothing fits any more."""
+    left = {number: line for number, line in enumerate(lines) if len(line) > 1}
+    ends: dict[str, list[int]] = {}
+    for number, line in left.items():
+        ends.setdefault(line[0], []).append(number)
+        ends.setdefault(line[-1], []).append(number)
+    rings = []
+    while left:
+        ring = list(left.pop(next(iter(left))))
+        while ring[0] != ring[-1]:
+            line = next((left.pop(number) for number in ends[ring[-1]] if number in left), ())
+            if not line:
+                break
+            ring += line[1:] if line[0] == ring[-1] else line[-2::-1]
+        rings.append(tuple(ring))
+    return rings
 
 
 def _tags(element: ElementTree.Element) -> dict[str, str]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pytest
 from shapely import LineString, Polygon, box
 from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
@@ -70,6 +71,7 @@ class OsmFile:
         self.nodes: dict[tuple[float, float], int] = {}
         self.tags: dict[int, Mapping[str, str]] = {}
         self.ways: list[str] = []
+        self.relations: list[str] = []
 
     def node(self, x: float, y: float, **tags: str) -> int:
         number = self.nodes.setdefault((x, y), -len(self.nodes) - 1)
@@ -81,13 +83,25 @@ class OsmFile:
         refs = "".join(f"<nd ref='{self.node(*point)}'/>" for point in points)
         self.ways.append(f"<way id='{-1000 - len(self.ways)}'>{refs}{_tags(tags)}</way>")
 
+    def multipolygon(
+        self, outer: list[list[tuple[float, float]]], inner: list[tuple[float, float]], **tags: str
+    ) -> None:
+        """A relation of outer lines and one inner ring."""
+        members = ""
+        for role, points in [*(("outer", line) for line in outer), ("inner", inner)]:
+            self.way(points)
+            members += f"<member type='way' ref='{-999 - len(self.ways)}' role='{role}'/>"
+        self.relations.append(
+            f"<relation id='-5'>{members}{_tags({'type': 'multipolygon', **tags})}</relation>"
+        )
+
     def write(self, path: Path) -> Path:
         nodes = ""
         for (x, y), number in self.nodes.items():
             lon, lat = degrees(x, y)
             inside = _tags(self.tags.get(number, {}))
             nodes += f"<node id='{number}' lon='{lon:.10f}' lat='{lat:.10f}'>{inside}</node>"
-        path.write_text(f"<osm version='0.6'>{nodes}{''.join(self.ways)}</osm>")
+        path.write_text(f"<osm version='0.6'>{nodes}{''.join(self.ways + self.relations)}</osm>")
         return path
 
 
@@ -167,3 +181,102 @@ def write_walls(path: Path) -> Path:
         feature(door, type="door"),
         feature(box(9.2, 3, 9.8, 3.8), type="elevator"),
     )
+
+
+class IfcModel:
+    """Collects spaces, walls and openings of an IFC model that measures in millimetres."""
+
+    def __init__(self) -> None:
+        self.api = pytest.importorskip("ifcopenshell.api")
+        self.file = self.run("project.create_file")
+        project = self.add("IfcProject", "model")
+        self.run(
+            "unit.assign_unit", units=[self.run("unit.add_si_unit", unit_type="LENGTHUNIT", prefix="MILLI")]
+        )
+        model = self.run("context.add_context", context_type="Model")
+        self.body = self.run(
+            "context.add_context",
+            context_type="Model",
+            context_identifier="Body",
+            target_view="MODEL_VIEW",
+            parent=model,
+        )
+        self.site = self.part("IfcSite", "site", project)
+
+    def run(self, usecase: str, **arguments: Any) -> Any:
+        given = () if usecase == "project.create_file" else (self.file,)
+        return self.api.run(usecase, *given, **arguments)
+
+    def add(self, kind: str, name: str) -> Any:
+        return self.run("root.create_entity", ifc_class=kind, name=name)
+
+    def part(self, kind: str, name: str, whole: Any) -> Any:
+        """An element that is a part of another."""
+        element = self.add(kind, name)
+        self.run("aggregate.assign_object", products=[element], relating_object=whole)
+        return element
+
+    def storey(self, building: Any, name: str, elevation: float) -> Any:
+        storey = self.part("IfcBuildingStorey", name, building)
+        storey.Elevation = 1000.0 * elevation
+        return storey
+
+    def block(self, element: Any, area: Polygon, bottom: float, height: float) -> Any:
+        """Give an element the shape of an area [m], extruded."""
+        points = [(1000.0 * x, 1000.0 * y) for x, y in area.exterior.coords]
+        make = self.file.create_entity
+        curve = make("IfcPolyline", [make("IfcCartesianPoint", point) for point in points])
+        origin = make(
+            "IfcAxis2Placement3D", make("IfcCartesianPoint", (0.0, 0.0, 1000.0 * bottom)), None, None
+        )
+        up = make("IfcDirection", (0.0, 0.0, 1.0))
+        profile = make("IfcArbitraryClosedProfileDef", "AREA", None, curve)
+        solid = make("IfcExtrudedAreaSolid", profile, origin, up, 1000.0 * height)
+        shape = make("IfcShapeRepresentation", self.body, "Body", "SweptSolid", [solid])
+        self.run("geometry.assign_representation", product=element, representation=shape)
+        self.run("geometry.edit_object_placement", product=element)
+        return element
+
+    def space(self, storey: Any, area: Polygon, name: str, bottom: float = 0.0) -> Any:
+        return self.block(self.part("IfcSpace", name, storey), area, bottom, 2.7)
+
+    def wall(self, storey: Any, area: Polygon, bottom: float = 0.0) -> Any:
+        wall = self.add("IfcWall", "wall")
+        self.run("spatial.assign_container", products=[wall], relating_structure=storey)
+        return self.block(wall, area, bottom, 3.0)
+
+    def hole(self, wall: Any, area: Polygon, bottom: float = 0.0, height: float = 2.1) -> Any:
+        hole = self.block(self.add("IfcOpeningElement", "hole"), area, bottom, height)
+        self.run("feature.add_feature", feature=hole, element=wall)
+        return hole
+
+    def door(self, storey: Any, hole: Any, width: float) -> Any:
+        door = self.add("IfcDoor", "door")
+        door.OverallWidth = 1000.0 * width
+        self.run("spatial.assign_container", products=[door], relating_structure=storey)
+        self.run("feature.add_filling", opening=hole, element=door)
+        return door
+
+    def write(self, path: Path) -> Path:
+        self.file.write(str(path))
+        return path
+
+
+def write_ifc(path: Path) -> Path:
+    """Two storeys; spaces up to the faces of walls of 0.2 m, and a door in its hole; above it one room."""
+    model = IfcModel()
+    building = model.part("IfcBuilding", "house", model.site)
+    ground, upper = model.storey(building, "EG", 0.0), model.storey(building, "1. OG", 3.0)
+    model.space(ground, box(0.1, 0.1, 4.9, 3.9), "Büro")
+    model.space(ground, box(5.1, 0.1, 9.9, 3.9), "Flur")
+    wall = model.wall(ground, box(4.9, -0.1, 5.1, 4.1))
+    for area in (
+        box(-0.1, -0.1, 0.1, 4.1),
+        box(9.9, -0.1, 10.1, 4.1),
+        box(0, -0.1, 10, 0.1),
+        box(0, 3.9, 10, 4.1),
+    ):
+        model.wall(ground, area)
+    model.door(ground, model.hole(wall, box(4.9, 1, 5.1, 1.9)), 0.9)
+    model.space(upper, box(0.1, 0.1, 4.9, 3.9), "Dach", 3.0)
+    return model.write(path)

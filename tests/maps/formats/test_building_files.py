@@ -22,6 +22,7 @@ from tests.maps.cases import share_reached
 from tests.maps.formats.cases import (
     feature,
     write_collection,
+    write_ifc,
     write_imdf,
     write_osm,
     write_osmag,
@@ -35,6 +36,7 @@ WRITERS: dict[str, tuple[Callable[[Path], Path], str, str]] = {
     "osmag": (write_osmag, "campus.osm", ""),
     "rmf": (write_rmf, "two.building.yaml", "#L1"),
     "walls": (write_walls, "walls.geojson", ""),
+    "ifc": (write_ifc, "house.ifc", "#EG"),
 }
 
 
@@ -62,7 +64,9 @@ def test_labels_of_rooms(tmp_path: Path) -> None:
         assert [room.label for room in sample(tmp_path, "walls")[1].rooms] == ["", "elevator"]
 
 
-@pytest.mark.parametrize(("name", "floors"), [("imdf", ["0", "1"]), ("osm", ["0", "1"]), ("rmf", ["L1"])])
+@pytest.mark.parametrize(
+    ("name", "floors"), [("imdf", ["0", "1"]), ("osm", ["0", "1"]), ("rmf", ["L1"]), ("ifc", ["EG", "1. OG"])]
+)
 def test_every_floor_of_a_building_can_be_named(tmp_path: Path, name: str, floors: list[str]) -> None:
     path, plan = sample(tmp_path, name)
     named = [f"{path}#{floor}" for floor in floors]
@@ -106,10 +110,11 @@ def test_a_file_with_a_hash_in_its_name_is_a_file(tmp_path: Path) -> None:
 
 REAL = {
     "imdf_spbpu": (443, 472),
-    "osm_dresden/APBorig.osm": (475, 531),
+    "osm_dresden/APBorig.osm": (476, 532),
     "osmag_shanghaitech/ShanghaiTech_merge_2.osm": (262, 313),
     "rmf": (119, 152),
     "westport": (258, 327),
+    "ifc": (190, 193),
 }
 
 

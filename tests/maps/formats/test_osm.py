@@ -89,3 +89,27 @@ def test_rooms_inside_of_rooms(tmp_path: Path) -> None:
     raster = plan.rasterize(0.1)
     assert len(plan.rooms) == 2
     assert (raster.room_ids == 2).sum() * 0.01 == pytest.approx(1.8 * 2.8, abs=0.2)
+
+
+def test_multipolygons_are_rooms_with_holes(tmp_path: Path) -> None:
+    """A hall around a court, whose outline is three ways, one of them backwards, and a room beside it."""
+    file = OsmFile()
+    outer = [[(0, 0), (12, 0), (12, 5)], [(12, 10), (12, 5)], [(12, 10), (0, 10), (0, 0)]]
+    court = [(4, 4), (8, 4), (8, 7), (4, 7), (4, 4)]
+    file.multipolygon(outer, court, indoor="area", level="0", room="hall")
+    file.way([(12, 5), (16, 5), (16, 10), (12, 10), (12, 5)], indoor="room", level="0")
+    file.node(12, 5, door="yes", level="0")
+    plan = load_plan(file.write(tmp_path / "court.osm"))
+    areas = {room.label: room.polygon.area for room in plan.rooms}
+    assert areas["hall"] == pytest.approx(11.8 * 9.8 - 12.0, abs=0.5)
+    assert [door.rooms for door in plan.doors] == [(1, 2)]
+
+
+def test_multipolygons_that_are_not_closed_are_left_out(tmp_path: Path) -> None:
+    file = OsmFile()
+    file.multipolygon(
+        [[(0, 0), (9, 0)], [(9, 9), (0, 9)]], [(1, 1), (2, 1), (2, 2)], indoor="room", level="0"
+    )
+    file.way([(12, 5), (16, 5), (16, 10), (12, 10), (12, 5)], indoor="room", level="0")
+    with pytest.warns(MapWarning, match="2 rooms whose outline is not closed"):
+        assert len(load_plan(file.write(tmp_path / "open.osm")).rooms) == 1

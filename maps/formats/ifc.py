@@ -1,0 +1,223 @@
+"""IFC building models (`.ifc`), one storey at a time.
+
+A room is an `IfcSpace`, without the walls and columns that reach into it; a door is the opening that an
+`IfcDoor` fills, or a hole of a wall that nothing fills and that reaches the floor. Spaces that touch where no
+wall is are joined by an opening as wide as they touch. The model is read by IfcOpenShell, in a process of its
+own (`layoutexplore.maps.formats.ifc_geometry`): the extra `bim` brings it.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from layoutexplore.errors import MapError, cause, require
+from layoutexplore.files import read_bytes, read_json
+from layoutexplore.files.schema import Items, Number, Record, Text
+from layoutexplore.grids.polygons import polygons_of
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.formats.levels import choose_level
+from layoutexplore.maps.formats.polygons import Dropped, mended
+from layoutexplore.maps.shared_walls import WALL_THICKNESS, Opening, plan_from_outlines
+from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines
+
+SECONDS = 600.0
+"""A model that takes longer is given up."""
+
+COVERED = 0.5
+"""A space of whose area other spaces cover so much is the sum of them, and no room."""
+
+LEAST_ROOM = 0.5
+"""Square metres of floor; what walls cut off of a space and is smaller is no room."""
+
+ONE_ROOM = 0.65
+"""Of the half metre around a door: if one room has more, the door is inside of that room."""
+
+_TOUCH = 0.02
+_LEAST_PASSAGE = 0.6
+_PLACE = Number(low=-MOST_METRES, high=MOST_METRES)
+_OUTLINE = Text(most=32_000_000)
+_FLOOR = Record(
+    {
+        "name": Text(),
+        "building": Text(),
+        "height": _PLACE,
+        "spaces": Items(Items(_OUTLINE)),
+        "solid": _OUTLINE,
+        "openings": Items(Items(_PLACE)),
+    }
+)
+_FLOORS = Record({"floors": Items(_FLOOR), "without_shape": Number(low=0)})
+
+
+def is_ifc(path: Path) -> bool:
+    """Whether a file is an IFC model, by its name."""
+    return path.suffix.lower() == ".ifc"
+
+
+def ifc_levels(path: Path) -> list[str]:
+    """The storeys that have spaces, from below: "BUILDING/STOREY" where there are several buildings."""
+    return list(_levels(path)[0])
+
+
+def load_ifc(path: Path, level: str = "") -> FloorPlan:
+    """Read one storey.
+
+    Args:
+        path: The file.
+        level: Which storey; may be empty where there is only one.
+
+    Raises:
+        MapError: The file is broken or larger than the limits, or there is no such storey.
+        MissingExtraError: IfcOpenShell is not installed.
+
+    Warns:
+        MapWarning: Spaces or doors were left out or mended.
+    """
+    levels, without_shape = _levels(path)
+    name = choose_level(path, level, list(levels))
+    where, floor = f"{path}#{name}", levels[name]
+    dropped = Dropped(where)
+    if without_shape:
+        dropped.counts["spaces of the model have no shape and are left out"] = without_shape
+    spaces = [
+        (label, shape) for label, text in floor["spaces"] for shape in mended(_shape(text), dropped)[:1]
+    ]
+    solid = _shape(floor["solid"])
+    check_outlines(where, [solid])
+    rooms = _rooms(spaces, solid, dropped)
+    floors = {number: room for number, (_, room) in rooms.items()}
+    openings = [*_doors(floor["openings"], list(floors.values()), dropped), *_open_borders(floors, solid)]
+    dropped.warn()
+    home = f"{path.stem}-{name}"
+    return plan_from_outlines(
+        {number: _to_the_middle(room) for number, room in floors.items()},
+        {number: label for number, (label, _) in rooms.items()},
+        openings,
+        name=home.replace("/", "-"),
+        building=home.rpartition("/")[0] or path.stem,
+        metadata={"format": "IFC", "level": name},
+    )
+
+
+def _levels(path: Path) -> tuple[dict[str, Mapping[str, Any]], int]:
+    """The storeys by name, and how many spaces have no shape."""
+    status = path.stat()
+    found = _extracted(path.resolve(), status.st_mtime_ns, status.st_size)
+    floors = found["floors"]
+    several = len({floor["building"] for floor in floors}) > 1
+    levels: dict[str, Mapping[str, Any]] = {}
+    for floor in floors:
+        name = f"{floor['building']}/{floor['name']}" if several else floor["name"]
+        while name in levels:  # storeys of one name are told apart by their height
+            name = f"{name} at {floor['height']:g} m"
+        levels[name] = floor
+    return levels, int(found["without_shape"])
+
+
+@lru_cache(maxsize=4)
+def _extracted(path: Path, _changed: int, _size: int) -> dict[str, Any]:
+    """The floors of a model, read by another process.
+
+    Raises:
+        MapError: The file is too large, cut short or no model, or reading it takes too much time or memory.
+    """
+    data = read_bytes(path, MapError, "model")
+    if not data[:100].lstrip().startswith(b"ISO-10303-21"):
+        raise MapError(f"{path}: is no IFC model: it must begin with ISO-10303-21")
+    if b"END-ISO-10303-21" not in data[-100:]:
+        raise MapError(f"{path}: the model is cut short: it must end with END-ISO-10303-21")
+    require("ifcopenshell", "bim")
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "floors.json"
+        module = "layoutexplore.maps.formats.ifc_geometry"
+        try:
+            done = subprocess.run(
+                [sys.executable, "-m", module, str(path), str(target)],
+                capture_output=True,
+                check=False,
+                timeout=SECONDS,
+            )
+        except subprocess.TimeoutExpired as error:
+            raise MapError(f"{path}: building the model's solids takes more than {SECONDS:g} s") from error
+        if done.returncode or not target.is_file():
+            said = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+            reason = cause(ValueError(said[0])) if said else f"the reader died of signal {-done.returncode}"
+            raise MapError(f"{path}: IfcOpenShell cannot read the model: {reason}")
+        found: dict[str, Any] = read_json(target, _FLOORS)
+    check_count(str(path), "spaces", max((len(f["spaces"]) for f in found["floors"]), default=0))
+    return found
+
+
+def _shape(text: str) -> BaseGeometry:
+    return shapely.from_wkt(text)
+
+
+def _rooms(
+    spaces: list[tuple[str, Polygon]], solid: BaseGeometry, dropped: Dropped
+) -> dict[int, tuple[str, Polygon]]:
+    """Number -> label and floor of each room, up to the faces of walls, which may cut a space in several."""
+    rooms: dict[int, tuple[str, Polygon]] = {}
+    tree = shapely.STRtree([space for _, space in spaces])
+    for at, (label, space) in enumerate(spaces):
+        inside = [k for k in tree.query(space).tolist() if k != at and spaces[k][1].area < space.area]
+        covered = shapely.union_all([spaces[k][1] for k in inside]).intersection(space).area
+        if len(inside) > 1 and covered > COVERED * space.area:
+            dropped.add("spaces are the sum of others and are left out")
+            continue
+        parts = [part for part in polygons_of(space.difference(solid)) if part.area >= LEAST_ROOM]
+        if not parts:
+            dropped.add("spaces lie inside walls and are left out")
+        for part in sorted(parts, key=lambda part: -part.area):
+            rooms[len(rooms) + 1] = label, part
+    return rooms
+
+
+def _doors(openings: list[list[float]], rooms: list[Polygon], dropped: Dropped) -> Iterator[Opening]:
+    """Openings of walls between rooms; doors of cubicles, all around which is one room, are none."""
+    tree = shapely.STRtree(rooms)
+    for x, y, width in openings:
+        around = shapely.Point(x, y).buffer(0.5)
+        if any(around.intersection(rooms[k]).area > ONE_ROOM * around.area for k in tree.query(around)):
+            dropped.add("doors inside of one room are left out")
+            continue
+        yield Opening((x, y), width)
+
+
+def _to_the_middle(room: Polygon) -> Polygon:
+    """The outline in the middle of walls of the usual thickness around a room."""
+    return polygons_of(room.buffer(WALL_THICKNESS / 2, join_style="mitre"))[0]
+
+
+def _open_borders(rooms: Mapping[int, Polygon], solid: BaseGeometry) -> Iterator[Opening]:
+    """Openings where two rooms touch and no wall is."""
+    numbers, shapes = list(rooms), list(rooms.values())
+    one, other = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=_TOUCH)
+    for i, j in zip(one.tolist(), other.tolist(), strict=True):
+        if i >= j:
+            continue
+        border = shapes[i].exterior.intersection(shapes[j].buffer(2 * _TOUCH)).difference(solid)
+        for line in _straight(border):
+            if line.length >= _LEAST_PASSAGE + WALL_THICKNESS:
+                middle = line.interpolate(0.5, normalized=True)
+                yield Opening((middle.x, middle.y), line.length - WALL_THICKNESS, (numbers[i], numbers[j]))
+
+
+def _straight(lines: BaseGeometry) -> Iterator[shapely.LineString]:
+    """The straight pieces of lines."""
+    merged = shapely.line_merge(lines).simplify(_TOUCH)
+    for part in shapely.get_parts(merged):
+        if part.geom_type == "LineString":
+            for a, b in pairwise(np.asarray(part.coords)):
+                yield shapely.LineString([a, b])
