@@ -8,20 +8,21 @@ from __future__ import annotations
 
 import functools
 import re
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
 from shapely.errors import GEOSException
 
-from layoutexplore.errors import MapError, cause, checks_arguments, unknown_name
+from layoutexplore.errors import MapError, MapWarning, cause, checks_arguments, unknown_name
 from layoutexplore.files import is_there, read_json
 from layoutexplore.files.schema import Items, TableOf, Text
 from layoutexplore.grids.grid import check_resolution
 from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, YAML_SUFFIXES
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.building_files import building_format, floors_of, split_level
-from layoutexplore.maps.formats.foreign_geojson import load_foreign_geojson
+from layoutexplore.maps.formats.foreign_geojson import has_areas, load_foreign_geojson
 from layoutexplore.maps.geojson import is_own_format, load_geojson
 from layoutexplore.maps.houseexpo import SIDECARS, load_houseexpo
 from layoutexplore.maps.image import LABELS_ENDING, load_image, rooms_beside
@@ -184,6 +185,9 @@ def expand_plans(spec: str | Path) -> list[str]:
     Raises:
         UnknownNameError: No plan, split or family of that name.
         MapError: No such file, or a folder without floor plans.
+
+    Warns:
+        MapWarning: A GeoJSON of a folder holds lines and points only and is left out.
     """
     check_kind("a floor plan", spec, str, Path)
     text = str(spec)
@@ -213,8 +217,26 @@ def _plans_in(folder: Path) -> list[str]:
         if building_format(path):
             found += floors_of(path)
         elif building_format(path.parent) is None and _is_plan(path):
-            found.append(str(path))
+            if _is_without_areas(path):
+                warnings.warn(
+                    f"{path}: left out: its features are lines or points, so that it is no floor plan",
+                    MapWarning,
+                    stacklevel=4,
+                )
+            else:
+                found.append(str(path))
     return found
+
+
+def _is_without_areas(path: Path) -> bool:
+    """Whether a file is a GeoJSON of another program of lines and points only: paths to walk, perhaps."""
+    if path.suffix.lower() != ".geojson":
+        return False
+    try:
+        data = read_json(path)
+    except MapError:
+        return False  # Who loads it is told what is wrong with it.
+    return not is_own_format(data) and not has_areas(data)
 
 
 def _expand_seeds(family: str, first: int, last: int) -> list[str]:

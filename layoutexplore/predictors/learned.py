@@ -47,7 +47,7 @@ from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_clas
 from layoutexplore.predictors.room_completion import complete_regions
 from layoutexplore.predictors.room_sketch import sketch_rooms
 from layoutexplore.predictors.seen_regions import DOORWAYS, SeenRegions
-from layoutexplore.predictors.upright import upright_view
+from layoutexplore.predictors.upright import UprightViews
 
 CLOSED = 0.6
 """Probability from which a frontier is called closed.
@@ -175,7 +175,7 @@ class LearnedPredictor:
         self._frontier_network = (
             FrontierNetwork(load_weights(of_frontiers, SHAPES)) if of_frontiers in networks else None
         )
-        self._memory = FeatureCache()
+        self._memory, self._upright = FeatureCache(), UprightViews()
         self._files = [*paths, *networks]
 
     @property
@@ -185,7 +185,7 @@ class LearnedPredictor:
 
     def rooms(self, decision: Decision) -> RoomLabels:
         """The seen regions with what is thought to lie behind their frontiers."""
-        view = upright_view(decision.grid, decision.clusters)
+        view = self._upright(decision)
         found = self._completed(view.grid, SeenRegions(self._method)(view.grid))
         return view.rooms(found, self.name, decision.grid).rooms
 
@@ -198,7 +198,7 @@ class LearnedPredictor:
         """The decision with class, area and confidence, and a `LearnedRooms`."""
         if not decision.frontiers:
             return decision
-        view = upright_view(decision.grid, decision.clusters)
+        view = self._upright(decision)
         regions = self._regions(view.grid)
         around = look_around(view.grid.cells, view.clusters, regions, view.grid.resolution, self._memory)
         scores = score_frontiers(frontier_features(around, decision.table.visible_area), self._frontiers)

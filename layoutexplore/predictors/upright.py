@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.flood import grow_labels
@@ -37,6 +38,10 @@ STEP = 0.3
 CLEARER, _OTHER = 1.3, 9.0
 """And so many times better than in any direction that lies so many degrees away: where wings of a building
 run in several directions, or walls bend, there is no upright."""
+
+_HELD, _AS_SHARP = math.radians(2.5), 0.9
+"""In an exploration the angle before is held while the sharpest one lies as near to it as this, and while it
+is at least so many times as sharp: a view by another angle shares no cell with those before."""
 
 _COARSE = 3.0
 """Degrees between the angles that are tried first; then every degree is."""
@@ -69,14 +74,34 @@ class UprightView:
         return found if self.turned is None else UprightRooms(name, grid, found, self.turned)
 
 
-def upright_view(grid: OccupancyGrid, clusters: FrontierClusters) -> UprightView:
+class UprightViews:
+    """The upright views of an exploration's decisions, turned by the same angle as long as that will do."""
+
+    def __init__(self) -> None:
+        self._angle, self._track = 0.0, np.empty((0, 3))
+
+    def __call__(self, decision: Decision) -> UprightView:
+        """The view of a decision, which depends on earlier ones of the same exploration only."""
+        grid = decision.grid
+        self._angle = wall_angle(grid.cells, grid.resolution, self._angle if self._follows(decision) else 0.0)
+        if self._angle:
+            self._track = decision.track.copy()
+        return upright_view(grid, decision.clusters, self._angle)
+
+    def _follows(self, decision: Decision) -> bool:
+        """Whether the robot has come the way that it had come when the angle was found."""
+        before = len(self._track)
+        return decision.step > 0 and before > 0 and np.array_equal(decision.track[:before], self._track)
+
+
+def upright_view(grid: OccupancyGrid, clusters: FrontierClusters, angle: float) -> UprightView:
     """The grid with its walls along rows and columns.
 
     Args:
         grid: What is known.
         clusters: Cells of frontiers; there may be none.
+        angle: As from `wall_angle`.
     """
-    angle = wall_angle(grid.cells, grid.resolution)
     if not angle:
         return UprightView(grid, clusters, None)
     turned = _turned(grid.cells, angle)
@@ -88,7 +113,7 @@ def upright_view(grid: OccupancyGrid, clusters: FrontierClusters) -> UprightView
     return UprightView(seen, FrontierClusters(members, clusters.offsets), turned)
 
 
-def wall_angle(cells: Cells, resolution: float) -> float:
+def wall_angle(cells: Cells, resolution: float, held: float = 0.0) -> float:
     """The angle in radians in (-pi/4, pi/4] by which the walls are turned against rows and columns; often 0.
 
     It is 0 for less than `LEAST`, and where no single other direction is sharper than that of the axes.
@@ -96,6 +121,7 @@ def wall_angle(cells: Cells, resolution: float) -> float:
     Args:
         cells: int8 (rows, cols), as in `OccupancyGrid`.
         resolution: Metres a cell.
+        held: The angle in radians that is kept where another is hardly sharper; 0 for none.
 
     Example:
         >>> cells = np.full((60, 60), UNKNOWN, np.int8)
@@ -114,11 +140,15 @@ def wall_angle(cells: Cells, resolution: float) -> float:
     )
     if best == 0.0 or coarse.max() < CLEARER * coarse[away * _COARSE >= _OTHER].max():
         return 0.0
-    tried = np.append(np.arange(best - _COARSE + 1.0, best + _COARSE), 0.0)
-    fine = _sharpness(points, tried, strip)
-    degrees = float(tried[int(fine[:-1].argmax())])
+    tried = np.arange(best - _COARSE + 1.0, best + _COARSE)
+    fine = _sharpness(points, np.append(tried, [0.0, math.degrees(held)]), strip)
+    sharpest, (straight, as_held) = float(fine[:-2].max()), fine[-2:]
+    degrees = float(tried[int(fine[:-2].argmax())])
     angle = math.radians(degrees - 90.0 if degrees > 45.0 else degrees)
-    return angle if abs(angle) >= LEAST and fine[:-1].max() > SHARPER * fine[-1] else 0.0
+    if abs(angle) < LEAST or sharpest <= SHARPER * straight:
+        return 0.0
+    near = abs(math.remainder(angle - held, math.pi / 2)) <= _HELD
+    return held if held and near and as_held >= _AS_SHARP * sharpest else angle
 
 
 def _steps_filled(walls: Mask, longest: int) -> Mask:

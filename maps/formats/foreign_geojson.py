@@ -41,6 +41,8 @@ SOLID_KINDS = ("wall", "walls", "window", "inaccessible_space", "column")
 FLOOR_KINDS = ("building_outline", "floor_outline", "footprint")
 """With one of these in it, a file draws the walls: rooms are what they leave of the floor."""
 
+_NO_AREAS = ("Point", "MultiPoint", "LineString", "MultiLineString")
+
 LONGEST_DOOR, LARGEST_EXTENT = 10.0, 5_000.0
 """Metres; longer lines are no doors, and a building this large is measured in something else than metres."""
 
@@ -101,6 +103,14 @@ def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None, d
     return plan_from_outlines(
         outlines, labels, openings, name=path.stem, metadata={"format": "GeoJSON of another program"}
     )
+
+
+def has_areas(data: Any) -> bool:
+    """Whether any feature of a FeatureCollection is an area, as rooms and outlines are and paths are not."""
+    features = data.get("features") if isinstance(data, dict) else None
+    listed = features if isinstance(features, list) else []
+    shapes = [feature.get("geometry") for feature in listed if isinstance(feature, dict)]
+    return any(isinstance(shape, dict) and shape.get("type") not in _NO_AREAS for shape in shapes)
 
 
 def _from_walls(path: Path, parts: list[_Part], floor: BaseGeometry, dropped: Dropped) -> FloorPlan:

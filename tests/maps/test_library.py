@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from layoutexplore.errors import MapError, UnknownNameError
+from layoutexplore.errors import MapError, MapWarning, UnknownNameError
 from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.maps import expand_plans, load_plan, plan_names, splits
 from layoutexplore.maps.geojson import save_plan
@@ -40,6 +40,19 @@ def test_a_folder_gives_each_plan_once(tmp_path: Path, data_dir: Path) -> None:
     assert names == ["50_PLAN1_occ.png", "house.json", "own.geojson", "ros.yaml"]
     for source in expand_plans(tmp_path):
         assert load_plan(source).rooms
+
+
+def test_paths_to_walk_are_no_floor_plan(tmp_path: Path) -> None:
+    line = {"type": "LineString", "coordinates": [[0, 0], [5, 0]]}
+    area = {"type": "Polygon", "coordinates": [[[0, 0], [5, 0], [5, 4], [0, 0]]]}
+    for name, shape in (("floor-paths", line), ("floor", area)):
+        features = [{"type": "Feature", "properties": {"type": name}, "geometry": shape}]
+        text = json.dumps({"type": "FeatureCollection", "features": features})
+        (tmp_path / f"{name}.geojson").write_text(text)
+    (tmp_path / "damaged.geojson").write_text("{")
+    with pytest.warns(MapWarning, match="floor-paths.geojson: left out: its features are lines or points"):
+        names = [Path(source).name for source in expand_plans(tmp_path)]
+    assert names == ["damaged.geojson", "floor.geojson"], "who loads a damaged one is told what is wrong"
 
 
 def test_names_splits_and_seeds() -> None:

@@ -63,7 +63,7 @@ def test_the_angle_of_walls_is_found(degrees: float) -> None:
 @pytest.mark.parametrize("cells", [room_at(0.0), room_at(1.0), np.full((9, 9), UNKNOWN, np.int8)])
 def test_an_upright_map_is_looked_at_as_it_is(cells: Cells) -> None:
     grid, clusters = OccupancyGrid(cells, 0.1), FrontierClusters.of([])
-    view = upright_view(grid, clusters)
+    view = upright_view(grid, clusters, wall_angle(cells, 0.1))
     assert view.grid is grid and view.clusters is clusters and view.turned is None
 
 
@@ -71,7 +71,8 @@ def test_an_upright_map_is_looked_at_as_it_is(cells: Cells) -> None:
 def test_a_turned_map_is_upright_and_its_frontiers_are_free(degrees: float) -> None:
     cells = room_at(degrees)
     edge = np.argwhere((cells == FREE) & (np.roll(cells, 1, axis=0) == OCCUPIED)).astype(np.int32)
-    view = upright_view(OccupancyGrid(cells, 0.1), FrontierClusters.of([edge[:20], edge[20:50]]))
+    clusters = FrontierClusters.of([edge[:20], edge[20:50]])
+    view = upright_view(OccupancyGrid(cells, 0.1), clusters, wall_angle(cells, 0.1))
     assert view.turned is not None and wall_angle(view.grid.cells, 0.1) == 0.0
     assert (view.grid.cells[view.clusters.cells[:, 0], view.clusters.cells[:, 1]] == FREE).all()
     assert view.clusters.offsets.tolist() == [0, 20, 50]
