@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.detection import FrontierClusters
-from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints32, Mask
 from layoutexplore.grids.flood import grow_labels
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
-from layoutexplore.layout.alignment import Turned, turn_back
+from layoutexplore.layout.alignment import Turned, places, turn, turn_back, turned_places
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid
 
 LEAST = math.radians(3.0)
@@ -104,9 +104,10 @@ def upright_view(grid: OccupancyGrid, clusters: FrontierClusters, angle: float) 
     """
     if not angle:
         return UprightView(grid, clusters, None)
-    turned = _turned(grid.cells, angle)
+    turned = turn(grid.cells, angle, (0, 0))
     turned.cells[_steps_filled(turned.cells == OCCUPIED, in_cells(STEP, grid.resolution))] = OCCUPIED
-    members = _turned_members(clusters.cells, turned)
+    rows, cols = turned.cells.shape
+    members = turned_places(clusters.cells, angle, turned.shape, (rows, cols))
     # The frontiers stay where they are known to be free, also where a wall beside them was rounded onto them.
     turned.cells[members[:, 0], members[:, 1]] = FREE
     seen = OccupancyGrid(turned.cells, grid.resolution)
@@ -130,7 +131,7 @@ def wall_angle(cells: Cells, resolution: float, held: float = 0.0) -> float:
         >>> 25 <= round(math.degrees(wall_angle(cells, 0.1))) <= 28, wall_angle(cells[:5], 0.1)
         (True, 0.0)
     """
-    walls, strip = _places(cells, OCCUPIED), max(_STRIP / resolution, 1.0)
+    walls, strip = places(cells, OCCUPIED), max(_STRIP / resolution, 1.0)
     # Every n-th in raster order: the same map has always the same angle.
     points = walls[:: max(-(-len(walls) // _POINTS), 1)].astype(np.float64)
     coarse = _sharpness(points, np.arange(0.0, 90.0, _COARSE), 2 * strip)
@@ -162,12 +163,6 @@ def _steps_filled(walls: Mask, longest: int) -> Mask:
     return np.asarray((along_rows | along_cols)[inner, inner])
 
 
-def _places(cells: Cells, wanted: int) -> Ints:
-    """Rows and columns int64 (n, 2) of the cells of a value, in raster order."""
-    found = np.flatnonzero(cells == wanted)  # Several times as fast as `numpy.argwhere`.
-    return np.stack(np.divmod(found, cells.shape[1]), axis=1)
-
-
 @njit(cache=True, nogil=True)
 def _sharpness(points: Floats, degrees: Floats, wide: float) -> Floats:
     """How well points (k, 2) are in line at each of n angles, float64 (n,).
@@ -187,40 +182,6 @@ def _sharpness(points: Floats, degrees: Floats, wide: float) -> Floats:
         for n in range(2 * reach + 1):
             out[k] += across[n] * across[n] + along[n] * along[n]
     return out
-
-
-def _turned(cells: Cells, angle: float) -> Turned:
-    """The grid turned around its middle, each cell looked up, and no occupied one lost.
-
-    As `layoutexplore.layout.alignment.turn` does for grids that are turned once, here for every decision.
-    """
-    shape = cells.shape[0], cells.shape[1]
-    c, s = math.cos(angle), math.sin(angle)
-    rows, cols = (math.ceil(a * abs(c) + b * abs(s)) + 2 for a, b in (shape, shape[::-1]))
-    (r0, c0), (r1, c1) = ((0.5 * (high - 1), 0.5 * (wide - 1)) for high, wide in (shape, (rows, cols)))
-    looked_up = np.array([[c, -s, c0 - c * c1 + s * r1], [s, c, r0 - s * c1 - c * r1]])
-    found = cv2.warpAffine(
-        np.ascontiguousarray(cells).view(np.uint8),
-        looked_up,
-        (cols, rows),
-        flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
-        borderValue=int(np.array(UNKNOWN, np.int8).view(np.uint8)),
-    )
-    turned = Turned(np.asarray(found).view(np.int8), angle, (0, 0), shape)
-    walls = _turned_members(_places(cells, OCCUPIED), turned)
-    turned.cells[walls[:, 0], walls[:, 1]] = OCCUPIED
-    return turned
-
-
-def _turned_members(members: Ints32 | Ints, turned: Turned) -> Ints32:
-    """Where cells int (n, 2) of a grid lie in its turned one, which has the same middle, int32 (n, 2)."""
-    c, s = math.cos(turned.angle), math.sin(turned.angle)
-    (r0, c0), (r1, c1) = (
-        (0.5 * (rows - 1), 0.5 * (cols - 1)) for rows, cols in (turned.shape, turned.cells.shape)
-    )
-    y, x = members[:, 0] - r0, members[:, 1] - c0
-    found = np.stack([r1 - s * x + c * y, c1 + c * x + s * y], axis=1)
-    return np.ascontiguousarray(np.floor(found + 0.5), np.int32)
 
 
 class UprightRooms(RoomsOnGrid):

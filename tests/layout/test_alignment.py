@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from layoutexplore.layout.alignment import main_direction, surfaces, turn, turn_back
+from layoutexplore.layout.alignment import main_direction, places, surfaces, turn, turn_back, turned_places
 from tests.layout.merging.cases import office
 
 maps = hnp.arrays(
@@ -31,6 +31,25 @@ def test_labels_turn_there_and_back(angle: float) -> None:
     turned = turn(grid.cells, angle, (0, 0))
     back = turn_back((turned.cells == 0).astype(np.int32), turned, grid.shape) > 0
     assert (back != grid.free).mean() < 0.05
+
+
+@settings(max_examples=60, deadline=None)
+@given(maps, st.floats(-0.78, 0.78))
+def test_a_turned_map_is_looked_up_and_loses_no_wall(cells: np.ndarray, angle: float) -> None:
+    turned = turn(cells, angle, (0, 0)).cells
+    high, wide = turned.shape
+    walls = turned_places(places(cells, 100), angle, cells.shape, turned.shape)
+    assert (turned[walls[:, 0], walls[:, 1]] == 100).all()
+    placed = {(int(r), int(c)) for r, c in walls}
+    c, s = np.cos(angle), np.sin(angle)
+    for row, col in np.ndindex(high, wide):
+        y, x = row - (high - 1) / 2, col - (wide - 1) / 2
+        at = s * x + c * y + (cells.shape[0] - 1) / 2, c * x - s * y + (cells.shape[1] - 1) / 2
+        # Middles of cells that lie on the border of two may fall to either.
+        near = {tuple(int(np.floor(v + 0.5 + e)) for v in at) for e in (-1e-3, 1e-3)}
+        inside = [r >= 0 and k >= 0 and r < cells.shape[0] and k < cells.shape[1] for r, k in near]
+        seen = {int(cells[p]) if ok else -1 for p, ok in zip(near, inside, strict=True)}
+        assert len(near) > 1 or (row, col) in placed or turned[row, col] in seen
 
 
 def test_the_main_direction_is_the_peak_modulo_a_right_angle() -> None:

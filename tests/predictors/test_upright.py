@@ -20,7 +20,7 @@ from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import load_plan
 from layoutexplore.predictors import make_room_predictor
-from layoutexplore.predictors.upright import UprightRooms, upright_view, wall_angle
+from layoutexplore.predictors.upright import UprightRooms, UprightViews, upright_view, wall_angle
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 from layoutexplore.training.explorations import protocol_explorations
 
@@ -58,6 +58,33 @@ def turned_plan(plan: FloorPlan, degrees: float) -> FloorPlan:
 def test_the_angle_of_walls_is_found(degrees: float) -> None:
     found = math.degrees(wall_angle(room_at(degrees), 0.1))
     assert abs(found - degrees) <= 1.5 if abs(degrees) > 5 else found == 0 or abs(found - degrees) <= 1.5
+
+
+@pytest.mark.parametrize(("walls", "held"), [(17.4, 16.7), (17.4, 17.3), (44.8, -44.95)])
+def test_an_angle_that_is_hardly_less_sharp_is_held(walls: float, held: float) -> None:
+    assert wall_angle(room_at(walls), 0.1, math.radians(held)) == math.radians(held)
+
+
+@pytest.mark.parametrize(("walls", "held"), [(17.0, 26.0), (17.0, -17.0), (0.0, 4.0)])
+def test_an_angle_that_is_not_that_of_the_walls_is_given_up(walls: float, held: float) -> None:
+    assert wall_angle(room_at(walls), 0.1, math.radians(held)) == wall_angle(room_at(walls), 0.1)
+
+
+def test_each_exploration_begins_with_an_angle_of_its_own() -> None:
+    plan, views = turned_plan(load_plan("office-04"), 17.4), UprightViews()
+    simulation = Simulation(plan, SimulationConfig(sensor="indoor"))
+    found = []
+    for _ in range(2):
+        decision: Decision = simulation.reset(seed=1)
+        angles = []
+        while decision.frontiers and len(angles) < 12:
+            turned = views(decision).turned
+            angles.append(turned.angle if turned else 0.0)
+            decision = simulation.step(0)
+        found.append(angles)
+    assert found[0] == found[1] and 0.0 < len(set(found[0])) <= 2
+    fresh = UprightViews()(simulation.reset(seed=1)).turned
+    assert (fresh.angle if fresh else 0.0) == found[0][0]
 
 
 @pytest.mark.parametrize("cells", [room_at(0.0), room_at(1.0), np.full((9, 9), UNKNOWN, np.int8)])
@@ -105,5 +132,5 @@ def test_rooms_are_foreseen_on_a_turned_map(monkeypatch: pytest.MonkeyPatch) -> 
         return float(np.mean([room.hidden_iou for room in scores.rooms]))
 
     upright = hidden()
-    monkeypatch.setattr("layoutexplore.predictors.upright.wall_angle", lambda cells, resolution: 0.0)
+    monkeypatch.setattr("layoutexplore.predictors.upright.wall_angle", lambda *found: 0.0)
     assert upright > hidden()
