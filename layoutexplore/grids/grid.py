@@ -168,11 +168,14 @@ def in_cells(metres: float, resolution: float) -> int:
     return max(round(metres / resolution), 1)
 
 
+CELL_SIZES = (1e-5, 1e4)
+"""Metres; with cells outside of these, coordinates leave what numbers can tell apart."""
+
+
 def check_resolution(resolution: float) -> None:
-    """Raise `MapError` unless the resolution is a finite number of metres above 0."""
-    if (
-        not isinstance(resolution, (int, float, np.number))
-        or not math.isfinite(resolution)
-        or resolution <= 0
-    ):
-        raise MapError(f"the resolution must be a number of metres above 0, got {resolution!r}")
+    """Raise `MapError` unless the resolution is a number of metres above 0, and of the size of some cell."""
+    low, high = CELL_SIZES
+    if not isinstance(resolution, (int, float, np.number)) or not low <= resolution <= high:
+        raise MapError(
+            f"the resolution must be a number of metres above 0, from {low:g} to {high:g}, got {resolution!r}"
+        )
