@@ -17,14 +17,15 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.evaluation.segmentation import MapScore, score_case
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import OccupancyGrid
+from layoutexplore.layout.merging.merge_tree.cut import MergingModels
 from layoutexplore.layout.merging.method import MergingConfig, reconstruct_with
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case
-from layoutexplore.models.forest import Forest
 from layoutexplore.training.folds import Progress, check_folds, deal_folds, silent
 from layoutexplore.training.map_noise.examples import simulated_examples
+from layoutexplore.training.merge_trees.models import train_merging_models
 from layoutexplore.training.merging_examples import Example
-from layoutexplore.training.room_merging import MergingTrainingConfig, train_forest, training_examples
+from layoutexplore.training.room_merging import MergingTrainingConfig, training_examples
 
 Scored = tuple[Case, MapScore, Ints32]
 """A map, its scores and its labels."""
@@ -132,11 +133,11 @@ def _score_parts(
     for seed in range(config.seeds):
         for fold, part in enumerate(parts):
             training = MergingTrainingConfig(seed=seed, kind_weights=config.weights)
-            forest = train_forest(part.examples, training)
+            models = train_merging_models(part.examples, training)
             progress("judges trained", seed * len(parts) + fold + 1, config.seeds * len(parts))
 
-            def run(grid: OccupancyGrid, forest: Forest = forest) -> Layout:
-                return reconstruct_with(grid, MergingConfig(), forest)
+            def run(grid: OccupancyGrid, models: MergingModels = models) -> Layout:
+                return reconstruct_with(grid, MergingConfig(), models)
 
             for case in part.held:
                 row, layout = score_case(

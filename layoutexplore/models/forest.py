@@ -45,7 +45,7 @@ class Forest:
         These are log-odds, if that is what the forest was fitted to.
         """
         odds, samples = np.empty(len(samples)), np.ascontiguousarray(samples)
-        masks = self._single_masks if samples.dtype == np.float32 else self._masks
+        masks = self._single_masks if samples.dtype == np.float32 else self.masks
         if masks and len(samples) >= _MANY:
             log_odds_by_masks(samples, masks, odds)
         else:
@@ -57,12 +57,13 @@ class Forest:
         return np.asarray(1.0 / (1.0 + np.exp(-self.score(samples))))
 
     @cached_property
-    def _masks(self) -> LeafMasks | None:
+    def masks(self) -> LeafMasks | None:
+        """The forest for many samples at once; None where a tree has more leaves than a mask has bits."""
         return leaf_masks(self.feature, self.threshold, self.left, self.right, self.roots, self.bias)
 
     @cached_property
     def _single_masks(self) -> LeafMasks | None:
-        return self._masks and self._masks._replace(threshold=rounded_down(self._masks.threshold))
+        return self.masks and self.masks._replace(threshold=rounded_down(self.masks.threshold))
 
     @cached_property
     def numbers(self) -> Numbers:

@@ -44,6 +44,18 @@ class LeafMasks(NamedTuple):
     bias: float
 
 
+NO_MASKS = LeafMasks(
+    np.zeros(0, np.int32),
+    np.zeros(0),
+    np.zeros(0, np.uint32),
+    np.zeros(1, np.int64),
+    np.zeros((0, 32)),
+    *_SINGLE,
+    0.0,
+)
+"""Of no tree: for kernels that go on without masks where there are none."""
+
+
 def leaf_masks(
     feature: NDArray[np.int32],
     threshold: NDArray[np.float64],

@@ -9,7 +9,7 @@ quarters of what all real ones would without such weights.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,7 +22,6 @@ from layoutexplore.models.forest import Forest
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
 from layoutexplore.training.explored_maps import explored_examples
 from layoutexplore.training.folds import Progress, silent
-from layoutexplore.training.map_noise.examples import simulated_examples
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
 
 RISING = (
@@ -96,7 +95,7 @@ def train_forest(examples: Sequence[Example], config: MergingTrainingConfig | No
     for k in range(config.rounds):
         for example in examples:
             samples.append(training_samples(example.graph, forest, example.rooms))
-            keys.append((example.building, "" if example.building == SIMULATED else example.kind))
+            keys.append(kind_of(example))
         table, weights = _quantised(np.vstack(samples)), _weights(samples, keys, config)
         count = config.forests if k == config.rounds - 1 else 1
         forest = mean_forest([_fit(table, weights, config, 1000 * config.seed + n) for n in range(count)])
@@ -119,18 +118,30 @@ def mean_forest(forests: Sequence[Forest]) -> Forest:
     )
 
 
+def kind_of(example: Example) -> tuple[str, str]:
+    """Building and kind of a map, which share one weight; all simulated maps are of one kind."""
+    return example.building, "" if example.building == SIMULATED else example.kind
+
+
+def kind_scales(
+    keys: Iterable[tuple[str, str]], config: MergingTrainingConfig
+) -> dict[tuple[str, str], float]:
+    """The weight that all maps of a building and kind have together."""
+    known = dict.fromkeys(keys)
+    real = max(sum(building != SIMULATED for building, _ in known), 1)
+    return {
+        (building, kind): config.simulated_weight * real
+        if building == SIMULATED
+        else config.kind_weights.get(kind, 1.0)
+        for building, kind in known
+    }
+
+
 def _weights(samples: list[Floats], keys: list[tuple[str, str]], config: MergingTrainingConfig) -> Floats:
     totals: dict[tuple[str, str], float] = {}
     for part, key in zip(samples, keys, strict=True):
         totals[key] = totals.get(key, 0.0) + float(part[:, WEIGHT].sum())
-    real = max(sum(building != SIMULATED for building, _ in totals), 1)
-    simulated = max(len(totals) - sum(building != SIMULATED for building, _ in totals), 1)
-    scale = {
-        (building, kind): config.simulated_weight * real / simulated
-        if building == SIMULATED
-        else config.kind_weights.get(kind, 1.0)
-        for building, kind in totals
-    }
+    scale = kind_scales(totals, config)
     weights = np.concatenate(
         [p[:, WEIGHT] * scale[k] / max(totals[k], 1e-9) for p, k in zip(samples, keys, strict=True)]
     )
@@ -200,19 +211,3 @@ def _largest(cases: Sequence[Case], resolution: float) -> set[Case]:
         known = int(np.count_nonzero(read_case(case, resolution)[0].free))
         groups.setdefault((case.building, case.folder), []).append((-known, k))
     return {cases[k] for group in groups.values() for _, k in sorted(group)[:EXPLORED]}
-
-
-def train_classifier(
-    cases: Sequence[Case],
-    *,
-    resolution: float,
-    simulated: int,
-    plans: Sequence[str] = (),
-    seed: int = 0,
-    weights: Mapping[str, float] | None = None,
-    progress: Progress = silent,
-) -> Forest:
-    """The classifier that ships, of all given maps and simulated ones; `weights` as in `cross_validate`."""
-    examples = training_examples(cases, resolution, progress)
-    examples += simulated_examples(simulated, tuple(plans), progress=progress)
-    return train_forest(examples, MergingTrainingConfig(seed=seed, kind_weights=weights or {}))

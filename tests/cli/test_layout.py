@@ -15,10 +15,11 @@ from typer.testing import CliRunner
 
 from layoutexplore.cli import app
 from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.layout.merging.merge_forest import load_forest
+from layoutexplore.layout.merging.merge_tree.cut import MergingModels, load_cut_forest
 from layoutexplore.maps import expand_plans, load_plan
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.painted_rooms import find_cases
-from layoutexplore.models.forest import Forest
 from layoutexplore.training.folds import check_folds, deal_folds
 from layoutexplore.training.merging_examples import SIMULATED, Example
 from layoutexplore.training.room_merging import MergingTrainingConfig, first_forest
@@ -194,11 +195,11 @@ def test_a_source_is_scored_without_its_maps_and_its_buildings(
             draw(tmp_path / folder, name)
     learnt: list[set[tuple[str, str]]] = []
 
-    def spy(examples: Sequence[Example], config: MergingTrainingConfig) -> Forest:
+    def spy(examples: Sequence[Example], config: MergingTrainingConfig) -> MergingModels:
         learnt.append({(e.kind.split(",")[0], e.building) for e in examples if e.building != SIMULATED})
-        return first_forest()
+        return MergingModels(first_forest())
 
-    monkeypatch.setattr("layoutexplore.evaluation.cross_validation.train_forest", spy)
+    monkeypatch.setattr("layoutexplore.evaluation.cross_validation.train_merging_models", spy)
     command = ["evaluate", "segmentation", *(str(tmp_path / folder) for folder in drawn)]
     options = ["--leave-out", "source", "--source", "survey_full=survey", "--simulated", "2"]
     numbers = tmp_path / "numbers.json"
@@ -258,6 +259,29 @@ def test_what_is_missing_is_said_clearly(tmp_path: Path) -> None:
             app, ["evaluate", "train", str(tmp_path), "--out", str(tmp_path / "m.json"), "--weight", weight]
         )
         assert isinstance(result.exception, ConfigError) and weight in str(result.exception)
+
+
+@pytest.mark.slow
+def test_one_command_trains_the_judge_of_pairs_and_that_of_merges(tmp_path: Path) -> None:
+    for name in ("castle", "barn", "mill"):
+        draw(tmp_path, name)
+    command = [
+        "evaluate",
+        "train",
+        str(tmp_path),
+        "--simulated",
+        "6",
+        "--out",
+        str(tmp_path / "new" / "m.json"),
+    ]
+    result = runner.invoke(app, command)
+    assert result.exit_code == 0, result.output
+    models = MergingModels(
+        load_forest(tmp_path / "new" / "m.json"), load_cut_forest(tmp_path / "new" / "cut_model.json")
+    )
+    assert models.cut is not None and len(models.cut.roots) == 240 and len(models.pairs.roots) == 120
+    result = runner.invoke(app, [*command, "--cut-out", str(tmp_path)])
+    assert isinstance(result.exception, ConfigError) and "--cut-out" in str(result.exception)
 
 
 def test_a_truth_without_a_painted_room_is_an_error_and_no_score_of_zero(tmp_path: Path) -> None:

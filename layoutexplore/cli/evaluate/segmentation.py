@@ -314,7 +314,11 @@ def _weights(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, fl
 
 def train_merging(
     folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
-    out: Annotated[Path, typer.Option(help="File for the numbers of the judge.")],
+    out: Annotated[Path, typer.Option(help="File for the judge of pairs of pieces, merging_model.json.")],
+    cut_out: Annotated[
+        Path | None,
+        typer.Option(help="File for the judge of merges, cut_model.json; beside the other one if not given."),
+    ] = None,
     buildings: Annotated[
         Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")
     ] = None,
@@ -326,16 +330,18 @@ def train_merging(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     resolution: Resolution = 0.05,
 ) -> None:
-    """Train the judge of the default method, which decides what pieces of a map are one room."""
+    """Train the judges of the default method, which decide what pieces of a map are one room."""
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.layout.merging.merge_forest import save_forest
+    from layoutexplore.layout.merging.merge_tree.cut import CUT_MODEL, save_cut_forest
     from layoutexplore.maps.painted_rooms import find_cases
-    from layoutexplore.training.room_merging import train_classifier
+    from layoutexplore.training.merge_trees.models import train_classifiers
 
-    check_places(out.parent)
+    cut_out = cut_out or out.with_name(CUT_MODEL.name)
+    check_places(out.parent, cut_out, file="--cut-out")
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
     weights = _weights(weight, cases)
-    forest = train_classifier(
+    models = train_classifiers(
         cases,
         resolution=resolution,
         simulated=simulated,
@@ -351,5 +357,11 @@ def train_merging(
     note += f", seed {seed}" + "".join(
         f", weight {value:g} for {folder}" for folder, value in weights.items()
     )
-    save_forest(forest, out, note=note)
-    typer.echo(f"written: {out}, {len(forest.roots)} trees")
+    save_forest(models.pairs, out, note=note)
+    typer.echo(f"written: {out}, {len(models.pairs.roots)} trees")
+    if models.cut is None:
+        typer.echo("no merge of the maps' regions is right, or none is wrong: no cut to learn")
+        return
+    note = note.replace("two touching pieces are one room", "a merge stands")
+    save_cut_forest(models.cut, cut_out, note=note)
+    typer.echo(f"written: {cut_out}, {len(models.cut.roots)} trees")

@@ -13,9 +13,12 @@
    looks at each region (the unknown and the walls on its border, the walls around it, ...), and left out.
 6. Small forests of decision trees look at two touching regions (the pass between them, the door gaps and
    walls in line with it, the lines between them, their shapes and that of their union, ...), and the surest
-   pair merges, again and again, while it is likely that both belong to one room.
-7. Regions too small for a room join the neighbour they most likely belong to, and so do nooks that are not
-   surely rooms; what is too small and has no neighbour is dropped. The rooms' cells are turned back.
+   pair merges, again and again, while it is likely that both belong to one room. Regions too small for a
+   room then join the neighbour they most likely belong to, and so do nooks that are not surely rooms.
+7. Merging goes on while it is at all possible that a pair is one room. Another forest looks at each merge on
+   the way with what came of it (the whole region, its borders, what it would merge with next, ...). By both
+   forests, the likeliest set of merges stands in which none stands without all that it is made of.
+8. What is too small for a room is dropped. The rooms' cells are turned back.
 
 What varies from map to map is in the features; there is one set of parameters.
 """
@@ -45,13 +48,20 @@ from layoutexplore.layout.lines.face_model import WallModel
 from layoutexplore.layout.lines.rose2 import Rose2Config, chain_walls, with_perpendicular
 from layoutexplore.layout.lines.segments import find_segments
 from layoutexplore.layout.merging.adjacency_graph import region_graph, rooms_of_regions
-from layoutexplore.layout.merging.agglomeration import Rest, merge_within
+from layoutexplore.layout.merging.agglomeration import grow_tree, merge_within
 from layoutexplore.layout.merging.details import MergingDetails
 from layoutexplore.layout.merging.door_gaps import DoorGapConfig, find_door_gaps
 from layoutexplore.layout.merging.graph_tables import RegionGraph
 from layoutexplore.layout.merging.line_evidence import LineEvidence, find_evidence
 from layoutexplore.layout.merging.line_rooms import split_line_rooms
 from layoutexplore.layout.merging.merge_forest import load_forest
+from layoutexplore.layout.merging.merge_tree.contest import Rest
+from layoutexplore.layout.merging.merge_tree.cut import (
+    MergingModels,
+    best_cut,
+    load_cut_forest,
+    standing_odds,
+)
 from layoutexplore.layout.merging.ray_fans.classifier import load_fan_forest, outside_regions, without_regions
 from layoutexplore.layout.merging.ray_fans.enclosure import enclosure_of_regions
 from layoutexplore.layout.merging.ray_fans.features import describe_regions
@@ -62,7 +72,6 @@ from layoutexplore.layout.outlines import rooms_of_labels
 from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Deferred, Layout, empty_layout, has_free_space
-from layoutexplore.models.forest import Forest
 
 WALLS = Rose2Config(twice=False)
 """How walls, lines and faces are made; the rooms do not depend on them."""
@@ -84,7 +93,10 @@ class MergingConfig(DoorGapConfig):
             classified [m2].
         room_pass: Regions are in one room of the lines as far as the passes between them are this share of
             the smaller peak.
-        merge_level: Regions merge while the log-odds of belonging together are at least this.
+        merge_level: Regions merge while the log-odds of belonging together are at least this ...
+        tree_level: ... and, once what is too small has joined a neighbour, down to this: which merges stand
+            is then told by what they make.
+        pair_weight: What the log-odds of the pair weigh in that, where those of what they make weigh 1.
         fan_level: Regions lie outside the building from these log-odds on ...
         fan_spread: ... and so do those with these log-odds that they are open to.
         room_area: Smallest room [m2]; what is smaller joins the neighbour it most likely belongs to.
@@ -102,6 +114,8 @@ class MergingConfig(DoorGapConfig):
     sliver_area: float = 0.5
     room_pass: float = 0.6
     merge_level: float = 0.25
+    tree_level: float = -2.0
+    pair_weight: float = 2.0
     fan_level: float = 2.0
     fan_spread: float = 0.0
     room_area: float = 1.5
@@ -229,7 +243,7 @@ def _with_line_rooms(
 
 
 def merge_into_rooms(
-    regions: Oversegmentation, grid: OccupancyGrid, config: MergingConfig, forest: Forest
+    regions: Oversegmentation, grid: OccupancyGrid, config: MergingConfig, models: MergingModels
 ) -> tuple[Ints32, Ints32, bool]:
     """Room labels int32 of the cells that are not occupied, the rooms' footprints, and if all is merged.
 
@@ -238,7 +252,13 @@ def merge_into_rooms(
     rest = Rest(config.room_area, config.nook_area, config.nook_level, most_questions(grid.shape))
     levels = {"level": config.fan_level, "spread": config.fan_spread}
     outside = outside_regions(regions.graph, regions.features, load_fan_forest(), **levels)
-    into, done = merge_within(without_regions(regions.graph, outside), forest, config.merge_level, rest)
+    graph = without_regions(regions.graph, outside)
+    if models.cut is None:
+        into, done = merge_within(graph, models.pairs, config.merge_level, rest)
+    else:
+        tree, features, done = grow_tree(graph, models.pairs, config.merge_level, rest, config.tree_level)
+        wholes = models.cut.score(features)
+        into = best_cut(tree, standing_odds(tree, wholes, config.merge_level, config.pair_weight))
     into = np.where(outside, 0, into).astype(np.int32)[regions.part]
     footprint = turn_back(regions.labels, regions.turned, grid.shape)
     if regions.turned.angle:
@@ -313,17 +333,17 @@ def _number_large(regions: Ints32, into: Ints32, cells: Cells, cell_area: float,
 
 def run_merging(grid: OccupancyGrid, config: MergingConfig) -> Layout:
     """Rooms of a complete or partial, clean or cluttered grid."""
-    return reconstruct_with(grid, config, load_forest())
+    return reconstruct_with(grid, config, MergingModels(load_forest(), load_cut_forest()))
 
 
-def reconstruct_with(grid: OccupancyGrid, config: MergingConfig, forest: Forest) -> Layout:
-    """`run_merging` with another classifier than the shipped one."""
+def reconstruct_with(grid: OccupancyGrid, config: MergingConfig, models: MergingModels) -> Layout:
+    """`run_merging` with other classifiers than the shipped ones."""
     if not has_free_space(grid):
         return empty_layout("default", grid, "the grid has no free cell")
     timer = StageTimer()
     regions = find_regions(grid.cells, grid.resolution, config, timer)
     with timer("merging"):
-        labels, footprint, done = merge_into_rooms(regions, grid, config, forest)
+        labels, footprint, done = merge_into_rooms(regions, grid, config, models)
     with timer("walls"):
         structure = with_perpendicular(regions.structure)
         clutter = true_cells(turn_back(regions.clutter, regions.turned, grid.shape) & grid.occupied)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import strategies as st
 
@@ -56,6 +58,14 @@ def graphs(draw: st.DrawFn) -> RegionGraph:
     edges[:, EDGE.door] = np.minimum(edges[:, EDGE.door], edges[:, EDGE.open])
     rooms = rng.integers(0, 5, (count + 1, 3)).astype(np.float64)
     return RegionGraph(nodes, np.array(pairs, np.int32).reshape(-1, 2), edges, rooms, 1.0)
+
+
+def boxed(graph: RegionGraph) -> RegionGraph:
+    """A drawn graph whose regions have bounding boxes of at least one cell."""
+    nodes = graph.nodes.copy()
+    nodes[1:, NODE.row1] += nodes[1:, NODE.row0]
+    nodes[1:, NODE.col1] += nodes[1:, NODE.col0]
+    return replace(graph, nodes=nodes)
 
 
 def slow_parts(graph: RegionGraph, area: float) -> list[set[int]]:

@@ -1,0 +1,104 @@
+"""Training both classifiers of the merging method, on maps whose rooms are known.
+
+So that the trees of merges err as they do on maps of other buildings, the pairs of a half of the buildings
+are judged by a classifier trained on the other half.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from layoutexplore.layout.merging.merge_tree.cut import MergingModels
+from layoutexplore.maps.painted_rooms import Case
+from layoutexplore.models.forest import Forest
+from layoutexplore.training.boosting import BoostingConfig, fit_forest
+from layoutexplore.training.folds import Progress, silent
+from layoutexplore.training.map_noise.examples import simulated_examples
+from layoutexplore.training.merge_trees.samples import TreeSamples, tree_samples
+from layoutexplore.training.merging_examples import SIMULATED, Example
+from layoutexplore.training.room_merging import (
+    MergingTrainingConfig,
+    kind_of,
+    kind_scales,
+    mean_forest,
+    train_forest,
+    training_examples,
+)
+
+GROWTH = BoostingConfig(trees=80, leaves=12, rate=0.12, leaf_samples=30, penalty=5.0, feature_share=0.4)
+"""How the trees of each forest are grown."""
+
+
+def train_merging_models(
+    examples: Sequence[Example], config: MergingTrainingConfig | None = None
+) -> MergingModels:
+    """Both classifiers of the method: of pairs, and of merges.
+
+    Args:
+        examples: Maps of at least one building.
+        config: How that of the pairs is trained; that of the merges takes its weights and its seed.
+    """
+    config = config or MergingTrainingConfig()
+    pairs = train_forest(examples, config)
+    halves = [_half(example) for example in examples]
+    samples, keys = [], []
+    for half in range(2):
+        mine = [e for e, h in zip(examples, halves, strict=True) if h == half]
+        others = [e for e, h in zip(examples, halves, strict=True) if h != half]
+        # of one building there is no other half: better a flattering tree than none
+        judge = replace(config, seed=config.seed + 1 + half, forests=2)
+        forest = train_forest(others, judge) if others else pairs
+        samples += [tree_samples(example, forest) for example in mine]
+        keys += [kind_of(example) for example in mine]
+    return MergingModels(pairs, _train_cut(samples, keys, config))
+
+
+def _half(example: Example) -> int:
+    """Which half of the buildings a map is of; simulated maps by their plans."""
+    name = example.kind if example.building == SIMULATED else example.building
+    return zlib.crc32(name.encode()) % 2
+
+
+def _train_cut(
+    samples: Sequence[TreeSamples], keys: Sequence[tuple[str, str]], config: MergingTrainingConfig
+) -> Forest | None:
+    """The classifier of merges; None where all of them stand, or none does."""
+    scales, maps = kind_scales(keys, config), Counter(keys)
+    features, worth = (
+        np.concatenate([getattr(part, name) for part in samples]) for name in ("features", "worth")
+    )
+    weights = np.concatenate(
+        [part.weights * scales[key] / maps[key] for part, key in zip(samples, keys, strict=True)]
+    )
+    stands = worth > 0
+    if not len(stands) or stands.all() or not stands.any():
+        return None
+    seeds = range(config.forests * config.seed, config.forests * (config.seed + 1))
+    forest = mean_forest(
+        [
+            fit_forest(features, stands, replace(GROWTH, seed=k), weights / weights.mean(), double=True)
+            for k in seeds
+        ]
+    )
+    return replace(forest, threshold=forest.threshold.round(6), bias=round(forest.bias, 6))
+
+
+def train_classifiers(
+    cases: Sequence[Case],
+    *,
+    resolution: float,
+    simulated: int,
+    plans: Sequence[str] = (),
+    seed: int = 0,
+    weights: Mapping[str, float] | None = None,
+    progress: Progress = silent,
+) -> MergingModels:
+    """The classifiers that ship, of all given maps and simulated ones; `weights` as in `cross_validate`."""
+    examples = training_examples(cases, resolution, progress)
+    examples += simulated_examples(simulated, tuple(plans), progress=progress)
+    return train_merging_models(examples, MergingTrainingConfig(seed=seed, kind_weights=weights or {}))
