@@ -13,7 +13,9 @@ import numpy as np
 
 from layoutexplore.grids.arrays import Cells, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
+from layoutexplore.layout.alignment import turn
 from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.predictors.upright import wall_angle
 
 RESOLUTION = 0.05
 """Metres a cell of the simulated maps."""
@@ -165,20 +167,28 @@ def _largest(mask: Mask) -> Mask:
 
 
 def plan_cells(plan: FloorPlan, resolution: float, rng: np.random.Generator) -> Cells:
-    """The map int8 (rows, cols) of a floor plan: its free space, shrunk at random, and its rim.
+    """The map int8 (rows, cols) of a floor plan: its free space, upright and shrunk at random, and its rim.
 
     Args:
-        plan: A floor plan whose walls run along rows and columns.
+        plan: A floor plan; where its walls lie askew (`wall_angle`) it is turned.
         resolution: Metres a cell.
         rng: How much is shrunk, as by thicker walls, and which cells of the rim are missing.
     """
-    free = plan.rasterize(resolution, margin=1.0).free
+    free = _upright(plan.rasterize(resolution, margin=1.0).free, resolution)
     shrink = 2 * int(rng.integers(0, 3)) * in_cells(0.05, resolution) + 1
     free = cv2.erode(free.astype(np.uint8), np.ones((shrink, shrink), np.uint8)) > 0
     free = _largest(free)
     rim = cv2.dilate(free.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     rim &= (rng.random(free.shape) > rng.choice([0.0, 0.1, 0.3])) & ~free
     return np.where(free, FREE, np.where(rim, OCCUPIED, UNKNOWN)).astype(np.int8)
+
+
+def _upright(free: Mask, resolution: float) -> Mask:
+    """Free space turned so that its outlines run along rows and columns."""
+    around = cv2.dilate(free.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    cells = np.where(free, FREE, np.where(around, OCCUPIED, UNKNOWN)).astype(np.int8)
+    angle = wall_angle(cells, resolution)
+    return np.asarray(turn(cells, angle, (0, 0)).cells == FREE) if angle else free
 
 
 def add_outer_doors(

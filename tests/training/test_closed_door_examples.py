@@ -5,8 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+import shapely.affinity
 
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.training.closed_door_examples import add_outer_doors, find_doorways, plan_cells, shut_rooms
 from layoutexplore.training.simulated_maps import furnish_cells
@@ -40,6 +42,14 @@ def test_a_floor_plan_becomes_a_map() -> None:
     assert set(np.unique(cells)) == {FREE, OCCUPIED, UNKNOWN} and (
         cells == FREE
     ).sum() * 0.05**2 == pytest.approx(9, rel=0.25)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 12.0, -37.0])
+def test_a_floor_plan_that_lies_askew_becomes_an_upright_map(degrees: float) -> None:
+    room = Room(id=1, polygon=shapely.affinity.rotate(shapely.box(0, 0, 20, 8), degrees))
+    free = plan_cells(FloorPlan(name="hall", rooms=(room,)), 0.05, np.random.default_rng(0)) == FREE
+    rows, cols = np.flatnonzero(free.any(axis=1)), np.flatnonzero(free.any(axis=0))
+    assert free.sum() > 0.95 * (np.ptp(rows) + 1) * (np.ptp(cols) + 1)
 
 
 @pytest.mark.parametrize("resolution", [0.025, 0.05, 0.1])
