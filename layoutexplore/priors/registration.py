@@ -19,7 +19,7 @@ from layoutexplore.priors.evidence import Evidence, seen_points, wall_direction
 from layoutexplore.priors.fields import make_fields
 from layoutexplore.priors.plan import PriorPlan
 from layoutexplore.priors.refinement import Fit, Placement, fit_points, matrix_of, recentred, refine
-from layoutexplore.priors.search import SCALE_STEP, Candidate, CoarseSearch, Slice, slices
+from layoutexplore.priors.search import SCALE_STEP, Candidate, CoarseSearch, Slice, make_gains, slices
 from layoutexplore.priors.warp import WarpedPlacement, bent
 
 LEAST_AREA = 6.0
@@ -112,6 +112,7 @@ class Registration:
 
     def __init__(self, prior: PriorPlan, start: tuple[float, float] | None = None) -> None:
         self.prior, self.fields = prior, make_fields(prior)
+        self._gains = make_gains(self.fields)
         self.hypotheses: list[Hypothesis] = []
         self.evidence = Evidence(np.zeros((0, 2)), np.zeros((0, 2)), 0.0)
         self.direction = 0.0
@@ -138,7 +139,8 @@ class Registration:
             first = self._searched == 0
             self._searched = self.evidence.area
             self.direction = wall_direction(grid.free)
-            self._job = (CoarseSearch(self.fields, self.evidence, self.direction), self._slices())
+            search = CoarseSearch(self.fields, self._gains, self.evidence, self.direction)
+            self._job = search, self._slices()
             self._search(math.inf if first else TRANSFORMED)
             if first:
                 self._try(TRIED)
@@ -165,7 +167,7 @@ class Registration:
         if self.evidence.area < SHIFT_GROWTH * self._shifted or not self.hypotheses:
             return
         self._shifted = self.evidence.area
-        search = CoarseSearch(self.fields, self.evidence, self.direction)
+        search = CoarseSearch(self.fields, self._gains, self.evidence, self.direction)
         found = []
         for hypothesis in self.hypotheses[:SHIFTED]:
             log_x, log_y = hypothesis.placed.placement.parameters[:2].tolist()

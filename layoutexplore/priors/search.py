@@ -10,13 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import cv2
 import numpy as np
 from scipy import fft
 
-from layoutexplore.grids.arrays import Floats, Floats32
+from layoutexplore.grids.arrays import Floats, Floats32, Ints
 from layoutexplore.priors.evidence import Evidence
 from layoutexplore.priors.fields import PlanFields
 from layoutexplore.priors.refinement import (
@@ -43,6 +42,9 @@ APART = 2.0
 
 PEAKS = 3
 """Positions kept of each."""
+
+SPECTRA = 4
+"""Transforms of what is seen that are kept: a plan turned by 90 degrees needs another size."""
 
 
 @dataclass(frozen=True)
@@ -96,17 +98,37 @@ def slices(log_scales: Floats, quarters: tuple[int, ...], mirrored: tuple[bool, 
                 yield Slice(quarter, flipped, log_scale)
 
 
+def make_gains(fields: PlanFields) -> tuple[Floats32, Floats32]:
+    """Gains of a seen wall and of seen floor over those outside of the plan, at half a coarse cell."""
+    far = np.minimum(fields.to_walls, 10 * COARSE_STD)
+    likely = (1 - OUTLIERS) * np.exp(-0.5 * (far / COARSE_STD) ** 2) + OUTLIERS
+    walls = np.log(likely) - math.log(OUTLIERS)
+    cost = np.clip((FLOOR_REACH - fields.depth) / FLOOR_REACH, 0.0, 1.0)
+    cost[fields.depth < -SILENT] = SILENT_SHARE
+    floor = FLOOR_WEIGHT * FLOOR_COST * (SILENT_SHARE - cost)
+    step = max(1.0, COARSE / 2 / fields.cell)
+    shape = tuple(max(1, round(n / step)) for n in walls.shape[::-1])
+    first, second = (
+        np.asarray(cv2.resize(image.astype(np.float32), shape, interpolation=cv2.INTER_AREA), np.float32)
+        for image in (walls, floor)
+    )
+    return first, second
+
+
 class CoarseSearch:
     """A search for one state of the map.
 
     Args:
         fields: The plan.
+        gains: Of the plan, as of `make_gains`.
         evidence: What is seen.
         direction: Of the seen walls, radians.
     """
 
-    def __init__(self, fields: PlanFields, evidence: Evidence, direction: float) -> None:
-        self._fields, self.direction = fields, direction
+    def __init__(
+        self, fields: PlanFields, gains: tuple[Floats32, Floats32], evidence: Evidence, direction: float
+    ) -> None:
+        self._fields, self._images, self.direction = fields, gains, direction
         self._centre = evidence.centre
         c, s = math.cos(direction), math.sin(direction)
         to_axes = np.array([[c, -s], [s, c]])
@@ -117,27 +139,9 @@ class CoarseSearch:
         self._size = (high - self._low).astype(int)[::-1] + 1
         self._spectra: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
 
-    @cached_property
-    def _images(self) -> tuple[Floats32, Floats32]:
-        """Gains of a seen wall and of seen floor over those outside of the plan, at half a coarse cell."""
-        cell = self._fields.cell
-        likely = (1 - OUTLIERS) * np.exp(-0.5 * (self._fields.to_walls / COARSE_STD) ** 2) + OUTLIERS
-        walls = np.log(likely) - math.log(OUTLIERS)
-        cost = np.clip((FLOOR_REACH - self._fields.depth) / FLOOR_REACH, 0.0, 1.0)
-        cost[self._fields.depth < -SILENT] = SILENT_SHARE
-        floor = FLOOR_WEIGHT * FLOOR_COST * (SILENT_SHARE - cost)
-        step = max(1.0, COARSE / 2 / cell)
-        shape = tuple(max(1, round(n / step)) for n in walls.shape[::-1])
-        small = (
-            cv2.resize(image.astype(np.float32), shape, interpolation=cv2.INTER_AREA)
-            for image in (walls, floor)
-        )
-        first, second = small
-        return first, second
-
     def cost(self, part: Slice) -> int:
         """Cells of its transforms."""
-        rows, cols = self._shape(part)
+        rows, cols = self._shape(self._box(part)[1])
         return rows * cols
 
     def _box(self, part: Slice) -> tuple[Floats, tuple[int, int]]:
@@ -150,11 +154,11 @@ class CoarseSearch:
         size = np.ceil((axes.max(axis=0) - low) / COARSE).astype(int)[::-1]
         return low, (int(size[0]), int(size[1]))
 
-    def _shape(self, part: Slice) -> tuple[int, int]:
-        _, (rows, cols) = self._box(part)
+    def _shape(self, drawn: tuple[int, int]) -> tuple[int, int]:
+        """The size of the transforms of a drawn plan of that size."""
         return (
-            fft.next_fast_len(rows + int(self._size[0]), True),
-            fft.next_fast_len(cols + int(self._size[1]), True),
+            fft.next_fast_len(drawn[0] + int(self._size[0]), True),
+            fft.next_fast_len(drawn[1] + int(self._size[1]), True),
         )
 
     def _seen(self, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -163,16 +167,17 @@ class CoarseSearch:
             found = []
             for points in (self._walls, self._floor):
                 cells = (np.floor(points / COARSE) - self._low).astype(int)
-                counts = np.zeros(shape, np.float32)
-                np.add.at(counts, (cells[:, 1], cells[:, 0]), 1.0)
-                found.append(np.conj(fft.rfft2(counts)))
-            self._spectra = {shape: (found[0], found[1])}
+                counts = np.bincount(cells[:, 1] * shape[1] + cells[:, 0], minlength=shape[0] * shape[1])
+                found.append(np.conj(fft.rfft2(counts.reshape(shape).astype(np.float32))))
+            if len(self._spectra) == SPECTRA:
+                self._spectra.pop(next(iter(self._spectra)))
+            self._spectra[shape] = found[0], found[1]
         return self._spectra[shape]
 
     def run(self, part: Slice) -> list[Candidate]:
         """The best positions of one orientation and scale."""
         low, (rows, cols) = self._box(part)
-        shape, scale = self._shape(part), part.factors
+        shape, scale = self._shape((rows, cols)), part.factors
         turn = part.turn(self._fields.direction)
         images = self._images
         step = self._fields.free.shape[1] * self._fields.cell / images[0].shape[1]
@@ -184,30 +189,25 @@ class CoarseSearch:
         drawn = [cv2.warpAffine(image, warp, (cols, rows), flags=flags) for image in images]
         walls, floor = self._seen(shape)
         product = fft.rfft2(drawn[0], shape) * walls + fft.rfft2(drawn[1], shape) * floor
-        scores = fft.irfft2(product, shape)
-        return [self._candidate(part, turn, low, place, scores) for place in _peaks(scores)]
-
-    def _candidate(
-        self, part: Slice, turn: Floats, low: Floats, place: tuple[int, int], scores: Floats32
-    ) -> Candidate:
-        rows, cols = scores.shape
-        r, c = place
-        drawn = self._box(part)[1]
+        places, scores = _peaks(fft.irfft2(product, shape))
         # Beyond the plan's size an offset is a negative one: the map hangs out at the low side.
-        row, col = (r - rows if r >= drawn[0] else r), (c - cols if c >= drawn[1] else c)
+        places -= np.where(places >= (rows, cols), shape, 0)
         # Cell `self._low` of the seen points lies at cell (row, col) of the plan.
-        axes = low + np.array([col, row]) * COARSE - self._low * COARSE
-        b = turn @ (axes * part.factors)
-        parameters = np.array([*np.log(part.factors), self.direction, b[0], b[1]])
-        return Candidate(float(scores[r, c]), part, Placement(turn, parameters, self._centre))
+        axes = low + (places[:, ::-1] - self._low) * COARSE
+        shifts = (axes * scale) @ turn.T
+        fixed = np.append(np.log(scale), self.direction)
+        return [
+            Candidate(score, part, Placement(turn, np.concatenate([fixed, b]), self._centre))
+            for score, b in zip(scores.tolist(), shifts, strict=True)
+        ]
 
 
-def _peaks(scores: Floats32) -> list[tuple[int, int]]:
-    """The highest places that lie apart, (row, col)."""
-    work, found = scores.copy(), []
+def _peaks(scores: Floats32) -> tuple[Ints, Floats32]:
+    """The highest places that lie apart, (row, col) int64 (n, 2), and their scores; scores are used up."""
+    places, heights = np.empty((PEAKS, 2), np.int64), np.empty(PEAKS, np.float32)
     reach = round(APART / COARSE)
-    for _ in range(PEAKS):
-        r, c = divmod(int(work.argmax()), work.shape[1])
-        found.append((r, c))
-        work[max(r - reach, 0) : r + reach + 1, max(c - reach, 0) : c + reach + 1] = -np.inf
-    return found
+    for n in range(PEAKS):
+        r, c = divmod(int(scores.argmax()), scores.shape[1])
+        places[n], heights[n] = (r, c), scores[r, c]
+        scores[max(r - reach, 0) : r + reach + 1, max(c - reach, 0) : c + reach + 1] = -np.inf
+    return places, heights

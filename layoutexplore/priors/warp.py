@@ -135,49 +135,60 @@ def bent(
     cols, rows = (np.ceil((high - low) / spacing).astype(int) + 1).tolist()
     matrix, shift = matrix_of(placed.placement)
     linear = walls @ matrix.T + shift
-    smooth = _smoothness(rows, cols, 1.0 / (STRETCH_STD * spacing) ** 2)
+    stiffness = 1.0 / (STRETCH_STD * spacing) ** 2
     lattice = Lattice(low, spacing, np.zeros((rows, cols, 2)))
     if placed.lattice is not None:
         nodes = np.stack(np.meshgrid(*(np.arange(n) * spacing for n in (cols, rows))), axis=-1).reshape(-1, 2)
         lattice = lattice._replace(shifts=_at(placed.lattice, nodes + low).reshape(rows, cols, 2))
     for _ in range(rounds):
-        normal, right = _equations(walls, linear, lattice.low, spacing, lattice.shifts, _of(fields))
-        lattice = lattice._replace(shifts=_solved(normal + smooth, right, rows, cols))
-    flat = lattice.shifts.ravel()
-    return WarpedPlacement(placed.placement, lattice), 0.5 * float(flat @ smooth @ flat)
+        lower, right = _smoothness(rows, cols, stiffness)
+        _add_walls(lower, right, walls, linear, lattice, _of(fields))
+        found = linalg.solveh_banded(lower, right, overwrite_ab=True, lower=True, check_finite=False)
+        lattice = lattice._replace(shifts=_by_place(found, rows, cols))
+    return WarpedPlacement(placed.placement, lattice), _cost(lattice.shifts, stiffness)
 
 
-def _solved(normal: Floats, right: Floats, rows: int, cols: int) -> Floats:
-    """The displacements float64 (rows, cols, 2); renumbered so that neighbours have near numbers."""
-    numbers = np.arange(2 * rows * cols).reshape(rows, cols, 2)
-    order = (numbers if cols <= rows else numbers.transpose(1, 0, 2)).ravel()
-    band = 2 * (min(rows, cols) + 2)
-    ordered = normal[np.ix_(order, order)]
-    lower = np.zeros((band, len(order)))
-    for k in range(band):
-        lower[k, : len(order) - k] = np.diagonal(ordered, -k)
-    found = np.empty(len(order))
-    found[order] = linalg.solveh_banded(lower, right[order], lower=True, check_finite=False)
-    return found.reshape(rows, cols, 2)
+def _by_place(found: Floats, rows: int, cols: int) -> Floats:
+    """Displacements float64 (rows, cols, 2) of unknowns in their order, see `_unknown`."""
+    if cols <= rows:
+        return found.reshape(rows, cols, 2)
+    return np.ascontiguousarray(found.reshape(cols, rows, 2).transpose(1, 0, 2))
+
+
+def _cost(shifts: Floats, stiffness: float) -> float:
+    """What unlike neighbours and large displacements cost in log-likelihood."""
+    unlike = sum(float(np.square(np.diff(shifts, axis=axis)).sum()) for axis in (0, 1))
+    return 0.5 * (stiffness * unlike + float(np.square(shifts).sum()) / SHIFT_STD**2)
 
 
 def _of(fields: PlanFields) -> tuple[Floats32, float, float]:
     return fields.to_walls, fields.cell, fields.low
 
 
-def _smoothness(rows: int, cols: int, stiffness: float) -> Floats:
-    """float64 (2 n, 2 n): what unlike neighbours and large displacements cost."""
-    numbers = np.arange(rows * cols).reshape(rows, cols)
-    first = np.concatenate([numbers[:-1].ravel(), numbers[:, :-1].ravel()])
-    second = np.concatenate([numbers[1:].ravel(), numbers[:, 1:].ravel()])
-    found = np.eye(2 * rows * cols) / SHIFT_STD**2
-    for axis in (0, 1):
-        a, b = 2 * first + axis, 2 * second + axis
-        np.add.at(found, (a, a), stiffness)
-        np.add.at(found, (b, b), stiffness)
-        np.add.at(found, (a, b), -stiffness)
-        np.add.at(found, (b, a), -stiffness)
-    return found
+@njit(cache=True, nogil=True)
+def _unknown(row: int, col: int, rows: int, cols: int) -> int:
+    """The number of a node's first unknown: along the shorter side first, so that neighbours are near."""
+    return 2 * (row * cols + col if cols <= rows else col * rows + row)
+
+
+@njit(cache=True, nogil=True)
+def _smoothness(rows: int, cols: int, stiffness: float) -> tuple[Floats, Floats]:
+    """Banded normal equations, lower[k, j] being row j + k of column j, of the costs of a displacement."""
+    band = 2 * (min(rows, cols) + 2)
+    lower, right = np.zeros((band, 2 * rows * cols)), np.zeros(2 * rows * cols)
+    lower[0] = 1.0 / SHIFT_STD**2
+    for r in range(rows):
+        for c in range(cols):
+            node = _unknown(r, c, rows, cols)
+            for i, j in ((r + 1, c), (r, c + 1)):
+                if i == rows or j == cols:
+                    continue
+                other = _unknown(i, j, rows, cols)  # always the higher one: either order counts upwards
+                for axis in range(2):
+                    lower[0, node + axis] += stiffness
+                    lower[0, other + axis] += stiffness
+                    lower[other - node, node + axis] -= stiffness
+    return lower, right
 
 
 def _at(lattice: Lattice, points: Floats) -> Floats:
@@ -209,32 +220,31 @@ def _interpolate(low: Floats, spacing: float, shifts: Floats, points: Floats) ->
 
 
 @njit(cache=True, nogil=True)
-def _equations(
+def _add_walls(
+    lower: Floats,
+    right: Floats,
     walls: Floats,
     linear: Floats,
-    low: Floats,
-    spacing: float,
-    shifts: Floats,
+    lattice: Lattice,
     plan: tuple[Floats32, float, float],
-) -> tuple[Floats, Floats]:
-    """Normal equations of the walls: each is off by its distance, and moves along the gradient of it."""
-    rows, cols = shifts.shape[0], shifts.shape[1]
-    normal, right = np.zeros((2 * rows * cols, 2 * rows * cols)), np.zeros(2 * rows * cols)
+) -> None:
+    """Add the walls' equations: each is off by its distance, and moves along the gradient of it."""
+    rows, cols = lattice.shifts.shape[0], lattice.shifts.shape[1]
     nodes, parts = np.empty(8, np.int64), np.empty(8)
-    moved = _interpolate(low, spacing, shifts, walls)
+    moved = _interpolate(lattice.low, lattice.spacing, lattice.shifts, walls)
     for n in range(len(walls)):
         x, y = linear[n, 0] + moved[n, 0], linear[n, 1] + moved[n, 1]
         distance, gx, gy = sample_field(plan[0], x, y, plan[1], plan[2])
         if gx * gx + gy * gy < 0.25:
             continue  # on a ridge between two walls the gradient points nowhere
         weight = WALL_WEIGHT / (WALL_STD * (1 + (distance / FAR) ** 2)) ** 2
-        r, c, b, a = _node(low, spacing, (rows, cols), walls[n, 0], walls[n, 1])
+        r, c, b, a = _node(lattice.low, lattice.spacing, (rows, cols), walls[n, 0], walls[n, 1])
         for i in range(2):
             for j in range(2):
                 share = (b if i else 1 - b) * (a if j else 1 - a)
                 # entries 2m and 2m + 1 are x and y of a corner
                 m = 2 * (2 * i + j)
-                nodes[m] = 2 * ((r + i) * cols + c + j)
+                nodes[m] = _unknown(r + i, c + j, rows, cols)
                 nodes[m + 1] = nodes[m] + 1
                 parts[m], parts[m + 1] = share * gx, share * gy
         # linear in the displacement: distance + g (u - u0), with u0 where it was linearised
@@ -242,5 +252,5 @@ def _equations(
         for i in range(8):
             right[nodes[i]] += weight * parts[i] * target
             for j in range(8):
-                normal[nodes[i], nodes[j]] += weight * parts[i] * parts[j]
-    return normal, right
+                if nodes[j] <= nodes[i]:  # the upper half is the same
+                    lower[nodes[i] - nodes[j], nodes[j]] += weight * parts[i] * parts[j]
