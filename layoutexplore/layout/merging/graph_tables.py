@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Floats, Ints32
+from layoutexplore.grids.arrays import Floats, Ints32, Mask
 
 
 class NodeColumns(NamedTuple):
@@ -147,3 +147,35 @@ def find_slot(a: int, b: int, ends: Ints32, slots: Ints32) -> int:
     while slots[slot] >= 0 and (ends[slots[slot], 0] != a or ends[slots[slot], 1] != b):
         slot = (slot + 1) & mask
     return int(slot)
+
+
+class HalfEdges(NamedTuple):
+    """Chains of the half-edges that start at one region, in the order of the contacts; -1 ends a chain.
+
+    Half-edge 2 e starts at the first end of contact e, 2 e + 1 at its second.
+
+    Attributes:
+        first: int32 (k + 1,), of each region's chain.
+        last: int32 (k + 1,), of each region's chain.
+        links: int32 (2 m,), the half-edge behind each.
+    """
+
+    first: Ints32
+    last: Ints32
+    links: Ints32
+
+
+@njit(cache=True, nogil=True)
+def half_edges(ends: Ints32, wanted: Mask, count: int) -> HalfEdges:
+    """The chains of `count` regions, of those contacts that are wanted, bool (m,)."""
+    first, last = np.full(count, -1, np.int32), np.full(count, -1, np.int32)
+    links = np.full(2 * len(ends), -1, np.int32)
+    for h in range(2 * len(ends)):
+        if wanted[h // 2]:
+            k = ends[h // 2, h % 2]
+            if first[k] < 0:
+                first[k] = h
+            else:
+                links[last[k]] = h
+            last[k] = h
+    return HalfEdges(first, last, links)

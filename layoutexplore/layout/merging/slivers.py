@@ -8,8 +8,6 @@ matter.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
@@ -18,44 +16,14 @@ from layoutexplore.grids.components import root_of
 from layoutexplore.layout.merging.graph_tables import (
     EDGE,
     NODE,
+    HalfEdges,
     RegionGraph,
     add_edge,
     add_node,
     edge_slots,
     find_slot,
+    half_edges,
 )
-
-
-class HalfEdges(NamedTuple):
-    """Chains of the open half-edges that start at one region, in the order of the edges; -1 ends a chain.
-
-    Half-edge 2 e starts at the first end of edge e, 2 e + 1 at its second.
-
-    Attributes:
-        first: int32 (k + 1,), of each region's chain.
-        last: int32 (k + 1,), of each region's chain.
-        links: int32 (2 m,), the half-edge behind each.
-    """
-
-    first: Ints32
-    last: Ints32
-    links: Ints32
-
-
-@njit(cache=True, nogil=True)
-def _half_edges(ends: Ints32, edges: Floats, count: int) -> HalfEdges:
-    """The chains of `count` regions."""
-    first, last = np.full(count, -1, np.int32), np.full(count, -1, np.int32)
-    links = np.full(2 * len(ends), -1, np.int32)
-    for h in range(2 * len(ends)):
-        if edges[h // 2, EDGE.open] > 0:
-            k = ends[h // 2, h % 2]
-            if first[k] < 0:
-                first[k] = h
-            else:
-                links[last[k]] = h
-            last[k] = h
-    return HalfEdges(first, last, links)
 
 
 @njit(cache=True, nogil=True)
@@ -94,7 +62,7 @@ def _unite(nodes: Floats, ends: Ints32, edges: Floats, limit: float) -> Ints32:
     """The region each region ends up in, 0 for a sliver that is open to nothing."""
     count = len(nodes)
     parent = np.arange(count).astype(np.int32)
-    halves = _half_edges(ends, edges, count)
+    halves = half_edges(ends, edges[:, EDGE.open] > 0, count)
     space = nodes[:, NODE.space].copy()
     contact, near = np.zeros((count, len(EDGE))), np.empty(count, np.int32)
     # the smallest first, of equal ones the first; one that has grown to the limit stays

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Floats, Ints32, Mask
-from layoutexplore.layout.merging.graph_tables import EDGE, add_edge
+from layoutexplore.layout.merging.graph_tables import EDGE, add_edge, half_edges
 from layoutexplore.layout.merging.merge_tree.contest import Contest, drop_contact
 
 
@@ -33,16 +33,9 @@ class Chains(NamedTuple):
 @njit(cache=True, nogil=True)
 def chains_of(ends: Ints32, count: int) -> Chains:
     """The chains of `count` regions."""
-    first, last = np.full(count, -1, np.int32), np.full(count, -1, np.int32)
-    links = np.full(2 * len(ends), -1, np.int32)
-    for h in range(2 * len(ends)):
-        k = ends[h // 2, h % 2]
-        if first[k] < 0:
-            first[k] = h
-        else:
-            links[last[k]] = h
-        last[k] = h
-    return Chains(first, last, links, np.zeros(len(ends), np.bool_), np.full(count, -1, np.int32))
+    halves = half_edges(ends, np.ones(len(ends), np.bool_), count)
+    dead, nowhere = np.zeros(len(ends), np.bool_), np.full(count, -1, np.int32)
+    return Chains(halves.first, halves.last, halves.links, dead, nowhere)
 
 
 @njit(cache=True, nogil=True)
