@@ -26,7 +26,7 @@ from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError, checks_calls, shortened
 from layoutexplore.files.limits import limits
-from layoutexplore.grids.arrays import Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.polygons import Point, fill, polygons_of, seal_diagonals
 from layoutexplore.maps.raster import PlanRaster, resample
@@ -195,24 +195,45 @@ class FloorPlan:
         """
         if not (math.isfinite(x) and math.isfinite(y) and x > 0 and y > 0):
             raise MapError(f"{self._shown} can be stretched by finite factors above 0, got {x!r} and {y!r}")
-        factors = np.array([x, y])
+        source = self.source and self.source.stretched(x, y)
+        return self._transformed(np.diag([x, y]), source)
 
-        def stretch(shape: BaseGeometry) -> Any:
-            return shapely.transform(shape, lambda points: points * factors)
+    def turned(self, angle: float) -> FloorPlan:
+        """A copy turned counter-clockwise about the origin, by an angle in radians.
+
+        Raises:
+            MapError: The angle is not finite, or the plan was born as an image.
+
+        Example:
+            >>> plan = FloorPlan(name="one-room", rooms=(Room(id=1, polygon=shapely.box(0, 0, 4, 3)),))
+            >>> tuple(round(value) for value in plan.turned(math.pi / 2).bounds)
+            (-3, 0, 0, 4)
+        """
+        if self.source is not None or not math.isfinite(angle):
+            raise MapError(f"{self._shown} can be turned by a finite angle unless it is an image")
+        c, s = math.cos(angle), math.sin(angle)
+        return self._transformed(np.array([[c, -s], [s, c]]), None)
+
+    def _transformed(self, matrix: Floats, source: PlanRaster | None) -> FloorPlan:
+        """A copy whose points were multiplied by a matrix float64 (2, 2)."""
+
+        def transform(shape: BaseGeometry) -> Any:
+            return shapely.transform(shape, lambda points: points @ matrix.T)
 
         def moved(point: Point) -> Point:
-            return point[0] * x, point[1] * y
+            x, y = (matrix @ point).tolist()
+            return x, y
 
         return dataclasses.replace(
             self,
-            rooms=tuple(dataclasses.replace(room, polygon=stretch(room.polygon)) for room in self.rooms),
+            rooms=tuple(dataclasses.replace(room, polygon=transform(room.polygon)) for room in self.rooms),
             doors=tuple(
                 dataclasses.replace(door, start=moved(door.start), end=moved(door.end)) for door in self.doors
             ),
-            walls=stretch(self.walls),
-            furniture=stretch(self.furniture),
-            passages=stretch(self.passages),
-            source=self.source and self.source.stretched(x, y),
+            walls=transform(self.walls),
+            furniture=transform(self.furniture),
+            passages=transform(self.passages),
+            source=source,
         )
 
     @cached_property

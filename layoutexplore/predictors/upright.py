@@ -152,6 +152,12 @@ def wall_angle(cells: Cells, resolution: float, held: float = 0.0) -> float:
     return held if held and near and as_held >= _AS_SHARP * sharpest else angle
 
 
+def outlined(free: Mask) -> Cells:
+    """A map int8 (rows, cols) of free space bool (rows, cols), with walls a cell thick around it."""
+    around = cv2.dilate(free.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return np.where(free, FREE, np.where(around, OCCUPIED, UNKNOWN)).astype(np.int8)
+
+
 def _steps_filled(walls: Mask, longest: int) -> Mask:
     """Walls bool (rows, cols) with the breaks along rows and columns that are shorter than so many cells."""
     around = np.pad(walls, longest).view(np.uint8)

@@ -15,7 +15,7 @@ from layoutexplore.grids.arrays import Cells, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
 from layoutexplore.layout.alignment import turn
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.predictors.upright import wall_angle
+from layoutexplore.predictors.upright import outlined, wall_angle
 
 RESOLUTION = 0.05
 """Metres a cell of the simulated maps."""
@@ -185,8 +185,7 @@ def plan_cells(plan: FloorPlan, resolution: float, rng: np.random.Generator) -> 
 
 def _upright(free: Mask, resolution: float) -> Mask:
     """Free space turned so that its outlines run along rows and columns."""
-    around = cv2.dilate(free.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    cells = np.where(free, FREE, np.where(around, OCCUPIED, UNKNOWN)).astype(np.int8)
+    cells = outlined(free)
     angle = wall_angle(cells, resolution)
     return np.asarray(turn(cells, angle, (0, 0)).cells == FREE) if angle else free
 

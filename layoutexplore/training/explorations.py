@@ -16,6 +16,7 @@ import numpy as np
 from layoutexplore.frontiers.decision import Agent
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.predictors.snapshot import Snapshot
+from layoutexplore.predictors.upright import outlined, wall_angle
 from layoutexplore.training.snapshots import explore_plan
 
 PROTOCOL_AGENT = "nearest"
@@ -34,6 +35,9 @@ COVERAGES = (0.04, 0.985)
 
 STRETCH = 0.12
 """Copies of a plan are larger or smaller, and longer or wider, by up to this (as logarithms of factors)."""
+
+_RESOLUTION = 0.1
+"""Metres a cell of the raster by which it is seen whether a plan lies askew."""
 
 MakeAgent = Callable[[str], Agent]
 """Makes the agent of a name, as `layoutexplore.agents.make_agent` does."""
@@ -85,3 +89,14 @@ def stretched_copies(plan: FloorPlan, copies: int) -> Iterator[FloorPlan]:
         size, proportion = np.exp(rng.uniform(-STRETCH, STRETCH, 2)).tolist()
         stretched = plan.stretched(size * proportion, size / proportion)
         yield dataclasses.replace(stretched, name=f"{plan.name}-stretched-{copy + 1}")
+
+
+def upright_plan(plan: FloorPlan) -> FloorPlan:
+    """A plan with its walls along x and y, as predictors look at maps of it (`predictors.upright`).
+
+    A plan that is upright, or that was born as an image, is returned as it is.
+    """
+    if plan.source is not None:
+        return plan
+    angle = wall_angle(outlined(plan.rasterize(_RESOLUTION).free), _RESOLUTION)
+    return plan.turned(-angle) if angle else plan

@@ -15,10 +15,28 @@ from layoutexplore.maps.library import load_plan
 if TYPE_CHECKING:
     from layoutexplore.maps.floorplan import FloorPlan
     from layoutexplore.predictors.snapshot import Snapshot
+    from layoutexplore.training.cell_network import TrainableCellNetwork
     from layoutexplore.training.predictor_samples import CellNetworkSample, CropSamples, PredictorSamples
 
 
 StepsLine = Callable[[str], AbstractContextManager[Callable[[int, int, float], None]]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExplorationConfig:
+    """How plans are explored.
+
+    Attributes:
+        starts: Explorations by each sensor of a plan from a file; of others there is one.
+        stretched: Copies of each plan from a file, stretched at random, to learn from as well.
+        stops: Decisions kept of an exploration.
+        store: Folder in which explorations are kept.
+    """
+
+    starts: int = 1
+    stretched: int = 0
+    stops: int = 8
+    store: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,47 +64,55 @@ class Explored:
 
 def explore_plans(
     sources: Sequence[str],
-    starts: int,
-    stretched: int,
-    stops: int,
-    store: Path | None,
+    config: ExplorationConfig,
     *,
     forests: bool,
     network: bool,
+    rooms: bool,
     progress: Callable[[int, int, str], None],
 ) -> Explored:
-    """Explore plans; those from files more often, and as the tests ask, too."""
+    """Explore plans; those from files more often, and as the tests ask, too.
+
+    What lies askew is learnt from upright, and tested as it is. What only models of rooms learn from is not
+    gathered unless they are trained.
+    """
     from layoutexplore.agents import make_agent
     from layoutexplore.errors import ConfigError
     from layoutexplore.training.explorations import (
         protocol_explorations,
         stopped_explorations,
         stretched_copies,
+        upright_plan,
     )
     from layoutexplore.training.predictor_samples import gather, gather_crops, gather_network_inputs
 
     seen = Explored([], {}, [], [], [], {}, {})
+    stops, store = config.stops, config.store
     for k, source in enumerate(sources):
         plan = load_plan(source)
         is_file = is_there(split_level(source)[0])  # One floor of a file of several is from a file, too.
-        found = list(stopped_explorations(plan, make_agent, starts if is_file else 1, stops, store))
+        upright = upright_plan(plan)
+        found = list(stopped_explorations(upright, make_agent, config.starts if is_file else 1, stops, store))
         if is_file:
             protocol = list(protocol_explorations(plan, make_agent, store))
-            found.extend(protocol)
-            for copy in stretched_copies(plan, stretched):
+            askew = upright is not plan
+            found.extend(protocol_explorations(upright, make_agent, store) if askew else protocol)
+            for copy in stretched_copies(upright, config.stretched):
                 found.extend(stopped_explorations(copy, make_agent, 1, stops, store))
                 seen.copies[copy.name] = plan.name
             seen.files.append(plan)
             seen.loaded_as[plan.name] = source
             seen.asked[plan.name] = [snapshot for part in protocol for snapshot in part] if forests else []
         if forests:
-            seen.samples.append(gather(found))
+            seen.samples.append(gather(found, cells=rooms))
         if network:
             for exploration in found:
-                seen.scenes.extend(gather_network_inputs(exploration))
+                if rooms:
+                    seen.scenes.extend(gather_network_inputs(exploration))
                 seen.crops.append(gather_crops(exploration, plan.name))
         progress(k + 1, len(sources), plan.name)
-    if (forests and not any(len(part.closed) for part in seen.samples)) or (network and not seen.scenes):
+    frontiers = [len(part.closed) for part in seen.samples] + [len(part.closed) for part in seen.crops]
+    if not any(frontiers) or (rooms and network and not seen.scenes):
         raise ConfigError(
             "nothing to learn from: no exploration stopped before all was seen; give plans of several rooms"
         )
@@ -154,6 +180,7 @@ class NetworkTrainer:
         steps: Its steps on all plans.
         frontier_steps: Steps of the frontier network.
         steps_line: Opens a display of progress for what is named; takes steps done, of all, and the loss.
+        rooms: Train those for rooms at all.
     """
 
     def __init__(
@@ -164,6 +191,8 @@ class NetworkTrainer:
         steps: int,
         frontier_steps: int,
         steps_line: StepsLine,
+        *,
+        rooms: bool = True,
     ) -> None:
         from layoutexplore.training.cell_network import CellNetworkConfig, pretrain_cell_network
 
@@ -172,20 +201,28 @@ class NetworkTrainer:
         self._steps_line = steps_line
         self._seen, self._groups = seen, groups
         self._generated = [sample for sample in seen.scenes if sample.plan not in groups]
+        self._first = None
+        if not rooms:
+            return
         with self._steps_line("rooms of generated plans") as progress:
             self._first = pretrain_cell_network(self._generated, self._config, progress)
 
     def write(self, folder: Path, wanted: Callable[[str], bool]) -> None:
         """Train all networks with the real buildings of the wanted groups and write them into a folder."""
-        from layoutexplore.models.network_files import save_weights
-        from layoutexplore.predictors.learned import CELL_NETWORK, FRONTIER_NETWORK
-        from layoutexplore.training.cell_network import train_cell_network
-        from layoutexplore.training.frontier_network import FrontierNetworkConfig, train_frontier_network
-
         plans = {plan for plan, group in self._groups.items() if wanted(group)}
+        if self._first is not None:
+            self._write_rooms(self._first, folder, plans)
+        self._write_frontiers(folder, plans)
+
+    def _write_rooms(self, first: TrainableCellNetwork, folder: Path, plans: set[str]) -> None:
+        """Let the network for rooms go on from a first one with some of the real plans."""
+        from layoutexplore.models.network_files import save_weights
+        from layoutexplore.predictors.learned import CELL_NETWORK
+        from layoutexplore.training.cell_network import train_cell_network
+
         real = [sample for sample in self._seen.scenes if sample.plan in plans]
         with self._steps_line("rooms of all plans") as progress:
-            weights = train_cell_network(self._first, self._generated, real, self._config, progress)
+            weights = train_cell_network(first, self._generated, real, self._config, progress)
         others = len({sample.plan for sample in real})
         note = f"{len(self._generated)} decisions of generated plans, {len(real)} of {others} others"
         save_weights(
@@ -193,6 +230,13 @@ class NetworkTrainer:
             {name: values.astype("float16") for name, values in weights.items()},
             note,
         )
+
+    def _write_frontiers(self, folder: Path, plans: set[str]) -> None:
+        """Train the network for frontiers with some of the real plans."""
+        from layoutexplore.models.network_files import save_weights
+        from layoutexplore.predictors.learned import FRONTIER_NETWORK
+        from layoutexplore.training.frontier_network import FrontierNetworkConfig, train_frontier_network
+
         generated = [part for part in self._seen.crops if part.plan not in self._groups]
         crops = [part for part in self._seen.crops if part.plan in plans]
         with self._steps_line("frontiers of all plans") as progress:
@@ -202,6 +246,20 @@ class NetworkTrainer:
         others = len({part.plan for part in crops})
         note = f"{counts[0]} frontiers of generated plans, {counts[1]} of {others} others"
         save_weights(folder / FRONTIER_NETWORK.name, rounded, note)
+
+
+def rooms_of(folder: str) -> dict[str, bytes]:
+    """What is in the files of the models that judge rooms, of a folder of models or the "shipped" ones.
+
+    Raises:
+        ConfigError: There are none, or this version cannot run them.
+    """
+    from layoutexplore.predictors.learned import CELL_MODEL, CELL_NETWORK, FOLDER, LearnedPredictor
+
+    taken = FOLDER if folder == "shipped" else Path(folder)
+    LearnedPredictor(taken)
+    paths = (taken / path.name for path in (CELL_MODEL, CELL_NETWORK))
+    return {path.name: path.read_bytes() for path in paths if path.exists()}
 
 
 def forget_networks(folder: Path) -> None:

@@ -137,10 +137,10 @@ def train_models(
     held_out: Mapping[str, str],
     config: PredictorForestConfig = DEFAULT_TRAINING,
 ) -> None:
-    """Train both models and write them, with a list of what they have never seen, into a folder.
+    """Train the models and write them, with a list of what they have never seen, into a folder.
 
     Args:
-        samples: What to learn from.
+        samples: What to learn from; where they hold no cells, only frontiers are learnt.
         folder: Made if need be.
         held_out: Building by plan, of the plans that the samples do not hold.
         config: How the trees are grown.
@@ -150,11 +150,8 @@ def train_models(
     note = f"{len(samples.closed)} frontiers of {len(np.unique(samples.building))} buildings"
     save_forests(folder / FRONTIER_MODEL.name, fit_frontier_forests(samples, config), FEATURES, note)
     count = sum(len(part.inside) for part in samples.cells)
-    save_forests(
-        folder / CELL_MODEL.name,
-        fit_cell_forests(samples, config),
-        cell_features.FEATURES,
-        f"{count} cells, {note}",
-    )
+    if count:
+        forests = fit_cell_forests(samples, config)
+        save_forests(folder / CELL_MODEL.name, forests, cell_features.FEATURES, f"{count} cells, {note}")
     listed = {"plans": sorted(held_out), "buildings": sorted(set(held_out.values()))}
     write_json(folder / "held_out.json", listed)

@@ -117,11 +117,16 @@ class PredictorSamples:
         return PredictorSamples(*frontiers, cells)
 
 
-def gather(snapshots: Sequence[Sequence[Snapshot]]) -> PredictorSamples:
-    """Samples for trees from explorations, perhaps none; every plan is a building of its own."""
+def gather(snapshots: Sequence[Sequence[Snapshot]], *, cells: bool = True) -> PredictorSamples:
+    """Samples for trees from explorations, perhaps none; every plan is a building of its own.
+
+    Args:
+        snapshots: The decisions kept of each exploration.
+        cells: Also those of cells, which take most of the time and memory.
+    """
     features, closed = [np.zeros((0, len(FEATURES)), np.float32)], [np.zeros(0, np.bool_)]
     area, building = [np.zeros(0)], [np.zeros(0, np.str_)]
-    cells: list[CellSamples] = []
+    found: list[CellSamples] = []
     for number, exploration in enumerate(snapshots):
         rng = np.random.default_rng(number)
         for snapshot in exploration:
@@ -132,11 +137,12 @@ def gather(snapshots: Sequence[Sequence[Snapshot]]) -> PredictorSamples:
             closed.append(true.is_closed)
             area.append(true.remaining_area)
             building.append(np.full(len(true.is_closed), snapshot.plan))
-            cells.append(_cell_samples(snapshot, regions, rng))
+            if cells:
+                found.append(_cell_samples(snapshot, regions, rng))
     names = np.concatenate(building)
     real = np.zeros(len(names), np.bool_)
     return PredictorSamples(
-        np.concatenate(features), np.concatenate(closed), np.concatenate(area), names, real, cells
+        np.concatenate(features), np.concatenate(closed), np.concatenate(area), names, real, found
     )
 
 

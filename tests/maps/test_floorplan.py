@@ -110,6 +110,24 @@ def test_senseless_factors(factors: tuple[float, float]) -> None:
         two_rooms().stretched(*factors)
 
 
+@pytest.mark.parametrize("degrees", [0.0, 17.0, 90.0, -150.0])
+def test_turned_plans_are_the_same_building(degrees: float) -> None:
+    plan = two_rooms(furniture=shapely.box(1, 1, 2, 2))
+    turned = plan.turned(math.radians(degrees))
+    assert [room.polygon.area for room in turned.rooms] == pytest.approx([12.0, 12.0])
+    assert turned.doors[0].width == pytest.approx(0.9) and turned.furniture.area == pytest.approx(1.0)
+    raster = turned.rasterize(0.05)
+    assert cv2.connectedComponents(raster.free.astype(np.uint8), connectivity=4)[0] == 2
+    assert raster.free.sum() == pytest.approx(plan.rasterize(0.05).free.sum(), rel=0.03)
+    back = turned.turned(-math.radians(degrees))
+    assert back.bounds == pytest.approx(plan.bounds, abs=1e-9)
+
+
+def test_what_cannot_be_turned() -> None:
+    with pytest.raises(MapError, match="'two' can be turned by a finite angle"):
+        two_rooms().turned(math.inf)
+
+
 def test_content_hash_sees_geometry_and_only_geometry() -> None:
     plan = two_rooms()
     assert plan.content_hash == two_rooms().content_hash

@@ -12,7 +12,7 @@ from layoutexplore import cli
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import make_room_predictor
-from layoutexplore.predictors.learned import CELL_NETWORK, FRONTIER_MODEL, FRONTIER_NETWORK
+from layoutexplore.predictors.learned import CELL_MODEL, CELL_NETWORK, FRONTIER_MODEL, FRONTIER_NETWORK
 from tests.plans import THREE_OFFICES
 
 
@@ -55,6 +55,15 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
         fewer = json.loads((out / folder / FRONTIER_MODEL.name).read_text())["note"]
         assert int(fewer.split()[0]) < more, "copies are learnt from"
     assert not any(list(out.rglob(name)) for name in networks), "a network of an earlier training has no say"
+    taken = [*arguments, "--frontier-steps", "2", "--rooms-of", "shipped", "--store", str(tmp_path / "store")]
+    result = CliRunner().invoke(cli.app, taken)
+    assert result.exit_code == 0, result.output
+    for folder in ("fold1", "fold2", "."):
+        assert (out / folder / FRONTIER_NETWORK.name).exists()
+        for path in (CELL_MODEL, CELL_NETWORK):
+            assert (out / folder / path.name).read_bytes() == path.read_bytes()
+    nowhere = CliRunner().invoke(cli.app, [*arguments, "--rooms-of", str(tmp_path / "none")])
+    assert nowhere.exit_code != 0 and "none" in str(nowhere.exception)
     for wrong in (["--folds", "3"], ["--folds", "2", "--no-forests"]):
         result = CliRunner().invoke(
             cli.app, [*arguments[:4], *wrong, "--stops", "2", "--no-network", "--out", str(tmp_path / "no")]

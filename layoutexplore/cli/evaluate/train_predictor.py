@@ -12,7 +12,7 @@ import typer
 if TYPE_CHECKING:
     from layoutexplore.evaluation.partial_rooms import Scores
     from layoutexplore.predictors.snapshot import Snapshot
-    from layoutexplore.training.predictor import Explored
+    from layoutexplore.training.predictor import ExplorationConfig, Explored
 
 
 HELP = """
@@ -58,6 +58,14 @@ Steps = Annotated[
     int, typer.Option(min=1, help="Steps of the network for rooms on all plans, in every fold.")
 ]
 FrontierSteps = Annotated[int, typer.Option(min=1, help="Steps of the network for frontiers, in every fold.")]
+RoomsOf = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FOLDER",
+        help="Take the models that judge rooms from this folder, or the `shipped` ones, and train only those "
+        "for frontiers. What is held out here they may have learnt from.",
+    ),
+]
 Store = Annotated[
     Path | None, typer.Option(help="Folder that keeps the explorations, to go on or train again later.")
 ]
@@ -81,16 +89,13 @@ def train_predictor(
     first_steps: FirstSteps = 7000,
     steps: Steps = 3500,
     frontier_steps: FrontierSteps = 1500,
+    rooms_of: RoomsOf = None,
     store: Store = None,
 ) -> None:
     """Explore, train and test; `HELP` is what the command line says."""
-    from rich.console import Console
-
-    from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.errors import require
-    from layoutexplore.files import check_places
-    from layoutexplore.maps.library import find_plans
-    from layoutexplore.training.predictor import NetworkTrainer, buildings_of, explore_plans, forget_networks
+    from layoutexplore.files import check_places, write_atomically
+    from layoutexplore.training import predictor
     from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
     from layoutexplore.training.predictor_samples import join_samples
 
@@ -98,37 +103,52 @@ def train_predictor(
     if network:
         require("torch", "rl")
     check_places(out, store=store)
-    sources = find_plans(plans)
-    with ProgressLine(Console(), "plans") as line:
-
-        def advance(done: int, total: int, name: str) -> None:
-            line.advance(done, total, done / total, name)
-
-        counts = starts, stretched, stops, store
-        seen = explore_plans(sources, *counts, forests=forests, network=network, progress=advance)
-    groups = buildings_of(seen, folds)
+    taken = predictor.rooms_of(rooms_of) if rooms_of else {}
+    rooms = not taken
+    explorations = predictor.ExplorationConfig(starts=starts, stretched=stretched, stops=stops, store=store)
+    seen = _explore(plans, explorations, forests=forests, network=network, rooms=rooms)
+    groups = predictor.buildings_of(seen, folds)
     held_out = _parts(seen, groups, folds, plans if leave_out else ())
     config = PredictorForestConfig(trees=trees, cell_trees=trees // 2)
     samples = join_samples(seen.samples, groups) if forests else None
     if samples:
         typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells")
-    trainer = (
-        NetworkTrainer(seen, groups, first_steps, steps, frontier_steps, _steps_line) if network else None
-    )
+    lengths = first_steps, steps, frontier_steps
+    trainer = predictor.NetworkTrainer(seen, groups, *lengths, _steps_line, rooms=rooms) if network else None
 
     def train(folder: Path, wanted: Callable[[str], bool], unseen: Mapping[str, str]) -> None:
         if samples:
             train_models(samples.of_buildings(wanted), folder, unseen, config)
+        predictor.forget_networks(folder)
         if trainer:
             trainer.write(folder, wanted)
-        else:
-            forget_networks(folder)
+        for name, model in taken.items():
+            write_atomically(folder / name, model)
         without = f", trained without {', '.join(sorted(set(unseen.values())))}" if unseen else ""
         typer.echo(f"written: {folder}{without}")
 
     if held_out:
         _train_parts(train, seen, groups, held_out, out, by_part=leave_out is not None)
     train(out, lambda group: True, {})
+
+
+def _explore(
+    plans: Sequence[str], config: ExplorationConfig, *, forests: bool, network: bool, rooms: bool
+) -> Explored:
+    """Explore plans under a progress line."""
+    from rich.console import Console
+
+    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.maps.library import find_plans
+    from layoutexplore.training.predictor import explore_plans
+
+    sources = find_plans(plans)
+    with ProgressLine(Console(), "plans") as line:
+
+        def advance(done: int, total: int, name: str) -> None:
+            line.advance(done, total, done / total, name)
+
+        return explore_plans(sources, config, forests=forests, network=network, rooms=rooms, progress=advance)
 
 
 def _check_held_out(folds: int, leave_out: LeaveOut, forests: bool) -> None:
