@@ -17,6 +17,7 @@ from shapely.errors import GEOSException
 
 from layoutexplore.errors import MapError, MapWarning, cause, checks_arguments, unknown_name
 from layoutexplore.files import is_there, read_json
+from layoutexplore.files.reading import shown_path
 from layoutexplore.files.schema import Items, TableOf, Text
 from layoutexplore.grids.grid import check_resolution
 from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, YAML_SUFFIXES
@@ -141,7 +142,7 @@ def _is_kth(path: Path) -> bool:
 def _missing(text: str) -> Exception:
     """The error for something that is neither a name nor a file."""
     if "/" in text or "\\" in text or split_level(text)[0].suffix.lower() in SUFFIXES:
-        return MapError(f"{text}: there is no such file")
+        return MapError(f"{shown_path(Path(text))}: there is no such file")
     from layoutexplore.maps.generator import FAMILIES
 
     return unknown_name("plan", text, [*plan_names(), *splits(), *(f"{family}:SEED" for family in FAMILIES)])

@@ -77,6 +77,9 @@ def test_unknown_names_and_files(tmp_path: Path, load: Callable[[Any], object]) 
         load(tmp_path / "absent.geojson")
     with pytest.raises(MapError, match="no such file"):
         load("absent.xml")
+    with pytest.raises(MapError, match="no such file") as raised:
+        load(f"maps/{'f' * 5000}.xml")
+    assert len(str(raised.value)) < 500, "a message that can be read"
     with pytest.raises(MapError, match="folder"):
         load(tmp_path)
 
