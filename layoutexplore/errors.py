@@ -26,8 +26,25 @@ R = TypeVar("R")
 C = TypeVar("C", bound=type)
 
 
+_HALF_MESSAGE = 1200
+
+
 class LayoutExploreError(Exception):
-    """Base of every error that layoutexplore raises on purpose."""
+    """Base of every error that layoutexplore raises on purpose.
+
+    Of a message that nobody could read, because it names something of thousands of characters, the middle is
+    left out.
+
+    Example:
+        >>> len(str(LayoutExploreError("x" * 10_000)))
+        2407
+    """
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        if len(text) <= 2 * _HALF_MESSAGE + 7:
+            return text
+        return f"{text[:_HALF_MESSAGE]} [...] {text[-_HALF_MESSAGE:]}"
 
 
 class MapError(LayoutExploreError, ValueError):
