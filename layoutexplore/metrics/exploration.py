@@ -144,7 +144,7 @@ def mean_coverage(distance: ArrayLike, coverage: ArrayLike, horizon: float) -> f
     metres, share = _checked(distance, coverage)
     if not horizon > 0:
         raise ConfigError(f"the horizon of the mean coverage must be above 0 m, got {horizon}")
-    inside = metres < horizon
+    inside = metres <= horizon
     x = np.concatenate([metres[inside], [horizon]])
     y = np.concatenate([share[inside], [np.interp(horizon, metres, share)]])
     return float((np.trapezoid(y, x) + y[0] * x[0]) / horizon)

@@ -61,6 +61,7 @@ def test_mean_coverage_by_hand() -> None:
     assert mean_coverage([0, 4], [0.5, 1.0], 4) == pytest.approx(0.75)
     assert mean_coverage([0, 4], [0.5, 1.0], 2) == pytest.approx(0.625)
     assert mean_coverage([0], [0.3], 7) == pytest.approx(0.3)
+    assert mean_coverage([0, 1, 1], [0.0, 0.0, 1.0], 1) == 0.0, "what is seen while standing at the horizon"
     assert auc_horizon(400.0) == pytest.approx(100.0)
 
 
