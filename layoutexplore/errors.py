@@ -26,7 +26,8 @@ R = TypeVar("R")
 C = TypeVar("C", bound=type)
 
 
-_HALF_MESSAGE = 1200
+_HALF_MESSAGE = 1450
+"""Characters kept of either end of a longer message: more than a traceback that is told has (`plugins`)."""
 
 
 class LayoutExploreError(Exception):
@@ -37,7 +38,7 @@ class LayoutExploreError(Exception):
 
     Example:
         >>> len(str(LayoutExploreError("x" * 10_000)))
-        2407
+        2907
     """
 
     def __str__(self) -> str:

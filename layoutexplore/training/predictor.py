@@ -262,6 +262,17 @@ def rooms_of(folder: str) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in paths if path.exists()}
 
 
+def write_rooms(folder: Path, taken: Mapping[str, bytes]) -> None:
+    """Write what `rooms_of` found into a folder of models; a network that it did not find goes."""
+    from layoutexplore.files import write_atomically
+    from layoutexplore.predictors.learned import CELL_NETWORK
+
+    if CELL_NETWORK.name not in taken:
+        (folder / CELL_NETWORK.name).unlink(missing_ok=True)
+    for name, model in taken.items():
+        write_atomically(folder / name, model)
+
+
 def forget_networks(folder: Path) -> None:
     """Delete the networks of an earlier training, which may have learnt from what is held out now."""
     from layoutexplore.predictors.learned import CELL_NETWORK, FRONTIER_NETWORK

@@ -150,7 +150,7 @@ def train_models(
     note = f"{len(samples.closed)} frontiers of {len(np.unique(samples.building))} buildings"
     save_forests(folder / FRONTIER_MODEL.name, fit_frontier_forests(samples, config), FEATURES, note)
     count = sum(len(part.inside) for part in samples.cells)
-    if count:
+    if samples.cells:
         forests = fit_cell_forests(samples, config)
         save_forests(folder / CELL_MODEL.name, forests, cell_features.FEATURES, f"{count} cells, {note}")
     listed = {"plans": sorted(held_out), "buildings": sorted(set(held_out.values()))}

@@ -126,6 +126,9 @@ def test_turned_plans_are_the_same_building(degrees: float) -> None:
 def test_what_cannot_be_turned() -> None:
     with pytest.raises(MapError, match="'two' can be turned by a finite angle"):
         two_rooms().turned(math.inf)
+    image = two_rooms(source=two_rooms().rasterize(0.1))
+    with pytest.raises(MapError, match="unless it is an image"):
+        image.turned(0.1)
 
 
 def test_content_hash_sees_geometry_and_only_geometry() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.agents import make_agent
+from layoutexplore.errors import OwnCodeError
 from layoutexplore.options import read_value
 from layoutexplore.plugins.tracebacks import own_frames, told
 from layoutexplore.simulation.episode import play
@@ -45,3 +46,4 @@ def test_what_is_told_has_a_length_that_can_be_read() -> None:
     assert len(told(caught.value)) < 2000 and "SyntaxError" in told(caught.value)
     text = told(ValueError("first\n" + "more\n" * 5000 + "last"))
     assert len(text) < 3000 and text.startswith("ValueError: first") and text.endswith("last")
+    assert str(OwnCodeError(f"mine.py cannot be loaded:\n{text}")).count("...") == 1, "shortened once"

@@ -63,7 +63,15 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
         for path in (CELL_MODEL, CELL_NETWORK):
             assert (out / folder / path.name).read_bytes() == path.read_bytes()
     nowhere = CliRunner().invoke(cli.app, [*arguments, "--rooms-of", str(tmp_path / "none")])
-    assert nowhere.exit_code != 0 and "none" in str(nowhere.exception)
+    assert nowhere.exit_code != 0 and str(tmp_path / "none") in str(nowhere.exception)
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    for name in (FRONTIER_MODEL.name, CELL_MODEL.name):
+        (bare / name).write_bytes((out / name).read_bytes())
+    assert CliRunner().invoke(cli.app, [*taken, "--rooms-of", str(bare)]).exit_code == 0
+    for folder in ("fold1", "fold2", "."):
+        assert not (out / folder / CELL_NETWORK.name).exists(), "no network stays that the folder has not"
+        assert (out / folder / FRONTIER_NETWORK.name).exists()
     for wrong in (["--folds", "3"], ["--folds", "2", "--no-forests"]):
         result = CliRunner().invoke(
             cli.app, [*arguments[:4], *wrong, "--stops", "2", "--no-network", "--out", str(tmp_path / "no")]

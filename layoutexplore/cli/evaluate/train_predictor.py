@@ -94,7 +94,7 @@ def train_predictor(
 ) -> None:
     """Explore, train and test; `HELP` is what the command line says."""
     from layoutexplore.errors import require
-    from layoutexplore.files import check_places, write_atomically
+    from layoutexplore.files import check_places
     from layoutexplore.training import predictor
     from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
     from layoutexplore.training.predictor_samples import join_samples
@@ -119,11 +119,12 @@ def train_predictor(
     def train(folder: Path, wanted: Callable[[str], bool], unseen: Mapping[str, str]) -> None:
         if samples:
             train_models(samples.of_buildings(wanted), folder, unseen, config)
-        predictor.forget_networks(folder)
         if trainer:
             trainer.write(folder, wanted)
-        for name, model in taken.items():
-            write_atomically(folder / name, model)
+        else:
+            predictor.forget_networks(folder)
+        if taken:
+            predictor.write_rooms(folder, taken)
         without = f", trained without {', '.join(sorted(set(unseen.values())))}" if unseen else ""
         typer.echo(f"written: {folder}{without}")
 
