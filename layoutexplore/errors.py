@@ -95,6 +95,16 @@ _LONGEST, _LONGEST_CAUSE = 300, 500
 _MOST_NAMES, _LONGEST_NAME = 60, 100
 
 
+def counted(count: int, noun: str) -> str:
+    """A number of things, in words for a message.
+
+    Example:
+        >>> counted(1, "room"), counted(2, "door")
+        ('1 room', '2 doors')
+    """
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def shortened(value: Any) -> str:
     """A value as a message shows it: like `repr`, but of a length that can be read, however large it is.
 

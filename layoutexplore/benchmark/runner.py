@@ -24,7 +24,7 @@ from layoutexplore.benchmark.recording import Recorder
 from layoutexplore.benchmark.rows import Row, fingerprints, prepare, score_run
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.drawing.beliefs import SUFFIX, BeliefNotes
-from layoutexplore.errors import ConfigError, WriteError, checks_arguments
+from layoutexplore.errors import ConfigError, WriteError, checks_arguments, counted
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.plugins.transport import NO_CODE, OwnCode, pack_own_code
@@ -266,7 +266,7 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
 
 def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[PlanEntry]:
     sources = find_plans(config.plans)
-    report(f"reading {len(sources)} floor plan{'s' if len(sources) != 1 else ''}")
+    report(f"reading {counted(len(sources), 'floor plan')}")
     plans = [entry(source, config.simulation) for source in sources]
     check_names(plans)
     return plans

@@ -92,6 +92,8 @@ def layout(
 
 def _say(summary: dict[str, Any] | str, as_json: bool) -> bool:
     """Print what became of a map; whether it failed."""
+    from layoutexplore.errors import counted
+
     if isinstance(summary, str):
         typer.echo(f"layoutexplore: {summary}", err=True)
         return True
@@ -101,7 +103,7 @@ def _say(summary: dict[str, Any] | str, as_json: bool) -> bool:
     note = f"  warning: {'; '.join(summary['warnings'])}" if summary["warnings"] else ""
     score = "" if summary["structure_score"] is None else f", W {summary['structure_score']:.2f}"
     typer.echo(
-        f"{summary['map']}: {summary['rooms']} rooms, {summary['room_area']:.0f} m2{score}, "
+        f"{summary['map']}: {counted(summary['rooms'], 'room')}, {summary['room_area']:.0f} m2{score}, "
         f"{summary['ms']:.0f} ms"
         f" -> {summary['labels']}{note}"
     )

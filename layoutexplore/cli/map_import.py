@@ -123,11 +123,11 @@ def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str
 
 def _summary(out: Path, picture: Path, plan: FloorPlan, findings: list[Finding]) -> list[str]:
     """What was imported, and what to correct in it, with places in metres."""
+    from layoutexplore.errors import counted
+
     note = f", {plan.metadata['scale']}" if "scale" in plan.metadata else ""
-    lines = [
-        f"{out}: {plan.name}, {len(plan.rooms)} rooms, {len(plan.doors)} doors, {plan.area:.0f} m2{note}",
-        f"drawn into {picture}",
-    ]
+    rooms, doors = counted(len(plan.rooms), "room"), counted(len(plan.doors), "door")
+    lines = [f"{out}: {plan.name}, {rooms}, {doors}, {plan.area:.0f} m2{note}", f"drawn into {picture}"]
     if findings:
         kinds = ", ".join(f"{count} {kind}" for kind, count in Counter(f.kind for f in findings).items())
         lines.append(f"to look at ({kinds}), by number in the picture:")

@@ -86,12 +86,14 @@ def generate_plan(
     area: Annotated[float | None, typer.Option(help="Square metres; drawn from the seed without.")] = None,
 ) -> None:
     """Generate a floor plan."""
+    from layoutexplore.errors import counted
     from layoutexplore.maps.generator import generate
     from layoutexplore.maps.geojson import save_plan
 
     plan = generate(family, seed) if area is None else generate(family, seed, area=area)
     save_plan(plan, out)
-    typer.echo(f"{out}: {plan.name}, {len(plan.rooms)} rooms, {len(plan.doors)} doors, {plan.area:.0f} m2")
+    rooms, doors = counted(len(plan.rooms), "room"), counted(len(plan.doors), "door")
+    typer.echo(f"{out}: {plan.name}, {rooms}, {doors}, {plan.area:.0f} m2")
 
 
 def _describe(plan: FloorPlan, resolution: float, radius: float) -> list[str]:

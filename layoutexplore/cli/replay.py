@@ -40,7 +40,7 @@ def replay(
 ) -> None:
     """Write the page."""
     from layoutexplore.benchmark.store import ResultsFolder
-    from layoutexplore.errors import require
+    from layoutexplore.errors import counted, require
     from layoutexplore.report.replay import write_replay
 
     require("jinja2", "bench")
@@ -49,7 +49,7 @@ def replay(
     for name, wanted in (("plan", plan), ("agent", agent), ("start", start), ("sensor", sensor)):
         rows = _only(rows, name, wanted, folder)
     count = write_replay(results, rows, out)
-    typer.echo(f"wrote {out}: {count} of {len(rows)} run{'s' if len(rows) != 1 else ''}")
+    typer.echo(f"wrote {out}: {count} of {counted(len(rows), 'run')}")
 
 
 def _only(rows: Sequence[Row], name: str, wanted: Sequence[object] | None, folder: Path) -> list[Row]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from layoutexplore.benchmark.recording import ROOMS_AT, Recording
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.store import ResultsFolder
-from layoutexplore.errors import ResultsError
+from layoutexplore.errors import ResultsError, counted
 from layoutexplore.files import write_atomically
 from layoutexplore.report.templates import TEMPLATES, map_colours, render
 
@@ -69,7 +69,7 @@ def write_replay(folder: ResultsFolder, rows: Sequence[Row], path: Path) -> int:
             f"{folder.path} holds no recording of these runs: they were made by an earlier version; "
             "run the benchmark again into another folder"
         )
-    title = f"Replay of {len(view.numbers)} run{'s' if len(view.numbers) != 1 else ''}"
+    title = f"Replay of {counted(len(view.numbers), 'run')}"
     command = folder.manifest()["command"]
     page = render("replay_page.html", replay=view, title=title, command=command)
     write_atomically(path, page)
