@@ -11,10 +11,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError, checks_calls
-from layoutexplore.grids.arrays import Ints32, Mask
+from layoutexplore.grids.arrays import Ints32, Labels, Mask, small_labels
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.morphology import grow, inflate
 from layoutexplore.grids.polygons import Point, resample_solid
@@ -36,7 +35,8 @@ class PlanRaster:
 
     Attributes:
         occupied: bool (rows, cols), C-contiguous: walls, furniture, closed doors and the outside.
-        room_ids: int32 (rows, cols), the room of each cell, 0 for none (walls, door gaps, the outside).
+        room_ids: (rows, cols), the room of each cell, 0 for none (walls, door gaps, the outside); int16
+            where the numbers fit, else int32.
         resolution: Side of a cell in metres.
         origin: Pose of the lower left corner of cell (0, 0).
 
@@ -45,7 +45,7 @@ class PlanRaster:
     """
 
     occupied: Mask
-    room_ids: Ints32
+    room_ids: Labels
     resolution: float
     origin: Pose = field(default=Pose(0.0, 0.0, 0.0))
     _cache: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
@@ -59,7 +59,8 @@ class PlanRaster:
         if self.occupied.all():
             raise MapError("the floor plan has no free space at this resolution")
         object.__setattr__(self, "occupied", np.ascontiguousarray(self.occupied, np.bool_))
-        object.__setattr__(self, "room_ids", np.ascontiguousarray(self.room_ids, np.int32))
+        farthest = max(int(self.room_ids.max()), -int(self.room_ids.min()))
+        object.__setattr__(self, "room_ids", small_labels(self.room_ids, farthest))
 
     def __getstate__(self) -> dict[str, Any]:
         # What can be computed again does not travel to other processes.
@@ -123,14 +124,20 @@ class PlanRaster:
         Raises:
             MapError: `start` is None and the robot fits nowhere.
         """
-        return self._per_component("reachable", robot_radius, self._component(robot_radius, start))
+        return self._reachable(robot_radius, self._area(robot_radius, start))
 
     def coverage_target(self, robot_radius: float, start: Cell | None = None) -> Mask:
         """Bool (rows, cols): free cells that an exploration can be asked to see.
 
         Those within 0.8 m (along free space) of the cells that the robot can reach from `start`.
         """
-        return self._per_component("target", robot_radius, self._component(robot_radius, start))
+        area = self._area(robot_radius, start)
+        key = ("target", robot_radius, area)
+        if key not in self._cache:
+            reachable = self._reachable(robot_radius, area)
+            self._cache[key] = grow(reachable, self.free, SIGHT_BEYOND_REACH / self.resolution)
+        target: Mask = self._cache[key]
+        return target
 
     @property
     def _frame(self) -> OccupancyGrid:
@@ -141,43 +148,47 @@ class PlanRaster:
         frame: OccupancyGrid = self._cache["frame"]
         return frame
 
-    def _labels(self, robot_radius: float) -> tuple[NDArray[np.unsignedinteger[Any]], int]:
-        """Component number of every cell (0 = blocked) and the number of the largest component (0 = none)."""
-        key = ("labels", robot_radius)
+    def _areas(self, robot_radius: float) -> list[Mask]:
+        """Connected areas that were asked for, bool (rows, cols); the first is the largest, if any is."""
+        key = ("areas", robot_radius)
         if key not in self._cache:
-            open_cells = (~self.blocked(robot_radius)).view(np.uint8)
-            count, labels = cv2.connectedComponents(open_cells, connectivity=4, ltype=cv2.CV_32S)
-            # Few plans fall into more parts than a byte tells apart; counting takes eight bytes a cell.
-            small = labels.astype(np.min_scalar_type(count))
+            count, labels = self._label(robot_radius)
             sizes = np.zeros(count, np.int64)
-            for begin in range(0, small.size, _COUNTED):
-                sizes += np.bincount(small.reshape(-1)[begin : begin + _COUNTED], minlength=count)
+            for begin in range(0, labels.size, _COUNTED):  # counting takes eight bytes a cell
+                sizes += np.bincount(labels.reshape(-1)[begin : begin + _COUNTED], minlength=count)
             sizes[0] = 0
-            self._cache[key] = small, int(sizes.argmax())
-        found: tuple[NDArray[np.unsignedinteger[Any]], int] = self._cache[key]
+            self._cache[key] = [labels == sizes.argmax()] if sizes.any() else []
+        areas: list[Mask] = self._cache[key]
+        return areas
+
+    def _label(self, robot_radius: float) -> tuple[int, Ints32]:
+        """How many connected areas there are, blocked cells being number 0, and the area of each cell."""
+        open_cells = (~self.blocked(robot_radius)).view(np.uint8)
+        count, labels = cv2.connectedComponents(open_cells, connectivity=4, ltype=cv2.CV_32S)
+        return count, np.asarray(labels, np.int32)
+
+    def _area(self, robot_radius: float, start: Cell | None) -> int:
+        """Which of the `_areas` holds the start, or is the largest without one; -1 where it cannot stand."""
+        areas = self._areas(robot_radius)
+        if start is None:
+            if not areas:
+                raise MapError(f"a robot of radius {robot_radius:g} m fits nowhere in this floor plan")
+            return 0
+        row, col = start
+        inside = 0 <= row < self.shape[0] and 0 <= col < self.shape[1]
+        if not inside or self.blocked(robot_radius)[row, col]:
+            return -1
+        found = next((k for k, area in enumerate(areas) if area[row, col]), len(areas))
+        if found == len(areas):
+            labels = self._label(robot_radius)[1]
+            areas.append(labels == labels[row, col])
         return found
 
-    def _component(self, robot_radius: float, start: Cell | None) -> int:
-        labels, largest = self._labels(robot_radius)
-        if start is not None:
-            inside = 0 <= start[0] < self.shape[0] and 0 <= start[1] < self.shape[1]
-            return int(labels[start[0], start[1]]) if inside else 0
-        if largest == 0:
-            raise MapError(f"a robot of radius {robot_radius:g} m fits nowhere in this floor plan")
-        return largest
-
-    def _per_component(self, what: str, robot_radius: float, component: int) -> Mask:
-        key = (what, robot_radius, component)
-        if key not in self._cache:
-            reachable = (self._labels(robot_radius)[0] == component) & (component > 0)
-            if what == "target":
-                reachable = grow(reachable, self.free, SIGHT_BEYOND_REACH / self.resolution)
-            self._cache[key] = reachable
-        found: Mask = self._cache[key]
-        return found
+    def _reachable(self, robot_radius: float, area: int) -> Mask:
+        return self._areas(robot_radius)[area] if area >= 0 else np.zeros(self.shape, np.bool_)
 
 
-def resample(source: PlanRaster, ratios: Point, offset: Point, shape: tuple[int, int]) -> tuple[Mask, Ints32]:
+def resample(source: PlanRaster, ratios: Point, offset: Point, shape: tuple[int, int]) -> tuple[Mask, Labels]:
     """Occupied cells and room ids of a raster at other resolutions.
 
     Args:
@@ -191,6 +202,6 @@ def resample(source: PlanRaster, ratios: Point, offset: Point, shape: tuple[int,
         for first, count, ratio in zip(offset[::-1], shape, ratios[::-1], strict=True)
     ]
     rows, cols = ((place >= 0) & (place < size) for place, size in zip(places, source.shape, strict=True))
-    room_ids = np.zeros(shape, np.int32)
+    room_ids = np.zeros(shape, source.room_ids.dtype)
     room_ids[np.ix_(rows, cols)] = source.room_ids[np.ix_(places[0][rows], places[1][cols])]
     return resample_solid(source.occupied, ratios, offset, shape), room_ids

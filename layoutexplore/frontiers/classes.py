@@ -17,7 +17,7 @@ from numba import njit
 from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.detection import FrontierClusters
-from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Labels, Mask
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.grids.runs import run_end
@@ -67,7 +67,7 @@ DEFAULT_CLASSES = ClassConfig()
 def classify_frontiers(
     cells: Cells,
     clusters: FrontierClusters,
-    room_ids: Ints32,
+    room_ids: Labels,
     passable: Mask,
     resolution: float,
     config: ClassConfig = DEFAULT_CLASSES,
@@ -77,7 +77,7 @@ def classify_frontiers(
     Args:
         cells: int8 (rows, cols), what is known.
         clusters: The cells of the frontiers.
-        room_ids: int32 (rows, cols), the room of each cell, 0 none (walls, doorways).
+        room_ids: int16 or int32 (rows, cols), the room of each cell, 0 none (walls, doorways).
         passable: bool (rows, cols), cells that are free, in truth or by prediction.
         resolution: Metres per cell.
         config: The numbers of the definition.
@@ -116,7 +116,7 @@ def true_classes(decision: Decision, truth: Truth) -> FrontierClasses:
 
 
 @njit(cache=True, nogil=True)
-def _count_rooms(cells: Cells, room_ids: Ints32, passable: Mask) -> tuple[Ints, Ints]:
+def _count_rooms(cells: Cells, room_ids: Labels, passable: Mask) -> tuple[Ints, Ints]:
     """Passable cells of each room: all, and those that are known."""
     rooms = room_ids.max() + 1
     total, seen = np.zeros(rooms, np.int64), np.zeros(rooms, np.int64)
@@ -143,7 +143,7 @@ def _unknown_at(cells: Cells, passable: Mask, r: int, c: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _count_components(component: Ints32, components: int, room_ids: Ints32, rooms: int) -> Ints:
+def _count_components(component: Ints32, components: int, room_ids: Labels, rooms: int) -> Ints:
     """int64 (components + 1, rooms): cells of each component in each room."""
     by_room = np.zeros((components + 1, rooms), np.int64)
     for r in range(component.shape[0]):
@@ -162,7 +162,7 @@ def _count_components(component: Ints32, components: int, room_ids: Ints32, room
 
 @njit(cache=True, nogil=True)
 def _rooms_behind(
-    cells: Cells, members: Ints32, offsets: Ints, room_ids: Ints32, passable: Mask, depth: int, rooms: int
+    cells: Cells, members: Ints32, offsets: Ints, room_ids: Labels, passable: Mask, depth: int, rooms: int
 ) -> Ints32:
     """Per frontier the room with the most unknown cells within `depth` steps behind it; 0 if none.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,9 @@ Ints = NDArray[np.int64]
 Ints32 = NDArray[np.int32]
 """Labels of cells, and cells as (row, col)."""
 
+Labels = NDArray[np.signedinteger[Any]]
+"""Labels of the cells of a large grid: int16 where they fit, else int32."""
+
 Floats = NDArray[np.float64]
 """Numbers with a unit."""
 
@@ -28,3 +33,15 @@ Bytes = NDArray[np.uint8]
 
 Words = NDArray[np.uint64]
 """Sets as bits, 64 a word."""
+
+
+def small_labels(labels: NDArray[np.integer[Any]], highest: int) -> Labels:
+    """Labels that are at most so far from 0, C-contiguous, as int16 where that holds them, else as int32.
+
+    Handed back as they are where they are that already.
+
+    Example:
+        >>> small_labels(np.array([[1, 2]]), 2).dtype, small_labels(np.array([[1, 40_000]]), 40_000).dtype
+        (dtype('int16'), dtype('int32'))
+    """
+    return np.ascontiguousarray(labels, np.int16 if highest <= np.iinfo(np.int16).max else np.int32)

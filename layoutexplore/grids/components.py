@@ -2,28 +2,41 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Labels, Mask
 from layoutexplore.grids.runs import find_runs
 
 
-def label_components(mask: Mask, out: Ints32 | None = None, after: int = 0) -> tuple[Ints32, int]:
+@overload
+def label_components(mask: Mask) -> tuple[Ints32, int]: ...
+
+
+@overload
+def label_components(mask: Mask, out: Ints32, after: int = 0) -> tuple[Ints32, int]: ...
+
+
+@overload
+def label_components(mask: Mask, out: Labels, after: int = 0) -> tuple[Labels, int]: ...
+
+
+def label_components(mask: Mask, out: Labels | None = None, after: int = 0) -> tuple[Labels, int]:
     """Label the 4-connected parts of a mask, as `cv2.connectedComponents` does.
 
     Args:
         mask: bool (rows, cols).
-        out: int32 (rows, cols), C-contiguous, where the labels are written; new memory when None.
+        out: int16 or int32 (rows, cols), C-contiguous, where the labels are written; new memory when None.
+            Numbers that it cannot hold come out as others.
         after: The number after which those of the parts begin. Above 0, `out` keeps what it holds outside of
             the mask.
 
     Returns:
-        int32 (rows, cols), the part of each cell, numbered from `after` + 1 by the first cell, row by row,
-        and 0 outside of the mask; and the number of parts.
+        `out`, or int32 (rows, cols): the part of each cell, numbered from `after` + 1 by the first cell, row
+        by row, and 0 outside of the mask; and the number of parts.
 
     Example:
         >>> labels, count = label_components(np.array([[1, 0, 1], [1, 0, 1], [0, 1, 1]], bool))
@@ -117,7 +130,7 @@ def join_runs(runs: Ints32, cells: NDArray[Any], aside: int) -> Ints:
 
 
 @njit(cache=True, nogil=True)
-def _label(mask: Bytes, labels: Ints32, after: int) -> int:
+def _label(mask: Bytes, labels: Labels, after: int) -> int:
     """Write the labels of the mask's cells; how many there are."""
     runs = find_runs(mask, np.uint8(0))
     number = join_runs(runs, mask, 0)

@@ -8,7 +8,7 @@ are connected by straight moves alone.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -20,6 +20,8 @@ from layoutexplore.grids.components import root_of
 TILE = 32
 """Side of a tile in cells."""
 
+_Parts = NDArray[np.unsignedinteger[Any]]
+
 _PAIRS = TILE // 2
 """So many parts of two tiles touch at most along a side: between two of them lies a cell that is shut."""
 
@@ -28,14 +30,15 @@ class Tiles(NamedTuple):
     """The parts of all tiles; numba kernels take it as it is.
 
     Attributes:
-        part: uint16 (rows, cols), the part of its tile that a cell lies in, from 1; 0 where it is shut.
+        part: uint8, or uint16 once a tile falls into more parts than that can number, (rows, cols): the part
+            of its tile that a cell lies in, from 1; 0 where it is shut.
         parts: int64 (tiles down, tiles across), how many there are.
         touching: uint16 (tiles down, tiles across, 2, n, 2), pairs of parts that touch above (0) and to the
             right (1): of the tile and of the next one; 0 behind the last pair.
         reached: uint64 (tiles down, tiles across), of the first 63 parts those that are connected, as bits.
     """
 
-    part: NDArray[np.uint16]
+    part: _Parts
     parts: Ints
     touching: NDArray[np.uint16]
     reached: Words
@@ -54,7 +57,7 @@ class ConnectedTiles:
     def __init__(self, shape: tuple[int, int]) -> None:
         down, across = -(-shape[0] // TILE), -(-shape[1] // TILE)
         self._tiles = Tiles(
-            np.zeros(shape, np.uint16),
+            np.zeros(shape, np.uint8),
             np.zeros((down, across), np.int64),
             np.zeros((down, across, 2, _PAIRS, 2), np.uint16),
             np.zeros((down, across), np.uint64),
@@ -74,20 +77,25 @@ class ConnectedTiles:
             row: Of the source, which is traversable; likewise `col`.
             col: See `row`.
         """
-        _divide(world, self._tiles, self._dirty)
+        if not _divide(world, self._tiles, self._dirty):
+            self._tiles = self._tiles._replace(part=self._tiles.part.astype(np.uint16))
+            _divide(world, self._tiles, self._dirty)
         _connect(self._tiles, self._dirty, row, col, self.barred)
         self._dirty[:] = False
 
 
 @njit(cache=True, nogil=True)
-def _divide(world: Bytes, tiles: Tiles, dirty: Mask) -> None:
-    """Find the parts of the dirty tiles, and what touches along their sides."""
+def _divide(world: Bytes, tiles: Tiles, dirty: Mask) -> bool:
+    """Find the parts of the dirty tiles, and what touches along their sides; False if they are too many."""
     down, across = tiles.parts.shape
     queue = np.empty((TILE * TILE, 2), np.int64)
     for i in range(down):
         for j in range(across):
             if dirty[i, j]:
-                tiles.parts[i, j] = _flood(world, tiles.part, i * TILE, j * TILE, queue)
+                count = _flood(world, tiles.part, i * TILE, j * TILE, queue)
+                if count < 0:
+                    return False
+                tiles.parts[i, j] = count
     for i in range(down):
         for j in range(across):
             # The sides belong to the tiles below and to the left of them.
@@ -95,11 +103,13 @@ def _divide(world: Bytes, tiles: Tiles, dirty: Mask) -> None:
                 _touch(tiles, i, j, 0)
             if j + 1 < across and (dirty[i, j] or dirty[i, j + 1]):
                 _touch(tiles, i, j, 1)
+    return True
 
 
 @njit(cache=True, nogil=True)
-def _flood(world: Bytes, part: NDArray[np.uint16], row: int, col: int, queue: Ints) -> int:
-    """Number the parts of the tile that begins at (row, col); how many there are."""
+def _flood(world: Bytes, part: _Parts, row: int, col: int, queue: Ints) -> int:
+    """Number the parts of the tile that begins at (row, col); how many they are, -1 where too many."""
+    most = 256**part.itemsize - 1
     bottom, right = min(row + TILE, world.shape[0]), min(col + TILE, world.shape[1])
     part[row:bottom, col:right] = 0
     count = 0
@@ -107,6 +117,9 @@ def _flood(world: Bytes, part: NDArray[np.uint16], row: int, col: int, queue: In
         for c0 in range(col, right):
             if not world[r0, c0] or part[r0, c0]:
                 continue
+            # One more would be numbered 0, as shut cells are.
+            if count == most:
+                return -1
             count += 1
             part[r0, c0] = count
             queue[0, 0], queue[0, 1] = r0, c0
@@ -171,9 +184,7 @@ def _connect(tiles: Tiles, dirty: Mask, row: int, col: int, barred: Bytes) -> No
 
 
 @njit(cache=True, nogil=True)
-def _write(
-    part: NDArray[np.uint16], parent: Ints, first: int, home: int, row: int, col: int, barred: Bytes
-) -> None:
+def _write(part: _Parts, parent: Ints, first: int, home: int, row: int, col: int, barred: Bytes) -> None:
     """Write the cells of the tile that begins at (row, col)."""
     for r in range(row, min(row + TILE, part.shape[0])):
         for c in range(col, min(col + TILE, part.shape[1])):

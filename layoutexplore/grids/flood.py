@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Labels, Mask
 from layoutexplore.grids.bitsets import true_cells
 
 
@@ -86,7 +86,7 @@ def grow_labels(seeds: Ints32, mask: Mask) -> Ints32:
 
 
 def spread_in_place(
-    labels: Ints32, mask: Mask, steps: int | None = None, *, backwards: bool = False, consume: bool = False
+    labels: Labels, mask: Mask, steps: int | None = None, *, backwards: bool = False, consume: bool = False
 ) -> int:
     """Spread labels over the 4-neighbours inside a mask, ring by ring; the soonest label wins.
 
@@ -94,7 +94,7 @@ def spread_in_place(
     raster order, the neighbours of a cell in the order next row, last row, next column, last column.
 
     Args:
-        labels: int32 (rows, cols), C-contiguous, 0 for none; changed.
+        labels: int16 or int32 (rows, cols), C-contiguous, 0 for none; changed.
         mask: bool (rows, cols), C-contiguous, the cells that may be labelled.
         steps: At most so many cells deep; until nothing changes when None.
         backwards: Queue last row and last column before the next ones.
@@ -113,7 +113,7 @@ def spread_in_place(
 
 
 @njit(cache=True, nogil=True)
-def _mark_border(labels: Ints32, bare: Bytes, r: int, mark: Bytes) -> None:
+def _mark_border(labels: Labels, bare: Bytes, r: int, mark: Bytes) -> None:
     """Mark the labelled cells of a row that have a bare neighbour."""
     cols = labels.shape[1]
     # Outside of the grid a cell stands in for its neighbour: it is labelled, hence not bare.
@@ -128,8 +128,8 @@ def _mark_border(labels: Ints32, bare: Bytes, r: int, mark: Bytes) -> None:
         mark[c] |= (label[c] != 0) & (here[c - 1] != 0)
 
 
-@njit("int64(int32[:,::1], boolean[:,::1], uint8[:,::1], int64, int64)", cache=True, nogil=True)
-def _spread(labels: Ints32, mask: Mask, bare: Bytes, steps: int, sign: int) -> int:
+@njit(cache=True, nogil=True)
+def _spread(labels: Labels, mask: Mask, bare: Bytes, steps: int, sign: int) -> int:
     """The kernel of `spread_in_place`; the first neighbour of a cell to be queued lies `-sign` rows away.
 
     The cells without a label are written to `bare`, which may be the mask itself.

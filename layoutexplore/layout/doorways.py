@@ -18,7 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, checks_arguments, checks_calls
-from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Labels, Mask, small_labels
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.flood import spread_in_place
@@ -72,17 +72,21 @@ class Regions:
     """The seen parts of the rooms of a grid.
 
     Attributes:
-        labels: int32 (rows, cols), region of each known free cell, from 1; 0 elsewhere.
+        labels: (rows, cols), region of each known free cell, from 1; 0 elsewhere. int16 where the numbers
+            fit, else int32.
         count: Number of regions.
         gaps: uint8, or wider where that is too small, (rows, cols): width in cells of the gap that may be a
             door and that a cell lies in, 0 elsewhere.
         resolution: Metres per cell.
     """
 
-    labels: Ints32
+    labels: Labels
     count: int
     gaps: Gaps
     resolution: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "labels", small_labels(self.labels, self.count))
 
     @property
     def door_width(self) -> Floats32:
@@ -170,7 +174,7 @@ def _paint(gaps: Ints32, width: Gaps) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _sum_up(labels: Ints32, gaps: Gaps, count: int, resolution: float) -> tuple[Ints, Floats]:
+def _sum_up(labels: Labels, gaps: Gaps, count: int, resolution: float) -> tuple[Ints, Floats]:
     """Boxes and doors of all regions."""
     boxes, doors = np.zeros((count + 1, 5), np.int64), np.zeros(count + 1)
     cols = labels.shape[1]
@@ -206,7 +210,7 @@ def run_doorways(grid: OccupancyGrid, config: DoorwaysConfig) -> Layout:
         return empty_layout("doorways", grid, "the grid has no free cell")
     timer = StageTimer()
     with timer("segmentation"):
-        labels = doorway_regions(grid.cells, grid.resolution, config).labels
+        labels = doorway_regions(grid.cells, grid.resolution, config).labels.astype(np.int32)
         small = np.bincount(labels.reshape(-1)) * grid.resolution**2 < config.room_area
         labels[small[labels]] = 0
         spread_in_place(labels, np.ascontiguousarray(grid.free), backwards=True)

@@ -146,7 +146,7 @@ class CornerGraph:
         """Leave out of the pool what nobody has any more, and make it larger where that does not do."""
         begins = np.concatenate([self.nodes.first[: self._count], first[: len(done)]])
         counts = np.concatenate([self.nodes.degree[: self._count], degree[: len(done)]])
-        size = max(len(self.edges.end), 4 * (int(counts.sum()) + len(self._found)))
+        size = max(len(self.edges.end), 2 * (int(counts.sum()) + len(self._found)))
         fresh = Edges(np.zeros(size, np.int32), np.zeros(size, np.int32))
         self._used = _compact(begins, counts, self.edges, fresh)
         self.edges = fresh

@@ -73,7 +73,8 @@ def with_numbers(ground: Ground, cells: Ints32, numbers: Ints) -> Ground:
     if len(missing):
         used = int(ground.page.max()) + 1
         while used + len(missing) > len(ground.node):
-            ground = ground._replace(node=np.concatenate([ground.node, np.zeros_like(ground.node)]))
+            more = np.zeros((len(ground.node) // 2, PAGE, PAGE), np.int32)
+            ground = ground._replace(node=np.concatenate([ground.node, more]))
         ground.page[missing[:, 0], missing[:, 1]] = np.arange(used, used + len(missing))
     page = ground.page[rows // PAGE, cols // PAGE]
     # The first page is that of all squares without a corner: nothing is written there.

@@ -25,7 +25,6 @@ from layoutexplore.plugins.registry import Registry
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.oracle import FALSE_CLOSED_AREA, OraclePredictor
 from layoutexplore.predictors.own_predictor import predictor_of_own_code
-from layoutexplore.predictors.prior_plan import predictor_of_prior
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor, with_classes
 from layoutexplore.predictors.reconstructed import predictor_of_method
 from layoutexplore.predictors.shape_baselines import (
@@ -123,7 +122,7 @@ def _register_shipped() -> None:
     PREDICTORS.ship(
         "prior",
         "a plan known beforehand, registered with the map: prior:FILE, or a preset made from the run's plan",
-        lambda name, options: predictor_of_prior(options.plan),
+        _prior,
         PriorOptions(),
     )
     learned = {
@@ -146,6 +145,14 @@ def _learned(called: str, name: str, options: LearnedOptions) -> LearnedPredicto
     del name
     folder = Path(options.model) if options.model else None
     return LearnedPredictor(folder, network=options.network == "on", rooms=options.rooms, called=called)
+
+
+def _prior(name: str, options: PriorOptions) -> RoomPredictor:
+    # Registration with what it stands on takes 10 MB, which other predictors do without.
+    from layoutexplore.predictors.prior_plan import predictor_of_prior
+
+    del name
+    return predictor_of_prior(options.plan)
 
 
 PREDICTORS: Registry[RoomPredictor] = Registry(

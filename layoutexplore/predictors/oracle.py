@@ -87,7 +87,7 @@ class OraclePredictor:
     def rooms(self, decision: Decision) -> RoomLabels:
         """The true rooms."""
         assert self._truth is not None, "a simulation reveals the truth before the first decision"
-        return RoomLabels(self._truth.raster.room_ids, self._truth.raster.free)
+        return RoomLabels(self._truth.raster.room_ids.astype(np.int32), self._truth.raster.free)
 
     def _wrong(self, classes: FrontierClasses) -> FrontierClasses:
         wrong = self._flipped[classes.room]

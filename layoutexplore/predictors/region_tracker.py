@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Cells, Mask
+from layoutexplore.grids.arrays import Cells, Labels, Mask
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.flood import spread_in_place
@@ -39,6 +39,7 @@ class RegionTracker:
     def __init__(self) -> None:
         self._resolution = 0.0
         self._cells = np.empty((0, 0), np.int8)
+        self._labels: Labels = np.empty((0, 0), np.int16)
 
     def __call__(self, cells: Cells, resolution: float) -> Regions:
         """The same as `doorway_regions`; its arrays are views that change with the next call.
@@ -53,11 +54,20 @@ class RegionTracker:
         if box[0] < box[1]:
             self._find_doors(_grown(box, self._reach, cells.shape))
             self._find_cores(_grown(box, self._reach + self._core_cells, cells.shape))
-        labels, count = label_components(self._core, self._labels)
+        count = self._divide()
+        if count > np.iinfo(self._labels.dtype).max:
+            self._labels = np.zeros(cells.shape, np.int32)
+            count = self._divide()
+        return Regions(self._labels, count, self._gaps, resolution)
+
+    def _divide(self) -> int:
+        """Write the labels of all regions; how many they are, maybe more than the labels can number."""
+        count = label_components(self._core, self._labels)[1]
         rest: Mask = self._cells == FREE
-        if spread_in_place(labels, rest, backwards=True, consume=True):
-            count += label_components(rest, labels, count)[1]  # What no core reaches: regions of its own.
-        return Regions(labels, count, self._gaps, resolution)
+        if spread_in_place(self._labels, rest, backwards=True, consume=True):
+            # What no core reaches: regions of its own.
+            count += label_components(rest, self._labels, count)[1]
+        return count
 
     def _begin(self, shape: tuple[int, ...], resolution: float) -> None:
         self._resolution = resolution
@@ -65,7 +75,7 @@ class RegionTracker:
         self._core_cells = disc(SHIPPED.core / resolution, closed=True).shape[0] // 2
         self._cells = np.full(shape, UNKNOWN, np.int8)
         self._gaps = np.zeros(shape, gap_type(resolution))
-        self._labels = np.zeros(shape, np.int32)
+        self._labels = np.zeros(shape, np.int16)
         self._core = np.zeros(shape, np.bool_)
 
     def _find_doors(self, box: Box) -> None:

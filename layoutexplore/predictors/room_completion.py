@@ -57,7 +57,7 @@ def complete_regions(cells: Cells, regions: Regions, shapes: Mapping[int, Shape]
             flat.append(shape.mask.ravel())
         starts[region + 1] = starts[region] + windows[region, 2] * windows[region, 3]
     masks = np.concatenate(flat) if flat else np.zeros(0, np.bool_)
-    rooms = _spread_shapes(cells, regions.labels, windows, masks, starts)
+    rooms = _spread_shapes(cells, regions.labels.astype(np.int32), windows, masks, starts)
     return walled_rooms(cells, rooms, regions.count + 1)
 
 

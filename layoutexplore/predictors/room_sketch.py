@@ -38,7 +38,7 @@ def sketch_rooms(around: Surroundings, area: Floats) -> Ints32:
     budget[0] = 0.0
     return _spend(
         around.cells,
-        around.regions.labels.copy(),
+        around.regions.labels.astype(np.int32),
         bit_map.code[bit_map.margin : -bit_map.margin, bit_map.margin : -bit_map.margin],
         around.regions.boxes,
         _starts(around.cells, members, offsets, homes),

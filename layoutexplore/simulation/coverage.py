@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from layoutexplore.grids.arrays import Cells, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Cells, Ints, Labels, Mask
 from layoutexplore.grids.boxes import Box
 
 
@@ -15,13 +14,13 @@ class TargetCoverage:
 
     Args:
         target: bool (rows, cols), the cells that have to be seen.
-        rooms: int (rows, cols), the room of each cell, 0 for none.
+        rooms: int16 or int32 (rows, cols), C-contiguous, the room of each cell, 0 for none.
 
     Attributes:
         unseen: bool (rows, cols), the cells of the target that have not been seen.
         target_count: Number of cells of the target.
         unseen_count: Number of those that have not been seen.
-        rooms: int32 (rows, cols), as given.
+        rooms: As given.
         unseen_in: int64 (rooms + 1,), the same by room; entry 0 counts those that lie in no room.
 
     Example:
@@ -31,10 +30,10 @@ class TargetCoverage:
         (0.333, [0, 1, 1])
     """
 
-    def __init__(self, target: Mask, rooms: NDArray[np.integer]) -> None:
+    def __init__(self, target: Mask, rooms: Labels) -> None:
         self.unseen = target.copy()
         self.target_count = self.unseen_count = int(np.count_nonzero(target))
-        self.rooms = np.ascontiguousarray(rooms, np.int32)
+        self.rooms = np.ascontiguousarray(rooms)
         self.unseen_in = np.bincount(self.rooms[target], minlength=int(self.rooms.max()) + 1)
 
     @property
@@ -49,7 +48,7 @@ class TargetCoverage:
 
 @njit(cache=True, nogil=True)
 def strike_seen(
-    cells: Cells, unseen: Mask, rooms: Ints32, unseen_in: Ints, row0: int, row1: int, col0: int, col1: int
+    cells: Cells, unseen: Mask, rooms: Labels, unseen_in: Ints, row0: int, row1: int, col0: int, col1: int
 ) -> int:
     """How many unseen cells are known now; they leave `unseen` and the counts of their rooms."""
     count = 0

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.frontiers.decision import CellPath
-from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Labels, Mask
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import Pose
 from layoutexplore.sensing.lidar import Lidar
@@ -63,7 +63,7 @@ class _Maps(NamedTuple):
 
     cells: Cells
     unseen: Mask
-    rooms: Ints32
+    rooms: Labels
     unseen_in: Ints
     target_count: int
 

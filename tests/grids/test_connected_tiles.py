@@ -39,3 +39,18 @@ def test_many_parts_in_one_tile() -> None:
     for row, col in ((30, 30), (28, 30), (0, 0), (30, 28)):
         tiles.update(world, row, col)
         assert np.argwhere(tiles.barred == 0).tolist() == [[row, col]]
+
+
+def test_more_parts_in_one_tile_than_a_byte_numbers() -> None:
+    world = np.zeros((2 * TILE, 2 * TILE), np.uint8)
+    world[::2, ::2] = world[1::2, 1::2] = 1
+    tiles = ConnectedTiles(world.shape)
+    tiles.note(np.argwhere(world == 1)[:, :2].astype(np.int32))
+    for row, col in ((31, 31), (0, 0), (63, 1)):
+        tiles.update(world, row, col)
+        assert np.argwhere(tiles.barred == 0).tolist() == [[row, col]]
+    world[0, :] = 1
+    tiles.note(np.argwhere(np.ones((1, 2 * TILE))).astype(np.int32))
+    tiles.update(world, 0, 0)
+    labels = ndimage.label(world)[0]
+    np.testing.assert_array_equal(tiles.barred == 0, labels == labels[0, 0])

@@ -36,7 +36,7 @@ def test_free_area_is_that_of_the_rooms() -> None:
     assert raster.free.sum() * 0.05**2 == pytest.approx(24.0 + 0.9 * 0.2, abs=0.05)
     assert (raster.room_ids == 1).sum() * 0.05**2 == pytest.approx(12.0, abs=0.02)
     assert not raster.room_ids[raster.occupied].any()
-    assert raster.room_ids.dtype == np.int32
+    assert raster.room_ids.dtype == np.int16
     assert raster.occupied.flags.c_contiguous
 
 

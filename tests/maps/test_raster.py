@@ -96,3 +96,22 @@ def test_a_turned_source_keeps_its_origin() -> None:
     ).rasterize(0.5)
     assert raster.room_ids[raster.world_to_cell(1.1, 2.1)] == 1
     assert raster.occupied[raster.world_to_cell(0.9, 2.1)]
+
+
+def test_large_room_numbers_stay_what_they_are() -> None:
+    for largest, kind in ((32_767, np.int16), (32_768, np.int32), (-32_769, np.int32), (2**31 - 1, np.int32)):
+        raster = PlanRaster(np.eye(3, dtype=bool), np.array([[0, 0, largest]] * 3), 0.1)
+        assert raster.room_ids.dtype == kind and (raster.room_ids[:, 2] == largest).all()
+
+
+def test_areas_that_are_not_connected() -> None:
+    """Each start has its own area, whichever was asked for before; without one it is the largest."""
+    occupied = np.ones((9, 30), bool)
+    for first, last in ((1, 4), (6, 18), (20, 29)):
+        occupied[1:8, first:last] = False
+    raster = PlanRaster(occupied, np.zeros(occupied.shape, np.int32), 0.1)
+    for col, first, last in ((2, 1, 4), (25, 20, 29), (10, 6, 18), (2, 1, 4), (None, 6, 18)):
+        reached = raster.reachable(0.1, None if col is None else Cell(4, col))
+        assert np.flatnonzero(reached.any(axis=0)).tolist() == list(range(first, last))
+        target = raster.coverage_target(0.1, None if col is None else Cell(4, col))
+        assert np.flatnonzero(target.any(axis=0)).tolist() == list(range(first, last))

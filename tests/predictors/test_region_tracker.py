@@ -65,3 +65,15 @@ def test_changes_lie_in_the_box(seed: int) -> None:
         assert box == (row0, row1, col0, col1)
     else:
         assert box == (0, 0, 0, 0)
+
+
+def test_more_regions_than_small_labels_can_number() -> None:
+    """They are numbered as before or after when the grid is full of specks, and is not."""
+    clear = np.full((300, 300), -1, np.int8)
+    clear[100:200, 100:200] = 0
+    specks = np.full((300, 300), 100, np.int8)
+    specks[::2, ::2] = specks[1::2, 1::2] = 0
+    tracker = RegionTracker()
+    for cells in (clear, specks, clear):
+        assert_same(tracker, cells, 0.1)
+    assert tracker(specks, 0.1).count == 45_000

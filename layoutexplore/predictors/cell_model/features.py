@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32, Labels, Mask
 from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.bit_map import (
     ALONG_COLS,
@@ -60,11 +60,11 @@ NEAR, WIDE = 3, 7
 
 
 class _Known(NamedTuple):
-    """What is known: the code and margin of a bit map, and the labels of regions int32 (rows, cols)."""
+    """What is known: the code and margin of a bit map, and the labels of regions (rows, cols)."""
 
     code: Bytes
     margin: int
-    labels: Ints32
+    labels: Labels
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +249,7 @@ def _typical_room(bit_map: BitMap, regions: Regions, resolution: float) -> tuple
 
 @njit(cache=True, nogil=True)
 def _reach(
-    code: Bytes, margin: int, labels: Ints32, depth: int
+    code: Bytes, margin: int, labels: Labels, depth: int
 ) -> tuple[Ints32, NDArray[np.int16], NDArray[np.int16]]:
     """Flood the unknown from all regions: owner, path length, and number of continued walls crossed.
 

@@ -107,8 +107,7 @@ class FeatureCache:
         self._features = np.zeros((0, len(LOCAL_FEATURES)), np.float32)
         self._frames = np.zeros((0, 8))
         self._touched = np.zeros((0, len(BARRIERS), TOUCHED), np.int32)
-        self._scratch = FloodScratch(np.zeros(0, np.int32), np.zeros(0, np.int32))
-        self._mark = 0
+        self._scratch = FloodScratch(np.zeros(0, np.uint8), np.zeros(0, np.int32))
 
     def compute(
         self, bit_map: BitMap, frontiers: FrontierClusters, resolution: float
@@ -131,13 +130,9 @@ class FeatureCache:
             barriers = np.array(list(BARRIERS.values()), np.int64)
             found = np.zeros((len(fresh), len(LOCAL_FEATURES)), np.float32)
             self._make_room(clusters, fresh, int(depths[-1]), bit_map.code.shape[1])
-            # A mark that was used once is never used again, until the numbers run out.
-            if self._mark > 2**31 - 4 * len(fresh) - 4:
-                self._scratch.stamp[:], self._mark = 0, 0
             frames[fresh], touched[fresh] = compute_local_features(
-                bit_map.code, clusters, fresh, lengths, barriers, self._scratch, self._mark, found
+                bit_map.code, clusters, fresh, lengths, barriers, self._scratch, found
             )
-            self._mark += len(barriers) * len(fresh)
             _scale(found, resolution)
             features[fresh] = found
         self._features, self._frames, self._touched = features, frames, touched
@@ -147,9 +142,9 @@ class FeatureCache:
 
     def _make_room(self, clusters: Clusters, fresh: Ints, depth: int, cols: int) -> None:
         """Have scratch memory for the floods of some frontiers."""
-        stamps, cells = flood_sizes(clusters.members, clusters.offsets, fresh, depth, cols)
-        if stamps > len(self._scratch.stamp):
-            self._scratch = self._scratch._replace(stamp=np.zeros(stamps, np.int32))
+        span, cells = flood_sizes(clusters.members, clusters.offsets, fresh, depth, cols)
+        if span > len(self._scratch.taken):
+            self._scratch = self._scratch._replace(taken=np.zeros(span, np.uint8))
         if cells > len(self._scratch.queue):
             self._scratch = self._scratch._replace(queue=np.empty(cells, np.int32))
 
@@ -162,9 +157,9 @@ class FeatureCache:
             or self._bit_map.code.shape != bit_map.code.shape
             or self._resolution != resolution
         ):
-            self._scratch = FloodScratch(np.zeros(0, np.int32), np.zeros(0, np.int32))
+            self._scratch = FloodScratch(np.zeros(0, np.uint8), np.zeros(0, np.int32))
             self._features, self._frames = np.zeros((1, len(LOCAL_FEATURES)), np.float32), np.zeros((1, 8))
-            self._touched, self._mark = np.zeros((1, len(BARRIERS), TOUCHED), np.int32), 0
+            self._touched = np.zeros((1, len(BARRIERS), TOUCHED), np.int32)
             return np.full(len(keys), -1, np.int64)
         old = np.array([self._known.get(key, -1) for key in keys], np.int64)
         changes = np.asarray(cv2.integral(changed_blocks(self._bit_map.code, bit_map.code)), np.int32)
@@ -212,13 +207,12 @@ def compute_local_features(
     lengths: Lengths,
     barriers: Ints,
     scratch: FloodScratch,
-    mark: int,
     out: Floats32,
 ) -> tuple[Floats, Ints32]:
     """Compute `LOCAL_FEATURES` of the wanted frontiers, in cells, into `out` float32 (wanted, features).
 
-    Marks up to `mark` + wanted * barriers are used. Returns the frames float64 (wanted, 8) and the free cells
-    that floods touch int32 (wanted, barriers, TOUCHED).
+    Returns the frames float64 (wanted, 8) and the free cells that floods touch int32 (wanted, barriers,
+    TOUCHED).
     """
     frames = np.zeros((len(wanted), 8))
     touched = np.empty((len(wanted), len(barriers), TOUCHED), np.int32)
@@ -240,11 +234,8 @@ def compute_local_features(
                 out[n, at : at + flood] = out[n, _FLOODS_AT : _FLOODS_AT + flood]
                 touched[n, b] = touched[n, 0]
                 continue
-            mark += 1
             found = out[n, at:]
-            bits = flood_unknown(
-                code, barriers[b], cluster, lengths.depths, scratch, mark, found, touched[n, b]
-            )
+            bits = flood_unknown(code, barriers[b], cluster, lengths.depths, scratch, found, touched[n, b])
             met = bits if b == 0 else met
         walls_in_line(code, frame, lengths.unit, out[n, _WALLS_AT:])
     return frames, touched

@@ -32,14 +32,15 @@ FORWARD, SIDEWAYS, SLANT, SIDES = 2, 4, 6, 7
 
 
 class FloodScratch(NamedTuple):
-    """What floods write on, both int32 (n,), of `flood_sizes`.
+    """What floods write on, of `flood_sizes`.
 
     Attributes:
-        stamp: The mark of the last flood that took a cell, from the first row on that the flood can reach.
-        queue: The cells of a flood, in the order in which it takes them.
+        taken: uint8 (n,), 1 for the cells that a flood has taken, from the first row on that it can reach;
+            all 0 between two floods.
+        queue: int32 (n,), the cells of a flood, in the order in which it takes them.
     """
 
-    stamp: Ints32
+    taken: Bytes
     queue: Ints32
 
 
@@ -125,29 +126,42 @@ def cast_rays(code: Bytes, frame: Floats, reach: int, out: Floats32) -> None:
 
 @njit(cache=True, nogil=True)
 def _start_flood(
-    code: Bytes, barrier: int, members: Ints32, scratch: FloodScratch, base: int, mark: int
+    code: Bytes, barrier: int, members: Ints32, scratch: FloodScratch, base: int
 ) -> tuple[int, int, int]:
-    """Queue the unknown cells beside a frontier that no barrier takes; stamps begin at the flat cell `base`.
+    """Queue the unknown cells beside a frontier that no barrier takes; `taken` begins at flat cell `base`.
 
     Returns:
         Number of unknown cells beside it, number of those queued, and the bits of all.
     """
-    cols, (stamp, queue) = code.shape[1], scratch
+    cols, (taken, queue) = code.shape[1], scratch
     flat = code.ravel()
     started = queued = met = 0
     for n in range(len(members)):
         i = members[n, 0] * cols + members[n, 1]
         for step in (cols, -cols, 1, -1):
             k = i + step
-            # Stamped whether queued or not: a cell between two frontier cells counts once.
-            if flat[k] & UNKNOWN_BIT and stamp[k - base] != mark:
-                stamp[k - base] = mark
+            # Taken whether queued or not: a cell between two frontier cells counts once.
+            if flat[k] & UNKNOWN_BIT and not taken[k - base]:
+                taken[k - base] = 1
                 started += 1
                 met |= int(flat[k])
                 if not flat[k] & barrier:
                     queue[queued] = k
                     queued += 1
     return started, queued, met
+
+
+@njit(cache=True, nogil=True)
+def _forget_flood(cols: int, members: Ints32, scratch: FloodScratch, base: int, count: int) -> None:
+    """Make `taken` 0 again after a flood from a frontier that has queued so many cells."""
+    taken, queue = scratch
+    for n in range(len(members)):
+        i = members[n, 0] * cols + members[n, 1] - base
+        for step in (cols, -cols, 1, -1):
+            taken[i + step] = 0
+    origin = np.uint64(base)
+    for n in range(count):
+        taken[np.uint64(queue[np.uint64(n)]) - origin] = 0
 
 
 @njit(cache=True, nogil=True)
@@ -165,7 +179,6 @@ def flood_unknown(
     members: Ints32,
     depths: Ints,
     scratch: FloodScratch,
-    mark: int,
     out: Floats32,
     touched: Ints32,
 ) -> int:
@@ -173,17 +186,17 @@ def flood_unknown(
 
     Writes the number of cells within each depth, then the sides at which the flood touches walls, free space
     and the barrier, the share of its starting cells that the barrier takes, and whether it came to an end
-    before the last depth. The scratch's stamps must not hold `mark`. `touched` int32 (TOUCHED,) receives the
-    free cells that the flood touches, evenly thinned out, as indices into the flat bit map; -1 for none.
+    before the last depth. `touched` int32 (TOUCHED,) receives the free cells that the flood touches, evenly
+    thinned out, as indices into the flat bit map; -1 for none.
 
     Returns:
         All bits of the unknown cells that the flood meets.
     """
     # Not `grids.flood.spread_in_place`: here the sides that the flood touches are counted and sampled.
-    cols, (stamp, queue) = code.shape[1], scratch
+    cols, (taken, queue) = code.shape[1], scratch
     flat = code.ravel()
     base = (members[:, 0].min() - depths[-1] - 1) * cols
-    started, last, met = _start_flood(code, barrier, members, scratch, base, mark)
+    started, last, met = _start_flood(code, barrier, members, scratch, base)
     # Unsigned as `k` is: the difference of an unsigned and a signed number would not be a whole one.
     origin = np.uint64(base)
     stopped = started - last
@@ -201,14 +214,14 @@ def flood_unknown(
                     k = np.uint64(i + step)
                     bits = flat[k]
                     if bits & UNKNOWN_BIT:
-                        if stamp[k - origin] == mark:
+                        if taken[k - origin]:
                             continue
                         met |= bits
                         if bits & barrier:
-                            # Not stamped: every side at which the flood meets the barrier counts.
+                            # Not taken: every side at which the flood meets the barrier counts.
                             barred += 1
                             continue
-                        stamp[k - origin] = mark
+                        taken[k - origin] = 1
                         queue[np.uint64(last)] = k
                         last += 1
                     elif bits & WALL_BIT:
@@ -225,6 +238,7 @@ def flood_unknown(
                                 kept += 1
                         free += 1
         out[d] = last
+    _forget_flood(cols, members, scratch, base, last)
     end = len(depths)
     out[end], out[end + 1], out[end + 2] = walls, free, barred
     out[end + 3], out[end + 4] = stopped / max(started, 1), first == last

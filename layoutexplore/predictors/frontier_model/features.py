@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.frontiers.detection import FrontierClusters
-from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Labels
 from layoutexplore.layout.doorways import Gaps, Regions
 from layoutexplore.predictors.bit_map import BitMap, draw_bit_map
 from layoutexplore.predictors.frontier_model.feature_cache import (
@@ -150,7 +150,7 @@ def _count_free(cells: Cells) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _contacts(touched: Ints32, cols: int, margin: int, labels: Ints32, home: Ints, out: Floats32) -> None:
+def _contacts(touched: Ints32, cols: int, margin: int, labels: Labels, home: Ints, out: Floats32) -> None:
     """Per flood the share of touched free cells in other regions, and the number of these regions."""
     seen = np.zeros(TOUCHED, np.int32)
     for k in range(len(touched)):
@@ -179,7 +179,7 @@ def _region_features(
     clusters: Clusters,
     home: Ints,
     frames: Floats,
-    grids: tuple[Ints32, Gaps],
+    grids: tuple[Labels, Gaps],
     sums: tuple[Ints, Floats],
     resolution: float,
     out: Floats32,

@@ -42,6 +42,9 @@ SHAPES = shapes_of(LAYERS) | {f"{name}.scale": (layer[1],) for name, layer in LA
 MOST = 127
 """What passes between layers is rounded and kept between 0 and this."""
 
+AT_ONCE = 8
+"""Crops that are scored at once: each takes 0.5 MB meanwhile."""
+
 
 class FrontierNetwork:
     """A trained network, which keeps the scores of the crops that it saw the last time.
@@ -72,8 +75,11 @@ class FrontierNetwork:
         """
         keys = [crop.tobytes() for crop in crops]
         fresh = [k for k, key in enumerate(keys) if key not in self._known]
-        found = self._score(crops[fresh].astype(np.float32)) if fresh else ()
-        known = self._known | {keys[k]: scores for k, scores in zip(fresh, found, strict=True)}
+        known = self._known
+        for begin in range(0, len(fresh), AT_ONCE):
+            some = fresh[begin : begin + AT_ONCE]
+            found = self._score(crops[some].astype(np.float32))
+            known = known | {keys[k]: scores for k, scores in zip(some, found, strict=True)}
         self._known = {key: known[key] for key in keys}
         return np.array([known[key] for key in keys], np.float32).reshape(len(keys), 3)
 

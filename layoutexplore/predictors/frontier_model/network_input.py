@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Labels, Mask
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
 from layoutexplore.predictors.frontier_model.feature_cache import Clusters
 from layoutexplore.predictors.frontier_model.features import Surroundings
@@ -67,7 +67,7 @@ def draw_crops(around: Surroundings, wanted: Ints | None = None) -> Bytes:
     return out
 
 
-def draw_truth(around: Surroundings, behind: Ints32, room_ids: Ints32, free: Mask) -> Bytes:
+def draw_truth(around: Surroundings, behind: Ints32, room_ids: Labels, free: Mask) -> Bytes:
     """What the unknown in the crops of k frontiers is in truth: uint8 (k, SIDE, SIDE).
 
     The grid cell in the middle of a crop's cell decides.
@@ -105,7 +105,7 @@ def _bounds(before: int, resolution: float) -> Ints:
 
 @njit(cache=True, nogil=True)
 def _draw(
-    grids: tuple[Bytes, int, Ints32],
+    grids: tuple[Bytes, int, Labels],
     clusters: Clusters,
     wanted: Ints,
     frames: Floats,
@@ -153,7 +153,7 @@ def _crop_cell_of(bounds: Ints) -> Ints:
 
 @njit(cache=True, nogil=True)
 def _draw_crop(
-    flat: tuple[Bytes, Ints32],
+    flat: tuple[Bytes, Labels],
     first: tuple[int, int],
     forward: tuple[int, int],
     sideways: tuple[int, int],

@@ -42,8 +42,8 @@ def test_a_flood_against_a_slow_one(cells: NDArray[np.int8]) -> None:
     members = clusters.cluster(0) + np.int32(bit_map.margin)
     depths = np.array([1, 3, 5], np.int64)
     out, touched = np.zeros(8, np.float32), np.zeros(TOUCHED, np.int32)
-    scratch = FloodScratch(*(np.zeros(bit_map.code.size, np.int32) for _ in range(2)))
-    flood_unknown(bit_map.code, ALONG_ROWS, members, depths, scratch, 1, out, touched)
+    scratch = FloodScratch(*(np.zeros(bit_map.code.size, kind) for kind in (np.uint8, np.int32)))
+    flood_unknown(bit_map.code, ALONG_ROWS, members, depths, scratch, out, touched)
     open_cells = (bit_map.code & UNKNOWN_BIT > 0) & (bit_map.code & ALONG_ROWS == 0)
     reached = np.zeros(bit_map.code.shape, np.bool_)
     reached[members[:, 0], members[:, 1]] = True

@@ -118,23 +118,17 @@ def test_floods_that_meet_no_barrier_are_shared(cells: NDArray[np.int8], seed: i
         np.array([1, 2, 4], np.int64),
         np.array([0, ALONG_ROWS | ALONG_COLS, DOOR_BIT], np.int64),
     )
-    scratch = FloodScratch(*(np.zeros(bit_map.code.size, np.int32) for _ in range(2)))
+    scratch = FloodScratch(*(np.zeros(bit_map.code.size, kind) for kind in (np.uint8, np.int32)))
     clusters_ = Clusters(members, np.array([0, len(members)], np.int64))
     found = np.zeros((1, len(FEATURES)), np.float32)
     _, touched = compute_local_features(
-        bit_map.code,
-        clusters_,
-        np.zeros(1, np.int64),
-        Lengths(8, 1, 3, 1, depths),
-        barriers,
-        scratch,
-        0,
-        found,
+        bit_map.code, clusters_, np.zeros(1, np.int64), Lengths(8, 1, 3, 1, depths), barriers, scratch, found
     )
     first = FEATURES.index("open_area_0.3")
     for b, barrier in enumerate(barriers):
         out, cells_touched = np.zeros(8, np.float32), np.zeros(TOUCHED, np.int32)
-        met = flood_unknown(bit_map.code, barrier, members, depths, scratch, 10 + b, out, cells_touched)
+        met = flood_unknown(bit_map.code, barrier, members, depths, scratch, out, cells_touched)
+        assert not scratch.taken.any()
         np.testing.assert_array_equal(found[0, first + 8 * b : first + 8 * (b + 1)], out)
         np.testing.assert_array_equal(touched[0, b], cells_touched)
         assert met & UNKNOWN_BIT or not out.any()

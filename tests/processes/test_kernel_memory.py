@@ -1,0 +1,38 @@
+"""Kernels from the cache keep their machine code alone, and new kernels can still be compiled with them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+KERNEL = """
+import sys
+from numba import njit
+import layoutexplore.grids
+from layoutexplore.processes.kernel_memory import LeanLibrary
+
+@njit(cache=True)
+def first(x): return x + 1
+
+library = first.overloads[first.compile("int64(int64)") and first.signatures[0]].library
+print(type(library) is LeanLibrary, library._parsed is None, first(1))
+
+@njit
+def second(x): return first(x) * 2
+
+print(second(2), library._parsed is not None)
+"""
+
+
+def test_bitcode_is_parsed_when_a_new_kernel_needs_it(tmp_path: Path) -> None:
+    (tmp_path / "kernel.py").write_text(KERNEL)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    said = []
+    for _ in range(2):
+        words = [sys.executable, str(tmp_path / "kernel.py")]
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True)
+        said.append(done.stdout.split())
+    assert said[0][0] == "True" and said[0][2:] == ["2", "6", "True"]
+    assert said[1] == ["True", "True", "2", "6", "True"]
