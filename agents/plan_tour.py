@@ -13,7 +13,13 @@ import numpy as np
 
 from layoutexplore.agents.base import register
 from layoutexplore.agents.foreseen_floor import ForeseenFloor
-from layoutexplore.agents.omniscient.route_planner import PlannedRoute, Quota, RouteConfig, RoutePlanner
+from layoutexplore.agents.omniscient.route_planner import (
+    NOTHING_PLANNED,
+    PlannedRoute,
+    Quota,
+    RouteConfig,
+    RoutePlanner,
+)
 from layoutexplore.agents.room_aware import LayoutTourOptions, RoomAwareHeuristic
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import Choice, Decision
@@ -23,8 +29,6 @@ from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import Cell
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.options import option
-
-NOTHING_PLANNED = PlannedRoute(np.empty((0, 2), np.int32), 0)
 
 NEAR_WAY = 2.0
 """Metres: a frontier at most so far from where a path leaves what is known is in its way."""
@@ -59,9 +63,9 @@ class PlanTourOptions(LayoutTourOptions):
         low=0.0,
         high=1.0,
     )
-    early: float = option(1.0, "what a metre before 95 % costs more than one after it", low=0.0)
-    rounds: int = option(3, "stretches of the route that are planned anew at a decision", low=0)
-    first_rounds: int = option(10, "the same at the first decision with foresight", low=0)
+    early: float = option(0.3, "what a metre before 95 % costs more than one after it", low=0.0)
+    rounds: int = option(6, "stretches of the route that are planned anew at a decision", low=0)
+    first_rounds: int = option(60, "the same at the first decision with foresight", low=0)
     lattice: float = option(0.8, "metres between places where the route may stop", low=0.2)
 
 

@@ -13,13 +13,14 @@ import cv2
 import numpy as np
 from numba import njit
 
-from layoutexplore.agents.omniscient.route import Leg, Stop
+from layoutexplore.agents.omniscient.route import Stop
 from layoutexplore.agents.omniscient.visibility import Bits, FloorInView, Visibility
 from layoutexplore.grids.arrays import Floats32, Ints, Ints32, Mask, Words
 from layoutexplore.grids.grid import Cell
-from layoutexplore.planning.shortest_paths import descend, geodesic_distances
+from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Workspace
+from layoutexplore.planning.shortest_paths import flat_indices, geodesic_distances, shortest_path
 
-_KEPT_LEGS, _KEPT_STOPS, _KEPT_FIELDS = 4000, 1000, 16
+_KEPT_WAYS, _KEPT_STOPS, _KEPT_FIELDS = 4000, 1000, 16
 
 
 class Places:
@@ -68,19 +69,22 @@ class Places:
         self._forget()
 
     def _forget(self) -> None:
+        self._search = Workspace(self.traversable.shape)
+        self._search.load(self.traversable)
+        self._flat = flat_indices(self.cells.astype(np.int64), self._search)
         self._numbers = {cell: i for i, cell in enumerate(map(tuple, self.cells.tolist()))}
         self._fields: OrderedDict[Cell, Floats32] = OrderedDict()
         self._stops: OrderedDict[int, Stop] = OrderedDict()
-        self._legs: OrderedDict[tuple[Cell, Cell], Leg] = OrderedDict()
+        self._ways: OrderedDict[tuple[Cell, Cell], Bits] = OrderedDict()
 
     def at(self, cell: Cell, seen: Bits | None = None) -> Stop:
         """A stop in any cell, with what is seen there; a full turn where that is not given."""
         if seen is None:
-            index = self._numbers.get(tuple(cell))
-            if index is not None:
+            index = self.number(cell)
+            if index >= 0:
                 return self.stop(index)
             seen = self.visibility.turning(np.array([cell], np.int32))[0]
-        return Stop(cell, -1, self.field(cell)[self.cells[:, 0], self.cells[:, 1]], seen)
+        return Stop(cell, -1, self._lengths(cell), seen)
 
     def stop(self, index: int) -> Stop:
         """The stop in a place of the lattice, kept: the same ones come and go."""
@@ -89,6 +93,12 @@ class Places:
             _keep(self._stops, index, dataclasses.replace(stop, index=index), _KEPT_STOPS)
         return self._stops[index]
 
+    def _lengths(self, cell: Cell) -> Floats32:
+        """Path lengths float32 (n,) in metres from a cell to the places; inf where there is no path."""
+        source = int(flat_indices(np.array([cell], np.int64), self._search)[0])
+        units = self._search.lengths_to(source, self._flat)
+        return np.where(units == FAR, np.inf, units * (self.resolution / STRAIGHT)).astype(np.float32)
+
     def field(self, cell: Cell) -> Floats32:
         """Path lengths float32 (rows, cols) from a cell in metres; large, so only the last few are kept."""
         if cell not in self._fields:
@@ -96,27 +106,20 @@ class Places:
             _keep(self._fields, cell, lengths, _KEPT_FIELDS)
         return self._fields[cell]
 
-    def apart(self, a: Stop, b: Stop) -> float:
-        """Path length between two stops in metres."""
-        if b.index >= 0:
-            return float(a.lattice[b.index])
-        return float(b.lattice[a.index]) if a.index >= 0 else float(self.field(a.cell)[b.cell])
+    def number(self, cell: Cell) -> int:
+        """The number of a place in the lattice; -1 for other cells."""
+        return self._numbers.get(tuple(cell), -1)
 
     def path(self, start: Cell, end: Cell) -> Ints32:
         """The shortest path int32 (k, 2) between two cells, both included."""
-        distances = self._fields.get(start)
-        if distances is None:
-            stop_at = np.array([end], np.int32)
-            distances = geodesic_distances(self.traversable, start, self.resolution, stop_at=stop_at)
-        return descend(distances, self.traversable, end)
+        return shortest_path(self._search, start, end, self.resolution)
 
-    def leg(self, start: Stop, end: Stop) -> Leg:
-        """The way between two stops, kept."""
-        key = (start.cell, end.cell)
-        if key not in self._legs:
-            path = self.path(*key)
-            _keep(self._legs, key, Leg(self.apart(start, end), self.visibility.walking(path)), _KEPT_LEGS)
-        return self._legs[key]
+    def way(self, start: Cell, end: Cell) -> Bits:
+        """What the scans on the way between two cells show, kept."""
+        key = (start, end)
+        if key not in self._ways:
+            _keep(self._ways, key, self.visibility.walking(self.path(start, end)), _KEPT_WAYS)
+        return self._ways[key]
 
 
 def _keep(store: OrderedDict[Any, Any], key: Any, value: Any, most: int) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.agents.omniscient.visibility import Bits
-from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32
+from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Words
 from layoutexplore.grids.grid import Cell
 
 
@@ -49,20 +49,30 @@ class Route:
         """The stops int32 (k, 2), without the start."""
         return np.array([stop.cell for stop in self.stops[1:]], np.int32).reshape(-1, 2)
 
-    def heads(self) -> list[Bits]:
-        """What is seen up to each stop, it included."""
-        sets = [self.stops[0].seen]
-        for leg, stop in zip(self.legs, self.stops[1:], strict=True):
-            sets.append(sets[-1] | leg.seen | stop.seen)
-        return sets
+    def heads(self) -> Words:
+        """What is seen up to each stop, it included: uint64 (stops, words)."""
+        return _joined(*self._sets(len(self.stops)))
 
-    def tails(self, end: int | None = None) -> list[Bits]:
+    def tails(self, end: int | None = None) -> Words:
         """What is seen from each stop on, it included, up to the stop `end` (the last one by default)."""
-        last = len(self.stops) - 1 if end is None else end
-        sets = [self.stops[last].seen]
-        for i in range(last - 1, -1, -1):
-            sets.append(sets[-1] | self.legs[i].seen | self.stops[i].seen)
-        return sets[::-1]
+        stops, legs = self._sets(len(self.stops) if end is None else end + 1)
+        return _joined(np.ascontiguousarray(stops[::-1]), np.ascontiguousarray(legs[::-1]))[::-1]
+
+    def _sets(self, count: int) -> tuple[Words, Words]:
+        """What the first stops uint64 (k, words) and the legs between them uint64 (k - 1, words) show."""
+        stops = np.array([stop.seen for stop in self.stops[:count]])
+        legs = np.array([leg.seen for leg in self.legs[: count - 1]], np.uint64)
+        return stops, legs.reshape(-1, stops.shape[1])
+
+
+@njit(cache=True, nogil=True)
+def _joined(stops: Words, legs: Words) -> Words:
+    """What is seen up to each stop uint64 (k, words), of stops (k, words) and legs (k - 1, words) or more."""
+    joined = stops.copy()
+    for i in range(1, len(stops)):
+        for w in range(stops.shape[1]):
+            joined[i, w] |= joined[i - 1, w] | legs[i - 1, w]
+    return joined
 
 
 def cheapest_gaps(near: Floats32, lengths: Floats, to: Floats, on: Floats) -> tuple[Floats, Ints]:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from layoutexplore.agents.omniscient.left_to_see import LeftToSee
 from layoutexplore.agents.omniscient.places import Places
 from layoutexplore.agents.omniscient.route import Route, Stop, cheapest_gaps
 from layoutexplore.agents.omniscient.visibility import (
@@ -24,11 +25,12 @@ from layoutexplore.agents.omniscient.visibility import (
     FloorInView,
     Visibility,
     added_sizes,
-    first_enough,
+    cheapest_enough,
     size,
+    size_of_union,
 )
 from layoutexplore.frontiers.decision import Truth
-from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32
+from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Words
 from layoutexplore.grids.grid import Cell
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.planning.tours import improve_tour
@@ -40,7 +42,7 @@ _LEAST_DETOUR = 0.3
 _SAMPLING_MARGIN = 3e-4
 """What is planned for beyond a quota, because coverage is counted on a sample of the target."""
 _BATCH = 32
-_STOPS_PLANNED_ANEW = 1200
+_STOPS_PLANNED_ANEW = 2400
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +76,10 @@ class PlannedRoute(NamedTuple):
 
     stops: Ints32
     mark: int
+
+
+NOTHING_PLANNED = PlannedRoute(np.empty((0, 2), np.int32), 0)
+"""Where no plan was made yet."""
 
 
 class Quota(NamedTuple):
@@ -110,9 +116,10 @@ class RoutePlanner:
         visibility = self.places.visibility
         shares = (min(self.config.early_coverage, self.config.coverage), self.config.coverage)
         quotas = [math.ceil((q + _SAMPLING_MARGIN) * visibility.count) for q in shares]
-        route = Route([self.places.at(start)], [], 0)
-        rng = np.random.default_rng(0)
-        route = self._improved(route, [min(q, visibility.count) for q in quotas], self.config.rounds, rng)
+        route = self._begun(start, self.places.at(start).seen, NOTHING_PLANNED)
+        count = size(self.places.at(start).seen)
+        quotas = [min(q, visibility.count) - count for q in quotas]
+        route = self._improved(route, quotas, self.config.rounds, np.random.default_rng(0))
         self._polish(route, fine=True)
         return route.cells()
 
@@ -128,27 +135,32 @@ class RoutePlanner:
             quotas: How much of all that can be seen must be seen early, and in all.
             seed: Of the stretches that are planned anew.
         """
-        stops = [self.places.at(Cell(*c)) for c in plan.stops.tolist() if self.places.traversable[*c]]
-        route = self._linked([self.places.at(start, seen), *stops], min(plan.mark, len(stops)))
-        counts = self._counts(route)
+        route, count = self._begun(start, seen, plan), size(seen)
+        counts = [n + count for n in self._counts(route)]
         # A plan is not to show less than it does; one that shows too little is to show all that is wanted.
         wanted = [q.wanted if n < q.least else min(q.wanted, n) for q, n in zip(quotas, counts, strict=True)]
-        route = self._improved(route, wanted, self.config.rounds, np.random.default_rng(seed))
+        rng = np.random.default_rng(seed)
+        route = self._improved(route, [n - count for n in wanted], self.config.rounds, rng)
         return PlannedRoute(route.cells(), route.mark)
+
+    def _begun(self, start: Cell, seen: Bits, plan: PlannedRoute) -> Route:
+        """A route along a plan by one who has seen so much: from now on only what is left to see counts."""
+        stops = plan.stops[self.places.traversable[plan.stops[:, 0], plan.stops[:, 1]]]
+        self._left = left = LeftToSee(self.places, seen, stops)
+        ahead = [left.at(Cell(*cell)) for cell in stops.tolist()]
+        return self._linked([left.showing(start, seen), *ahead], min(plan.mark, len(ahead)))
 
     def _improved(self, route: Route, quotas: list[int], rounds: int, rng: np.random.Generator) -> Route:
         """A route that meets the quotas and is no longer, from one that may do neither."""
-        self._quotas, views = quotas, self.places.views
-        # What a place shows that is new only shrinks while a route grows; what shows nothing now never will.
-        self._gains = added_sizes(views, np.arange(len(views)), route.stops[0].seen)
-        self._useful = np.flatnonzero(self._gains)
+        self._quotas = quotas
         self._complete(route)
         # What no stop shows cannot be asked for.
         self._quotas = [min(q, n) for q, n in zip(self._quotas, self._counts(route), strict=True)]
         self._polish(route)
         for _ in range(min(rounds, _STOPS_PLANNED_ANEW // len(route.stops))):
             changed = self._ruined(route, rng)
-            self._complete(changed, np.exp(self.config.noise * rng.standard_normal(len(views))))
+            noise = rng.standard_normal(len(self._left.cells))
+            self._complete(changed, np.exp(self.config.noise * noise))
             if self._cost(changed) < 1.05 * self._cost(route):
                 self._polish(changed)
             if self._is_better(changed, route):
@@ -156,7 +168,7 @@ class RoutePlanner:
         return route
 
     def _linked(self, stops: list[Stop], mark: int) -> Route:
-        return Route(stops, [self.places.leg(a, b) for a, b in itertools.pairwise(stops)], mark)
+        return Route(stops, [self._left.leg(a, b) for a, b in itertools.pairwise(stops)], mark)
 
     # The measure of a route.
 
@@ -188,8 +200,7 @@ class RoutePlanner:
         quota = self._quotas[0 if early else 1]
         if size(seen) >= quota:
             return False
-        bounds = np.zeros(len(self.places.cells), np.int64)
-        bounds[self._useful] = added_sizes(self.places.views, self._useful, seen)
+        bounds = added_sizes(self._left.views, np.arange(len(self._left.views)), seen)
         inserted = False
         while (needed := quota - size(seen)) > 0:
             detours, gaps = self._detours(route, early=early)
@@ -198,7 +209,7 @@ class RoutePlanner:
                 break
             gap = int(gaps[best])
             route.mark += early or gap < route.mark
-            seen = seen | self._insert(route, gap, self.places.stop(best))
+            seen = seen | self._insert(route, gap, self._left.stop(best))
             inserted = True
         return inserted
 
@@ -212,7 +223,7 @@ class RoutePlanner:
             if fresh[best]:
                 return best
             stale = top[~fresh[top]]
-            bounds[stale] = added_sizes(self.places.views, stale, seen)
+            bounds[stale] = added_sizes(self._left.views, stale, seen)
             values[stale] = np.minimum(bounds[stale], needed) / detours[stale]
             fresh[stale] = True
 
@@ -231,7 +242,7 @@ class RoutePlanner:
     def _insert(self, route: Route, gap: int, stop: Stop) -> Bits:
         """Put a stop into a gap; what it and the ways to and from it show."""
         route.stops.insert(gap + 1, stop)
-        legs = [self.places.leg(a, b) for a, b in itertools.pairwise(route.stops[gap : gap + 3])]
+        legs = [self._left.leg(a, b) for a, b in itertools.pairwise(route.stops[gap : gap + 3])]
         route.legs[gap : gap + 1] = legs
         # Beyond the mark nothing is seen early.
         counted = legs[:1] if gap + 1 == route.mark else legs
@@ -263,7 +274,7 @@ class RoutePlanner:
         """The same stops from the same first one, in a short order."""
         if len(stops) < 3:
             return stops
-        matrix = np.array([[self.places.apart(a, b) for b in stops] for a in stops], np.float64)
+        matrix = self._left.matrix(stops)
         return [stops[0], *(stops[i] for i in improve_tour(matrix, np.arange(1, len(stops))))]
 
     def _drop(self, route: Route) -> None:
@@ -271,7 +282,7 @@ class RoutePlanner:
         while len(route.stops) > 1 and (i := self._needless(route)) > 0:
             stops = route.stops
             route.legs[i - 1 : i + 1] = (
-                [self.places.leg(stops[i - 1], stops[i + 1])] if i + 1 < len(stops) else []
+                [self._left.leg(stops[i - 1], stops[i + 1])] if i + 1 < len(stops) else []
             )
             route.mark -= i <= route.mark
             del stops[i]
@@ -284,14 +295,16 @@ class RoutePlanner:
         for i in np.argsort(-savings, kind="stable") + 1:
             if savings[i - 1] < 0:
                 break
-            seen = early = heads[i - 1]
+            leg = tail = early_tail = heads[i - 1]
             if i + 1 < len(stops):
-                seen = seen | self.places.leg(stops[i - 1], stops[i + 1]).seen | tails[i + 1]
-            if size(seen) < self._quotas[1]:
+                leg, tail = self._left.leg(stops[i - 1], stops[i + 1]).seen, tails[i + 1]
+            if size_of_union(heads[i - 1], leg, tail) < self._quotas[1]:
                 continue
             if i < mark:
-                early = early | self.places.leg(stops[i - 1], stops[i + 1]).seen | early_tails[i + 1]
-            if i > mark or size(early) >= self._quotas[0]:
+                early_tail = early_tails[i + 1]
+            elif i == mark:
+                leg = early_tail
+            if i > mark or size_of_union(heads[i - 1], leg, early_tail) >= self._quotas[0]:
                 return int(i)
         return -1
 
@@ -301,7 +314,7 @@ class RoutePlanner:
         saved = to * route.legs[i - 1].length
         if i + 1 < len(route.stops):
             on = self._weight if i < route.mark else 1.0
-            saved += on * (route.legs[i].length - self.places.apart(route.stops[i - 1], route.stops[i + 1]))
+            saved += on * (route.legs[i].length - self._left.apart(route.stops[i - 1], route.stops[i + 1]))
         return saved
 
     def _shift(self, route: Route, *, fine: bool) -> None:
@@ -315,11 +328,10 @@ class RoutePlanner:
             if i <= route.mark:
                 limits.append((early, self._quotas[0] - size(early)))
             ends = [route.stops[i - 1], *route.stops[i + 1 : i + 2]]
-            rows = self._cheaper(route, i, [stop.lattice for stop in ends])
-            rows = rows[self._gains[rows] >= max(needed for _, needed in limits)]
-            row = first_enough(self.places.views, rows, limits)
+            near = [stop.lattice for stop in ends]
+            row = self._cheapest(route, i, near, self._left.views, limits)
             if row >= 0:
-                self._replace(route, i, self.places.stop(row))
+                self._replace(route, i, self._left.stop(row))
             if fine:
                 self._shift_finely(route, i, ends, limits)
             head = head | route.legs[i - 1].seen | route.stops[i].seen
@@ -331,31 +343,27 @@ class RoutePlanner:
         window = self.places.traversable[row : row + 2 * step + 1, col : col + 2 * step + 1]
         cells = (np.argwhere(window) + np.array([row, col])).astype(np.int32)
         near = [self.places.field(stop.cell)[cells[:, 0], cells[:, 1]] for stop in ends]
-        cells = cells[self._cheaper(route, i, near)]
         views = self.places.visibility.turning(cells)
-        row = first_enough(views, np.arange(len(cells)), limits)
+        row = self._cheapest(route, i, near, self._left.of(views), limits)
         if row >= 0:
-            self._replace(route, i, self.places.at(Cell(*map(int, cells[row])), views[row]))
+            self._replace(route, i, self._left.showing(Cell(*cells[row].tolist()), views[row]))
 
-    def _cheaper(self, route: Route, i: int, near: list[Floats32]) -> Ints:
-        """The candidates that cost less than stop i in its place, int64 (k,), the one that costs least first.
+    def _cheapest(
+        self, route: Route, i: int, near: list[Floats32], views: Words, limits: list[tuple[Bits, int]]
+    ) -> int:
+        """The candidate that costs least in the place of stop i and shows enough; -1 where none costs less.
 
         `near` holds metres float32 (n,) to each candidate from the stop before and, if there is one, the stop
-        after.
+        after; `views` uint64 (n, words) is what they show.
         """
-        weights = [self._weight if i <= route.mark else 1.0, self._weight if i < route.mark else 1.0]
-        costs = np.zeros(len(near[0]))
-        now = 0.0
-        for weight, lengths, leg in zip(weights, near, route.legs[i - 1 : i + 1], strict=False):
-            costs += weight * lengths.astype(np.float64)
-            now += weight * leg.length
-        rows = np.flatnonzero(costs < now - _SAVING)
-        return rows[np.argsort(costs[rows], kind="stable")]
+        weights = np.array([self._weight if at <= route.mark else 1.0 for at in (i, i + 1)])[: len(near)]
+        legs = np.array([leg.length for leg in route.legs[i - 1 : i + 1]])
+        return cheapest_enough(views, np.array(near), weights, float(weights @ legs) - _SAVING, limits)
 
     def _replace(self, route: Route, i: int, stop: Stop) -> None:
         """Put another stop in the place of stop i."""
         route.stops[i] = stop
-        legs = [self.places.leg(a, b) for a, b in itertools.pairwise(route.stops[i - 1 : i + 2])]
+        legs = [self._left.leg(a, b) for a, b in itertools.pairwise(route.stops[i - 1 : i + 2])]
         route.legs[i - 1 : i + 1] = legs
 
     def _ruined(self, route: Route, rng: np.random.Generator) -> Route:
@@ -368,7 +376,7 @@ class RoutePlanner:
         if rng.random() < 0.5:
             gone = set(range(middle, middle + few))
         else:
-            away = np.array([self.places.apart(route.stops[middle], stop) for stop in route.stops[1:]])
+            away = np.array([self._left.apart(route.stops[middle], stop) for stop in route.stops[1:]])
             gone = {int(i) + 1 for i in np.argsort(away, kind="stable")[:few]}
         kept = [i for i in range(count + 1) if i not in gone]
         return self._linked([route.stops[i] for i in kept], sum(i <= route.mark for i in kept) - 1)

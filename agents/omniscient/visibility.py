@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.frontiers.decision import CellPath, Truth
-from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask, Words
+from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask, Words
 from layoutexplore.grids.bitsets import ones
 from layoutexplore.sensing.lidar import LidarConfig, around, beam_table
 
@@ -145,7 +145,14 @@ def _thinned(sensor: LidarConfig, beams_around: int) -> LidarConfig:
 
 def size(bits: Bits) -> int:
     """Number of cells in a set."""
-    return int(np.bitwise_count(bits).sum())
+    count: int = _size_of_union(bits, bits, bits)
+    return count
+
+
+def size_of_union(a: Bits, b: Bits, c: Bits) -> int:
+    """Number of cells in any of three sets."""
+    count: int = _size_of_union(a, b, c)
+    return count
 
 
 def added_sizes(sets: Words, rows: Ints, other: Bits) -> Ints:
@@ -153,19 +160,29 @@ def added_sizes(sets: Words, rows: Ints, other: Bits) -> Ints:
     return _added(sets, rows, ~other)
 
 
-def first_enough(sets: Words, rows: Ints, limits: list[tuple[Bits, int]]) -> int:
-    """The first of some rows int64 (k,) of `sets` uint64 (n, words) that adds enough; -1 when none does.
+def cheapest_enough(
+    sets: Words, near: Floats32, weights: Floats, below: float, limits: list[tuple[Bits, int]]
+) -> int:
+    """The set that costs least among those that add enough; -1 where none does, or none costs little enough.
 
     Args:
-        sets: The sets.
-        rows: Which of them, in which order.
-        limits: Pairs of another set, and how many cells a row must add to it.
+        sets: uint64 (n, words).
+        near: float32 (k, n), parts of the cost of each set.
+        weights: float64 (k,), of the parts.
+        below: What it must cost less than.
+        limits: Pairs of another set, and how many cells a set must add to it.
     """
-    left = rows
-    for other, needed in limits[:-1]:
-        left = left[_added(sets, left, ~other) >= needed]
-    row: int = _first_enough(sets, left, ~limits[-1][0], limits[-1][1])
+    missing = np.array([~other for other, _ in limits])
+    row: int = _cheapest_enough(sets, near, weights, below, missing, np.array([n for _, n in limits]))
     return row
+
+
+@njit(cache=True, nogil=True)
+def _size_of_union(a: Bits, b: Bits, c: Bits) -> int:
+    count = 0
+    for w in range(len(a)):
+        count += ones(a[w] | b[w] | c[w])
+    return count
 
 
 @njit(cache=True, nogil=True)
@@ -179,15 +196,27 @@ def _added(sets: Words, rows: Ints, missing: Words) -> Ints:
 
 
 @njit(cache=True, nogil=True)
-def _first_enough(sets: Words, rows: Ints, missing: Words, needed: int) -> int:
-    words = np.flatnonzero(missing)
-    for row in rows:
-        count = 0
-        for w in words:
-            count += ones(sets[row, w] & missing[w])
-        if count >= needed:
-            return int(row)
-    return -1
+def _cheapest_enough(
+    sets: Words, near: Floats32, weights: Floats, below: float, missing: Words, needed: Ints
+) -> int:
+    """As `cheapest_enough`, with what is missing from the other sets uint64 (m, words)."""
+    best, least = -1, below
+    for row in range(len(sets)):
+        cost = 0.0
+        for k in range(len(weights)):
+            cost += weights[k] * near[k, row]
+        # Of equally dear ones the first; what costs more than the best so far need not be looked at.
+        if cost >= least:
+            continue
+        enough = True
+        for m in range(len(needed)):
+            count = 0
+            for w in range(sets.shape[1]):
+                count += ones(sets[row, w] & missing[m, w])
+            enough &= count >= needed[m]
+        if enough:
+            best, least = row, cost
+    return best
 
 
 class _Scanner(NamedTuple):

@@ -97,6 +97,28 @@ def descend(distances: Floats32, traversable: Mask, target: Cell) -> Ints32:
     return path
 
 
+def shortest_path(search: Search, start: Cell, end: Cell, resolution: float) -> Ints32:
+    """The shortest path between two cells, as `descend` finds it on the distances from its start.
+
+    Args:
+        search: Of the grid.
+        start: Where it begins; it need not be traversable.
+        end: Where it ends, inside of the grid.
+        resolution: Side of a cell in metres.
+
+    Returns:
+        int32 (k, 2): cells as (row, col), both ends included; empty where there is no path.
+    """
+    source, target = flat_indices(np.array([start, end], np.int64), search).tolist()
+    settled = search.spread(source, np.array([target]))
+    lengths = search.distance.reshape(search.moves.shape)
+    if search.distance[target] > settled:
+        return np.empty((0, 2), np.int32)
+    origin, scale = float(search.origin), resolution / STRAIGHT
+    path: Ints32 = walk_down(lengths, 1, origin, scale, float(settled), search.moves, int(end[0]), int(end[1]))
+    return path
+
+
 def distances_between(traversable: Mask, source: Cell, cells: Ints32, resolution: float) -> Floats32:
     """Lengths of the shortest paths from a cell to some others; like `geodesic_distances`, without the field.
 

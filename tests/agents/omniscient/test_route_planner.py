@@ -45,7 +45,7 @@ def test_a_plan_that_shows_enough_is_kept_and_one_that_does_not_is_filled_up() -
 
     def shown(plan: PlannedRoute) -> float:
         stops = [places.at(start), *(places.at(Cell(int(r), int(c))) for r, c in plan.stops)]
-        legs = [places.leg(a, b).seen for a, b in itertools.pairwise(stops)]
+        legs = [places.way(a.cell, b.cell) for a, b in itertools.pairwise(stops)]
         return size(np.bitwise_or.reduce([*(stop.seen for stop in stops), *legs])) / count
 
     plan = replanned(NOTHING, 0.8, 0.8)
