@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import OrderedDict
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -21,6 +21,15 @@ from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Workspace
 from layoutexplore.planning.shortest_paths import flat_indices, geodesic_distances, shortest_path
 
 _KEPT_WAYS, _KEPT_STOPS, _KEPT_FIELDS = 4000, 1000, 16
+_RECENT_WAYS = 500
+"""Ways that are looked through for those that stand when the floor has changed, the last used first."""
+
+
+class _Way(NamedTuple):
+    """A path int32 (k, 2) between two places, and what the scans on it show."""
+
+    path: Ints32
+    seen: Bits
 
 
 class Places:
@@ -46,6 +55,8 @@ class Places:
         self._opaque = scene.occupied
         self.cells = _lattice(self.traversable, self._step)
         self.views = visibility.turning(self.cells)
+        self._ways: OrderedDict[tuple[Cell, Cell], _Way] = OrderedDict()
+        self._search = Workspace(self.traversable.shape)
         self._forget()
 
     def adapt(self, scene: FloorInView) -> None:
@@ -66,16 +77,16 @@ class Places:
         views, stale = _carried(self.views, old, near)
         self.cells, self.views = cells, views
         views[stale] = self.visibility.turning(cells[stale])
+        recent = list(self._ways.items())[-_RECENT_WAYS:]
+        self._ways = OrderedDict((key, way) for key, way in recent if self._stands(way, near))
         self._forget()
 
     def _forget(self) -> None:
-        self._search = Workspace(self.traversable.shape)
         self._search.load(self.traversable)
         self._flat = flat_indices(self.cells.astype(np.int64), self._search)
         self._numbers = {cell: i for i, cell in enumerate(map(tuple, self.cells.tolist()))}
         self._fields: OrderedDict[Cell, Floats32] = OrderedDict()
         self._stops: OrderedDict[int, Stop] = OrderedDict()
-        self._ways: OrderedDict[tuple[Cell, Cell], Bits] = OrderedDict()
 
     def at(self, cell: Cell, seen: Bits | None = None) -> Stop:
         """A stop in any cell, with what is seen there; a full turn where that is not given."""
@@ -106,6 +117,11 @@ class Places:
             _keep(self._fields, cell, lengths, _KEPT_FIELDS)
         return self._fields[cell]
 
+    def _stands(self, way: _Way, near: Bits) -> bool:
+        """Whether a way can still be gone, and nothing that is seen from it lies near what changed."""
+        clear = self.traversable[way.path[:, 0], way.path[:, 1]].all()
+        return bool(clear) and not (way.seen & near).any()
+
     def number(self, cell: Cell) -> int:
         """The number of a place in the lattice; -1 for other cells."""
         return self._numbers.get(tuple(cell), -1)
@@ -115,11 +131,13 @@ class Places:
         return shortest_path(self._search, start, end, self.resolution)
 
     def way(self, start: Cell, end: Cell) -> Bits:
-        """What the scans on the way between two cells show, kept."""
+        """What the scans on the way between two cells show, kept while it can be gone."""
         key = (start, end)
         if key not in self._ways:
-            _keep(self._ways, key, self.visibility.walking(self.path(start, end)), _KEPT_WAYS)
-        return self._ways[key]
+            path = self.path(start, end)
+            _keep(self._ways, key, _Way(path, self.visibility.walking(path)), _KEPT_WAYS)
+        self._ways.move_to_end(key)
+        return self._ways[key].seen
 
 
 def _keep(store: OrderedDict[Any, Any], key: Any, value: Any, most: int) -> None:

@@ -62,12 +62,12 @@ class Route:
         """What the first stops uint64 (k, words) and the legs between them uint64 (k - 1, words) show."""
         stops = np.array([stop.seen for stop in self.stops[:count]])
         legs = np.array([leg.seen for leg in self.legs[: count - 1]], np.uint64)
-        return stops, legs.reshape(-1, stops.shape[1])
+        return stops, legs.reshape(len(stops) - 1, stops.shape[1])
 
 
 @njit(cache=True, nogil=True)
 def _joined(stops: Words, legs: Words) -> Words:
-    """What is seen up to each stop uint64 (k, words), of stops (k, words) and legs (k - 1, words) or more."""
+    """What is seen up to each stop uint64 (k, words), of stops (k, words) and legs (k - 1, words)."""
     joined = stops.copy()
     for i in range(1, len(stops)):
         for w in range(stops.shape[1]):

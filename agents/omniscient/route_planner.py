@@ -41,8 +41,12 @@ _LEAST_DETOUR = 0.3
 """Metres; a shorter detour counts as this long."""
 _SAMPLING_MARGIN = 3e-4
 """What is planned for beyond a quota, because coverage is counted on a sample of the target."""
+_SHOWN_IN_PASSING = 0.5
+"""Share of what a stop and the ways to it alone show, which the way past it is not expected to exceed."""
 _BATCH = 32
+"""Candidates of which it is counted at once what they add."""
 _STOPS_PLANNED_ANEW = 2400
+"""Rounds times stops of the route, at most: with many stops a round is dear."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +59,7 @@ class RouteConfig:
         early_weight: What a metre before the mark costs more than one after it.
         lattice: Metres between the cells that may become stops.
         scan_spacing: Metres between scans while walking.
-        rounds: How many stretches are planned anew; fewer where more than 40 stops make a round dear.
+        rounds: How many stretches are planned anew; fewer where many stops make a round dear.
         stretch: Greatest share of the stops that a round takes out.
         noise: Standard deviation of the logarithm of a factor on each place's detours in a round, for
             variety.
@@ -198,7 +202,7 @@ class RoutePlanner:
         """Insert stops until one quota seems met (what replaced legs showed counts); whether any was."""
         seen = route.heads()[route.mark if early else -1]
         quota = self._quotas[0 if early else 1]
-        if size(seen) >= quota:
+        if size(seen) >= quota or not len(self._left.cells):
             return False
         bounds = added_sizes(self._left.views, np.arange(len(self._left.views)), seen)
         inserted = False
@@ -292,10 +296,14 @@ class RoutePlanner:
         stops, mark = route.stops, route.mark
         heads, early_tails, tails = route.heads(), route.tails(mark), route.tails()
         savings = np.array([self._saving(route, i) for i in range(1, len(stops))])
+        whole = size(heads[-1])
         for i in np.argsort(-savings, kind="stable") + 1:
             if savings[i - 1] < 0:
                 break
             leg = tail = early_tail = heads[i - 1]
+            rest = size_of_union(leg, leg, tails[i + 1] if i + 1 < len(stops) else leg)
+            if self._quotas[1] - rest > _SHOWN_IN_PASSING * (whole - rest):
+                continue
             if i + 1 < len(stops):
                 leg, tail = self._left.leg(stops[i - 1], stops[i + 1]).seen, tails[i + 1]
             if size_of_union(heads[i - 1], leg, tail) < self._quotas[1]:

@@ -114,8 +114,8 @@ def shortest_path(search: Search, start: Cell, end: Cell, resolution: float) -> 
     lengths = search.distance.reshape(search.moves.shape)
     if search.distance[target] > settled:
         return np.empty((0, 2), np.int32)
-    origin, scale = float(search.origin), resolution / STRAIGHT
-    path: Ints32 = walk_down(lengths, 1, origin, scale, float(settled), search.moves, int(end[0]), int(end[1]))
+    origin, scale, row, col = float(search.origin), resolution / STRAIGHT, int(end[0]), int(end[1])
+    path: Ints32 = walk_down(lengths, 1, origin, scale, float(settled), search.moves, row, col)
     return path
 
 

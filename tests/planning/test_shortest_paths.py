@@ -20,6 +20,7 @@ from layoutexplore.planning.shortest_paths import (
     distance_matrix,
     distances_between,
     geodesic_distances,
+    shortest_path,
 )
 
 
@@ -218,3 +219,21 @@ def test_bad_input_is_refused() -> None:
         descend(geodesic_distances(mask, Cell(0, 0), 1.0), mask, Cell(0, 4))
     with pytest.raises(ConfigError, match="another grid"):
         descend(np.ones((4, 5), np.float32), mask, Cell(0, 0))
+
+
+@given(mask=masks(), seed=st.integers(0, 2**32))
+@settings(max_examples=40, deadline=None)
+def test_one_path_is_the_one_down_the_distances(mask: NDArray[np.bool_], seed: int) -> None:
+    cells = np.argwhere(mask)
+    if len(cells) == 0:
+        return
+    rng = np.random.default_rng(seed)
+    start, end = (Cell(*cells[rng.integers(len(cells))].tolist()) for _ in range(2))
+    search = wavefront.Workspace((mask.shape[0], mask.shape[1]))
+    search.load(mask)
+    path = shortest_path(search, start, end, 0.1)
+    distances = geodesic_distances(mask, start, 0.1)
+    if np.isinf(distances[end]):
+        assert len(path) == 0
+    else:
+        assert np.array_equal(path, descend(distances, mask, end))

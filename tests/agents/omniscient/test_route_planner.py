@@ -53,3 +53,13 @@ def test_a_plan_that_shows_enough_is_kept_and_one_that_does_not_is_filled_up() -
     kept = replanned(plan, 0.97, 0.75)
     assert shown(plan) - 1e-9 <= shown(kept) < 0.95
     assert shown(replanned(plan, 0.97, 0.96)) >= 0.97
+
+
+def test_a_place_that_shows_everything_leaves_nothing_to_plan() -> None:
+    simulation = Simulation(offices(), SimulationConfig(sensor="short"))
+    simulation.reset(seed=0)
+    start = simulation.truth.raster.world_to_cell(*simulation.pose[:2])
+    planner = RoutePlanner.of(simulation.truth)
+    everything = np.full(planner.places.visibility.words, ~np.uint64(0))
+    quotas = [Quota(64 * planner.places.visibility.words + 1, 0)] * 2
+    assert len(planner.replan(start, everything, NOTHING, quotas, seed=0).stops) == 0
