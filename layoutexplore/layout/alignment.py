@@ -67,6 +67,22 @@ def main_direction(profile: Floats) -> float:
     return 0.0 if abs(angle) < STRAIGHT else angle
 
 
+ASKEW = math.radians(10.0)
+"""Walls that run closer to the rows or columns than this are taken to run along them."""
+
+
+def askew_directions(directions: Floats, angle: float) -> Floats:
+    """Directions that run along neither axis of a turned grid, in its frame: (-pi/2, pi/2], as they come.
+
+    Args:
+        directions: float64 (k,), of walls, in radians.
+        angle: By which the grid was turned.
+    """
+    turned = np.pi / 2 - np.mod(np.pi / 2 - (directions - angle), np.pi)
+    off = np.abs(turned - np.round(turned / (np.pi / 2)) * (np.pi / 2))
+    return np.asarray(turned[off > ASKEW])
+
+
 def _turn(cells: Cells, angle: float) -> Cells:
     """The cells turned by an angle around their middle, each looked up, and no occupied one lost."""
     high, wide = cells.shape

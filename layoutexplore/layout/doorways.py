@@ -52,12 +52,9 @@ class DoorwaysConfig(DoorGapConfig):
     room_area: float = 1.5
 
     def __post_init__(self) -> None:
-        if not 0 < self.door_min <= self.door_max:
-            raise ConfigError("door_min must be above 0 and at most door_max")
-        if min(self.door_run, self.widening, self.reach, self.core) <= 0:
-            raise ConfigError("door_run, widening, reach and core must be above 0")
-        if min(self.slack, self.room_area) < 0:
-            raise ConfigError("slack and room_area must be at least 0")
+        super().__post_init__()
+        if self.core <= 0 or self.room_area < 0:
+            raise ConfigError("core must be above 0, and room_area at least 0")
 
 
 Gaps: TypeAlias = NDArray[np.unsignedinteger[Any]]

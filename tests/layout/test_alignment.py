@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from layoutexplore.layout.alignment import main_direction, places, surfaces, turn, turn_back, turned_places
+from layoutexplore.layout.alignment import (
+    askew_directions,
+    main_direction,
+    places,
+    surfaces,
+    turn,
+    turn_back,
+    turned_places,
+)
 from tests.layout.merging.cases import office
 
 maps = hnp.arrays(
@@ -60,3 +70,12 @@ def test_the_main_direction_is_the_peak_modulo_a_right_angle() -> None:
     profile[700] = 1.0
     assert main_direction(profile) == pytest.approx(np.radians(-5))
     assert main_direction(np.ones(720)) == 0.0
+
+
+def test_directions_askew_are_those_along_neither_axis_of_the_turned_grid() -> None:
+    pentagon = np.radians([0.0, 36.0, 72.0, 108.0, 144.0])
+    found = np.degrees(askew_directions(pentagon, math.radians(36.0)))
+    assert found == pytest.approx([-36.0, 36.0, 72.0, -72.0])
+    near = np.radians([1.0, 8.0, 93.0, 99.0, 179.0])
+    assert len(askew_directions(near, 0.0)) == 0
+    assert len(askew_directions(np.zeros(0), 0.3)) == 0

@@ -20,6 +20,9 @@ NEAR_REACH, FAR_REACH = 1.5, 6.0
 SLACK = 0.1
 """A wall may step aside by this much [m]."""
 
+MOST_SLACK = 5
+"""Beside a contact askew, where it is looked for cell by cell, by at most so many cells."""
+
 BESIDE = 0.3
 """A line lies near a contact within this distance [m]."""
 
@@ -68,7 +71,7 @@ def region_graph(
         RegionMaps(labels, spread, free, wall, distance, gaps.gap),
         changes,
         gaps.table.astype(np.float64) * resolution,
-        WallBits(along_rows, along_cols, near, far),
+        WallBits(along_rows, along_cols, near, far, min(slack, MOST_SLACK)),
         LineStrips(
             lines.row_strip, lines.col_strip, lines.face, lines.room, lines.above, lines.right, beside
         ),

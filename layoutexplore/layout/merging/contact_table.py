@@ -13,6 +13,9 @@ from layoutexplore.layout.merging.door_gaps import GAP
 from layoutexplore.layout.merging.graph_tables import EDGE, edge_slots, find_slot
 from layoutexplore.layout.merging.node_table import add_side
 
+ASKEW = 0.2
+"""A contact runs askew where it rises or falls by more than this share of its other extent."""
+
 
 class RegionMaps(NamedTuple):
     """The map that the regions lie in, each (rows, cols).
@@ -42,12 +45,14 @@ class WallBits(NamedTuple):
         along_cols: uint64, its columns.
         near: Reach on either side of a contact.
         far: The longer one.
+        slack: How far walls may step aside beside a contact askew.
     """
 
     along_rows: Words
     along_cols: Words
     near: int
     far: int
+    slack: int
 
 
 class LineStrips(NamedTuple):
@@ -131,6 +136,57 @@ def _add_contact(edge: Floats, side: Side, maps: RegionMaps, gaps: Floats, walls
 
 
 @njit(cache=True, nogil=True)
+def _wall_ahead(wall: Mask, row: float, col: float, step: tuple[float, float], reach: int, slack: int) -> int:
+    """Steps of at most `reach` from a place on at which a wall lies, at most `slack` cells aside."""
+    count = 0
+    for k in range(1, reach + 1):
+        # a line that has left the grid, or its border by more than the slack, does not come back
+        if not (-slack <= row + k * step[0] < wall.shape[0] + slack):
+            break
+        if not (-slack <= col + k * step[1] < wall.shape[1] + slack):
+            break
+        found = False
+        for aside in range(-slack, slack + 1):
+            r = int(np.floor(row + k * step[0] - aside * step[1] + 0.5))
+            c = int(np.floor(col + k * step[1] + aside * step[0] + 0.5))
+            if 0 <= r < wall.shape[0] and 0 <= c < wall.shape[1]:
+                found |= wall[r, c]
+        count += found
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _look_along(edges: Floats, places: Floats, wall: Mask, walls: WallBits) -> None:
+    """The walls in line with contacts askew, looked for from their ends on, for all of their sides.
+
+    Side by side they would be looked for along rows and columns, where there is none.
+
+    Args:
+        edges: float64 (m, columns of `EDGE`), changed.
+        places: float64 (m, 4), of each contact the sums of its sides' rows and columns, and its normal: sides
+            up less those down, and right less left, as long as the straight line between its ends.
+        wall: bool (rows, cols), occupied cells that are walls.
+        walls: How far they are looked at.
+    """
+    for e in range(len(edges)):
+        edge, up, right = edges[e], places[e, 2], places[e, 3]
+        # one that runs along the rows or columns keeps what its sides have found, and so does a closed one
+        if min(abs(up), abs(right)) <= ASKEW * max(abs(up), abs(right)):
+            continue
+        length, n = np.hypot(up, right), edge[EDGE.open]
+        near = far = 0.0
+        least = np.inf
+        for sign in (-1.0, 1.0):
+            step = (sign * right / length, -sign * up / length)
+            r, c = places[e, 0] / n + 0.5 * length * step[0], places[e, 1] / n + 0.5 * length * step[1]
+            share = _wall_ahead(wall, r, c, step, walls.near, walls.slack) / walls.near
+            near, least = near + share, min(least, share)
+            reach = max(walls.far - int(0.5 * length), 0)
+            far += _wall_ahead(wall, r, c, step, reach, walls.slack) / (2 * walls.far + 1)
+        edge[EDGE.near], edge[EDGE.near_min], edge[EDGE.far] = n * near, n * least, n * far
+
+
+@njit(cache=True, nogil=True)
 def contact_table(
     maps: RegionMaps, changes: Ints, gaps: Floats, walls: WallBits, lines: LineStrips, nodes: Floats
 ) -> tuple[Ints32, Floats]:
@@ -142,7 +198,7 @@ def contact_table(
     rows, cols = labels.shape
     # at most two contacts a change; grown arrays would be counted references in the loop
     ends = np.empty((2 * len(changes), 2), np.int32)
-    edges = np.empty((2 * len(changes), len(EDGE)))
+    edges, places = np.empty((2 * len(changes), len(EDGE))), np.empty((2 * len(changes), 4))
     slots = edge_slots(2 * len(changes))
     m, e, r = 0, -1, 0
     for i in changes:
@@ -169,7 +225,7 @@ def contact_table(
                     e = slots[slot] = m
                     m += 1
                     ends[e, 0], ends[e, 1] = low, high
-                    edges[e] = 0.0
+                    edges[e], places[e] = 0.0, 0.0
             # regions that meet only once they are spread into a wall touch across it
             if a == 0 or b == 0:
                 edges[e, EDGE.through] += 1
@@ -177,4 +233,8 @@ def contact_table(
                 side = Side(r, c, above)
                 _add_contact(edges[e], side, maps, gaps, walls)
                 _add_lines(edges[e], side, lines)
+                places[e, 0] += r + 0.5 * above
+                places[e, 1] += c + 0.5 * (not above)
+                places[e, 2 if above else 3] += 1.0 if p < q else -1.0
+    _look_along(edges[:m], places, wall, walls)
     return ends[:m].copy(), edges[:m].copy()

@@ -2,8 +2,8 @@
 
 1. The map is brought into its canonical one of eight orientations and turned to its main direction (ROSE's
    profile of the walls' surfaces).
-2. Short gaps in line with walls are door-gap candidates. With them shut, connected components that float
-   freely and are small are clutter; the rest is wall.
+2. Short gaps in line with walls, in any of their directions, are door-gap candidates. With them shut,
+   connected components that float freely and are small are clutter; the rest is wall.
 3. The distance to walls, shut gaps and unseen space falls into watershed basins: more regions than there are
    rooms.
 4. Slivers join the neighbour they open to most widely. Representative lines through the long walls cut the
@@ -38,7 +38,7 @@ from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.flood import grow_in_place, spread_in_place
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.layout.alignment import Turned, main_direction, surfaces, turn, turn_back
+from layoutexplore.layout.alignment import Turned, askew_directions, main_direction, surfaces, turn, turn_back
 from layoutexplore.layout.canonical import canonical_orientation, trinary_part
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.limits import cells_at_most, left_out, most_lines, most_questions, most_regions
@@ -124,10 +124,7 @@ class MergingConfig(DoorGapConfig):
     wall_half: float = 0.3
 
     def __post_init__(self) -> None:
-        if not 0 < self.door_min <= self.door_max:
-            raise ConfigError("door_min must be above 0 and at most door_max")
-        if min(self.door_run, self.widening, self.reach, self.slack) <= 0:
-            raise ConfigError("lengths of openings must be above 0")
+        super().__post_init__()
         for name in ("basin_share", "room_pass"):
             if not 0 < getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must lie in (0, 1], got {getattr(self, name)}")
@@ -181,10 +178,11 @@ def find_regions(
         oriented = orientation.apply(part)
         structure = find_directions(surfaces(oriented), resolution, DeclutterConfig())
         turned = turn(oriented, main_direction(structure.profile), corner, orientation)
+        askew = askew_directions(structure.directions, turned.angle)
         structure = replace(structure, directions=np.sort(orientation.invert_angles(structure.directions)))
     with timer("openings"):
         occupied = turned.cells == OCCUPIED
-        gaps = find_door_gaps(occupied, resolution, config)
+        gaps = find_door_gaps(occupied, resolution, config, askew)
         doors = gaps.gap > 0
         structural = structural_components(
             occupied,

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from layoutexplore.layout.merging.door_gaps import GAP, DoorGapConfig, find_door_gaps, list_gaps
+from layoutexplore.layout.merging.door_gaps import (
+    GAP,
+    DoorGapConfig,
+    GapSizes,
+    find_door_gaps,
+    gaps_along_lines,
+    list_gaps,
+    risen,
+)
 from tests.layout.merging.cases import office
 
 
@@ -93,3 +103,51 @@ def test_gaps_in_long_walls_are_listed_in_raster_order(seed: int) -> None:
     found = list_gaps(blocked, 1.0, config, longest=2.0)
     for gaps, mask in zip(found, (blocked, blocked.T), strict=True):
         assert [tuple(gap) for gap in gaps.tolist()] == sorted(slow_gaps(mask, (2, 14, 2, 2, 3, 2, 1)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    hnp.arrays(
+        np.bool_,
+        st.tuples(st.integers(1, 14), st.integers(1, 16)),
+        elements=st.sampled_from([True, False, False]),
+    ),
+    st.floats(-np.pi / 4, np.pi / 4),
+)
+def test_gaps_along_a_direction_are_those_along_the_rows_of_a_sheared_grid(
+    blocked: np.ndarray, angle: float
+) -> None:
+    rise = risen(angle, blocked.shape[1])
+    least = int(rise.min())
+    # as many free rows around as a line is followed aside: outside the grid nothing is blocked
+    sheared = np.zeros((blocked.shape[0] + int(rise.max()) - least, blocked.shape[1]), np.bool_)
+    for r, c in np.argwhere(blocked):
+        sheared[r - rise[c] + rise.max(), c] = True
+    at = np.stack(np.nonzero(blocked.T)).astype(np.int32)
+    found = gaps_along_lines(blocked, at, rise, GapSizes(1, 4, 1, 1, 1, 1, 5))
+    gaps = {(int(g[0]) + int(rise.max()), *(int(v) for v in g[1:])) for g in found}
+    inside = {gap for gap in slow_gaps(sheared, (1, 4, 1, 1, 1, 5, 1)) if _beside(gap, rise, blocked)}
+    assert gaps == inside
+
+
+def _beside(gap: tuple[int, int, int, int, int], rise: np.ndarray, blocked: np.ndarray) -> bool:
+    """Whether the cells above and below the middle of a gap lie in the grid: else it leads nowhere."""
+    middle = gap[1] + gap[2] // 2
+    row = gap[0] - int(rise.max()) + int(rise[middle])
+    return 0 < row < len(blocked) - 1
+
+
+@pytest.mark.parametrize("degrees", [20, 36, 45, 70, 110, 144, -30])
+def test_doors_in_walls_askew_are_found_along_their_direction(degrees: int) -> None:
+    angle = math.radians(degrees)
+    rows, cols = np.mgrid[0:200, 0:200] - 100.0
+    along = cols * math.cos(angle) + rows * math.sin(angle)
+    across = rows * math.cos(angle) - cols * math.sin(angle)
+    wall = (np.abs(across) <= 2) & (np.abs(along) <= 80) & (np.abs(along) >= 9)
+    none, found = (
+        find_door_gaps(wall, 0.05, DoorGapConfig(), askew) for askew in (np.zeros(0), np.array([angle]))
+    )
+    gaps = found.table[found.gap[(np.abs(across) < 0.6) & (np.abs(along) < 7)]]
+    assert (gaps[:, GAP.width] >= 15).all() and (gaps[:, GAP.width] <= 22).all()
+    assert (gaps[:, GAP.short] > 50).all()
+    assert len(found.table) > len(none.table)
