@@ -22,7 +22,7 @@ from layoutexplore.layout.merging.method import MergingConfig, reconstruct_with
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.training.folds import Progress, check_folds, deal_folds, silent
-from layoutexplore.training.map_noise.examples import simulated_examples
+from layoutexplore.training.map_noise.examples import merging_simulations
 from layoutexplore.training.merge_trees.models import train_merging_models
 from layoutexplore.training.merging_examples import Example
 from layoutexplore.training.room_merging import MergingTrainingConfig, training_examples
@@ -81,7 +81,7 @@ def cross_validate_merging(
     check_folds(config.folds, [case.building for case in cases])
     dealt = deal_folds([case.building for case in cases], config.folds)
     examples = training_examples(cases, config.resolution, progress)
-    extra = simulated_examples(config.simulated, config.plans, progress=progress)
+    extra = merging_simulations(config.simulated, config.plans, progress)
     parts = [
         _Part(
             [case for case in cases if dealt[case.building] == fold],
@@ -117,7 +117,7 @@ def leave_sources_out(
         if {case.building for case in cases} == {case.building for case in held} and not config.simulated:
             raise ConfigError(f"without the buildings of source {source!r} nothing is left to train on")
     learnt = {name: training_examples(part, config.resolution, progress) for name, part in groups.items()}
-    extra = simulated_examples(config.simulated, config.plans, progress=progress)
+    extra = merging_simulations(config.simulated, config.plans, progress)
     parts = []
     for source, held in groups.items():
         known = {case.building for case in held}

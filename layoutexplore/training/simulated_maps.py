@@ -13,6 +13,7 @@ from layoutexplore.planning.shortest_paths import geodesic_distances
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
+from layoutexplore.training.polygonal_buildings.drawn_furniture import draw_furniture
 
 RESOLUTION = 0.05
 LARGEST = 7500.0
@@ -81,12 +82,17 @@ def _furniture(shape: tuple[int, ...], place: Cell, resolution: float, rng: np.r
     return canvas
 
 
+def drawn(occupied: Mask) -> Cells:
+    """The map of a building as it is drawn: all of it, without noise, unknown inside what is solid."""
+    near = cv2.dilate((~occupied).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return np.where(~occupied, FREE, np.where(near, OCCUPIED, UNKNOWN)).astype(np.int8)
+
+
 def see(occupied: Mask, origin: Pose, rng: np.random.Generator) -> Cells | None:
     """The map of a building: whole, partly explored, or so with a noisy lidar; None where no robot fits."""
     kind = str(rng.choice(["whole", "explored", "explored", "noisy", "noisy"]))
     if kind == "whole":
-        near = cv2.dilate((~occupied).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        return np.where(~occupied, FREE, np.where(near, OCCUPIED, UNKNOWN)).astype(np.int8)
+        return drawn(occupied)
     noise = float(rng.choice(NOISES)) if kind == "noisy" else 0.0
     sensor = LidarConfig(
         range_max=float(rng.choice(RANGES)),
@@ -141,4 +147,12 @@ def simulated_example(plan: FloorPlan, rng: np.random.Generator) -> Example | No
     cells = see(occupied, raster.origin, rng)
     if cells is None:
         return None
+    return make_example(cells, raster.room_ids, RESOLUTION, building=SIMULATED, kind=plan.name)
+
+
+def drawn_example(plan: FloorPlan, rng: np.random.Generator) -> Example:
+    """A map of a whole floor plan as it is drawn, two in three with furniture, as something to learn from."""
+    raster = plan.rasterize(RESOLUTION)
+    occupied = draw_furniture(plan, raster, rng) if rng.random() < 2 / 3 else raster.occupied
+    cells = drawn(occupied)
     return make_example(cells, raster.room_ids, RESOLUTION, building=SIMULATED, kind=plan.name)

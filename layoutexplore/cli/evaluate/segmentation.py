@@ -49,7 +49,12 @@ Sources = Annotated[
     list[str] | None,
     typer.Option("--source", help="FOLDER=SOURCE: where a folder's maps come from, else its name; repeat."),
 ]
-Simulated = Annotated[int, typer.Option(min=0, help="Simulated maps each fold is trained on besides.")]
+Simulated = Annotated[
+    int,
+    typer.Option(
+        min=0, help="Simulated maps to train on besides, to which come a third as many polygonal buildings."
+    ),
+]
 PlanFolders = Annotated[
     list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
 ]
@@ -322,7 +327,7 @@ def train_merging(
     buildings: Annotated[
         Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")
     ] = None,
-    simulated: Annotated[int, typer.Option(min=0, help="Simulated maps to train on besides.")] = 450,
+    simulated: Simulated = 450,
     plans: Annotated[
         list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
     ] = None,
@@ -335,6 +340,7 @@ def train_merging(
     from layoutexplore.layout.merging.merge_forest import save_forest
     from layoutexplore.layout.merging.merge_tree.cut import CUT_MODEL, save_cut_forest
     from layoutexplore.maps.painted_rooms import find_cases
+    from layoutexplore.training.map_noise.examples import POLYGONAL
     from layoutexplore.training.merge_trees.models import train_classifiers
 
     cut_out = cut_out or out.with_name(CUT_MODEL.name)
@@ -351,8 +357,8 @@ def train_merging(
         progress=progress_lines(),
     )
     note = (
-        f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} "
-        "simulated ones"
+        f"log-odds that two touching pieces are one room; trained on {len(cases)} maps, {simulated} "
+        f"simulated ones and {simulated // POLYGONAL} of polygonal buildings"
     )
     note += f", seed {seed}" + "".join(
         f", weight {value:g} for {folder}" for folder, value in weights.items()

@@ -3,7 +3,9 @@
 A third of the maps is seen by a lidar that may be noisy (`layoutexplore.training.simulated_maps`); a third
 has the noise of recorded maps: walls in pieces and doubled, beams through glass and doors, rows of desks,
 leaves half open, recesses; a third has noise from ranges that are wider still, for nobody knows the maps to
-come.
+come. The merging also learns from buildings whose walls run in many directions
+(`layoutexplore.training.polygonal_buildings`), which are rare among these plans; most of those maps are drawn
+as a plan is, with furniture and without noise.
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.fit import LARGEST
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
-from layoutexplore.training.simulated_maps import simulated_example
+from layoutexplore.training.polygonal_buildings.polygonal_floors import polygonal_floor
+from layoutexplore.training.simulated_maps import drawn_example, simulated_example
 
 NOISES: tuple[MapNoiseConfig | None, ...] = (None, MapNoiseConfig(), WIDE)
 """Noise of a map, each as often; None for a lidar alone."""
@@ -31,6 +34,27 @@ def noisy_example(plan: FloorPlan, config: MapNoiseConfig, rng: np.random.Genera
         return None
     example = make_example(made.cells, made.rooms, made.resolution, building=SIMULATED, kind=plan.name)
     return replace(example, noisy=True)
+
+
+POLYGONAL = 3
+"""To so many maps of other plans comes one of a polygonal building; of so many of those one has noise."""
+
+
+def polygonal_examples(count: int, seed: int = 1, progress: Progress = silent) -> tuple[Example, ...]:
+    """Maps of polygonal buildings, most as they are drawn; the same seed gives the same maps."""
+    out = []
+    for k in range(count):
+        progress("polygonal buildings simulated", k + 1, count)
+        rng = np.random.default_rng([seed, k, 0])
+        noise = (MapNoiseConfig(), WIDE)[k // POLYGONAL % 2]
+        try:
+            plan = polygonal_floor(1000 * seed + k)
+            example = drawn_example(plan, rng) if k % POLYGONAL else noisy_example(plan, noise, rng)
+        except LayoutExploreError:
+            continue
+        if example is not None:
+            out.append(example)
+    return tuple(out)
 
 
 def simulated_examples(
@@ -57,6 +81,16 @@ def simulated_examples(
         if example is not None:
             out.append(example)
     return tuple(out)
+
+
+def merging_simulations(
+    count: int, plans: tuple[str, ...] = (), progress: Progress = silent
+) -> tuple[Example, ...]:
+    """What the merging learns from besides recorded maps: `simulated_examples`, and polygonal buildings."""
+    return (
+        *simulated_examples(count, plans, progress=progress),
+        *polygonal_examples(count // POLYGONAL, progress=progress),
+    )
 
 
 def _plan(k: int, plans: tuple[str, ...], seed: int) -> FloorPlan:

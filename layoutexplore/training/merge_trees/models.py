@@ -18,7 +18,7 @@ from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.models.forest import Forest
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
 from layoutexplore.training.folds import Progress, silent
-from layoutexplore.training.map_noise.examples import simulated_examples
+from layoutexplore.training.map_noise.examples import merging_simulations
 from layoutexplore.training.merge_trees.samples import TreeSamples, tree_samples
 from layoutexplore.training.merging_examples import SIMULATED, Example
 from layoutexplore.training.room_merging import (
@@ -100,5 +100,5 @@ def train_classifiers(
 ) -> MergingModels:
     """The classifiers that ship, of all given maps and simulated ones; `weights` as in `cross_validate`."""
     examples = training_examples(cases, resolution, progress)
-    examples += simulated_examples(simulated, tuple(plans), progress=progress)
+    examples += merging_simulations(simulated, tuple(plans), progress)
     return train_merging_models(examples, MergingTrainingConfig(seed=seed, kind_weights=weights or {}))

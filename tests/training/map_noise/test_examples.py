@@ -8,7 +8,12 @@ import pytest
 from layoutexplore.grids.grid import FREE
 from layoutexplore.maps import load_plan
 from layoutexplore.training.map_noise import examples
-from layoutexplore.training.map_noise.examples import noisy_example, simulated_examples
+from layoutexplore.training.map_noise.examples import (
+    merging_simulations,
+    noisy_example,
+    polygonal_examples,
+    simulated_examples,
+)
 from layoutexplore.training.map_noise.simulate import MapNoiseConfig
 from layoutexplore.training.merging_examples import SIMULATED
 from layoutexplore.training.simulated_maps import see
@@ -45,3 +50,14 @@ def test_examples_take_turns_of_noise_and_are_the_same_again(monkeypatch: pytest
     again = simulated_examples(4, plans)
     assert 2 <= len(first) == len(again)
     assert all(np.array_equal(a.rooms, b.rooms) for a, b in zip(first, again, strict=True))
+
+
+def test_the_merging_learns_from_polygonal_buildings_besides(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(examples, "NOISES", (ROUGH,))
+    monkeypatch.setattr(examples, "_plan", lambda k, given, seed: load_plan("apartment:2"))
+    both = merging_simulations(6)
+    assert [example.kind for example in both[-2:]] == ["polygonal-1000", "polygonal-1001"]
+    assert all(example.building == SIMULATED for example in both)
+    drawn, again = polygonal_examples(2, seed=3)[1:], polygonal_examples(2, seed=3)[1:]
+    assert not drawn[0].noisy and (drawn[0].rooms == again[0].rooms).all()
+    assert (drawn[0].rooms[:, 1:].sum(0) > 0).all()
