@@ -5,7 +5,17 @@ Importing a module registers its agents; `make_agent` builds one from its name a
 
 from __future__ import annotations
 
-from layoutexplore.agents import greedy, mapex, plan_tour, policy, published, room_aware, tour, waiting
+from layoutexplore.agents import (
+    greedy,
+    mapex,
+    plan_tour,
+    policy,
+    published,
+    room_aware,
+    tour,
+    waiting,
+    watchful_tour,
+)
 from layoutexplore.agents.base import AGENTS, agent_names, describe_agents, make_agent, register_agent
 from layoutexplore.agents.omniscient import agent as clairvoyant
 
@@ -24,4 +34,5 @@ __all__ = [
     "room_aware",
     "tour",
     "waiting",
+    "watchful_tour",
 ]

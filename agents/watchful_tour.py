@@ -1,0 +1,123 @@
+"""A latency tour that is planned anew every half metre, after a look all around.
+
+Where `layout-tour` walks to a frontier until that is gone, this robot makes a few steps, looks all around and
+plans its tour anew with what it has seen. A lidar that looks ahead sees so into the rooms that are passed,
+and with any the robot does not walk on to what no longer begins its tour. Turning costs no metres.
+
+In its tour a closed frontier weighs no more than what is left behind it: rays that cross walls which nobody
+has seen yet promise more. So small remains come later, and the length of the tour has to count for more, or
+too many of them would be left to the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from layoutexplore.agents.base import register
+from layoutexplore.agents.room_aware import LayoutTourOptions, RoomAwareHeuristic
+from layoutexplore.frontiers.decision import CellPath, Choice, Decision
+from layoutexplore.frontiers.tour_features import ready_frontiers, tour_weights
+from layoutexplore.grids.arrays import Floats, Ints
+from layoutexplore.grids.grid import UNKNOWN, Cell
+from layoutexplore.options import option
+from layoutexplore.planning.latency_tours import latency_tour
+
+LAST_STEPS = 0.3
+"""Metres: no stop is made so near to a frontier's viewpoint, where the robot looks around in any case."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WatchfulTourOptions(LayoutTourOptions):
+    """Parameters of `WatchfulTour`."""
+
+    patience: float = option(
+        2.5, "weight of the tour's length against the mean way to a square metre", low=0.0
+    )
+    step: float = option(0.5, "metres after which the robot looks around and plans anew", low=0.2)
+
+
+class WatchfulTour(RoomAwareHeuristic[WatchfulTourOptions]):
+    """Steps along a latency tour over the frontiers that need not wait, planned anew after every step."""
+
+    remembers = True
+
+    def __init__(self, name: str, options: WatchfulTourOptions) -> None:
+        super().__init__(name, options)
+        self.reset(0)
+
+    def reset(self, seed: int) -> None:
+        """Begin a new run: the robot is on its way to nothing."""
+        self._goal: Cell | None = None
+        self._known = 0
+
+    def choose(self, decision: Decision) -> Choice:
+        """The first steps to the tour's first frontier, or that frontier where it is near."""
+        known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
+        chosen = self._held(decision) if known == self._known else None
+        if chosen is None:
+            chosen = self._first_of_tour(decision)
+        self._known = known
+        viewpoint = Cell(*decision.viewpoints[chosen].tolist())
+        steps = first_steps(decision.field.path_to(viewpoint), decision.grid.resolution, self.options.step)
+        self._goal = None if steps is None else viewpoint
+        return chosen if steps is None else steps
+
+    def _held(self, decision: Decision) -> int | None:
+        """The frontier that the robot is on its way to, if it is still there.
+
+        Without news it is gone on to: two goals could take turns for ever, each the first of the tour from
+        where the other one leads.
+        """
+        if self._goal is None:
+            return None
+        same = np.flatnonzero((decision.viewpoints == self._goal).all(axis=1))
+        return int(same[0]) if len(same) else None
+
+    def _first_of_tour(self, decision: Decision) -> int:
+        ready = ready_frontiers(decision, self.options.min_size, self.options.area)
+        if len(ready) < 2:
+            return int(ready[0])
+        lengths, weights = decision.path_lengths(ready), promised_areas(decision, ready)
+        return int(ready[latency_tour(lengths, weights, self.options.patience)[0] - 1])
+
+
+def promised_areas(decision: Decision, chosen: Ints) -> Floats:
+    """Square metres float64 (k,) that each of some frontiers int64 (k,) is worth to a tour.
+
+    The unknown area in view, and behind a closed frontier no more than is expected there.
+    """
+    in_view, table = tour_weights(decision, chosen), decision.table
+    left = np.minimum(in_view, table.expected_area[chosen])
+    areas: Floats = np.where(table.closed[chosen] > 0.0, left, in_view)
+    return areas
+
+
+def first_steps(path: CellPath, resolution: float, step: float) -> CellPath | None:
+    """The beginning of a path, as long as a step; None when hardly more than a step is left of it.
+
+    Args:
+        path: int32 (k, 2), neighbouring cells.
+        resolution: Metres per cell.
+        step: Metres.
+
+    Example:
+        >>> path = np.array([[0, 0], [1, 1], [1, 2], [1, 3], [1, 4]], np.int32)
+        >>> first_steps(path, 0.5, 1.2).tolist()
+        [[0, 0], [1, 1], [1, 2]]
+        >>> first_steps(path[:4], 0.5, 1.5) is None
+        True
+    """
+    walked = np.cumsum(np.hypot(*np.diff(path, axis=0).T)) * resolution
+    if len(walked) == 0 or walked[-1] <= step + LAST_STEPS:
+        return None
+    return path[: int(np.searchsorted(walked, step - 1e-6)) + 2]
+
+
+register(
+    "watchful-tour",
+    "a latency tour, planned anew every half metre after a look around; closed ones with little left wait",
+    WatchfulTour,
+    WatchfulTourOptions(),
+)
