@@ -54,7 +54,8 @@ class SimulationConfig:
         coverage_goal: The run ends when this share of the target area has been seen, 0..1.
         max_distance: Budget in metres; None means 100 m plus 1 m for every square metre of target area
             (about five times what going to the nearest frontier needs).
-        turn_cost: Metres charged for turning by one radian; 0 makes turning free.
+        turn_cost: Metres charged for turning by one radian; 0 makes turning free. To look all around, a lidar
+            that looks ahead turns once; the look with which a run begins is free.
         frontier_min_size: Metres; shorter frontiers are offered only when no longer one is left.
         gain_range: Metres up to which `Frontier.visible_area` looks (never beyond the sensor's range).
         gain_rays: Rays per viewpoint for `Frontier.visible_area`.

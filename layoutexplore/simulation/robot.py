@@ -202,6 +202,10 @@ class Robot:
         self.believed = self.believed._replace(theta=heading)
         self.pose = self.pose._replace(theta=math.remainder(heading + offset, 2 * math.pi))
 
+    def turn_around(self) -> None:
+        """Turn on the spot all the way round."""
+        self.turned += 2 * math.pi
+
     def translate(self, dx: float, dy: float) -> tuple[float, bool]:
         """Move straight by (dx, dy) metres as believed, without turning, as far as the walls allow.
 

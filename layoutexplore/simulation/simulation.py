@@ -133,7 +133,7 @@ class Simulation:
             path = check_path(choice, self._here())
             state.begin_step(path, goal=None)
             if self._follow(path, None):
-                self._scan(full_turn=True)
+                self._look_around()
         elif choice == STOP:
             state.moves.append(STOP)
             state.finish(StopReason.AGENT)
@@ -270,7 +270,7 @@ class Simulation:
         self._follow(path, None)
         for _ in range(SCANS):
             if not self.done:
-                self._scan(full_turn=True)
+                self._look_around()
         self.state.second_look.note(self.robot.believed)
         return not self.done
 
@@ -355,7 +355,7 @@ class Simulation:
         state.robot.turn_to(facing(cells, frontier.cells, frontier.viewpoint))
         self._scan()
         if not self.done and remaining_share(cells, frontier.cells) >= self.config.gone_share:
-            self._scan(full_turn=True)
+            self._look_around()
         state.selector.blacklist(cells_in_view(cells, frontier.cells, frontier.viewpoint, self._cell))
 
     def _advance(self, cell: Cell) -> bool:
@@ -380,6 +380,12 @@ class Simulation:
             self._scan()
             state.finish(StopReason.BUDGET)
         return moved, collided
+
+    def _look_around(self) -> None:
+        """Scan all around; a lidar that does not look there turns for it."""
+        if not self.lidar.config.full_turn:
+            self.robot.turn_around()
+        self._scan(full_turn=True)
 
     def _scan(self, full_turn: bool = False) -> ScanUpdate:
         """Scan from here; the grid, the coverage and the curve follow."""

@@ -114,6 +114,16 @@ def test_turning_costs_what_it_is_told_to() -> None:
     assert free.distance == free.robot.walked
 
 
+def test_who_looks_ahead_turns_to_look_all_around() -> None:
+    for sensor, turns in (("stage", 1), ("indoor", 0)):
+        simulation = Simulation(three_rooms(), SimulationConfig(sensor=sensor, turn_cost=0.1))
+        simulation.reset(seed=0)
+        assert simulation.distance == 0.0
+        here = simulation.decision.grid.nearest_cell(*simulation.robot.pose[:2])
+        simulation.step(np.array([here], np.int32))
+        assert simulation.distance == pytest.approx(0.1 * turns * 2 * math.pi)
+
+
 def test_stops() -> None:
     simulation = Simulation(three_rooms(), SimulationConfig(max_distance=2.0, sensor="short"))
     decision = simulation.reset(seed=0)
