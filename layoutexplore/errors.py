@@ -14,9 +14,9 @@ import inspect
 import reprlib
 import types
 import typing
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import ModuleType
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -207,12 +207,31 @@ def checks_arguments(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **kwargs)
         except _PLAIN as error:
-            wrong = "" if isinstance(error, LayoutExploreError) else _wrong_argument(function, args, kwargs)
-            if wrong:
-                raise ConfigError(f"{function.__qualname__}: {wrong}") from error
-            raise
+            named = _named(error, function, args, kwargs)
+            if named is error:
+                raise
+            raise named from error
 
-    return checked
+    @functools.wraps(function)
+    def walked(*args: P.args, **kwargs: P.kwargs) -> Any:
+        try:
+            yield from cast(Iterable[Any], function(*args, **kwargs))
+        except _PLAIN as error:
+            named = _named(error, function, args, kwargs)
+            if named is error:
+                raise
+            raise named from error
+
+    return cast(Callable[P, R], walked) if inspect.isgeneratorfunction(function) else checked
+
+
+def _named(
+    error: Exception, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
+) -> Exception:
+    """An error that names the argument which explains it; the error itself where none does."""
+    if isinstance(error, LayoutExploreError) or not (wrong := _wrong_argument(function, args, kwargs)):
+        return error
+    return ConfigError(f"{function.__qualname__}: {wrong}")
 
 
 def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> str:
@@ -239,7 +258,8 @@ def _fits(value: Any, meant: Any) -> bool:
     if meant in _NUMBERS:
         return isinstance(value, _NUMBERS[meant]) and bool(abs(number) <= _LARGEST)
     if origin is np.ndarray or meant == ArrayLike:
-        return _is_array(value)
+        flags = bool(parts) and parts[-1] == np.dtype[np.bool_]
+        return _is_array(value) and not (flags and np.asarray(value).dtype.kind == "f")
     if origin in (typing.Union, types.UnionType):
         return any(_fits(value, part) for part in parts)
     base = origin or meant
@@ -251,6 +271,10 @@ def _fits(value: Any, meant: Any) -> bool:
         return isinstance(value, tuple) and len(value) == len(base._fields) and _is_array(value)
     if base is tuple and Ellipsis not in parts and isinstance(value, tuple):
         return len(value) == len(parts) and all(map(_fits, value, parts))
+    if parts and base in (Iterable, Sequence) and isinstance(value, (str, bytes)):
+        return parts[0] in (str, Any) and isinstance(value, str)
+    if parts and base is Mapping and isinstance(value, Mapping):
+        return all(_fits(key, parts[0]) and _fits(item, parts[1]) for key, item in value.items())
     if parts and base in (Iterable, Sequence, list) and isinstance(value, (list, tuple, set, frozenset)):
         return all(_fits(item, parts[0]) for item in value)
     return isinstance(value, base)

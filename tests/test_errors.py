@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import math
-from collections.abc import Callable
+import pkgutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 
+import layoutexplore.evaluation
+import layoutexplore.maps.formats
+import layoutexplore.metrics
 from layoutexplore import FloorPlan, OccupancyGrid, Pose, Simulation, SimulationConfig
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, checks_arguments, checks_calls
+from layoutexplore.grids.arrays import Mask
 from layoutexplore.importing.building import building_from_grid, building_of_plan
 from layoutexplore.importing.findings import find_faults
 from layoutexplore.layout.doorways import DoorwaysConfig, doorway_regions
@@ -144,6 +150,74 @@ def test_no_wrong_call_of_a_function_ends_in_an_error_of_python(name: str) -> No
             except Exception as error:
                 failures[argument, repr(value)[:30]] = f"{type(error).__name__}: {error}"
     assert not failures
+
+
+LOWER = (layoutexplore.metrics, layoutexplore.evaluation, layoutexplore.maps.formats)
+"""Rooms all of whose functions are called with nonsense alone."""
+
+EXPLAINED = {
+    "engines": "starts processes",
+    "floors_of_model": "runs in a process of its own, whatever it raises",
+}
+"""Functions that are not."""
+
+
+def functions_of_rooms() -> list[Callable[..., Any]]:
+    found = []
+    for room in LOWER:
+        for part in pkgutil.iter_modules(room.__path__):
+            module = importlib.import_module(f"{room.__name__}.{part.name}")
+            for name, function in [*vars(module).items()]:
+                if inspect.isfunction(function) and function.__module__ == module.__name__:
+                    found += [] if name.startswith("_") or name in EXPLAINED else [function]
+    return found
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("function", functions_of_rooms(), ids=lambda f: f"{f.__module__}.{f.__name__}")
+def test_nonsense_alone_ends_in_an_error_of_ours(function: Callable[..., Any]) -> None:
+    """What a function can take, such as an empty list, it may take."""
+    parameters = [p for p in inspect.signature(function).parameters.values() if p.default is p.empty]
+    failures = {}
+    for value in KINDS:
+        given = [value for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD]
+        named = {p.name: value for p in parameters if p.kind is p.KEYWORD_ONLY}
+        try:
+            result = function(*given, **named)
+            if inspect.isgenerator(result):
+                list(result)
+        except LayoutExploreError:
+            continue
+        except Exception as error:
+            failures[repr(value)[:30]] = f"{type(error).__name__}: {error}"
+    assert not failures
+
+
+def test_kinds_of_what_a_call_was_given() -> None:
+    """Texts are no lists of other things, measures no flags; mappings and generators are looked into."""
+
+    @checks_arguments
+    def names(parts: Sequence[FloorPlan], by_name: Mapping[str, int]) -> list[Any]:
+        return [part.name for part in parts] + [value + 1 for value in by_name.values()]
+
+    @checks_arguments
+    def walk(parts: Sequence[int]) -> Iterator[int]:
+        for part in parts:
+            yield part + 1
+
+    @checks_arguments
+    def inverted(flags: Mask) -> Mask:
+        return ~flags
+
+    for call in (
+        lambda: names("ab", {}),  # type: ignore[arg-type]
+        lambda: names([], {"a": "b"}),  # type: ignore[dict-item]
+        lambda: list(walk("ab")),  # type: ignore[arg-type]
+        lambda: inverted(np.zeros(3)),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(ConfigError, match="must be"):
+            call()
+    assert list(walk([1, 2])) == [2, 3] and names([PLAN], {"a": 1}) == ["house", 2]
 
 
 def test_arrays_of_another_shape_are_named() -> None:

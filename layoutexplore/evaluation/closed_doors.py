@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from layoutexplore.closed_doors.prediction import predict_closed_rooms
+from layoutexplore.errors import checks_arguments
 from layoutexplore.files import write_atomically
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
@@ -64,6 +65,7 @@ class PairScore:
     seconds: float
 
 
+@checks_arguments
 def score_prediction(predicted: Mask, seen: Mask, truth: Mask, *, kept: bool = True) -> Score:
     """Score the free cells of a prediction.
 
@@ -88,6 +90,7 @@ def _share(part: int, whole: int, *, empty: float = 1.0) -> float:
     return part / whole if whole else empty
 
 
+@checks_arguments
 def evaluate_triple(
     triple: Triple, resolution: float, out: Path | None = None, models: Models | None = None
 ) -> PairScore:
@@ -118,6 +121,7 @@ def evaluate_triple(
     return PairScore(triple.building, triple.doors, hidden, before, ours, theirs, seconds)
 
 
+@checks_arguments
 def evaluate(
     triples: Sequence[Triple], *, resolution: float, out: Path | None = None, jobs: int = 1
 ) -> Iterator[PairScore]:
@@ -129,6 +133,7 @@ def evaluate(
         yield from pool.map(evaluate_triple, triples, [resolution] * len(triples), [out] * len(triples))
 
 
+@checks_arguments
 def cross_validate_closed_doors(
     triples: Sequence[Triple],
     folds: int,
@@ -159,6 +164,7 @@ def cross_validate_closed_doors(
         yield evaluate_triple(triple, resolution, out, models[k])
 
 
+@checks_arguments
 def summarise_closed_doors(scores: Sequence[PairScore]) -> list[dict[str, Any]]:
     """Means and interquartile means per building and overall, with intervals clustered by building.
 
@@ -200,6 +206,7 @@ def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[
     return line
 
 
+@checks_arguments
 def picture(triple: Triple, folder: Path) -> Bytes:
     """What was seen, the reference's answer and ours, uint8 RGB.
 
@@ -225,6 +232,7 @@ def picture(triple: Triple, folder: Path) -> Bytes:
     return np.asarray(cv2.resize(wide, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
+@checks_arguments
 def write_pictures(
     triples: Sequence[Triple], scores: Sequence[PairScore], folder: Path, count: int = 3
 ) -> list[Path]:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.errors import ConfigError, MapError, checks_arguments
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.frame import angles_to_local
@@ -111,6 +111,7 @@ class ClutterSummary:
     raw_error: float
 
 
+@checks_arguments
 def run_study(
     maps: dict[str, OccupancyGrid],
     config: ClutterConfig | None = None,
@@ -139,6 +140,7 @@ def run_study(
     return summarise_clutter(trials, clean), trials
 
 
+@checks_arguments
 def trials_of_map(name: str, grid: OccupancyGrid, config: ClutterConfig) -> Iterator[ClutterTrial]:
     """The trials of one map, in the order of shapes, counts and sizes."""
     if not grid.occupied.any() or not grid.free.any():
@@ -168,6 +170,7 @@ def trials_of_map(name: str, grid: OccupancyGrid, config: ClutterConfig) -> Iter
         )
 
 
+@checks_arguments
 def summarise_clutter(trials: Sequence[ClutterTrial], clean_scores: dict[str, float]) -> ClutterSummary:
     """Medians and correlations over trials (at least one)."""
     precision, recall, score = (
@@ -197,6 +200,7 @@ def _correlation(a: Floats, b: Floats) -> float:
     return float(np.corrcoef(a, b)[0, 1])
 
 
+@checks_arguments
 def add_clutter(
     grid: OccupancyGrid, shape: str, count: int, size: int, rng: np.random.Generator
 ) -> OccupancyGrid:
@@ -240,6 +244,7 @@ def _corners(shape: str, size: int, rng: np.random.Generator) -> Floats:
     return np.asarray(points @ np.array([[c, s], [-s, c]]))
 
 
+@checks_arguments
 def wall_lines(grid: OccupancyGrid, directions: Floats | None = None) -> Floats:
     """Wall lines float64 (n, 4) of a grid in metres of its own frame.
 
@@ -263,6 +268,7 @@ def wall_lines(grid: OccupancyGrid, directions: Floats | None = None) -> Floats:
     return np.stack((*ends[0], *ends[1]), axis=1)
 
 
+@checks_arguments
 def line_error(found: Floats, truth: Floats) -> float:
     """Mean over the found lines of the cost theta |T| / 2 of moving them onto the best true line, in rad m.
 
@@ -291,6 +297,7 @@ def _costs(found: Floats, truth: Floats) -> Floats:
     return np.asarray((theta * way / 2).min(axis=1))
 
 
+@checks_arguments
 def table(trials: Iterable[ClutterTrial], key: str) -> dict[str, tuple[int, float, float, float]]:
     """Number of trials, median precision, recall and W by the values of "map", "shape", "count" or "size"."""
     groups: dict[str, list[ClutterTrial]] = {}

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.evaluation.segmentation import MapScore, score_case
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import OccupancyGrid
@@ -68,6 +68,7 @@ class _Part:
     examples: Sequence[Example]
 
 
+@checks_arguments
 def cross_validate_merging(
     cases: Sequence[Case], config: CrossValidationConfig, progress: Progress = silent
 ) -> Iterator[Scored]:
@@ -92,6 +93,7 @@ def cross_validate_merging(
     yield from _score_parts(parts, config, progress)
 
 
+@checks_arguments
 def leave_sources_out(
     cases: Sequence[Case], config: CrossValidationConfig, progress: Progress = silent
 ) -> Iterator[Scored]:
@@ -112,7 +114,8 @@ def leave_sources_out(
     for case in cases:
         groups.setdefault(config.source_of(case), []).append(case)
     if len(groups) < 2:
-        raise ConfigError(f"leaving out a source takes at least two; all maps are of {next(iter(groups))!r}")
+        only = next(iter(groups), "none")
+        raise ConfigError(f"leaving out a source takes at least two; all maps are of {only!r}")
     for source, held in groups.items():
         if {case.building for case in cases} == {case.building for case in held} and not config.simulated:
             raise ConfigError(f"without the buildings of source {source!r} nothing is left to train on")

@@ -16,6 +16,7 @@ from layoutexplore.benchmark.pool import run_all
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
+from layoutexplore.errors import checks_arguments
 from layoutexplore.speed.measurement import SpeedRow
 
 CELLS = 400_000
@@ -58,6 +59,7 @@ def engines() -> Iterator[SpeedRow]:
     )
 
 
+@checks_arguments
 def empty_cells(cluster: str, count: int) -> tuple[float, float, float]:
     """Bring back cells that do nothing, each once, and write a row of results.csv for each.
 
@@ -86,6 +88,7 @@ def empty_cells(cluster: str, count: int) -> tuple[float, float, float]:
     return (count - 1) / (times[1] - times[0]), time.perf_counter() - begun, _most_megabytes()
 
 
+@checks_arguments
 def run_seconds(jobs: int, starts: int) -> float:
     """Wall seconds a run of `nearest` in a small office, from when all processes have ended their first."""
     ends: list[float] = []

@@ -10,6 +10,7 @@ import numpy as np
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import METRICS, compare
 from layoutexplore.benchmark.rows import Row
+from layoutexplore.errors import checks_arguments
 from layoutexplore.metrics.statistics import Interval
 
 REFERENCE = "layout-tour"
@@ -47,6 +48,7 @@ class ForesightScore:
     ms: float
 
 
+@checks_arguments
 def explorer_with(predictor: str) -> str:
     """The agent that explores with a predictor's foresight, by the name that it has in results.
 
@@ -57,6 +59,7 @@ def explorer_with(predictor: str) -> str:
     return make_agent(f"{PLANNER}:predictor={predictor}").name
 
 
+@checks_arguments
 def score_foresight(rows: Iterable[Row], predictors: Sequence[str]) -> list[ForesightScore]:
     """A line a sensor and predictor, all sensors together first where there are several.
 
@@ -90,6 +93,7 @@ def score_foresight(rows: Iterable[Row], predictors: Sequence[str]) -> list[Fore
     return lines
 
 
+@checks_arguments
 def foresight_table(scores: Sequence[ForesightScore]) -> str:
     """The lines as a table in Markdown."""
     lines = [

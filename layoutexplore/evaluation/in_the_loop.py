@@ -9,6 +9,7 @@ from typing import Any
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import POOLED, Comparison, compare
 from layoutexplore.benchmark.rows import Row
+from layoutexplore.errors import checks_arguments
 from layoutexplore.metrics.statistics import Interval
 
 BASELINE = "nearest"
@@ -43,6 +44,7 @@ class LoopScore:
     reached: float | None = None
 
 
+@checks_arguments
 def driver_of(predictor: str) -> str:
     """The agent that explores with a predictor, by the name that it has in results.
 
@@ -53,6 +55,7 @@ def driver_of(predictor: str) -> str:
     return make_agent(f"{DRIVER}:predictor={predictor}").name
 
 
+@checks_arguments
 def score_in_the_loop(summary: Mapping[str, Any], rows: Sequence[Row]) -> list[LoopScore]:
     """One line a predictor, the shortest way to 95 % first.
 

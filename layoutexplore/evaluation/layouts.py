@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from layoutexplore.errors import MapError, shortened
+from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.files.markup import read_xml
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.layout.types import Layout
@@ -44,6 +44,7 @@ class LayoutScores:
     true_rooms: int
 
 
+@checks_arguments
 def read_outlines(path: str | Path) -> list[shapely.Polygon]:
     """The true rooms of a school's XML file, in its pixels.
 
@@ -78,6 +79,7 @@ def _point(attributes: Mapping[str, str]) -> tuple[float, float]:
     return x, y
 
 
+@checks_arguments
 def stretch(
     rooms: Sequence[shapely.Polygon], box: tuple[float, float, float, float]
 ) -> list[shapely.Polygon]:
@@ -97,6 +99,7 @@ def stretch(
     return [shapely.transform(room, move) for room in rooms]
 
 
+@checks_arguments
 def wall_bounds(layout: Layout) -> tuple[float, float, float, float]:
     """Bounding box (x0, y0, x1, y1) of the layout's wall segments; of its rooms where there are none."""
     if len(layout.segments):
@@ -106,6 +109,7 @@ def wall_bounds(layout: Layout) -> tuple[float, float, float, float]:
     return float(x0), float(y0), float(x1), float(y1)
 
 
+@checks_arguments
 def score_layout(layout: Layout, truth: Sequence[shapely.Polygon]) -> LayoutScores:
     """Compare a layout's rooms with the true ones, whose frame is only known up to a stretch along the axes.
 
@@ -118,6 +122,7 @@ def score_layout(layout: Layout, truth: Sequence[shapely.Polygon]) -> LayoutScor
     return score_polygons([room.polygon for room in layout.rooms], stretch(truth, wall_bounds(layout)))
 
 
+@checks_arguments
 def score_polygons(rooms: Sequence[shapely.Polygon], truth: Sequence[shapely.Polygon]) -> LayoutScores:
     """Compare rooms with true rooms in the same frame; all 0 where either is missing.
 

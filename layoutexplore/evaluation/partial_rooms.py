@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.classes import LITTLE_LEFT, true_classes
 from layoutexplore.frontiers.decision import Decision, Privileged
 from layoutexplore.grids.arrays import Cells, Ints32, Mask
@@ -106,6 +107,7 @@ class Scores:
             self.milliseconds.setdefault(predictor, []).extend(times)
 
 
+@checks_arguments
 def score_predictors(
     snapshots: Iterable[Snapshot], predictors: Sequence[RoomPredictor], watch: Watch | None = None
 ) -> Scores:
@@ -155,6 +157,7 @@ Watch = Callable[[Snapshot, Item, RoomLabels, RoomScore], None]
 """Told of a scored room: the snapshot, the true room, the predicted rooms, and the score."""
 
 
+@checks_arguments
 def find_items(snapshot: Snapshot) -> list[Item]:
     """The true rooms of a snapshot that are seen in part and hold a frontier."""
     cells, raster = snapshot.decision.grid.cells, snapshot.truth.raster
@@ -194,6 +197,7 @@ def _score_room(snapshot: Snapshot, item: Item, rooms: RoomLabels, predictor: st
     )
 
 
+@checks_arguments
 def predicted_hidden(cells: Cells, item: Item, rooms: RoomLabels) -> Mask:
     """Unknown cells of the predicted room that holds most of the item's frontier cells."""
     owners = rooms.room_ids[item.frontier[:, 0], item.frontier[:, 1]]
@@ -208,6 +212,7 @@ def _iou(a: Mask, b: Mask) -> float:
     return int(np.count_nonzero(a & b)) / max(int(np.count_nonzero(a | b)), 1)
 
 
+@checks_arguments
 def boundary_distance(a: Mask, b: Mask) -> float:
     """Mean distance in cells from the outline of each mask to that of the other, averaged over both.
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.partial_rooms import FrontierScore, RoomScore, Scores
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import cluster_bootstrap
@@ -20,6 +21,7 @@ BINS = 10
 """Bins of stated confidence for the calibration error."""
 
 
+@checks_arguments
 def summarise_partial_rooms(scores: Scores) -> dict[str, Any]:
     """Rooms, frontiers and times of every predictor."""
     return {
@@ -32,6 +34,7 @@ def summarise_partial_rooms(scores: Scores) -> dict[str, Any]:
     }
 
 
+@checks_arguments
 def summarise_rooms(rooms: Sequence[RoomScore]) -> list[dict[str, Any]]:
     """One line for all rooms and one for each stratum of explored share that has rooms."""
     strata = [("all", list(rooms))]
@@ -40,6 +43,7 @@ def summarise_rooms(rooms: Sequence[RoomScore]) -> list[dict[str, Any]]:
     return [{"explored": name} | _room_line(part) for name, part in strata if part]
 
 
+@checks_arguments
 def summarise_parts(scores: Scores, predictor: str, part_of: Mapping[str, str]) -> list[dict[str, Any]]:
     """One line a part of the plans, in the order of `part_of`, which tells the part of each plan by its name.
 
@@ -80,6 +84,7 @@ def _room_line(rooms: Sequence[RoomScore]) -> dict[str, Any]:
     }
 
 
+@checks_arguments
 def summarise_frontiers(frontiers: Sequence[FrontierScore]) -> list[dict[str, Any]]:
     """One line for all frontiers and one for each coverage."""
     shares = sorted({f.coverage for f in frontiers})
@@ -104,6 +109,7 @@ def _frontier_line(frontiers: Sequence[FrontierScore]) -> dict[str, Any]:
     }
 
 
+@checks_arguments
 def matthews(found: Mask, truth: Mask) -> float:
     """Matthews' correlation of two classes, bool (n,); 0 where one of them never varies.
 
@@ -116,11 +122,13 @@ def matthews(found: Mask, truth: Mask) -> float:
     return float(np.corrcoef(found, truth)[0, 1])
 
 
+@checks_arguments
 def f1(found: Mask, truth: Mask) -> float:
     """Harmonic mean of precision and recall of the class True; 0 where it is neither found nor there."""
     return float(2 * (found & truth).sum() / max(int(found.sum() + truth.sum()), 1))
 
 
+@checks_arguments
 def calibration_error(confidence: Floats, right: Mask) -> float:
     """Expected calibration error.
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from layoutexplore.agents import make_agent
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.files import atomic, read_json, safe_name
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
@@ -69,6 +69,7 @@ class RegistrationRow:
         return self.error <= RIGHT
 
 
+@checks_arguments
 def registration_rows(
     plan: FloorPlan,
     kinds: Sequence[str],
@@ -102,6 +103,7 @@ def registration_rows(
     return [row for kind in kinds for row in kept.get(kind, [])]
 
 
+@checks_arguments
 def rows_of_source(
     source: str, sensor: str, *, kinds: Sequence[str], among: str = "", store: Path | None = None
 ) -> list[RegistrationRow]:
@@ -177,6 +179,7 @@ def _unseen(points: Floats, grid: OccupancyGrid) -> Floats:
     return points[unseen] if unseen.any() else points
 
 
+@checks_arguments
 def door_error(registration: Registration, place: Callable[[Floats], Floats] | None, points: Floats) -> float:
     """Median error in metres of where the best hypothesis puts points; inf where nothing is right."""
     if place is None or not registration.hypotheses:
@@ -185,6 +188,7 @@ def door_error(registration: Registration, place: Callable[[Floats], Floats] | N
     return float(np.median(np.hypot(*(found - points).T)))
 
 
+@checks_arguments
 def confidences(rows: Sequence[RegistrationRow], model: ConfidenceModel | None = None) -> Floats:
     """The confidence of each row, float64 (n,); 0 without a hypothesis."""
     model, found = model or shipped_model(), np.zeros(len(rows))
@@ -219,6 +223,7 @@ class RegistrationScore:
     wrongly: float
 
 
+@checks_arguments
 def score_registrations(rows: Sequence[RegistrationRow], sure: float) -> list[RegistrationScore]:
     """One line a kind and coverage."""
     found = []

@@ -9,7 +9,7 @@ from typing import Any
 
 from layoutexplore.benchmark.analysis import POOLED, Comparison, agents_of, compare
 from layoutexplore.benchmark.rows import Row
-from layoutexplore.errors import unknown_name
+from layoutexplore.errors import ConfigError, checks_arguments, unknown_name
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.simulation.config import NOISE
 
@@ -23,6 +23,7 @@ BASELINE = "nearest"
 """The strategy that the others are compared with at each level."""
 
 
+@checks_arguments
 def chosen_levels(names: Sequence[str] | None) -> tuple[str, ...]:
     """The levels that were named, in the order in which they rise, after the noiseless one; all without.
 
@@ -75,12 +76,18 @@ class PredictorUnderNoise:
     hidden_iou: Interval
 
 
+@checks_arguments
 def agents_under_noise(rows: Mapping[str, Sequence[Row]]) -> list[AgentUnderNoise]:
     """One line an agent and level, in the order of the levels given.
 
     Args:
         rows: By level, the runs of the same cells.
+
+    Raises:
+        ConfigError: The noiseless runs are missing.
     """
+    if NOISELESS not in rows:
+        raise ConfigError(f"runs at any level are compared with those at level {NOISELESS!r}: give them, too")
     exact = rows[NOISELESS]
     found = []
     for agent in agents_of(exact):
@@ -116,6 +123,7 @@ def _pooled(found: Sequence[Comparison], agent: str) -> dict[str, Comparison]:
     return {c.metric: c for c in found if c.agent == agent and (alone or c.sensor == POOLED)}
 
 
+@checks_arguments
 def predictors_under_noise(summaries: Mapping[str, Mapping[str, Any]]) -> list[PredictorUnderNoise]:
     """One line a predictor and level.
 

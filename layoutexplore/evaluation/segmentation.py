@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.pipeline import reconstruct
@@ -54,6 +55,7 @@ class MapScore:
     warnings: str = ""
 
 
+@checks_arguments
 def score_case(
     case: Case,
     method: str,
@@ -92,6 +94,7 @@ def score_case(
     return row, layout
 
 
+@checks_arguments
 def evaluate_cases(
     cases: Sequence[Case], methods: Sequence[str], *, protocol: str, resolution: float, jobs: int = 1
 ) -> Iterator[tuple[Case, MapScore, Ints32]]:
@@ -138,6 +141,7 @@ def _warm_up(methods: Sequence[str]) -> None:
         reconstruct(OccupancyGrid(cells, 0.05), method)
 
 
+@checks_arguments
 def summarise_segmentation(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
     """Mean and standard deviation (ddof 0) over the maps of each folder and method, as they appear.
 
@@ -166,6 +170,7 @@ def summarise_segmentation(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
     return out
 
 
+@checks_arguments
 def score_groups(rows: Sequence[MapScore], by: Literal["source", "building"]) -> list[dict[str, Any]]:
     """Means over the maps of each source, or of each building in each source and folder, as they appear."""
     groups: dict[tuple[str, ...], list[MapScore]] = {}
@@ -182,6 +187,7 @@ def score_groups(rows: Sequence[MapScore], by: Literal["source", "building"]) ->
     return out
 
 
+@checks_arguments
 def seed_spread(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
     """Standard deviation (ddof 1) over the seeds of the means over each folder's maps, as they appear."""
     groups: dict[str, dict[int, list[MapScore]]] = {}
@@ -197,6 +203,7 @@ def seed_spread(rows: Sequence[MapScore]) -> list[dict[str, Any]]:
     return out
 
 
+@checks_arguments
 def in_percent(row: MapScore) -> dict[str, Any]:
     """A row of the table of results: measures in percent."""
     record = asdict(row)

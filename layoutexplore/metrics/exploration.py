@@ -67,6 +67,7 @@ def auc_horizon(target_area: float) -> float:
     return 20.0 + 0.2 * target_area
 
 
+@checks_arguments
 def score_curve(
     curve: ArrayLike, *, budget: float, target_area: float, goal: float = FULLY_SEEN
 ) -> CurveScores:
@@ -101,6 +102,7 @@ def score_curve(
     )
 
 
+@checks_arguments
 def distance_to_coverage(
     distance: ArrayLike, coverage: ArrayLike, level: float, *, budget: float
 ) -> tuple[float, bool]:
@@ -132,6 +134,7 @@ def distance_to_coverage(
     return float(metres[k - 1] + t * (metres[k] - metres[k - 1])), True
 
 
+@checks_arguments
 def mean_coverage(distance: ArrayLike, coverage: ArrayLike, horizon: float) -> float:
     """Area under the coverage curve from 0 to `horizon` metres, divided by the horizon: 0..1.
 
@@ -150,6 +153,7 @@ def mean_coverage(distance: ArrayLike, coverage: ArrayLike, horizon: float) -> f
     return float((np.trapezoid(y, x) + y[0] * x[0]) / horizon)
 
 
+@checks_arguments
 def coverage_at(distance: ArrayLike, coverage: ArrayLike, at: ArrayLike) -> NDArray[np.float64]:
     """Coverage at given distances, float64 like `at`.
 
@@ -195,6 +199,7 @@ def revisit_share(track: ArrayLike, *, square: float = REVISIT_SQUARE, delay: fl
     return float(steps[again].sum()) / total
 
 
+@checks_arguments
 def rooms_finished(
     room_ids: NDArray[np.int32], target: NDArray[np.bool_], seen: NDArray[np.bool_]
 ) -> tuple[int, int]:

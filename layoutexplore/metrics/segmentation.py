@@ -112,6 +112,7 @@ def overlap_table(
     return table[1:, 1:][keep_s][:, keep_g], segment_sizes[keep_s], room_sizes[keep_g]
 
 
+@checks_arguments
 def scores_of_overlaps(
     overlaps: NDArray[np.int64], segment_sizes: NDArray[np.int64], room_sizes: NDArray[np.int64]
 ) -> SegmentationScores:

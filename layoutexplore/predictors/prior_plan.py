@@ -133,7 +133,9 @@ class PriorPredictor:
             self.registration.start = float(decision.track[0, 0]), float(decision.track[0, 1])
         self.registration.update(decision.grid)
         self.confidence = confidence(self.registration)
-        self._believed = self.confidence >= self._sure * (DOUBTED if self._believed else 1.0)
+        # Whoever believes at any confidence (sure=0) still needs a place to believe in.
+        placed = bool(self.registration.hypotheses)
+        self._believed = placed and self.confidence >= self._sure * (DOUBTED if self._believed else 1.0)
         if not self._believed:
             return None
         return self._on_map.foresee(self.registration, decision.grid, self.confidence, self.name)

@@ -2,7 +2,8 @@
 
 Noise draws walls where there are none: a doorway can close itself, a robot can find itself inside a wall, a
 frontier can stay because the beams towards it failed. Where no frontier is left that the robot can reach, it
-looks around where it is, and then from the nearest place it can reach to each frontier that it cannot.
+looks around where it is, and then from the nearest place it can reach to each frontier that it cannot. Where
+that opens nothing, it goes back the way it came to where it could reach more.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ SCANS = 3
 """So often the robot looks all around from a place: one free scan does not open a wall."""
 
 SHUT_IN = 1.0
-"""Square metres: where the robot can reach less than that, noise has shut it in."""
+"""Square metres: where the robot can reach less than that, or so much less than from where it came, noise has
+shut it in."""
 
 WAYS_BACK = 10
 """So often a robot that noise has shut in goes back where it came from."""
@@ -81,7 +83,11 @@ class SecondLook:
             if not _near((x, y), self._places) and _near((x, y), self._tries) < TRIES:
                 self._tries.append((x, y))
                 return traversability.path(grid.cells, here, cell)
-        return None
+        out = way_out(grid, track, traversability) if self._ways_back < WAYS_BACK else back
+        if not len(out):
+            return None
+        self._ways_back += 1
+        return out
 
 
 def _near(place: tuple[float, float], others: list[tuple[float, float]]) -> int:
@@ -102,13 +108,40 @@ def way_back(grid: OccupancyGrid, track: Floats, traversability: Traversability)
         reached = traversability.distances(grid.cells, cell).reached
         return bool(np.count_nonzero(reached) * grid.resolution**2 < SHUT_IN)
 
-    # A robot that touches a wall may not reach the centre of its own cell: each cell stands once.
-    back = [cell for cell, _ in groupby(grid.nearest_cell(x, y) for x, y, _ in track[::-1].tolist())]
+    back = _cells_back(grid, track)
     nowhere = np.empty((0, 2), np.int32)
     if not shut_in(back[0]):
         return nowhere
     free = next((k for k, cell in enumerate(back) if not shut_in(cell)), 0)
     return np.array(back[: free + 1], np.int32) if free else nowhere
+
+
+def way_out(grid: OccupancyGrid, track: Floats, traversability: Traversability) -> Ints32:
+    """The cells int32 (k, 2) back along the robot's track to where it can reach more; empty if nowhere.
+
+    Args:
+        grid: What the robot knows.
+        track: float64 (n, 3), the poses so far as (x, y, theta), as it believes them.
+        traversability: Where it can plan to go on that grid.
+    """
+    back = _cells_back(grid, track)
+    known = np.array(traversability.distances(grid.cells, back[0]).reached)
+    wanted = np.count_nonzero(known) + SHUT_IN / grid.resolution**2
+    for k, cell in enumerate(back):
+        # What was reached from a cell before can be reached no farther from here: one search an area.
+        if known[cell]:
+            continue
+        reached = traversability.distances(grid.cells, cell).reached
+        if np.count_nonzero(reached) >= wanted:
+            return np.array(back[: k + 1], np.int32)
+        known |= reached
+    return np.empty((0, 2), np.int32)
+
+
+def _cells_back(grid: OccupancyGrid, track: Floats) -> list[Cell]:
+    """The cells of the robot's way, the last first, each stay in one of them once."""
+    # A robot that touches a wall may not reach the centre of its own cell: nor does it try.
+    return [cell for cell, _ in groupby(grid.nearest_cell(x, y) for x, y, _ in track[::-1].tolist())]
 
 
 def _near_frontiers(

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.files import is_there
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.ifc import ifc_levels, is_ifc, load_ifc
@@ -34,11 +35,13 @@ FORMATS = (
 )
 
 
+@checks_arguments
 def building_format(path: Path) -> BuildingFormat | None:
     """The format of a file or folder that holds several floors; None for everything else."""
     return next((known for known in FORMATS if known.recognises(path)), None)
 
 
+@checks_arguments
 def split_level(text: str) -> tuple[Path, str]:
     """The file and the floor of FILE#LEVEL; without one, or for a file with a # in its name, no floor.
 
@@ -50,6 +53,7 @@ def split_level(text: str) -> tuple[Path, str]:
     return (Path(path), level) if path and not is_there(Path(text)) else (Path(text), "")
 
 
+@checks_arguments
 def floors_of(path: Path) -> list[str]:
     """FILE#LEVEL for every floor of a file of several.
 

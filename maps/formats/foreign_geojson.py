@@ -19,7 +19,7 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import ConfigError, MapError, MapWarning
+from layoutexplore.errors import ConfigError, MapError, MapWarning, checks_arguments
 from layoutexplore.files import read_json
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.geographic import LocalFrame, looks_geographic
@@ -55,6 +55,7 @@ class _Part(NamedTuple):
     geometry: BaseGeometry
 
 
+@checks_arguments
 def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None, data: Any = None) -> FloorPlan:
     """Read rooms and doors of a GeoJSON file that is not of our own format.
 
@@ -105,6 +106,7 @@ def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None, d
     )
 
 
+@checks_arguments
 def has_areas(data: Any) -> bool:
     """Whether any feature of a FeatureCollection is an area, as rooms and outlines are and paths are not."""
     features = data.get("features") if isinstance(data, dict) else None

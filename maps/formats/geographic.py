@@ -9,6 +9,7 @@ import numpy as np
 from shapely import get_coordinates, transform
 from shapely.geometry.base import BaseGeometry
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Floats
 
 METRES_PER_DEGREE = 111_320.0
@@ -46,6 +47,7 @@ class LocalFrame:
         return transform(shape, self.to_metres)
 
 
+@checks_arguments
 def looks_geographic(shape: BaseGeometry) -> bool:
     """Whether coordinates are degrees: a building of half a metre, near the origin of the earth's grid.
 

@@ -22,7 +22,7 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import MapError, cause, require
+from layoutexplore.errors import MapError, cause, checks_arguments, require
 from layoutexplore.files import read_bytes, read_json
 from layoutexplore.files.schema import Items, Number, Record, Text
 from layoutexplore.grids.polygons import polygons_of
@@ -61,16 +61,19 @@ _FLOOR = Record(
 _FLOORS = Record({"floors": Items(_FLOOR), "without_shape": Number(low=0)})
 
 
+@checks_arguments
 def is_ifc(path: Path) -> bool:
     """Whether a file is an IFC model, by its name."""
     return path.suffix.lower() == ".ifc"
 
 
+@checks_arguments
 def ifc_levels(path: Path) -> list[str]:
     """The storeys that have spaces, from below: "BUILDING/STOREY" where there are several buildings."""
     return list(_levels(path)[0])
 
 
+@checks_arguments
 def load_ifc(path: Path, level: str = "") -> FloorPlan:
     """Read one storey.
 

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import cause, require
+from layoutexplore.errors import cause, checks_arguments, require
 from layoutexplore.files import write_json
 from layoutexplore.grids.arrays import Floats
 
@@ -93,6 +93,7 @@ def _from_above(triangles: Floats) -> BaseGeometry:
     return shapely.union_all(flat[shapely.area(flat) > _TINY], grid_size=_SNAP)
 
 
+@checks_arguments
 def floors_of_model(path: Path) -> dict[str, Any]:
     """The floors of a model, from below.
 
@@ -199,6 +200,7 @@ def _placed(outline: BaseGeometry, width: float) -> list[float]:
     return [float(box.centroid.x), float(box.centroid.y), width or longest]
 
 
+@checks_arguments
 def write_floors(source: str, target: str) -> int:
     """Write the floors of a model; what is wrong with it goes to the error stream, and the status is 1."""
     try:

@@ -12,7 +12,7 @@ from typing import Any
 import shapely
 from shapely import Polygon
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.files import read_json
 from layoutexplore.files.schema import Anything, Items, Number, Record, Schema, TableOf
 from layoutexplore.maps.floorplan import FloorPlan
@@ -32,16 +32,19 @@ _FLOORS = Record({"features": Items(Record({"properties": _FLOOR}))})
 """What a file must hold, and the one of the floors."""
 
 
+@checks_arguments
 def is_imdf(path: Path) -> bool:
     """Whether a folder is one of IMDF."""
     return all((path / f"{part}.geojson").is_file() for part in ("level", "unit"))
 
 
+@checks_arguments
 def imdf_levels(path: Path) -> list[str]:
     """The names of the floors, by building and height: "BUILDING/FLOOR" where there are several buildings."""
     return list(_levels(path))
 
 
+@checks_arguments
 def load_imdf(path: Path, level: str = "") -> FloorPlan:
     """Read one floor.
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from layoutexplore.errors import MapError, shortened
+from layoutexplore.errors import MapError, checks_arguments, shortened
 
 _RANGE = re.compile(r"\s*(-?\d+(?:\.\d+)?)\s*(?:-\s*(-?\d+(?:\.\d+)?)\s*)?")
 
@@ -14,6 +14,7 @@ _HIGHEST = 1e6
 """No floor has a number above it, or below its negative."""
 
 
+@checks_arguments
 def choose_level(path: Path, level: str, levels: Sequence[str]) -> str:
     """The floor of a building that a word means.
 
@@ -44,6 +45,7 @@ def choose_level(path: Path, level: str, levels: Sequence[str]) -> str:
     raise MapError(f"{path}: {problem}: name one of {', '.join(names)}")
 
 
+@checks_arguments
 def numbers_of(text: str) -> set[str]:
     """The floors that a `level` of OpenStreetMap means: "1", "0;2", "-1-3".
 

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from layoutexplore.errors import MapError, shortened
+from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.files.markup import read_xml
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.floorplan import FloorPlan
@@ -68,11 +68,13 @@ class _Building:
         return np.array([self.places[key] for key in keys if key in self.places]).reshape(-1, 2)
 
 
+@checks_arguments
 def osm_levels(path: Path) -> list[str]:
     """The floors that have rooms, from below."""
     return _levels(_read(path))
 
 
+@checks_arguments
 def load_osm(path: Path, level: str = "") -> FloorPlan:
     """Read one floor.
 

@@ -13,7 +13,7 @@ from shapely import Polygon
 from shapely.geometry import shape as as_shape
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import MapWarning
+from layoutexplore.errors import MapWarning, checks_arguments
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.sizes import MOST_METRES, check_outlines
 
@@ -49,6 +49,7 @@ class Dropped:
             warnings.warn(f"{self.path}: {text}", MapWarning, stacklevel=3)
 
 
+@checks_arguments
 def geometry_of(feature: Any) -> BaseGeometry:
     """The flat geometry of a GeoJSON feature; an empty polygon where it has none that can be read.
 
@@ -63,6 +64,7 @@ def geometry_of(feature: Any) -> BaseGeometry:
     return whole if (np.abs(shapely.get_coordinates(whole)) <= MOST_METRES).all() else Polygon()
 
 
+@checks_arguments
 def mended(shape: BaseGeometry, dropped: Dropped) -> list[Polygon]:
     """The valid polygons of a shape in metres, the largest first; without area, none.
 

@@ -16,7 +16,7 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import MapError, shortened
+from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.files import read_yaml
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.polygons import polygons_of
@@ -31,16 +31,19 @@ ENDING = ".building.yaml"
 METRIC = ("cartesian_meters", "wgs84")
 
 
+@checks_arguments
 def is_rmf(path: Path) -> bool:
     """Whether a file is a building of the traffic editor, by its name."""
     return path.name.lower().endswith(ENDING)
 
 
+@checks_arguments
 def rmf_levels(path: Path) -> list[str]:
     """The levels that have walls."""
     return list(_levels(path))
 
 
+@checks_arguments
 def load_rmf(path: Path, level: str = "") -> FloorPlan:
     """Read one level.
 

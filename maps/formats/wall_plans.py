@@ -10,7 +10,7 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import MapError, MapWarning
+from layoutexplore.errors import MapError, MapWarning, checks_arguments
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.sizes import check_outlines, check_plan
@@ -25,6 +25,7 @@ PROBES = (0.2, 0.3, 0.45, 0.6)
 """Metres from a door's line at which its rooms are looked for."""
 
 
+@checks_arguments
 def plan_from_walls(
     floor: BaseGeometry,
     walls: BaseGeometry,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,7 +20,11 @@ from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.predictors import make_predictor
 from layoutexplore.priors.evacuation_picture import draw_evacuation_plan
-from tests.files.targets import RESULTS, TARGETS, Target, decision, house, read_school
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.episode import play
+from layoutexplore.simulation.saved_run import read_saved_run, save_simulation
+from layoutexplore.simulation.simulation import Simulation
+from tests.files.targets import QUIET_LIDAR, RESULTS, TARGETS, Target, decision, house, read_school, write_ros
 from tests.importing.cases import office
 from tests.maps.cases import SCHOOL
 from tests.plugins.cases import AGENT
@@ -94,11 +99,38 @@ def write_evacuation_plan(folder: Path) -> None:
     cv2.imwrite(str(folder / "wall.png"), drawn[..., ::-1])
 
 
-def read_as_prior(path: Path) -> None:
+def write_hinted(folder: Path) -> None:
+    save_plan(house(), folder / "plan.geojson")
+    (folder / "hints.txt").write_text(";scale=1.0;rotation=0.5;mirror=no;here=3.0/2.5;sure=0.4")
+
+
+def read_as_prior(path: Path, hints: str = "") -> None:
     """Look for a plan in what a robot sees first, as `plan-tour` does."""
     seen = decision()
-    predicted = make_predictor(f"prior:{path}").predict(seen)
+    predicted = make_predictor(f"prior:{path}{hints}").predict(seen)
     assert len(predicted.frontiers) == len(seen.frontiers)
+
+
+def planning(folder: Path) -> Any:
+    """Who plans on a plan in the folder, which it knows beforehand."""
+    return make_agent(f"plan-tour:predictor=prior:{folder / 'plan.geojson'}")
+
+
+def write_planned_run(folder: Path) -> None:
+    save_plan(house(), folder / "plan.geojson")
+    agent = planning(folder)
+    simulation = Simulation(
+        house(), SimulationConfig(sensor=QUIET_LIDAR, max_distance=60.0), make_predictor(agent.predictor)
+    )
+    play(simulation, agent, seed=1, until=lambda state: state.state.decisions == 2)
+    save_simulation(simulation, folder / "run.npz", {"agent": agent.name})
+
+
+def read_planned_run(folder: Path) -> None:
+    """Go on with a run of `plan-tour`: it and its predictor are asked at every decision again."""
+    agent, saved = planning(folder), read_saved_run(folder / "run.npz")
+    simulation = Simulation(house(), saved.config, make_predictor(agent.predictor))
+    play(simulation, agent, until=lambda state: state.state.decisions >= 3, saved=saved)
 
 
 READERS: dict[str, Target] = TARGETS | {
@@ -120,6 +152,32 @@ READERS: dict[str, Target] = TARGETS | {
         files={"wall.png": "png"},
         read=lambda folder: read_as_prior(folder / "wall.png"),
         share=0.2,
+    ),
+    "prior blueprint": Target(
+        write=write_picture,
+        files={"floor.png": "png"},
+        read=lambda folder: read_as_prior(folder / "floor.png"),
+        share=0.2,
+    ),
+    "prior map": Target(
+        write=write_ros,
+        files={"map.yaml": "yaml", "map.pgm": "pgm"},
+        read=lambda folder: read_as_prior(folder / "map.yaml"),
+        share=0.2,
+    ),
+    "hinted prior": Target(
+        write=write_hinted,
+        files={"hints.txt": "csv", "plan.geojson": "json"},
+        read=lambda folder: read_as_prior(
+            folder / "plan.geojson", (folder / "hints.txt").read_bytes().decode(errors="replace")
+        ),
+        share=0.5,
+    ),
+    "planned run": Target(
+        write=write_planned_run,
+        files={"run.npz": "npz", "plan.geojson": "json"},
+        read=read_planned_run,
+        share=0.3,
     ),
     "picture": Target(write=write_picture, files={"floor.png": "png"}, read=read_picture, share=0.2),
 }

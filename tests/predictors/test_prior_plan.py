@@ -97,6 +97,21 @@ def test_nonsense_is_refused(text: str, message: str) -> None:
         predictor_of_prior(text)
 
 
+def test_a_plan_believed_at_any_confidence_still_needs_a_place(tmp_path: Path) -> None:
+    """A point of the plan that lies elsewhere leaves no place for it: then the shipped predictor speaks."""
+    save_plan(office(), tmp_path / "plan.geojson")
+    predictor = make_predictor(f"prior:{tmp_path / 'plan.geojson'};scale=1;here=9000/9000;sure=0")
+    assert isinstance(predictor, PriorPredictor) and predictor.registration is not None
+    decision = Simulation(office(), SimulationConfig(sensor="stage"), predictor).reset(seed=0)
+    assert decision.foresight is None or predictor.registration.hypotheses
+
+
+def test_a_plan_that_is_nothing_by_its_scale_is_not_used(tmp_path: Path) -> None:
+    save_plan(office(), tmp_path / "plan.geojson")
+    predictor = make_predictor(f"prior:{tmp_path / 'plan.geojson'};scale=0.0000001")
+    assert isinstance(predictor, PriorPredictor) and "check its unit" in predictor.unused
+
+
 def test_before_a_run_begins_a_preset_knows_nothing() -> None:
     decision = decisions(None, 1)[0]
     mine, shipped = (p.predict(decision) for p in (predictor_of_prior("true"), LearnedPredictor()))

@@ -7,13 +7,14 @@ import pytest
 
 from layoutexplore.agents import make_agent
 from layoutexplore.errors import ConfigError, UnknownNameError
-from layoutexplore.grids.grid import Cell, Pose
+from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.planning.traversability import Traversability
 from layoutexplore.sensing.lidar import sensor
 from layoutexplore.simulation.config import NOISE, SimulationConfig
 from layoutexplore.simulation.robot import BACK, OdometryNoise
-from layoutexplore.simulation.second_look import TRIES, SecondLook, way_back
+from layoutexplore.simulation.second_look import TRIES, WAYS_BACK, SecondLook, way_back, way_out
 from layoutexplore.simulation.simulation import Simulation
 
 TWO_ROOMS = """
@@ -115,6 +116,24 @@ def test_a_robot_that_noise_has_shut_in_goes_back() -> None:
         tuple(grid.nearest_cell(x, y)) for x, y, _ in track[:0:-1]
     ]
     assert len(way_back(grid, track[:1], traversability)) == 0
+
+
+def test_a_robot_shut_in_a_room_goes_back_through_the_door_it_came_by() -> None:
+    """The room is too large to call it shut in, but it came from where more can be reached."""
+    cells = np.full((40, 100), 100, np.int8)
+    cells[5:35, 5:35] = cells[5:35, 40:95] = 0
+    grid = OccupancyGrid(cells, 0.1)
+    traversability = Traversability(cells.shape, 0.15, 0.1)
+    traversability.note((0, 40, 0, 100))
+    track = np.array([(x, 2.05, 0.0) for x in (9.05, 6.05, 4.55, 3.75, 3.05, 2.05)])
+    assert len(way_back(grid, track, traversability)) == 0
+    assert [col for _, col in way_out(grid, track, traversability).tolist()] == [20, 30, 37, 45]
+    for nowhere in (track[:1], track[-2:], track[::-1]):
+        assert len(way_out(grid, nowhere, traversability)) == 0
+    look, clusters = SecondLook(0.4), FrontierClusters.of([])
+    look.note(Pose(2.05, 2.05))
+    ways = [look.next_path(grid, track, clusters, traversability) for _ in range(WAYS_BACK + 1)]
+    assert all(way is not None and tuple(way[-1]) == (20, 45) for way in ways[:-1]) and ways[-1] is None
 
 
 def test_a_place_that_cannot_be_reached_is_tried_and_then_left() -> None:
