@@ -22,8 +22,8 @@ from layoutexplore.layout.merging.method import MergingConfig, reconstruct_with
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.training.folds import Progress, check_folds, deal_folds, silent
-from layoutexplore.training.map_noise.examples import merging_simulations
-from layoutexplore.training.merge_trees.models import train_merging_models
+from layoutexplore.training.map_noise.examples import POLYGONAL, polygonal_examples, simulated_examples
+from layoutexplore.training.merge_trees.models import train_all_models
 from layoutexplore.training.merging_examples import Example
 from layoutexplore.training.room_merging import MergingTrainingConfig, training_examples
 
@@ -82,7 +82,7 @@ def cross_validate_merging(
     check_folds(config.folds, [case.building for case in cases])
     dealt = deal_folds([case.building for case in cases], config.folds)
     examples = training_examples(cases, config.resolution, progress)
-    extra = merging_simulations(config.simulated, config.plans, progress)
+    extra = simulated_examples(config.simulated, config.plans, progress=progress)
     parts = [
         _Part(
             [case for case in cases if dealt[case.building] == fold],
@@ -120,7 +120,7 @@ def leave_sources_out(
         if {case.building for case in cases} == {case.building for case in held} and not config.simulated:
             raise ConfigError(f"without the buildings of source {source!r} nothing is left to train on")
     learnt = {name: training_examples(part, config.resolution, progress) for name, part in groups.items()}
-    extra = merging_simulations(config.simulated, config.plans, progress)
+    extra = simulated_examples(config.simulated, config.plans, progress=progress)
     parts = []
     for source, held in groups.items():
         known = {case.building for case in held}
@@ -133,10 +133,11 @@ def _score_parts(
     parts: Sequence[_Part], config: CrossValidationConfig, progress: Progress
 ) -> Iterator[Scored]:
     """Train for each part and score it, seed by seed; `fold` is the number of the part."""
+    polygonal = polygonal_examples(config.simulated // POLYGONAL, progress=progress)
     for seed in range(config.seeds):
         for fold, part in enumerate(parts):
             training = MergingTrainingConfig(seed=seed, kind_weights=config.weights)
-            models = train_merging_models(part.examples, training)
+            models = train_all_models(part.examples, polygonal, training)
             progress("judges trained", seed * len(parts) + fold + 1, config.seeds * len(parts))
 
             def run(grid: OccupancyGrid, models: MergingModels = models) -> Layout:

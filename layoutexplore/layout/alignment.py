@@ -70,9 +70,14 @@ def main_direction(profile: Floats) -> float:
 ASKEW = math.radians(10.0)
 """Walls that run closer to the rows or columns than this are taken to run along them."""
 
+WING = 2
+"""Further directions that a map has at least where a wing is askew; one alone is that of a single wall."""
+
 
 def askew_directions(directions: Floats, angle: float) -> Floats:
     """Directions that run along neither axis of a turned grid, in its frame: (-pi/2, pi/2], as they come.
+
+    None where there is only one: a wing has walls along it and across it.
 
     Args:
         directions: float64 (k,), of walls, in radians.
@@ -80,7 +85,7 @@ def askew_directions(directions: Floats, angle: float) -> Floats:
     """
     turned = np.pi / 2 - np.mod(np.pi / 2 - (directions - angle), np.pi)
     off = np.abs(turned - np.round(turned / (np.pi / 2)) * (np.pi / 2))
-    return np.asarray(turned[off > ASKEW])
+    return np.asarray(turned[off > ASKEW]) if np.count_nonzero(off > ASKEW) >= WING else np.zeros(0)
 
 
 def _turn(cells: Cells, angle: float) -> Cells:

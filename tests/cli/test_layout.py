@@ -195,11 +195,14 @@ def test_a_source_is_scored_without_its_maps_and_its_buildings(
             draw(tmp_path / folder, name)
     learnt: list[set[tuple[str, str]]] = []
 
-    def spy(examples: Sequence[Example], config: MergingTrainingConfig) -> MergingModels:
+    def spy(
+        examples: Sequence[Example], polygonal: Sequence[Example], config: MergingTrainingConfig
+    ) -> MergingModels:
+        assert not polygonal
         learnt.append({(e.kind.split(",")[0], e.building) for e in examples if e.building != SIMULATED})
         return MergingModels(first_forest())
 
-    monkeypatch.setattr("layoutexplore.evaluation.cross_validation.train_merging_models", spy)
+    monkeypatch.setattr("layoutexplore.evaluation.cross_validation.train_all_models", spy)
     command = ["evaluate", "segmentation", *(str(tmp_path / folder) for folder in drawn)]
     options = ["--leave-out", "source", "--source", "survey_full=survey", "--simulated", "2"]
     numbers = tmp_path / "numbers.json"

@@ -78,4 +78,6 @@ def test_directions_askew_are_those_along_neither_axis_of_the_turned_grid() -> N
     assert found == pytest.approx([-36.0, 36.0, 72.0, -72.0])
     near = np.radians([1.0, 8.0, 93.0, 99.0, 179.0])
     assert len(askew_directions(near, 0.0)) == 0
+    # a single wall is no wing
+    assert len(askew_directions(np.radians([0.0, 45.0, 90.0]), 0.0)) == 0
     assert len(askew_directions(np.zeros(0), 0.3)) == 0

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from layoutexplore.evaluation.cross_validation import CrossValidationConfig
     from layoutexplore.evaluation.segmentation import MapScore
+    from layoutexplore.layout.merging.merge_tree.cut import MergingModels
     from layoutexplore.maps.painted_rooms import Case
 
 Methods = Annotated[
@@ -337,8 +338,7 @@ def train_merging(
 ) -> None:
     """Train the judges of the default method, which decide what pieces of a map are one room."""
     from layoutexplore.cli.progress import progress_lines
-    from layoutexplore.layout.merging.merge_forest import save_forest
-    from layoutexplore.layout.merging.merge_tree.cut import CUT_MODEL, save_cut_forest
+    from layoutexplore.layout.merging.merge_tree.cut import ASKEW, CUT_MODEL
     from layoutexplore.maps.painted_rooms import find_cases
     from layoutexplore.training.map_noise.examples import POLYGONAL
     from layoutexplore.training.merge_trees.models import train_classifiers
@@ -357,12 +357,23 @@ def train_merging(
         progress=progress_lines(),
     )
     note = (
-        f"log-odds that two touching pieces are one room; trained on {len(cases)} maps, {simulated} "
-        f"simulated ones and {simulated // POLYGONAL} of polygonal buildings"
+        f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} "
+        "simulated ones"
     )
     note += f", seed {seed}" + "".join(
         f", weight {value:g} for {folder}" for folder, value in weights.items()
     )
+    _write_models(models, out, cut_out, note)
+    if models.askew is not None:
+        places = (path.with_name(ASKEW + path.name) for path in (out, cut_out))
+        _write_models(models.askew, *places, f"{note}, and {simulated // POLYGONAL} of polygonal buildings")
+
+
+def _write_models(models: MergingModels, out: Path, cut_out: Path, note: str) -> None:
+    """Write the judges and say so."""
+    from layoutexplore.layout.merging.merge_forest import save_forest
+    from layoutexplore.layout.merging.merge_tree.cut import save_cut_forest
+
     save_forest(models.pairs, out, note=note)
     typer.echo(f"written: {out}, {len(models.pairs.roots)} trees")
     if models.cut is None:

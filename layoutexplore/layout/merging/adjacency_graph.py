@@ -71,7 +71,7 @@ def region_graph(
         RegionMaps(labels, spread, free, wall, distance, gaps.gap),
         changes,
         gaps.table.astype(np.float64) * resolution,
-        WallBits(along_rows, along_cols, near, far, min(slack, MOST_SLACK)),
+        WallBits(along_rows, along_cols, near, far, min(slack, MOST_SLACK) if gaps.askew else -1),
         LineStrips(
             lines.row_strip, lines.col_strip, lines.face, lines.room, lines.above, lines.right, beside
         ),

@@ -45,7 +45,7 @@ class WallBits(NamedTuple):
         along_cols: uint64, its columns.
         near: Reach on either side of a contact.
         far: The longer one.
-        slack: How far walls may step aside beside a contact askew.
+        slack: How far walls may step aside beside a contact askew; -1 where none is looked for there.
     """
 
     along_rows: Words
@@ -236,5 +236,6 @@ def contact_table(
                 places[e, 0] += r + 0.5 * above
                 places[e, 1] += c + 0.5 * (not above)
                 places[e, 2 if above else 3] += 1.0 if p < q else -1.0
-    _look_along(edges[:m], places, wall, walls)
+    if walls.slack >= 0:
+        _look_along(edges[:m], places, wall, walls)
     return ends[:m].copy(), edges[:m].copy()

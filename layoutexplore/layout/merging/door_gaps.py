@@ -98,10 +98,12 @@ class DoorGaps:
     Attributes:
         gap: int32 (rows, cols), row of the table for the cells of a gap, 0 elsewhere.
         table: int32 (n, columns of `GAP`), the gaps along the rows first; row 0 is empty.
+        askew: Whether some walls run along neither rows nor columns.
     """
 
     gap: Ints32
     table: Ints32
+    askew: bool = False
 
 
 @njit(cache=True, nogil=True)
@@ -346,4 +348,4 @@ def find_door_gaps(
     for found, cells, rise, target in parts:
         _mark(table, first, np.ascontiguousarray(cells), rise, target)
         first += len(found)
-    return DoorGaps(gap, table)
+    return DoorGaps(gap, table, len(askew) > 0)

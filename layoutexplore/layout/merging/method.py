@@ -20,7 +20,8 @@
    forests, the likeliest set of merges stands in which none stands without all that it is made of.
 8. What is too small for a room is dropped. The rooms' cells are turned back.
 
-What varies from map to map is in the features; there is one set of parameters.
+What varies from map to map is in the features; there is one set of parameters. Where a wing stands askew, the
+forests are others, which have learnt from such buildings too.
 """
 
 from __future__ import annotations
@@ -54,14 +55,8 @@ from layoutexplore.layout.merging.door_gaps import DoorGapConfig, find_door_gaps
 from layoutexplore.layout.merging.graph_tables import RegionGraph
 from layoutexplore.layout.merging.line_evidence import LineEvidence, find_evidence
 from layoutexplore.layout.merging.line_rooms import split_line_rooms
-from layoutexplore.layout.merging.merge_forest import load_forest
 from layoutexplore.layout.merging.merge_tree.contest import Rest
-from layoutexplore.layout.merging.merge_tree.cut import (
-    MergingModels,
-    best_cut,
-    load_cut_forest,
-    standing_odds,
-)
+from layoutexplore.layout.merging.merge_tree.cut import MergingModels, best_cut, load_models, standing_odds
 from layoutexplore.layout.merging.ray_fans.classifier import load_fan_forest, outside_regions, without_regions
 from layoutexplore.layout.merging.ray_fans.enclosure import enclosure_of_regions
 from layoutexplore.layout.merging.ray_fans.features import describe_regions
@@ -128,11 +123,9 @@ class MergingConfig(DoorGapConfig):
         for name in ("basin_share", "room_pass"):
             if not 0 < getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must lie in (0, 1], got {getattr(self, name)}")
-        positive = self.clutter_area, self.clutter_length, self.basin_wide
-        if min(positive) <= 0 or min(self.chink, self.clutter_gap, self.room_area, self.nook_area) < 0:
-            raise ConfigError(
-                "lengths and areas must be above 0 (chink, clutter_gap, room_area and nook_area may be 0)"
-            )
+        positive = min(self.clutter_area, self.clutter_length, self.basin_wide)
+        if positive <= 0 or min(self.chink, self.clutter_gap, self.room_area, self.nook_area) < 0:
+            raise ConfigError("lengths and areas must be above 0 (chink, gaps and sizes of rooms may be 0)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,6 +141,7 @@ class Oversegmentation:
         features: float64 (regions of the graph, `RegionFeatures`), what each one is like by itself.
         structure: The directions of its walls, in the frame of its known part (the profile in the frame it
             was brought into).
+        askew: float64 (n,), directions of further walls where a wing stands askew, in the turned frame.
         doubts: What was left out, in words.
     """
 
@@ -158,6 +152,7 @@ class Oversegmentation:
     part: Ints32
     features: Floats
     structure: Directions
+    askew: Floats
     doubts: tuple[str, ...] = ()
 
 
@@ -218,7 +213,7 @@ def find_regions(
         graph = split_line_rooms(graph, config.room_pass)
         enclosure = enclosure_of_regions(labels, free, part_of, wall, resolution)
         features = describe_regions(graph.nodes, enclosure, resolution)
-    return Oversegmentation(turned, labels, clutter, graph, part_of, features, structure, doubts)
+    return Oversegmentation(turned, labels, clutter, graph, part_of, features, structure, askew, doubts)
 
 
 def _with_line_rooms(
@@ -247,6 +242,7 @@ def merge_into_rooms(
 
     A footprint is a room with its furniture and half its walls.
     """
+    models = models.askew if models.askew and len(regions.askew) else models
     rest = Rest(config.room_area, config.nook_area, config.nook_level, most_questions(grid.shape))
     levels = {"level": config.fan_level, "spread": config.fan_spread}
     outside = outside_regions(regions.graph, regions.features, load_fan_forest(), **levels)
@@ -331,7 +327,7 @@ def _number_large(regions: Ints32, into: Ints32, cells: Cells, cell_area: float,
 
 def run_merging(grid: OccupancyGrid, config: MergingConfig) -> Layout:
     """Rooms of a complete or partial, clean or cluttered grid."""
-    return reconstruct_with(grid, config, MergingModels(load_forest(), load_cut_forest()))
+    return reconstruct_with(grid, config, load_models())
 
 
 def reconstruct_with(grid: OccupancyGrid, config: MergingConfig, models: MergingModels) -> Layout:

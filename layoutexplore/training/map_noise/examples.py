@@ -3,9 +3,9 @@
 A third of the maps is seen by a lidar that may be noisy (`layoutexplore.training.simulated_maps`); a third
 has the noise of recorded maps: walls in pieces and doubled, beams through glass and doors, rows of desks,
 leaves half open, recesses; a third has noise from ranges that are wider still, for nobody knows the maps to
-come. The merging also learns from buildings whose walls run in many directions
-(`layoutexplore.training.polygonal_buildings`), which are rare among these plans; most of those maps are drawn
-as a plan is, with furniture and without noise.
+come. Buildings whose walls run in many directions are rare among these plans: besides there are maps of
+polygonal ones (`layoutexplore.training.polygonal_buildings`), most of them drawn as a plan is, with furniture
+and without noise.
 """
 
 from __future__ import annotations
@@ -81,16 +81,6 @@ def simulated_examples(
         if example is not None:
             out.append(example)
     return tuple(out)
-
-
-def merging_simulations(
-    count: int, plans: tuple[str, ...] = (), progress: Progress = silent
-) -> tuple[Example, ...]:
-    """What the merging learns from besides recorded maps: `simulated_examples`, and polygonal buildings."""
-    return (
-        *simulated_examples(count, plans, progress=progress),
-        *polygonal_examples(count // POLYGONAL, progress=progress),
-    )
 
 
 def _plan(k: int, plans: tuple[str, ...], seed: int) -> FloorPlan:

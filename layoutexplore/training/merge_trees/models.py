@@ -18,7 +18,7 @@ from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.models.forest import Forest
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
 from layoutexplore.training.folds import Progress, silent
-from layoutexplore.training.map_noise.examples import merging_simulations
+from layoutexplore.training.map_noise.examples import POLYGONAL, polygonal_examples, simulated_examples
 from layoutexplore.training.merge_trees.samples import TreeSamples, tree_samples
 from layoutexplore.training.merging_examples import SIMULATED, Example
 from layoutexplore.training.room_merging import (
@@ -56,6 +56,19 @@ def train_merging_models(
         samples += [tree_samples(example, forest) for example in mine]
         keys += [kind_of(example) for example in mine]
     return MergingModels(pairs, _train_cut(samples, keys, config))
+
+
+def train_all_models(
+    examples: Sequence[Example], polygonal: Sequence[Example], config: MergingTrainingConfig
+) -> MergingModels:
+    """Those of `train_merging_models`, and those for maps with a wing askew.
+
+    The latter learn from `polygonal` maps, too; without such maps there are none.
+    """
+    models = train_merging_models(examples, config)
+    return (
+        replace(models, askew=train_merging_models([*examples, *polygonal], config)) if polygonal else models
+    )
 
 
 def _half(example: Example) -> int:
@@ -100,5 +113,6 @@ def train_classifiers(
 ) -> MergingModels:
     """The classifiers that ship, of all given maps and simulated ones; `weights` as in `cross_validate`."""
     examples = training_examples(cases, resolution, progress)
-    examples += merging_simulations(simulated, tuple(plans), progress)
-    return train_merging_models(examples, MergingTrainingConfig(seed=seed, kind_weights=weights or {}))
+    examples += simulated_examples(simulated, tuple(plans), progress=progress)
+    polygonal = polygonal_examples(simulated // POLYGONAL, progress=progress)
+    return train_all_models(examples, polygonal, MergingTrainingConfig(seed=seed, kind_weights=weights or {}))

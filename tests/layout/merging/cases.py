@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
+import cv2
 import numpy as np
+import shapely
 from hypothesis import strategies as st
 
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
@@ -94,3 +97,60 @@ def slow_parts(graph: RegionGraph, area: float) -> list[set[int]]:
             for m in groups[other]:
                 of[m] = other
     return list(groups.values())
+
+
+def pentagon(seed: int = 0) -> tuple[OccupancyGrid, np.ndarray]:
+    """A pentagon with ten rooms along a corridor around a court, furnished, and its rooms; at 0.05 m.
+
+    Each side has two rooms of about 5 m depth, doors of 0.9 m in a corridor of 2 m, walls of 0.15 m;
+    cupboards stand at the walls, some of them through a wall, and tables on thin legs in the rooms.
+    """
+    rng = np.random.default_rng(seed)
+    rings = [
+        radius * np.exp(2j * np.pi * (np.arange(6) / 5 + 0.03)) for radius in (15.0, 15.0 - 6.2, 15.0 - 8.7)
+    ]
+    outer, front, court = (np.stack([ring.real, ring.imag], axis=1) for ring in rings)
+    floors, doors, things = [], [], []
+    for k in range(5):
+        middle, back = front[k : k + 2].mean(0), outer[k : k + 2].mean(0)
+        for corner, end in ((outer[k], front[k]), (outer[k + 1], front[k + 1])):
+            room = shapely.Polygon([corner, back, middle, end]).buffer(-0.075, join_style="mitre")
+            door = (
+                end + 0.6 * (middle - end),
+                end + (0.6 + 0.9 / np.hypot(*(middle - end))) * (middle - end),
+            )
+            floors.append(room)
+            doors.append(shapely.LineString(door).buffer(0.12, cap_style="flat"))
+            things += _furniture(room, np.stack([corner, back, middle]), rng)
+    floors.append(shapely.Polygon(front[:5], [court[:5]]).buffer(-0.075, join_style="mitre"))
+    away = shapely.union_all(doors).buffer(0.7)
+    free = shapely.union_all([*floors, *doors]).difference(
+        shapely.union_all([thing for thing in things if not thing.intersects(away)])
+    )
+    side = 640
+    x, y = (v.ravel() * 0.05 - 16.0 for v in np.meshgrid(np.arange(side) + 0.5, np.arange(side) + 0.5))
+    cells = np.where(shapely.contains_xy(free, x, y), 0, 100).reshape(side, side).astype(np.int8)
+    near = cv2.dilate((cells == 0).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    building = shapely.Polygon(outer[:5], [court[:5]]).buffer(0.3, join_style="mitre")
+    cells[~near & ~shapely.contains_xy(building, x, y).reshape(side, side)] = UNKNOWN
+    truth = np.zeros((side, side), np.int32)
+    for k, floor in enumerate(floors):
+        truth[shapely.contains_xy(floor, x, y).reshape(side, side)] = k + 1
+    return OccupancyGrid(cells, 0.05), truth
+
+
+def _furniture(room: shapely.Polygon, walls: np.ndarray, rng: np.random.Generator) -> list[shapely.Polygon]:
+    """Cupboards along two walls of a room, and a table with chairs, both on legs."""
+    out = []
+    for begin, end in itertools.pairwise(walls):
+        along = (end - begin) / np.hypot(*(end - begin))
+        for place in rng.uniform(0.1, 0.9, 2):
+            at, long = begin + place * (end - begin), rng.uniform(0.4, 0.9)
+            out.append(
+                shapely.LineString([at - long * along, at + long * along]).buffer(0.45, cap_style="flat")
+            )
+    centre, (u, v) = np.array(room.centroid.coords[0]), np.eye(2)
+    for row, col in itertools.product((-0.6, 0.0, 0.6), (-0.4, 0.4)):
+        out.append(shapely.Point(*(centre + row * u + col * v)).buffer(0.08))
+        out.append(shapely.Point(*(centre + (row + 0.2) * u + 2 * col * v)).buffer(0.04))
+    return out

@@ -9,7 +9,8 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.layout.merging.method import MergingConfig
 from layoutexplore.layout.pipeline import reconstruct
-from tests.layout.merging.cases import office
+from layoutexplore.metrics.segmentation import score_segmentation
+from tests.layout.merging.cases import office, pentagon
 
 
 @pytest.mark.parametrize("clutter", [False, True])
@@ -54,6 +55,13 @@ def test_walls_askew_are_turned_first() -> None:
     cells = np.where(inside, grid.cells[np.clip(y, 0, 259), np.clip(x, 0, 279)], -1).astype(np.int8)
     layout = reconstruct(OccupancyGrid(cells, 0.05))
     assert len(layout.rooms) == 7
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rooms_of_a_furnished_pentagon_are_found_in_all_its_directions(seed: int) -> None:
+    grid, truth = pentagon(seed)
+    layout = reconstruct(grid)
+    assert score_segmentation(layout.labels, truth, grid.free, protocol="rose2").one_to_one > 0.85
 
 
 def test_bad_options_are_refused() -> None:

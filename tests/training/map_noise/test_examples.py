@@ -8,12 +8,7 @@ import pytest
 from layoutexplore.grids.grid import FREE
 from layoutexplore.maps import load_plan
 from layoutexplore.training.map_noise import examples
-from layoutexplore.training.map_noise.examples import (
-    merging_simulations,
-    noisy_example,
-    polygonal_examples,
-    simulated_examples,
-)
+from layoutexplore.training.map_noise.examples import noisy_example, polygonal_examples, simulated_examples
 from layoutexplore.training.map_noise.simulate import MapNoiseConfig
 from layoutexplore.training.merging_examples import SIMULATED
 from layoutexplore.training.simulated_maps import see
@@ -52,12 +47,11 @@ def test_examples_take_turns_of_noise_and_are_the_same_again(monkeypatch: pytest
     assert all(np.array_equal(a.rooms, b.rooms) for a, b in zip(first, again, strict=True))
 
 
-def test_the_merging_learns_from_polygonal_buildings_besides(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(examples, "NOISES", (ROUGH,))
-    monkeypatch.setattr(examples, "_plan", lambda k, given, seed: load_plan("apartment:2"))
-    both = merging_simulations(6)
-    assert [example.kind for example in both[-2:]] == ["polygonal-1000", "polygonal-1001"]
-    assert all(example.building == SIMULATED for example in both)
-    drawn, again = polygonal_examples(2, seed=3)[1:], polygonal_examples(2, seed=3)[1:]
-    assert not drawn[0].noisy and (drawn[0].rooms == again[0].rooms).all()
-    assert (drawn[0].rooms[:, 1:].sum(0) > 0).all()
+def test_polygonal_buildings_are_drawn_or_have_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(examples, "noisy_example", lambda plan, noise, rng: None)
+    found = polygonal_examples(3, seed=3)
+    assert [example.kind for example in found] == ["polygonal-3001", "polygonal-3002"]
+    again = polygonal_examples(3, seed=3)
+    for one, other in zip(found, again, strict=True):
+        assert one.building == SIMULATED and not one.noisy
+        assert (one.rooms == other.rooms).all() and (one.rooms[:, 1:].sum(0) > 0).all()

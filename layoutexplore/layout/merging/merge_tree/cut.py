@@ -9,12 +9,16 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Floats, Ints32
+from layoutexplore.layout.merging.merge_forest import MODEL_PATH, load_forest
 from layoutexplore.layout.merging.merge_tree.features import TREE_FEATURES, MergeTree
 from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import load_forests, save_forests
 
 CUT_MODEL = Path(__file__).with_name("cut_model.json")
 """The shipped model; `layoutexplore.training.merge_trees` makes it."""
+
+ASKEW = "askew_"
+"""Begins the names of the files of the models for maps on which a wing is turned against the others."""
 
 _NAME = "stands"
 
@@ -26,10 +30,20 @@ class MergingModels:
     Attributes:
         pairs: Which of two touching regions are one room: the order of merging, and its end.
         cut: Which merges stand; None for all of those that end at `merge_level`.
+        askew: Those for maps on which a wing is turned against the others; None for the same.
     """
 
     pairs: Forest
     cut: Forest | None = None
+    askew: MergingModels | None = None
+
+
+def load_models() -> MergingModels:
+    """The shipped models; those of unchanged files are read only once."""
+    pairs, cut = (path.with_name(ASKEW + path.name) for path in (MODEL_PATH, CUT_MODEL))
+    return MergingModels(
+        load_forest(), load_cut_forest(), MergingModels(load_forest(pairs), load_cut_forest(cut))
+    )
 
 
 def save_cut_forest(forest: Forest, path: Path, *, note: str = "") -> None:
