@@ -365,8 +365,9 @@ def train_merging(
     )
     _write_models(models, out, cut_out, note)
     if models.askew is not None:
-        places = (path.with_name(ASKEW + path.name) for path in (out, cut_out))
-        _write_models(models.askew, *places, f"{note}, and {simulated // POLYGONAL} of polygonal buildings")
+        note += f", and {simulated // POLYGONAL} of polygonal buildings"
+        pairs, cut = (path.with_name(ASKEW + path.name) for path in (out, cut_out))
+        _write_models(models.askew, pairs, cut, note)
 
 
 def _write_models(models: MergingModels, out: Path, cut_out: Path, note: str) -> None:
