@@ -233,9 +233,10 @@ def contact_table(
                 side = Side(r, c, above)
                 _add_contact(edges[e], side, maps, gaps, walls)
                 _add_lines(edges[e], side, lines)
-                places[e, 0] += r + 0.5 * above
-                places[e, 1] += c + 0.5 * (not above)
-                places[e, 2 if above else 3] += 1.0 if p < q else -1.0
+                if walls.slack >= 0:
+                    places[e, 0] += r + 0.5 * above
+                    places[e, 1] += c + 0.5 * (not above)
+                    places[e, 2 if above else 3] += 1.0 if p < q else -1.0
     if walls.slack >= 0:
         _look_along(edges[:m], places, wall, walls)
     return ends[:m].copy(), edges[:m].copy()
