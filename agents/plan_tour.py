@@ -49,6 +49,9 @@ one shows the second more besides while much is left to see.
 Scans on the way show a little less than was planned, and the way back for a tenth of a per cent is long.
 """
 
+CERTAIN_ROUNDS, CERTAIN_FIRST_ROUNDS = 6, 60
+"""Stretches that are planned anew at a decision, and at the first one, where what is foreseen is certain."""
+
 MUCH = 0.3
 """Share of the floor: where so much is left to see, all of `MARGIN` is planned for."""
 
@@ -63,9 +66,10 @@ class PlanTourOptions(LayoutTourOptions):
         low=0.0,
         high=1.0,
     )
-    early: float = option(0.3, "what a metre before 95 % costs more than one after it", low=0.0)
-    rounds: int = option(6, "stretches of the route that are planned anew at a decision", low=0)
-    first_rounds: int = option(60, "the same at the first decision with foresight", low=0)
+    early: float = option(1.0, "what a metre before 95 % costs more than one after it", low=0.0)
+    early_sure: float = option(0.3, "the same where what is foreseen is certain", low=0.0)
+    rounds: int = option(3, "stretches of the route that are planned anew at a decision", low=0)
+    first_rounds: int = option(10, "the same at the first decision with foresight", low=0)
     lattice: float = option(0.8, "metres between places where the route may stop", low=0.2)
 
 
@@ -102,8 +106,7 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
         floor.update(decision, foresight)
         here = decision.grid.nearest_cell(decision.pose.x, decision.pose.y)
         self._learn(floor, here)
-        rounds = self.options.first_rounds if is_first else self.options.rounds
-        config = RouteConfig(early_weight=self.options.early, rounds=rounds)
+        config = self._config(is_first=is_first, is_certain=foresight.confidence >= 1.0)
         for _ in range(ATTEMPTS):
             self._plans += 1
             planner = RoutePlanner(floor.places, config)
@@ -120,6 +123,14 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
                 return choice
             floor.give_up(floor.places.at(stop).seen)
         return None
+
+    def _config(self, *, is_first: bool, is_certain: bool) -> RouteConfig:
+        """How to plan: the end of a doubtful plan is hardly ever walked as planned, so its beginning counts."""
+        rounds = self.options.first_rounds if is_first else self.options.rounds
+        if not is_certain:
+            return RouteConfig(early_weight=self.options.early, rounds=rounds)
+        rounds = max(rounds, CERTAIN_FIRST_ROUNDS if is_first else CERTAIN_ROUNDS)
+        return RouteConfig(early_weight=self.options.early_sure, rounds=rounds)
 
     def _ahead(self, here: Cell) -> PlannedRoute:
         """The last plan without the stop that has been reached."""

@@ -187,3 +187,11 @@ def test_what_is_given_up_is_asked_for_no_longer() -> None:
     assert size(floor.seen) > before
     floor.update(decision, foresight)
     assert size(view & ~floor.seen) == 0
+
+
+@pytest.mark.parametrize(("confidence", "unused"), [(1.0, "early"), (0.9, "early_sure")])
+def test_certain_foresight_has_a_weight_of_its_own(confidence: float, unused: str) -> None:
+    def run(agent: str) -> Simulation:
+        return explore(offices(), agent, Drawn(lambda cells: cells, confidence))
+
+    assert np.array_equal(run("plan-tour").track, run(f"plan-tour:{unused}=5").track)
