@@ -2,7 +2,7 @@
 
 Where `layout-tour` walks to a frontier until that is gone, this robot makes a few steps, looks all around and
 plans its tour anew with what it has seen. A lidar that looks ahead sees so into the rooms that are passed,
-and with any the robot does not walk on to what no longer begins its tour. Turning costs no metres.
+and with any the robot does not walk on to what no longer begins its tour. It pays where turning is free.
 
 In its tour a closed frontier weighs no more than what is left behind it: rays that cross walls which nobody
 has seen yet promise more. So small remains come later, and the length of the tour has to count for more, or

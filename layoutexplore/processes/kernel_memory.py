@@ -39,5 +39,6 @@ class LeanLibrary(JITCodeLibrary):
 
 
 def keep_kernels_lean() -> None:
-    """Load kernels as `LeanLibrary` from now on."""
-    JITCPUCodegen._library_class = LeanLibrary
+    """Load kernels as `LeanLibrary` from now on; a numba that is built otherwise stays as it is."""
+    if getattr(JITCPUCodegen, "_library_class", None) is JITCodeLibrary:
+        JITCPUCodegen._library_class = LeanLibrary
