@@ -125,7 +125,7 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
         return None
 
     def _config(self, *, is_first: bool, is_certain: bool) -> RouteConfig:
-        """How to plan: the end of a doubtful plan is hardly ever walked as planned, so its beginning counts."""
+        """How to plan: the end of a doubtful plan is hardly walked as it is planned, its beginning counts."""
         rounds = self.options.first_rounds if is_first else self.options.rounds
         if not is_certain:
             return RouteConfig(early_weight=self.options.early, rounds=rounds)
