@@ -133,7 +133,7 @@ class Simulation:
             path = check_path(choice, self._here())
             state.begin_step(path, goal=None)
             if self._follow(path, None):
-                self._look_around()
+                self._scan(full_turn=True)
         elif choice == STOP:
             state.moves.append(STOP)
             state.finish(StopReason.AGENT)
@@ -270,7 +270,7 @@ class Simulation:
         self._follow(path, None)
         for _ in range(SCANS):
             if not self.done:
-                self._look_around()
+                self._scan(full_turn=True)
         self.state.second_look.note(self.robot.believed)
         return not self.done
 
@@ -355,7 +355,7 @@ class Simulation:
         state.robot.turn_to(facing(cells, frontier.cells, frontier.viewpoint))
         self._scan()
         if not self.done and remaining_share(cells, frontier.cells) >= self.config.gone_share:
-            self._look_around()
+            self._scan(full_turn=True)
         state.selector.blacklist(cells_in_view(cells, frontier.cells, frontier.viewpoint, self._cell))
 
     def _advance(self, cell: Cell) -> bool:
@@ -381,17 +381,11 @@ class Simulation:
             state.finish(StopReason.BUDGET)
         return moved, collided
 
-    def _look_around(self) -> None:
-        """Scan all around; a lidar that does not look there turns for it."""
-        if not self.lidar.config.full_turn:
-            self.robot.turn_around()
-        self._scan(full_turn=True)
-
     def _scan(self, full_turn: bool = False) -> ScanUpdate:
         """Scan from here; the grid, the coverage and the curve follow."""
         state = self.state
         state.decision = None
-        full_turn = full_turn and not self.lidar.config.full_turn
+        full_turn = full_turn and state.turns_around(self.lidar)
         if self._noisy:
             update = state.measure(self.lidar, full_turn)
         else:

@@ -122,6 +122,13 @@ class SimulationState:
         self.changed = union(self.changed, box)
         self.traversability.note(box)
 
+    def turns_around(self, lidar: Lidar) -> bool:
+        """Whether the robot turns to look all around: at no cost for the look with which a run begins."""
+        turns = not lidar.config.full_turn
+        if turns and self.moves:
+            self.robot.turn_around()
+        return turns
+
     def measure(self, lidar: Lidar, full_turn: bool) -> ScanUpdate:
         """Scan with noise from where the robot is, and map it from where it believes to be."""
         scan = lidar.scan_full_turn if full_turn else lidar.scan
