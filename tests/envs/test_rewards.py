@@ -5,7 +5,7 @@ from __future__ import annotations
 import gymnasium
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from layoutexplore.envs.rewards import (
@@ -160,6 +160,7 @@ def test_rooms_are_counted_when_they_are_finished_on_the_first_visit() -> None:
     assert not ledger.open.any()
 
 
+@settings(deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 15), st.integers(1, 15))
 def test_cells_that_are_seen_leave_their_rooms(seed: int, rows: int, cols: int) -> None:
     rng = np.random.default_rng(seed)
