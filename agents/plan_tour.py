@@ -68,8 +68,14 @@ class PlanTourOptions(LayoutTourOptions):
     )
     early: float = option(1.0, "what a metre before 95 % costs more than one after it", low=0.0)
     early_sure: float = option(0.3, "the same where what is foreseen is certain", low=0.0)
-    rounds: int = option(3, "stretches of the route that are planned anew at a decision", low=0)
-    first_rounds: int = option(10, "the same at the first decision with foresight", low=0)
+    rounds: int = option(
+        3,
+        "stretches of the route that are planned anew at a decision; at least 6 where foresight is certain",
+        low=0,
+    )
+    first_rounds: int = option(
+        10, "the same at the first decision with foresight; at least 60 where it is certain", low=0
+    )
     lattice: float = option(0.8, "metres between places where the route may stop", low=0.2)
 
 

@@ -120,9 +120,9 @@ class RoutePlanner:
         visibility = self.places.visibility
         shares = (min(self.config.early_coverage, self.config.coverage), self.config.coverage)
         quotas = [math.ceil((q + _SAMPLING_MARGIN) * visibility.count) for q in shares]
-        route = self._begun(start, self.places.at(start).seen, NOTHING_PLANNED)
-        count = size(self.places.at(start).seen)
-        quotas = [min(q, visibility.count) - count for q in quotas]
+        seen = self.places.at(start).seen
+        route = self._begun(start, seen, NOTHING_PLANNED)
+        quotas = [min(q, visibility.count) - size(seen) for q in quotas]
         route = self._improved(route, quotas, self.config.rounds, np.random.default_rng(0))
         self._polish(route, fine=True)
         return route.cells()
@@ -300,19 +300,16 @@ class RoutePlanner:
         for i in np.argsort(-savings, kind="stable") + 1:
             if savings[i - 1] < 0:
                 break
-            leg = tail = early_tail = heads[i - 1]
-            rest = size_of_union(leg, leg, tails[i + 1] if i + 1 < len(stops) else leg)
+            before, is_last = heads[i - 1], i + 1 == len(stops)
+            tail = before if is_last else tails[i + 1]
+            rest = size_of_union(before, before, tail)
             if self._quotas[1] - rest > _SHOWN_IN_PASSING * (whole - rest):
                 continue
-            if i + 1 < len(stops):
-                leg, tail = self._left.leg(stops[i - 1], stops[i + 1]).seen, tails[i + 1]
-            if size_of_union(heads[i - 1], leg, tail) < self._quotas[1]:
+            leg = before if is_last else self._left.leg(stops[i - 1], stops[i + 1]).seen
+            if size_of_union(before, leg, tail) < self._quotas[1]:
                 continue
-            if i < mark:
-                early_tail = early_tails[i + 1]
-            elif i == mark:
-                leg = early_tail
-            if i > mark or size_of_union(heads[i - 1], leg, early_tail) >= self._quotas[0]:
+            early = size_of_union(before, leg, early_tails[i + 1]) if i < mark else size(before)
+            if i > mark or early >= self._quotas[0]:
                 return int(i)
         return -1
 

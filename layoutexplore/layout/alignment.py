@@ -67,7 +67,7 @@ def main_direction(profile: Floats) -> float:
     return 0.0 if abs(angle) < STRAIGHT else angle
 
 
-ASKEW = math.radians(10.0)
+ASKEW_ANGLE = math.radians(10.0)
 """Walls that run closer to the rows or columns than this are taken to run along them."""
 
 WING = 2
@@ -85,7 +85,9 @@ def askew_directions(directions: Floats, angle: float) -> Floats:
     """
     turned = np.pi / 2 - np.mod(np.pi / 2 - (directions - angle), np.pi)
     off = np.abs(turned - np.round(turned / (np.pi / 2)) * (np.pi / 2))
-    return np.asarray(turned[off > ASKEW]) if np.count_nonzero(off > ASKEW) >= WING else np.zeros(0)
+    return (
+        np.asarray(turned[off > ASKEW_ANGLE]) if np.count_nonzero(off > ASKEW_ANGLE) >= WING else np.zeros(0)
+    )
 
 
 def _turn(cells: Cells, angle: float) -> Cells:

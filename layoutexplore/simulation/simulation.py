@@ -385,7 +385,7 @@ class Simulation:
         """Scan from here; the grid, the coverage and the curve follow."""
         state = self.state
         state.decision = None
-        full_turn = full_turn and state.turns_around(self.lidar)
+        full_turn = full_turn and state.look_around(self.lidar)
         if self._noisy:
             update = state.measure(self.lidar, full_turn)
         else:

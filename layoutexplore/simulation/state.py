@@ -122,8 +122,8 @@ class SimulationState:
         self.changed = union(self.changed, box)
         self.traversability.note(box)
 
-    def turns_around(self, lidar: Lidar) -> bool:
-        """Whether the robot turns to look all around: at no cost for the look with which a run begins."""
+    def look_around(self, lidar: Lidar) -> bool:
+        """Turn once if the lidar does not see all around; whether it does not. To begin a run is free."""
         turns = not lidar.config.full_turn
         if turns and self.moves:
             self.robot.turn_around()

@@ -17,6 +17,7 @@ from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Pose
 from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.library import load_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import OraclePredictor, make_predictor
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
@@ -189,9 +190,13 @@ def test_what_is_given_up_is_asked_for_no_longer() -> None:
     assert size(view & ~floor.seen) == 0
 
 
-@pytest.mark.parametrize(("confidence", "unused"), [(1.0, "early"), (0.9, "early_sure")])
-def test_certain_foresight_has_a_weight_of_its_own(confidence: float, unused: str) -> None:
+@pytest.mark.parametrize(
+    ("confidence", "used", "unused"), [(1.0, "early_sure", "early"), (0.9, "early", "early_sure")]
+)
+def test_certain_foresight_has_a_weight_of_its_own(confidence: float, used: str, unused: str) -> None:
     def run(agent: str) -> Simulation:
-        return explore(offices(), agent, Drawn(lambda cells: cells, confidence))
+        return explore(load_plan("office-01"), agent, Drawn(lambda cells: cells, confidence))
 
-    assert np.array_equal(run("plan-tour").track, run(f"plan-tour:{unused}=5").track)
+    track = run("plan-tour").track
+    assert np.array_equal(track, run(f"plan-tour:{unused}=50").track)
+    assert not np.array_equal(track, run(f"plan-tour:{used}=50").track)

@@ -96,7 +96,7 @@ def test_the_goal_is_held_until_something_new_is_seen() -> None:
 
 
 @pytest.mark.parametrize("sensor", ["stage", "indoor"])
-def test_it_finishes_and_sees_more_on_the_way(sensor: str) -> None:
+def test_it_finishes_and_goes_no_long_way_round(sensor: str) -> None:
     simulation = explore("watchful-tour", sensor)
     assert simulation.stop_reason == "coverage"
     assert simulation.distance < 1.2 * explore("layout-tour", sensor).distance

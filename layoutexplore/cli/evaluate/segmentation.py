@@ -338,7 +338,7 @@ def train_merging(
 ) -> None:
     """Train the judges of the default method, which decide what pieces of a map are one room."""
     from layoutexplore.cli.progress import progress_lines
-    from layoutexplore.layout.merging.merge_tree.cut import ASKEW, CUT_MODEL
+    from layoutexplore.layout.merging.merge_tree.cut import ASKEW_PREFIX, CUT_MODEL
     from layoutexplore.maps.painted_rooms import find_cases
     from layoutexplore.training.map_noise.examples import POLYGONAL
     from layoutexplore.training.merge_trees.models import train_classifiers
@@ -366,7 +366,7 @@ def train_merging(
     _write_models(models, out, cut_out, note)
     if models.askew is not None:
         note += f", and {simulated // POLYGONAL} of polygonal buildings"
-        pairs, cut = (path.with_name(ASKEW + path.name) for path in (out, cut_out))
+        pairs, cut = (path.with_name(ASKEW_PREFIX + path.name) for path in (out, cut_out))
         _write_models(models.askew, pairs, cut, note)
 
 

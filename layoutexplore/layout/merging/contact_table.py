@@ -13,7 +13,7 @@ from layoutexplore.layout.merging.door_gaps import GAP
 from layoutexplore.layout.merging.graph_tables import EDGE, edge_slots, find_slot
 from layoutexplore.layout.merging.node_table import add_side
 
-ASKEW = 0.2
+ASKEW_SLOPE = 0.2
 """A contact runs askew where it rises or falls by more than this share of its other extent."""
 
 
@@ -171,7 +171,7 @@ def _look_along(edges: Floats, places: Floats, wall: Mask, walls: WallBits) -> N
     for e in range(len(edges)):
         edge, up, right = edges[e], places[e, 2], places[e, 3]
         # one that runs along the rows or columns keeps what its sides have found, and so does a closed one
-        if min(abs(up), abs(right)) <= ASKEW * max(abs(up), abs(right)):
+        if min(abs(up), abs(right)) <= ASKEW_SLOPE * max(abs(up), abs(right)):
             continue
         length, n = np.hypot(up, right), edge[EDGE.open]
         near = far = 0.0

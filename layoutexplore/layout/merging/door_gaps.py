@@ -107,14 +107,16 @@ class DoorGaps:
 
 
 @njit(cache=True, nogil=True)
-def _run_length(blocked: Mask, r: int, c: int, step: int, slack: int, longest: int) -> int:
-    """Cells in line from (r, c) on that are blocked, at most `slack` rows aside."""
+def _run_along(blocked: Mask, rise: Ints32, line: int, c: int, step: int, sizes: GapSizes) -> int:
+    """Cells along a line from column c on that are blocked, at most `slack` rows aside.
+
+    A line lies in row `line` at a column where it has risen by nothing (`rise`): one along the rows in all.
+    """
     n = 0
-    first, last = max(r - slack, 0), min(r + slack + 1, blocked.shape[0])
-    while 0 <= c < blocked.shape[1] and n < longest:
+    while 0 <= c < blocked.shape[1] and n < sizes.longest:
         # the wall may step aside anywhere within the slack, not only once
-        found = False
-        for rr in range(first, last):
+        r, found = line + rise[c], False
+        for rr in range(max(r - sizes.slack, 0), min(r + sizes.slack + 1, blocked.shape[0])):
             found |= blocked[rr, c]
         if not found:
             break
@@ -124,20 +126,29 @@ def _run_length(blocked: Mask, r: int, c: int, step: int, slack: int, longest: i
 
 
 @njit(cache=True, nogil=True)
-def _widens(blocked: Mask, r: int, c: int, step: int, reach: int, wanted: int) -> bool:
-    """Whether cells above (`step` 1) or below (-1) are free up to a run as long as wanted in `reach` rows.
+def _is_free(blocked: Mask, r: int, c: int) -> bool:
+    """Whether a cell of the grid's columns is free; none is blocked outside its rows."""
+    return not (0 <= r < blocked.shape[0] and blocked[r, c])
 
-    The border of the grid blocks: a gap in its first or last row leads nowhere.
+
+@njit(cache=True, nogil=True)
+def _widens_along(blocked: Mask, rise: Ints32, line: int, c: int, step: int, wanted: int, reach: int) -> bool:
+    """Whether cells above a line (`step` 1) or below (-1) are free up to a run as long as wanted.
+
+    It is looked for in `reach` rows. The border of the grid blocks: a gap in its first or last row leads
+    nowhere.
     """
     for k in range(1, reach + 1):
-        rr = r + step * k
-        if not 0 <= rr < blocked.shape[0] or blocked[rr, c]:
+        beside = line + step * k
+        if not 0 <= beside + rise[c] < blocked.shape[0] or blocked[beside + rise[c], c]:
             return False
         # the run around c is followed no farther than it is wanted
         first, last = c, c + 1
-        while first > 0 and last - first < wanted and not blocked[rr, first - 1]:
+        while first > 0 and last - first < wanted and _is_free(blocked, beside + rise[first - 1], first - 1):
             first -= 1
-        while last < blocked.shape[1] and last - first < wanted and not blocked[rr, last]:
+        while (
+            last < blocked.shape[1] and last - first < wanted and _is_free(blocked, beside + rise[last], last)
+        ):
             last += 1
         if last - first >= wanted:
             return True
@@ -148,6 +159,7 @@ def _widens(blocked: Mask, r: int, c: int, step: int, reach: int, wanted: int) -
 def _gaps_along_rows(blocked: Mask, sizes: GapSizes) -> Ints32:
     """The gaps int32 (n, columns of `GAP`) between blocked cells of one row, in raster order."""
     rows, cols = blocked.shape
+    level = np.zeros(cols, np.int32)
     # a gap and the blocked cell before it
     gaps = np.empty((rows * cols // (sizes.narrowest + 1) + 1, len(GAP)), np.int32)
     count = 0
@@ -159,12 +171,12 @@ def _gaps_along_rows(blocked: Mask, sizes: GapSizes) -> Ints32:
             n = behind - c
             if sizes.narrowest <= n <= sizes.widest and behind < cols:
                 middle, wanted = c + n // 2, n + sizes.widening
-                one = _run_length(blocked, r, before, -1, sizes.slack, sizes.longest)
-                other = _run_length(blocked, r, behind, 1, sizes.slack, sizes.longest)
+                one = _run_along(blocked, level, r, before, -1, sizes)
+                other = _run_along(blocked, level, r, behind, 1, sizes)
                 if (
                     max(one, other) >= sizes.run
-                    and _widens(blocked, r, middle, -1, sizes.reach, wanted)
-                    and _widens(blocked, r, middle, 1, sizes.reach, wanted)
+                    and _widens_along(blocked, level, r, middle, -1, wanted, sizes.reach)
+                    and _widens_along(blocked, level, r, middle, 1, wanted, sizes.reach)
                 ):
                     gaps[count, GAP.line], gaps[count, GAP.begin], gaps[count, GAP.width] = r, c, n
                     gaps[count, GAP.long], gaps[count, GAP.short] = max(one, other), min(one, other)
@@ -194,46 +206,6 @@ def list_gaps(
 def risen(angle: float, length: int) -> Ints32:
     """Rows by which a line at an angle of at most 45 degrees to the rows has risen at each column."""
     return np.asarray(np.floor(np.arange(length) * math.tan(angle) + 0.5), np.int32)
-
-
-@njit(cache=True, nogil=True)
-def _run_along(blocked: Mask, rise: Ints32, line: int, c: int, step: int, sizes: GapSizes) -> int:
-    """`_run_length` along a line."""
-    n = 0
-    while 0 <= c < blocked.shape[1] and n < sizes.longest:
-        r, found = line + rise[c], False
-        for rr in range(max(r - sizes.slack, 0), min(r + sizes.slack + 1, blocked.shape[0])):
-            found |= blocked[rr, c]
-        if not found:
-            break
-        n += 1
-        c += step
-    return n
-
-
-@njit(cache=True, nogil=True)
-def _is_free(blocked: Mask, r: int, c: int) -> bool:
-    """Whether a cell of the grid's columns is free; none is blocked outside its rows."""
-    return not (0 <= r < blocked.shape[0] and blocked[r, c])
-
-
-@njit(cache=True, nogil=True)
-def _widens_along(blocked: Mask, rise: Ints32, line: int, c: int, step: int, wanted: int, reach: int) -> bool:
-    """`_widens` along the lines above or below one."""
-    for k in range(1, reach + 1):
-        beside = line + step * k
-        if not 0 <= beside + rise[c] < blocked.shape[0] or blocked[beside + rise[c], c]:
-            return False
-        first, last = c, c + 1
-        while first > 0 and last - first < wanted and _is_free(blocked, beside + rise[first - 1], first - 1):
-            first -= 1
-        while (
-            last < blocked.shape[1] and last - first < wanted and _is_free(blocked, beside + rise[last], last)
-        ):
-            last += 1
-        if last - first >= wanted:
-            return True
-    return False
 
 
 @njit(cache=True, nogil=True)

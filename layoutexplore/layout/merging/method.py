@@ -125,7 +125,9 @@ class MergingConfig(DoorGapConfig):
                 raise ConfigError(f"{name} must lie in (0, 1], got {getattr(self, name)}")
         positive = min(self.clutter_area, self.clutter_length, self.basin_wide)
         if positive <= 0 or min(self.chink, self.clutter_gap, self.room_area, self.nook_area) < 0:
-            raise ConfigError("lengths and areas must be above 0 (chink, gaps and sizes of rooms may be 0)")
+            raise ConfigError(
+                "lengths and areas must be above 0 (chink, clutter_gap, room_area and nook_area may be 0)"
+            )
 
 
 @dataclass(frozen=True, eq=False)

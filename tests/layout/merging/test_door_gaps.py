@@ -32,6 +32,13 @@ def free_runs(blocked: np.ndarray) -> np.ndarray:
     return runs
 
 
+SMALL_GRIDS = hnp.arrays(
+    np.bool_,
+    st.tuples(st.integers(1, 14), st.integers(1, 16)),
+    elements=st.sampled_from([True, False, False]),
+)
+
+
 def slow_gaps(blocked: np.ndarray, sizes: tuple[int, ...]) -> set[tuple[int, int, int, int, int]]:
     """Row, first column, width, longer and shorter wall of each gap along the rows."""
     narrowest, widest, run_min, widening, reach, longest, slack = sizes
@@ -62,13 +69,7 @@ def slow_gaps(blocked: np.ndarray, sizes: tuple[int, ...]) -> set[tuple[int, int
 
 
 @settings(max_examples=60, deadline=None)
-@given(
-    hnp.arrays(
-        np.bool_,
-        st.tuples(st.integers(1, 14), st.integers(1, 16)),
-        elements=st.sampled_from([True, False, False]),
-    )
-)
+@given(SMALL_GRIDS)
 def test_door_gaps_along_rows_and_columns(blocked: np.ndarray) -> None:
     config = DoorGapConfig(door_min=1.0, door_max=4.0, door_run=1.0, widening=1.0, reach=2.0, slack=1.0)
     sizes = (1, 4, 1, 1, 2, 5, 1)
@@ -106,14 +107,7 @@ def test_gaps_in_long_walls_are_listed_in_raster_order(seed: int) -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(
-    hnp.arrays(
-        np.bool_,
-        st.tuples(st.integers(1, 14), st.integers(1, 16)),
-        elements=st.sampled_from([True, False, False]),
-    ),
-    st.floats(-np.pi / 4, np.pi / 4),
-)
+@given(SMALL_GRIDS, st.floats(-np.pi / 4, np.pi / 4))
 def test_gaps_along_a_direction_are_those_along_the_rows_of_a_sheared_grid(
     blocked: np.ndarray, angle: float
 ) -> None:

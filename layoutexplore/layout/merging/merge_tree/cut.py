@@ -17,7 +17,7 @@ from layoutexplore.models.forest_files import load_forests, save_forests
 CUT_MODEL = Path(__file__).with_name("cut_model.json")
 """The shipped model; `layoutexplore.training.merge_trees` makes it."""
 
-ASKEW = "askew_"
+ASKEW_PREFIX = "askew_"
 """Begins the names of the files of the models for maps on which a wing is turned against the others."""
 
 _NAME = "stands"
@@ -40,7 +40,7 @@ class MergingModels:
 
 def load_models() -> MergingModels:
     """The shipped models; those of unchanged files are read only once."""
-    pairs, cut = (path.with_name(ASKEW + path.name) for path in (MODEL_PATH, CUT_MODEL))
+    pairs, cut = (path.with_name(ASKEW_PREFIX + path.name) for path in (MODEL_PATH, CUT_MODEL))
     return MergingModels(
         load_forest(), load_cut_forest(), MergingModels(load_forest(pairs), load_cut_forest(cut))
     )
