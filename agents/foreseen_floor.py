@@ -103,6 +103,13 @@ class ForeseenFloor:
         hits = np.flatnonzero(shown)
         return int(self.open[np.searchsorted(self._ends, hits[0], side="right")]) if len(hits) else None
 
+    def left_in(self, seen: Bits) -> Ints32:
+        """int32 (n, 2): the sampled cells that are foreseen, left to see, and shown by a stop."""
+        visibility = self.places.visibility
+        shown = np.unpackbits((seen & ~self.seen).view(np.uint8), bitorder="little")[: visibility.count]
+        cells = np.unravel_index(visibility.sample[shown > 0], self.places.traversable.shape)
+        return np.stack(cells, axis=1).astype(np.int32)
+
     def _mark_open(self, decision: Decision, cells: Cells) -> int:
         """Let places near open frontiers show what lies behind these: as many cells as are in view there."""
         visibility, views = self.places.visibility, self.places.views

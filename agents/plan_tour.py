@@ -2,7 +2,8 @@
 
 A route is planned through what is known and what is foreseen, with stops from which the foreseen rooms are
 seen and stops at the frontiers behind which nothing is foreseen. The robot walks to its first stop as far as
-the way is known, looks, and plans anew. What is not as foreseen counts no longer as soon as it was looked at.
+the way is known, or until it has seen what was to be seen from there, looks, and plans anew. What is not as
+foreseen counts no longer as soon as it was looked at.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from layoutexplore.agents.omniscient.route_planner import (
 )
 from layoutexplore.agents.room_aware import LayoutTourOptions, RoomAwareHeuristic
 from layoutexplore.agents.tour import plan_latency_tour
-from layoutexplore.frontiers.decision import Choice, Decision
+from layoutexplore.frontiers.decision import Choice, Decision, Walk
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.frontiers.tour_features import ready_frontiers
 from layoutexplore.grids.arrays import Ints32
@@ -170,7 +171,8 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
         if count < 2:
             return _frontier_near(decision, path[1])
         self._arriving = stop if count == len(path) else None
-        return path[:count]
+        sights = floor.left_in(floor.places.at(stop).seen)
+        return Walk(path[:count], sights) if len(sights) else path[:count]
 
 
 def _quotas(floor: ForeseenFloor, share: float) -> list[Quota]:

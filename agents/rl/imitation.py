@@ -23,7 +23,7 @@ from layoutexplore.agents.rl.hyperparameters import ImitationConfig, TrainingCon
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontiers.decision import Agent, Decision, Privileged
+from layoutexplore.frontiers.decision import PATHS, Agent, Decision, Privileged, path_of
 from layoutexplore.grids.arrays import Ints
 
 Stop = Callable[[], bool]
@@ -95,14 +95,15 @@ def imitate(
 def teachers_choice(teacher: Agent, decision: Decision) -> int:
     """The frontier that a teacher goes to; where it answers with a path, the first one on that path."""
     choice = teacher.act(decision)
-    if not isinstance(choice, np.ndarray):
+    if not isinstance(choice, PATHS):
         return int(choice)
+    path = path_of(choice)
     radius = NEAR / decision.grid.resolution
     places = np.array([frontier.viewpoint for frontier in decision.frontiers], np.float64)
-    gaps = np.hypot(*(choice[:, None, :] - places[None]).transpose(2, 0, 1))
-    arrivals = np.where(gaps <= radius, np.arange(len(choice))[:, None], len(choice)).min(axis=0)
+    gaps = np.hypot(*(path[:, None, :] - places[None]).transpose(2, 0, 1))
+    arrivals = np.where(gaps <= radius, np.arange(len(path))[:, None], len(path)).min(axis=0)
     first = int(np.argmin(arrivals))
-    return first if arrivals[first] < len(choice) else int(np.argmin(gaps[-1]))
+    return first if arrivals[first] < len(path) else int(np.argmin(gaps[-1]))
 
 
 def _attend(

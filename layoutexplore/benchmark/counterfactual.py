@@ -20,12 +20,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from layoutexplore.frontiers.classes import LITTLE_LEFT
-from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision
+from layoutexplore.frontiers.decision import PATHS, STOP, Agent, Choice, Decision, path_of
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import remaining_share
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32
 from layoutexplore.grids.boxes import known_box
-from layoutexplore.grids.grid import OccupancyGrid
+from layoutexplore.grids.grid import Cell, OccupancyGrid
 from layoutexplore.planning.shortest_paths import distance_matrix
 from layoutexplore.predictors import OraclePredictor
 from layoutexplore.simulation.simulation import Simulation
@@ -204,18 +204,15 @@ class CounterfactualRollouts:
 
     def _keep(self, decision: Decision, truth: Decision, choice: Choice, without: Choice) -> None:
         """Keep a changed decision if more is at stake than in those that were kept."""
-        if (
-            isinstance(without, np.ndarray)
-            or without == STOP
-            or (not isinstance(choice, np.ndarray) and choice == STOP)
-        ):
+        if isinstance(without, PATHS) or without == STOP:
+            return
+        if not isinstance(choice, PATHS) and choice == STOP:
             return
         here = decision.grid.nearest_cell(decision.pose.x, decision.pose.y)
-        chosen = (
-            tuple(choice[-1].tolist())
-            if isinstance(choice, np.ndarray)
-            else decision.frontiers[choice].viewpoint
-        )
+        if isinstance(choice, PATHS):
+            chosen = Cell(*path_of(choice)[-1].tolist())
+        else:
+            chosen = decision.frontiers[choice].viewpoint
         given_up = decision.frontiers[without].viewpoint
         places = np.array([here, given_up, chosen], np.int32)
         between = distance_matrix(decision.traversable, places, decision.grid.resolution)
@@ -248,7 +245,7 @@ class CounterfactualRollouts:
     def _pursue(self, decision: Decision, choice: Choice) -> None:
         """See what becomes of the frontiers that were given up."""
         self._settle()
-        if isinstance(choice, np.ndarray) or choice == STOP:
+        if isinstance(choice, PATHS) or choice == STOP:
             return
         goal = {(int(row), int(col)) for row, col in decision.frontiers[choice].cells}
         for _, _, kept in self._kept:
@@ -276,8 +273,8 @@ def without_layout(decision: Decision) -> Decision:
 
 def same_choice(a: Choice, b: Choice) -> bool:
     """Whether two choices are one: the same frontier, both `STOP`, or the same path."""
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        return isinstance(a, np.ndarray) and isinstance(b, np.ndarray) and np.array_equal(a, b)
+    if isinstance(a, PATHS) or isinstance(b, PATHS):
+        return isinstance(a, PATHS) and isinstance(b, PATHS) and np.array_equal(path_of(a), path_of(b))
     return int(a) == int(b)
 
 

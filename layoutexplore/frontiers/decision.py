@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -32,8 +32,29 @@ STOP = -1
 CellPath = Ints32
 """Cells int32 (k, 2) as (row, col), each next to the one before."""
 
-Choice = int | CellPath
-"""An index into `Decision.frontiers`, `STOP`, or (of an agent that knows the floor plan) a path to follow."""
+
+class Walk(NamedTuple):
+    """A path to where something is to be seen, left as soon as hardly anything of that is left to see.
+
+    Attributes:
+        path: int32 (k, 2), neighbouring cells from the robot's on; where the way is blocked it ends, too.
+        sights: int32 (n, 2), at least one cell that is to be seen.
+    """
+
+    path: CellPath
+    sights: Ints32
+
+
+Choice = int | CellPath | Walk
+"""An index into `Decision.frontiers`, `STOP`, or (of an agent that plans its own way) a path to follow."""
+
+PATHS = (np.ndarray, Walk)
+"""Types of the choices that are a path."""
+
+
+def path_of(choice: CellPath | Walk) -> CellPath:
+    """The cells int32 (k, 2) of a choice that is a path."""
+    return choice.path if isinstance(choice, Walk) else choice
 
 
 class Distances(Protocol):

@@ -284,16 +284,22 @@ def _are_in_view(cells: Cells, frontier: Ints32, row: int, col: int, reach: floa
 
 @njit(cache=True, nogil=True)
 def remaining_share(cells: Cells, frontier: Ints32) -> float:
-    """The share of a frontier's cells int32 (n, 2), at least one, that still border the unknown, 0..1."""
+    """The share of cells int32 (n, 2), at least one, that are unknown or border the unknown, 0..1.
+
+    Of a frontier it is what is left.
+    """
     rows, cols = cells.shape
     count = 0
     for n in range(len(frontier)):
         r, c = frontier[n]
-        if cells[r, c] == 0 and (
-            (r > 0 and cells[r - 1, c] == -1)
-            or (r + 1 < rows and cells[r + 1, c] == -1)
-            or (c > 0 and cells[r, c - 1] == -1)
-            or (c + 1 < cols and cells[r, c + 1] == -1)
+        if cells[r, c] == -1 or (
+            cells[r, c] == 0
+            and (
+                (r > 0 and cells[r - 1, c] == -1)
+                or (r + 1 < rows and cells[r + 1, c] == -1)
+                or (c > 0 and cells[r, c - 1] == -1)
+                or (c + 1 < cols and cells[r, c + 1] == -1)
+            )
         ):
             count += 1
     return count / len(frontier)

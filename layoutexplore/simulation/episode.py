@@ -12,8 +12,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from layoutexplore.errors import LayoutExploreError
-from layoutexplore.frontiers.decision import Agent, Decision, Predictor, Privileged, remembers
-from layoutexplore.grids.arrays import Floats, Ints32
+from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
+from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.simulation.config import SimulationConfig
@@ -56,7 +56,7 @@ class Probe(Protocol):
     def before(self, agent: Agent) -> None:
         """The agent is about to choose."""
 
-    def note(self, decision: Decision, choice: int | Ints32, prediction_ms: float) -> None:
+    def note(self, decision: Decision, choice: Choice, prediction_ms: float) -> None:
         """It has chosen."""
 
     def end(self) -> Any:

@@ -41,9 +41,6 @@ from layoutexplore.simulation.path_rules import (
 )
 from layoutexplore.simulation.robot import Floor, Robot, advance_along
 
-NO_FRONTIER = np.empty((0, 2), np.int32)
-"""For a path that leads to no frontier: int32 (0, 2)."""
-
 _X, _Y, _HEADING, _WALKED, _TURNED, _SCANNED_AT, _FROM_X, _FROM_Y = range(8)
 """Places in a kernel's float64 state: pose, metres and radians in all, metres and place of the last scan."""
 
@@ -153,7 +150,8 @@ class PathFollower:
             mapper: Its grid takes the scans.
             path: int32 (n, 2), cells.
             first: The first of them that is still ahead.
-            frontier: int32 (m, 2), the cells of the frontier that the path leads to, or `NO_FRONTIER`.
+            frontier: int32 (m, 2), the cells of the frontier that the path leads to, or other cells that it
+                is followed to see, or none at all.
             scans: How many scans to make at most.
         """
         coverage = self._coverage

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, ResultsError, cause, checks_arguments
 from layoutexplore.files import ArrayRule, parse_json, read_arrays, write_arrays
-from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
+from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, Walk, remembers
+from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.options import check_kind, from_table
@@ -31,8 +32,8 @@ from layoutexplore.simulation.simulation import Simulation
 FORMAT = 1
 """Of the file; another one is refused."""
 
-_CHOICE, _PATH, _DRIVE = range(3)
-"""Kinds of moves: the number of a frontier or STOP, a path of cells, a motion primitive."""
+_CHOICE, _PATH, _DRIVE, _WALK = range(4)
+"""Kinds of moves: the number of a frontier or STOP, a path of cells, a motion primitive, a `Walk`."""
 
 _ELSEWHERE = "the moves of this saved run lead elsewhere: another version of layoutexplore has saved it"
 
@@ -115,7 +116,7 @@ class SavedRun:
 
 def _make(simulation: Simulation, move: Choice | tuple[float, float]) -> None:
     """Make a move again."""
-    if isinstance(move, tuple):
+    if isinstance(move, tuple) and not isinstance(move, Walk):
         simulation.drive(*move)
     else:
         simulation.step(move)
@@ -159,20 +160,25 @@ def save_simulation(simulation: Simulation, path: str | Path, notes: dict[str, A
         "config": dataclasses.asdict(simulation.config),
         "notes": notes or {},
     }
-    kinds, values, paths = [], [], [np.empty((0, 2), np.int32)]
-    for move in state.moves:
-        kind = _DRIVE if isinstance(move, tuple) else _PATH if isinstance(move, np.ndarray) else _CHOICE
-        kinds.append(kind)
-        values.append(move if kind == _DRIVE else (len(move) if isinstance(move, np.ndarray) else move, 0.0))
-        if isinstance(move, np.ndarray):
-            paths.append(move)
+    written = [_written(move) for move in state.moves]
     moves: dict[str, NDArray[Any]] = {
-        "kinds": np.array(kinds, np.int8),
-        "values": np.array(values, np.float64).reshape(-1, 2),
-        "paths": np.concatenate(paths),
+        "kinds": np.array([kind for kind, _, _ in written], np.int8),
+        "values": np.array([values for _, values, _ in written], np.float64).reshape(-1, 2),
+        "paths": np.concatenate(
+            [np.empty((0, 2), np.int32), *(cells for *_, part in written for cells in part)]
+        ),
     }
     arrays: dict[str, NDArray[Any]] = {"run": np.array(json.dumps(table)), **moves, **_reached(simulation)}
     write_arrays(Path(path), arrays)
+
+
+def _written(move: Choice | tuple[float, float]) -> tuple[int, tuple[float, float], tuple[Ints32, ...]]:
+    """The kind of a move, its two numbers, and its cells: as many as the numbers say where it has some."""
+    if isinstance(move, Walk):
+        return _WALK, (len(move.path), len(move.sights)), (move.path, move.sights)
+    if isinstance(move, np.ndarray):
+        return _PATH, (len(move), 0.0), (move,)
+    return (_DRIVE, move, ()) if isinstance(move, tuple) else (_CHOICE, (move, 0.0), ())
 
 
 _ARRAYS = {
@@ -234,9 +240,13 @@ def _moves(
     for kind, (first, second) in zip(kinds.tolist(), values.tolist(), strict=True):
         if kind == _DRIVE:
             found.append((first, second))
-        elif kind == _PATH:
-            found.append(np.ascontiguousarray(paths[begin : begin + int(first)], np.int32))
-            begin += int(first)
+        elif kind in (_PATH, _WALK):
+            middle, end = begin + int(first), begin + int(first) + int(second)
+            path, sights = (
+                np.ascontiguousarray(paths[a:b], np.int32) for a, b in ((begin, middle), (middle, end))
+            )
+            found.append(Walk(path, sights) if kind == _WALK else path)
+            begin = end
         else:
             found.append(int(first))
     return found

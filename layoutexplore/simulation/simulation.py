@@ -17,23 +17,22 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import ConfigError, checks_calls
-from layoutexplore.frontiers.decision import STOP, CellPath, Choice, Decision, Predictor, Privileged, Truth
+from layoutexplore.frontiers.decision import PATHS, STOP, Choice, Decision, Predictor, Privileged, Truth
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import cells_in_view, facing, remaining_share
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import load_plan
-from layoutexplore.planning.shortest_paths import check_path
 from layoutexplore.sensing.mapper import Mapper, ScanUpdate
 from layoutexplore.simulation.config import SimulationConfig
-from layoutexplore.simulation.path_following import NO_FRONTIER
 from layoutexplore.simulation.path_rules import PathEvent, event_after_scan
 from layoutexplore.simulation.region import clusters_inside
 from layoutexplore.simulation.robot import Motion, Robot
 from layoutexplore.simulation.second_look import SCANS
 from layoutexplore.simulation.state import SimulationState, begin_run, checked_config, is_noisy, shared_lidar
 from layoutexplore.simulation.stop_reasons import StopReason
+from layoutexplore.simulation.walks import NO_SIGHTS, checked_walk
 
 __all__ = ["Motion", "Simulation", "SimulationConfig"]
 
@@ -119,20 +118,20 @@ class Simulation:
 
         Args:
             choice: An index into `decision.frontiers`, `STOP`, or a path int32 (k, 2) of neighbouring cells
-                that starts at the robot's cell (for agents that know the floor plan).
+                from the robot's on: it is followed to its end, a `Walk` until its sights are seen.
 
         Returns:
             The next decision; the last one when the run is `done`.
 
         Raises:
-            ConfigError: The run is over, there is no such frontier, or the path jumps.
+            ConfigError: The run is over, there is no such frontier, the path jumps, or sights lie outside.
         """
         self._check_running()
         decision, state = self.decision, self.state
-        if isinstance(choice, np.ndarray):
-            path = check_path(choice, self._here())
-            state.begin_step(path, goal=None)
-            if self._follow(path, None):
+        if isinstance(choice, PATHS):
+            walk = checked_walk(choice, self._here(), self.mapper.grid.shape)
+            state.begin_step(walk if len(walk.sights) else walk.path, goal=None)
+            if self._follow(*walk):
                 self._scan(full_turn=True)
         elif choice == STOP:
             state.moves.append(STOP)
@@ -144,7 +143,8 @@ class Simulation:
         else:
             frontier = decision.frontiers[choice]
             state.begin_step(int(choice), goal=frontier.centroid)
-            if self._follow(decision.field.path_to(frontier.viewpoint), frontier):
+            path = decision.field.path_to(frontier.viewpoint)
+            if self._follow(path, frontier.cells, frontier.viewpoint):
                 self._look(frontier)
         return self._next()
 
@@ -267,7 +267,7 @@ class Simulation:
         path = self.state.path_to_look_again() if self._noisy else None
         if path is None:
             return False
-        self._follow(path, None)
+        self._follow(path, NO_SIGHTS)
         for _ in range(SCANS):
             if not self.done:
                 self._scan(full_turn=True)
@@ -301,9 +301,9 @@ class Simulation:
         )
         return self.predictor.predict(decision) if self.predictor and decision.frontiers else decision
 
-    def _follow(self, path: CellPath, frontier: Frontier | None) -> bool:
-        """Follow a path, scanning on the way; whether the frontier is still to be looked at from its end."""
-        state, goal = self.state, NO_FRONTIER if frontier is None else frontier.cells
+    def _follow(self, path: Ints32, goal: Ints32, target: Cell | None = None) -> bool:
+        """Follow a path, scanning on the way; whether the goal is still to be looked at from its end."""
+        state = self.state
         state.follower.note_scan(state.robot)
         k = 1
         while k < len(path):
@@ -314,16 +314,15 @@ class Simulation:
                 if not self._advance(Cell(*path[k].tolist())):
                     return False
                 k += 1
-            elif event in (PathEvent.COVERED, PathEvent.GONE):
-                return False
-            elif event == PathEvent.BLOCKED and frontier is not None:
-                cells = state.mapper.grid.cells
-                path, k = state.traversability.path(cells, self._here(), frontier.viewpoint), 1
+            elif event == PathEvent.BLOCKED and target is not None:
+                path, k = state.traversability.path(state.mapper.grid.cells, self._here(), target), 1
                 if len(path) == 0:
                     return False
+            elif event != PathEvent.GOES_ON:
+                return False
         return not self.done
 
-    def _segment(self, path: CellPath, k: int, goal: Ints32) -> tuple[int, int]:
+    def _segment(self, path: Ints32, k: int, goal: Ints32) -> tuple[int, int]:
         """Follow a path from its cell k on until something happens: what did, and the next cell's number."""
         state = self.state
         if not state.follower.steps_itself:
@@ -340,7 +339,7 @@ class Simulation:
             self.on_scan(self)
         return segment.event, segment.reached
 
-    def _scan_on_the_way(self, ahead: CellPath, goal: Ints32) -> int:
+    def _scan_on_the_way(self, ahead: Ints32, goal: Ints32) -> int:
         """A scan that is due on a path of which these cells lie ahead: the event that it means."""
         state = self.state
         state.robot.turn_to(state.follower.scan_heading(state.robot))

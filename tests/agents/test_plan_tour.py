@@ -12,8 +12,9 @@ from layoutexplore.agents import make_agent
 from layoutexplore.agents.foreseen_floor import SAMPLE, SCAN_SPACING, ForeseenFloor, floor_in_view
 from layoutexplore.agents.omniscient.places import Places
 from layoutexplore.agents.omniscient.visibility import Visibility, size
-from layoutexplore.frontiers.decision import Decision, Truth
+from layoutexplore.frontiers.decision import Decision, Truth, Walk
 from layoutexplore.frontiers.foresight import Foresight
+from layoutexplore.frontiers.viewpoints import remaining_share
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Pose
 from layoutexplore.maps.floorplan import FloorPlan
@@ -200,3 +201,23 @@ def test_certain_foresight_has_a_weight_of_its_own(confidence: float, used: str,
     track = run("plan-tour").track
     assert np.array_equal(track, run(f"plan-tour:{unused}=50").track)
     assert not np.array_equal(track, run(f"plan-tour:{used}=50").track)
+
+
+def test_the_robot_walks_no_farther_than_it_has_to_see() -> None:
+    """Each walk is for foreseen cells that nobody has seen, and ends soon after next to none is left."""
+    simulation = Simulation(offices(), SimulationConfig(sensor="indoor"), OraclePredictor(horizon=np.inf))
+    agent, shortened = make_agent("plan-tour"), 0
+    decision = simulation.reset(seed=3)
+    agent.reset(3)
+    while not simulation.done:
+        choice = agent.act(decision)
+        if isinstance(choice, Walk):
+            assert (decision.grid.cells[choice.sights[:, 0], choice.sights[:, 1]] == UNKNOWN).all()
+        decision = simulation.step(choice)
+        if isinstance(choice, Walk) and not simulation.done:
+            end = decision.grid.nearest_cell(decision.pose.x, decision.pose.y)
+            if end != tuple(choice.path[-1]):
+                left = remaining_share(decision.grid.cells, choice.sights)
+                assert left < simulation.config.gone_share
+                shortened += 1
+    assert shortened > 0

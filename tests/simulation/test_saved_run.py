@@ -51,6 +51,7 @@ def digest(simulation: Simulation) -> list[bytes]:
         "clairvoyant",
         "layout-tour:predictor=oracle",
         "layout-tour:predictor=reconstruct:rose2;growth=0.3",
+        "plan-tour:predictor=oracle:horizon=1",
     ],
 )
 @pytest.mark.parametrize("config", CONFIGS)
