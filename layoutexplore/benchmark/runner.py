@@ -30,6 +30,7 @@ from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.plugins.transport import NO_CODE, OwnCode, pack_own_code
 from layoutexplore.processes import asked_to_stop
 from layoutexplore.simulation.episode import play, run_seed, start_pose
+from layoutexplore.simulation.state import raster_of
 
 WARM_UP_PLAN = """
 ####################
@@ -156,7 +157,7 @@ def run_benchmark(
                 "--agents adds it, --baseline names another"
             )
         for plan in plans:
-            folder.save_raster(plan.name, cached_plan(plan.source).rasterize(config.simulation.resolution))
+            folder.save_raster(plan.name, raster_of(cached_plan(plan.source), config.simulation))
         return _fill(folder, config, plans, jobs, cluster, watcher)
 
 

@@ -4,14 +4,15 @@ A robot's SLAM corrects its odometry by laying each new scan over the map made s
 mean of the points measured in each cell, which is finer than the cell (Grisetti, Stachniss and Burgard,
 "Improved techniques for grid mapping with Rao-Blackwellized particle filters", 2007); poses are searched from
 coarse to fine (Olson, "Real-time correlative scan matching", 2009), and how far odometry can be wrong weighs
-against how well a scan fits. There is no loop closure: where the map is bent it stays bent.
+against how well a scan fits. The pose found is refined on the lines of the walls
+(`layoutexplore.sensing.pose_refinement`): what a lattice leaves of the heading is what bends a map. There is
+no loop closure: where the map is bent it stays bent.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -21,6 +22,14 @@ from layoutexplore.grids.arrays import Floats, Floats32
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.options import COUNT, POSITIVE, Rule, check
 from layoutexplore.sensing.lidar import LidarConfig, around, beam_table, position_in_cells
+from layoutexplore.sensing.pose_refinement import (
+    REACH,
+    MatchModel,
+    MeasuredPoints,
+    PoseInCells,
+    nearest_mean,
+    refine_pose,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,61 +37,37 @@ class ScanMatcherConfig:
     """How scans are matched with the map.
 
     Attributes:
-        beams: Number of a scan's beams that are compared, evenly spread over those that met something.
+        beams: Number of a scan's beams that the search compares, evenly spread over those that met something;
+            the refinement takes all.
         spread: Standard deviation in metres of a measured point around the mean of its cell's points.
         weight: Natural logarithm of how much likelier a point is on a wall than anywhere; beams beside each
             other tell the same, so it is less than for beams alone.
-        levels: Number of times that the steps of the search are halved.
+        levels: Number of times that the steps of the search are halved, before the pose is refined.
 
     Raises:
         ConfigError: A value is out of its range.
     """
 
-    beams: int = 120
+    beams: int = 90
     spread: float = 0.05
     weight: float = 0.5
-    levels: int = 5
+    levels: int = 1
 
     def __post_init__(self) -> None:
         check(self, beams=COUNT, spread=POSITIVE, weight=POSITIVE, levels=Rule(kind=int, low=1, high=12))
 
 
-PoseInCells = tuple[float, float, float]
-"""(x, y, heading): in cells from the grid's corner, and in radians."""
-
-
-class MatchModel(NamedTuple):
-    """What a pose is judged by; lengths in cells.
-
-    Attributes:
-        spread: As in `ScanMatcherConfig`.
-        weight: As in `ScanMatcherConfig`.
-        position_std: Standard deviation of the prior along x and along y.
-        heading_std: Its standard deviation of the heading, in radians.
-    """
-
-    spread: float
-    weight: float
-    position_std: float
-    heading_std: float
-
-
-class MeasuredPoints(NamedTuple):
-    """The points measured in each cell, (rows, cols).
-
-    Attributes:
-        number: float32, how many, at most `MOST`.
-        x: float32, their mean in cells from the grid's corner; likewise y.
-        y: See x.
-    """
-
-    number: Floats32
-    x: Floats32
-    y: Floats32
-
-
 MOST = 50.0
 """A mean of more points than this moves as if there were so many."""
+
+_TURN = 0.02
+"""Radians: at eight metres, between two headings so far apart, points move by a few spreads."""
+
+_STEPS = 12
+"""At most so many steps of the first lattice to either side."""
+
+_FEW = 30
+"""So many points are compared where the first lattice is wide."""
 
 
 @checks_calls
@@ -92,11 +77,15 @@ class ScanMatcher:
     Args:
         grid: The robot's grid, which a mapper changes in place.
         config: How to match.
+
+    Attributes:
+        overlap: Of the last scan matched, the number of points compared that lie on walls known before.
     """
 
     def __init__(self, grid: OccupancyGrid, config: ScanMatcherConfig | None = None) -> None:
         self.config = config or ScanMatcherConfig()
         self._grid = grid
+        self.overlap = 0.0
         self._points = MeasuredPoints(*(np.zeros(grid.cells.shape, np.float32) for _ in range(3)))
 
     def match(
@@ -122,13 +111,19 @@ class ScanMatcher:
         Returns:
             The corrected pose; the believed one where nothing of the map is in sight.
         """
-        ends = self._ends(ranges, lidar, full_turn)
+        ends, self.overlap = self._ends(ranges, lidar, full_turn), 0.0
         if len(ends) == 0 or (position_std <= 0.0 and heading_std <= 0.0):
             return pose
         grid, size = self._grid, self._grid.resolution
         x, y = position_in_cells(pose, size, grid.origin)
         model = MatchModel(self.config.spread / size, self.config.weight, position_std / size, heading_std)
-        found = search_pose(self._points, ends, (x, y, pose.theta), model, self.config.levels)
+        believed = (x, y, pose.theta)
+        some = evenly_chosen(ends, self.config.beams)
+        is_wide = position_std > self.config.spread or heading_std > _TURN
+        searched = evenly_chosen(some, _FEW) if is_wide else some
+        found = search_pose(self._points, searched, believed, model, self.config.levels)
+        found = refine_pose(self._points, ends, found, believed, model)
+        self.overlap = match_score(self._points, some, found, model.spread)
         return Pose(grid.origin.x + found[0] * size, grid.origin.y + found[1] * size, found[2])
 
     def add(self, pose: Pose, ranges: Floats32, lidar: LidarConfig, *, full_turn: bool = False) -> None:
@@ -140,14 +135,19 @@ class ScanMatcher:
         _add_points(self._points, x, y, pose.theta, *beam_table(config), measured)
 
     def _ends(self, ranges: Floats32, lidar: LidarConfig, full_turn: bool) -> Floats:
-        """Measured points float64 (n, 2) as the robot sees them, in cells, evenly spread over the beams."""
+        """Measured points float64 (n, 2) as the robot sees them, in cells."""
         config = around(lidar) if full_turn else lidar
         met = np.flatnonzero(np.isfinite(ranges))
-        if len(met) > self.config.beams:
-            met = met[np.linspace(0, len(met) - 1, self.config.beams).astype(np.int64)]
         unit_x, unit_y = beam_table(config)
         lengths = ranges[met].astype(np.float64) / self._grid.resolution
         return np.column_stack([lengths * unit_x[met], lengths * unit_y[met]])
+
+
+def evenly_chosen(ends: Floats, most: int) -> Floats:
+    """At most so many of the points float64 (n, 2), evenly spread over them."""
+    if len(ends) <= most:
+        return ends
+    return ends[np.linspace(0, len(ends) - 1, most).astype(np.int64)]
 
 
 @njit(cache=True, nogil=True)
@@ -185,16 +185,8 @@ def match_score(points: MeasuredPoints, ends: Floats, pose: PoseInCells, spread:
         end_y = y + ends[i, 0] * sin + ends[i, 1] * cos
         if not (1.0 <= end_x < cols - 1 and 1.0 <= end_y < rows - 1):
             continue
-        # A mean lies somewhere in its cell: the nearest one to a point is among the nine around it, or more
-        # than a cell away.
-        row, col = int(end_y), int(end_x)
-        least = np.inf
-        for r in range(row - 1, row + 2):
-            for c in range(col - 1, col + 2):
-                if points.number[r, c] > 0.0:
-                    dx, dy = points.x[r, c] - end_x, points.y[r, c] - end_y
-                    least = min(least, dx * dx + dy * dy)
-        if least < 9.0 * spread * spread:
+        least, _, _ = nearest_mean(points, end_x, end_y)
+        if least < (REACH * spread) ** 2:
             total += math.exp(least * scale)
     return total
 
@@ -203,26 +195,36 @@ def match_score(points: MeasuredPoints, ends: Floats, pose: PoseInCells, spread:
 def search_pose(
     points: MeasuredPoints, ends: Floats, prior: PoseInCells, model: MatchModel, levels: int
 ) -> PoseInCells:
-    """The best pose of a lattice of 5 x 5 x 5 around the prior, and of `levels` ever finer ones of 3 x 3 x 3.
+    """The best pose of a lattice around the prior, and of `levels` ever finer ones of 3 x 3 x 3.
 
-    The first lattice spans three standard deviations to either side. A pose wins by strictly more than those
-    before it, and the prior comes first: without evidence nothing moves.
+    The first lattice spans three standard deviations to either side, in two steps, or in more where two would
+    miss what lies between. A pose wins by strictly more than those before it, and the prior comes first:
+    without evidence nothing moves.
     """
     best = prior
     best_value = model.weight * match_score(points, ends, best, model.spread)
-    step, turn, half = 1.5 * model.position_std, 1.5 * model.heading_std, 2
+    half, step = _steps(3.0 * model.position_std, 2.0 * model.spread)
+    half_turn, turn = _steps(3.0 * model.heading_std, _TURN)
     for _ in range(levels + 1):
         middle = best
         for i in range(-half, half + 1):
             for j in range(-half, half + 1):
-                for k in range(-half, half + 1):
+                for k in range(-half_turn, half_turn + 1):
                     pose = (middle[0] + i * step, middle[1] + j * step, middle[2] + k * turn)
                     value = model.weight * match_score(points, ends, pose, model.spread)
                     value -= _unlikeliness(pose, prior, model)
                     if value > best_value:
                         best_value, best = value, pose
-        step, turn, half = 0.5 * step, 0.5 * turn, 1
+        # The best of a lattice lies at most half a step from the truth in each axis: half a step on.
+        step, turn, half, half_turn = 0.5 * step, 0.5 * turn, 1, 1
     return best
+
+
+@njit(cache=True, nogil=True)
+def _steps(span: float, most: float) -> tuple[int, float]:
+    """In how many steps a lattice spans so much to either side, and their length: `most` if few enough do."""
+    number = min(max(2, math.ceil(span / most)), _STEPS)
+    return number, span / number
 
 
 @njit(cache=True, nogil=True)

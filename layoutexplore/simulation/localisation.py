@@ -14,8 +14,14 @@ POSITION_FLOOR, HEADING_FLOOR = 0.01, 0.003
 """Metres and radians by which a pose may be wrong where the robot has hardly moved since the last scan."""
 
 
+ENOUGH = 10.0
+"""So many points on known walls correct a pose."""
+
+
 class Localiser:
     """Matches scans with the map, as wide around the believed pose as odometry can have drifted since.
+
+    In the middle of a hall no wall is in range. What odometry drifts there adds up until walls tell.
 
     Args:
         grid: The robot's grid.
@@ -23,19 +29,24 @@ class Localiser:
     """
 
     def __init__(self, grid: OccupancyGrid, noise: OdometryNoise) -> None:
-        self._matcher, self._noise, self._walked = ScanMatcher(grid), noise, 0.0
+        self._matcher, self._noise, self._corrected = ScanMatcher(grid), noise, 0.0
 
     def correct(self, robot: Robot, ranges: Floats32, lidar: LidarConfig, *, full_turn: bool) -> Pose:
         """The pose from which a scan is to be integrated; the robot believes it from now on."""
-        metres, self._walked = robot.walked - self._walked, robot.walked
+        metres = robot.walked - self._corrected
+        heading_drift = self._noise.rotation * math.sqrt(metres)
+        # A heading that drifts on the way leads aside: the integral of a random walk.
+        drift = math.hypot(self._noise.translation * math.sqrt(metres), heading_drift * metres / math.sqrt(3))
         pose = self._matcher.match(
             robot.believed,
             ranges,
             lidar,
-            position_std=POSITION_FLOOR + self._noise.translation * math.sqrt(metres),
-            heading_std=HEADING_FLOOR + self._noise.rotation * math.sqrt(metres),
+            position_std=POSITION_FLOOR + drift,
+            heading_std=HEADING_FLOOR + heading_drift,
             full_turn=full_turn,
         )
+        if self._matcher.overlap >= ENOUGH:
+            self._corrected = robot.walked
         robot.relocate(pose)
         self._matcher.add(pose, ranges, lidar, full_turn=full_turn)
         return pose

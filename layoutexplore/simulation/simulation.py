@@ -30,7 +30,7 @@ from layoutexplore.simulation.path_rules import PathEvent, event_after_scan
 from layoutexplore.simulation.region import clusters_inside
 from layoutexplore.simulation.robot import Motion, Robot
 from layoutexplore.simulation.second_look import SCANS
-from layoutexplore.simulation.state import SimulationState, begin_run, checked_config, is_noisy, shared_lidar
+from layoutexplore.simulation.state import SimulationState, begin_run, checked_config, is_noisy, world_of
 from layoutexplore.simulation.stop_reasons import StopReason
 from layoutexplore.simulation.walks import NO_SIGHTS, checked_walk
 
@@ -82,8 +82,7 @@ class Simulation:
     ) -> None:
         self.config = checked_config(config, predictor)
         self.plan = plan if isinstance(plan, FloorPlan) else load_plan(plan)
-        self.raster = self.plan.rasterize(self.config.resolution)
-        self.lidar = shared_lidar(self.raster, self.config.lidar)
+        self.raster, self.lidar = world_of(self.plan, self.config)
         self.predictor = predictor
         self._noisy, self._cell = is_noisy(self.config), self.raster.resolution
         self.on_scan: Callable[[Simulation], None] | None = None

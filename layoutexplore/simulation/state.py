@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -33,6 +34,12 @@ from layoutexplore.simulation.stop_reasons import StopReason
 
 DRIFT_MARGIN = 0.1
 """Metres: a robot that does not quite know where it is keeps so much farther from walls while it can."""
+
+BENT_SHARE = 0.1
+"""A map that drift bends can stand out of the building by this share of the building's longer side, ..."""
+
+BENT_MOST = 20.0
+"""... and by so many metres at most."""
 
 
 @dataclass(eq=False)
@@ -185,6 +192,24 @@ def checked_config(config: SimulationConfig | None, predictor: Predictor | None)
     return config or SimulationConfig()
 
 
+def raster_of(plan: FloorPlan, config: SimulationConfig) -> PlanRaster:
+    """The cells of a floor plan that a run takes place on: where drift bends the map, with room around them.
+
+    What the robot believes to be beyond the cells cannot be mapped: its rooms would be lost.
+    """
+    if not drifts(config):
+        return plan.rasterize(config.resolution)
+    x0, y0, x1, y1 = plan.bounds
+    margin = math.ceil(BENT_SHARE * max(x1 - x0, y1 - y0))
+    return plan.rasterize(config.resolution, margin=min(margin, BENT_MOST))
+
+
+def world_of(plan: FloorPlan, config: SimulationConfig) -> tuple[PlanRaster, Lidar]:
+    """The cells that a run takes place on, and the sensor among them."""
+    raster = raster_of(plan, config)
+    return raster, shared_lidar(raster, config.lidar)
+
+
 def begin_run(
     plan: FloorPlan, lidar: Lidar, config: SimulationConfig, seed: int, start: Pose | None
 ) -> SimulationState:
@@ -205,7 +230,7 @@ def begin_run(
     # The order of the streams is part of what a seed means.
     streams = np.random.SeedSequence(seed).spawn(3)
     start_rng, sensor_rng, motion_rng = (np.random.default_rng(stream) for stream in streams)
-    raster, radius = plan.rasterize(config.resolution), config.robot_radius
+    raster, radius = raster_of(plan, config), config.robot_radius
     region = None if config.region is None else region_mask(raster, config.region)
     if start is None:
         pose = draw_start(raster, radius, start_rng, region)
