@@ -11,7 +11,8 @@ from typing import Any
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
 from layoutexplore.benchmark.plans import PlanEntry
 from layoutexplore.errors import ConfigError, ResultsError, cause
-from layoutexplore.files import read_toml, to_toml
+from layoutexplore.files import is_there, read_toml, to_toml
+from layoutexplore.files.reading import shown_path
 from layoutexplore.files.schema import Items, Number, Record, TableOf, Text
 
 _SETTINGS = Record(
@@ -52,8 +53,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         ResultsError: It is missing, cannot be read, or lacks what this version needs.
     """
     path = folder / "run.toml"
-    if not path.is_file():
-        raise ResultsError(f"{folder} holds no benchmark: there is no run.toml in it")
+    if not is_there(path) or not path.is_file():
+        raise ResultsError(f"{shown_path(folder)} holds no benchmark: there is no run.toml in it")
     try:
         return read_toml(path, _MANIFEST)
     except ConfigError as error:

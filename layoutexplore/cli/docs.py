@@ -17,5 +17,7 @@ def register(app: typer.Typer) -> None:
     ) -> None:
         """Build the documentation as a web site (needs pip install 'layoutexplore[docs]')."""
         from layoutexplore.documentation.site import build_site
+        from layoutexplore.files import check_places
 
+        check_places(out)
         typer.echo(f"written: {build_site(out, typer.main.get_command(app))}")

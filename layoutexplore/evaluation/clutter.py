@@ -275,6 +275,13 @@ def line_error(found: Floats, truth: Floats) -> float:
     theta is the angle between the two, T the shortest way from the midpoint of the one to the other. Infinite
     where nothing was found.
 
+    Args:
+        found: float64 (n, 4), ends (x0, y0, x1, y1) in metres; likewise truth.
+        truth: See found.
+
+    Raises:
+        ConfigError: Lines of another shape.
+
     Example:
         >>> truth = np.array([[0.0, 0.0, 4.0, 0.0]])
         >>> round(line_error(np.array([[1.0, 1.0, 1.0, 3.0]]), truth) / np.pi, 6)  # a right angle, 2 m away
@@ -282,6 +289,8 @@ def line_error(found: Floats, truth: Floats) -> float:
     """
     if not len(found) or not len(truth):
         return float("inf")
+    if any(lines.ndim != 2 or lines.shape[1] != 4 for lines in (found, truth)):
+        raise ConfigError(f"lines are rows of four numbers, got shapes {found.shape} and {truth.shape}")
     return float(
         np.concatenate([_costs(part, truth) for part in np.array_split(found, -(-len(found) // 256))]).mean()
     )

@@ -122,7 +122,19 @@ def scores_of_overlaps(
         overlaps: int64 (segments, rooms).
         segment_sizes: int64 (segments,), at least 1.
         room_sizes: int64 (rooms,), at least 1.
+
+    Raises:
+        ConfigError: The shapes do not fit, or a size is below 1.
     """
+    overlaps, segment_sizes, room_sizes = (np.asarray(a) for a in (overlaps, segment_sizes, room_sizes))
+    alone = segment_sizes.ndim == room_sizes.ndim == 1
+    if not alone or overlaps.shape != segment_sizes.shape + room_sizes.shape:
+        raise ConfigError(
+            "overlaps (segments, rooms) need a size of each segment and of each room, got shapes "
+            f"{overlaps.shape}, {segment_sizes.shape} and {room_sizes.shape}"
+        )
+    if (segment_sizes < 1).any() or (room_sizes < 1).any():
+        raise ConfigError("segments and rooms have at least one cell")
     n_segments, n_rooms = overlaps.shape
     if n_segments == 0 or n_rooms == 0:
         zeros = dict.fromkeys(MEASURES, 0.0)

@@ -71,7 +71,11 @@ def weighted_interquartile_mean(values: Floats, weights: Floats) -> Floats:
 
     Returns:
         float64 (m,).
+
+    Raises:
+        ConfigError: No values, or weights of another shape.
     """
+    values, weights = _weighted(values, weights)
     order = np.argsort(values, kind="stable")
     upper = np.take(weights, order, axis=1)
     np.cumsum(upper, axis=1, out=upper)
@@ -85,7 +89,8 @@ def weighted_interquartile_mean(values: Floats, weights: Floats) -> Floats:
 
 @checks_arguments
 def weighted_mean(values: Floats, weights: Floats) -> Floats:
-    """Mean under each row of weights, float64 (m,)."""
+    """Mean under each row of weights, float64 (m,); arguments as of `weighted_interquartile_mean`."""
+    values, weights = _weighted(values, weights)
     return np.asarray(weights @ values / weights.sum(axis=1))
 
 
@@ -192,6 +197,14 @@ def _clustered(
     if member.shape != sample.shape:
         raise ConfigError(f"{len(sample)} values need as many clusters, got {len(member)}")
     return sample, names, member
+
+
+def _weighted(values: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """Values float64 (n,) and their weights float64 (m, n); raises `ConfigError` where they do not fit."""
+    sample, rows = _sample(values), np.asarray(weights, np.float64)
+    if rows.ndim != 2 or rows.shape[1] != len(sample):
+        raise ConfigError(f"{len(sample)} values need weights (m, {len(sample)}), got shape {rows.shape}")
+    return sample, rows
 
 
 def _sample(values: ArrayLike) -> Floats:

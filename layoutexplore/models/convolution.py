@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 _ONE_THREAD = 1 << 18
 """Multiplications of one product up to which OpenBLAS keeps to one thread (its `interface/gemm.c`)."""
 
+_STRIP = 8192
+"""Cells of a strip of rows that is convolved at once: what is needed on the way fits into a cache."""
+
 
 def small_products(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
     """`values @ weight`, a few rows at a time: threads that share so little work wait longer than they work.
@@ -45,24 +48,40 @@ def convolve(
     """
     if side == 1:
         return np.asarray(values @ weight)
-    if stride == 1:
-        return _convolve_dense(values, weight)
-    near = neighbourhoods(values[None], stride)[0]
-    return np.asarray(near.reshape(-1, near.shape[2]) @ weight).reshape(*near.shape[:2], -1)
+    rows, cols, _ = values.shape
+    # A strip of an even number of rows: the cells of a stride of two begin anew in each.
+    strip = 2 * max(_STRIP // (2 * cols), 1)
+    out = np.empty(((rows - 1) // stride + 1, (cols - 1) // stride + 1, weight.shape[1]), np.float32)
+    for first in range(0, rows, strip):
+        last = min(first + strip, rows)
+        into = out[first // stride : (last - 1) // stride + 1]
+        padded = np.zeros((last - first + 3, cols + 2, values.shape[2]), np.float32)
+        low, high = max(first - 1, 0), min(last + 1, rows)
+        padded[low - first + 1 : high - first + 1, 1 : cols + 1] = values[low:high]
+        into[:] = _convolve_dense(padded, weight) if stride == 1 else _convolve_sparse(padded, weight, stride)
+    return out
 
 
-def _convolve_dense(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+def _convolve_dense(padded: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
     """Stride 1 as nine products: in rows with a common margin a shift is an offset."""
-    rows, cols, inputs = values.shape
-    padded = np.zeros((rows + 3, cols + 2, inputs), np.float32)
-    padded[1 : rows + 1, 1 : cols + 1] = values
-    flat, count = padded.reshape(-1, inputs), rows * (cols + 2)
+    rows, cols, inputs = padded.shape
+    flat, count = padded.reshape(-1, inputs), (rows - 3) * cols
     found = flat[:count] @ weight[:inputs]
     part = np.empty_like(found)
     for k in range(1, 9):
-        begin = k // 3 * (cols + 2) + k % 3
+        begin = k // 3 * cols + k % 3
         found += np.matmul(flat[begin : begin + count], weight[k * inputs : (k + 1) * inputs], out=part)
-    return found.reshape(rows, cols + 2, -1)[:, :cols]
+    return found.reshape(rows - 3, cols, -1)[:, : cols - 2]
+
+
+def _convolve_sparse(
+    padded: NDArray[np.float32], weight: NDArray[np.float32], stride: int
+) -> NDArray[np.float32]:
+    """A larger stride as one product: the cells around each that counts, side by side."""
+    rows, cols, inputs = padded.shape
+    parts = [padded[r : rows - 3 + r : stride, c : cols - 2 + c : stride] for r in range(3) for c in range(3)]
+    near = np.concatenate(parts, axis=2)
+    return np.asarray(near.reshape(-1, 9 * inputs) @ weight).reshape(*near.shape[:2], -1)
 
 
 @njit(cache=True, nogil=True)

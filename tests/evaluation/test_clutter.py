@@ -137,6 +137,9 @@ def test_line_error_is_the_cost_of_the_best_move():
     skew = np.array([[0.0, 1.0, 2.0, 3.0]])
     assert line_error(skew, truth) == pytest.approx(np.pi / 4 * 2 / 2)
     assert line_error(np.zeros((0, 4)), truth) == np.inf
+    for lines in (np.zeros((2, 3)), np.zeros(4), np.zeros((1, 2, 4))):
+        with pytest.raises(ConfigError, match="rows of four numbers"):
+            line_error(lines, truth)
 
 
 def test_nonsense_studies_are_refused():

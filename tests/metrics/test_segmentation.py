@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as hnp
 
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.maps.painted_rooms import truth_labels
-from layoutexplore.metrics.segmentation import MEASURES, score_segmentation
+from layoutexplore.metrics.segmentation import MEASURES, score_segmentation, scores_of_overlaps
 
 
 def row(text: str) -> np.ndarray:
@@ -117,3 +117,14 @@ def test_one_to_one_equals_the_best_of_all_permutations(found: np.ndarray, truth
     if set(truth) - {0}:
         alike = score_segmentation(truth[None], truth[None], np.ones((1, 30), bool))
         assert all(getattr(alike, m) == pytest.approx(1.0) for m in MEASURES)
+
+
+@pytest.mark.parametrize(
+    "shapes",
+    [((2, 3), (3,), (2,)), ((2, 3), (2, 1), (3,)), ((6,), (2,), (3,)), ((0, 0), (1,), (0,)), ((), (), ())],
+)
+def test_overlaps_and_sizes_fit(shapes: tuple[tuple[int, ...], ...]) -> None:
+    with pytest.raises(ConfigError, match="size of each"):
+        scores_of_overlaps(*(np.ones(shape, np.int64) for shape in shapes))
+    with pytest.raises(ConfigError, match="at least one cell"):
+        scores_of_overlaps(np.zeros((1, 1), np.int64), np.zeros(1, np.int64), np.ones(1, np.int64))

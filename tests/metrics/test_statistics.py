@@ -132,3 +132,15 @@ def test_bad_samples(bad: list[float]) -> None:
 def test_values_without_clusters() -> None:
     with pytest.raises(ConfigError, match="as many clusters"):
         cluster_bootstrap([1.0, 2.0], ["a"])
+
+
+@pytest.mark.parametrize("statistic", [weighted_mean, weighted_interquartile_mean])
+def test_weights_fit_the_values(statistic) -> None:
+    for values, weights in (
+        ([], np.ones((1, 0))),
+        ([1.0], np.ones(1)),
+        ([1.0, 2.0], np.ones((1, 3))),
+        (3.0, 2.0),
+    ):
+        with pytest.raises(ConfigError):
+            statistic(np.asarray(values), np.asarray(weights))

@@ -11,7 +11,7 @@ import numpy as np
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.models.convolution import convolve
 from layoutexplore.models.network_files import Layers, Weights
-from layoutexplore.predictors.cell_model.network_input import PLANES, NetworkInput, Planes, draw_planes
+from layoutexplore.predictors.cell_model.network_input import PLANES, NetworkInput, draw_planes
 
 WIDTHS = (32, 48, 64, 64)
 """Channels at full, half, fourth and eighth resolution."""
@@ -45,18 +45,24 @@ class CellNetwork:
             return np.zeros(0, np.float32)
         planes = draw_planes(scene)
         row, col = scene.lattice_cells[:, 0] - planes.row, scene.lattice_cells[:, 1] - planes.col
-        return self._forward(planes)[row, col, scene.rank]
+        shown = self._layer("show", planes.values)
+        del planes  # The largest array of all is not needed any longer.
+        return self._forward(shown)[row, col, scene.rank]
 
-    def _forward(self, planes: Planes) -> Floats32:
+    def _forward(self, shown: Floats32) -> Floats32:
         """Log-odds float32 (rows, cols, 2) for the two ranks of every lattice cell."""
-        full = self._layer("at_full", self._layer("show", planes.values))
+        full = self._layer("at_full", shown)
         half = self._layer("at_half", self._layer("to_half", full))
         fourth = self._layer("at_fourth", self._layer("to_fourth", half))
         low = self._layer("wide", self._layer("at_eighth", self._layer("to_eighth", fourth)))
         for name, skipped in (("up_to_fourth", fourth), ("up_to_half", half), ("up_to_full", full)):
-            rows, cols = skipped.shape[:2]
-            larger = low.repeat(2, axis=0)[:rows].repeat(2, axis=1)[:, :cols]
-            low = self._layer(name, np.concatenate([larger, skipped], axis=2))
+            rows, cols, kept = skipped.shape
+            joined = np.empty((rows, cols, low.shape[2] + kept), np.float32)
+            joined[..., -kept:] = skipped
+            for row, col in ((0, 0), (0, 1), (1, 0), (1, 1)):
+                part = joined[row::2, col::2, :-kept]
+                part[:] = low[: part.shape[0], : part.shape[1]]
+            low = self._layer(name, joined)
         return self._layer("judge", self._layer("end", low), last=True)
 
     def _layer(self, name: str, values: Floats32, last: bool = False) -> Floats32:
