@@ -33,6 +33,13 @@ def test_a_foreign_folder_is_left_alone(config: BenchmarkConfig, tmp_path: Path)
     assert (tmp_path / "thesis.tex").read_text() == "precious"
 
 
+@pytest.mark.parametrize("name", ["9" * 5000, "a\0b"])
+def test_a_folder_that_cannot_be_is_no_benchmark(name: str) -> None:
+    with pytest.raises(ResultsError, match="holds no benchmark") as told:
+        ResultsFolder(Path(name)).manifest()
+    assert len(str(told.value)) < 1000
+
+
 DAMAGES = [b"plan,start\n", ",".join(COLUMNS).encode() + b"\na,b\n", b"\xff\xfe\n"]
 
 

@@ -135,3 +135,11 @@ def test_a_full_disk(name: str, free: int, small_disk: Path) -> None:
     if name in ("benchmark", "robustness"):
         again = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
         assert again.returncode in (0, 2) and "Traceback" not in again.stderr, again.stderr
+
+
+def test_documentation_is_not_built_into_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("mine")
+    assert run_cli(monkeypatch, "docs", "--out", str(tmp_path / "file")) == 2
+    assert "cannot name a folder" in capsys.readouterr().err
