@@ -18,7 +18,7 @@ from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.failures import KEPT
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.runner import BenchmarkWatcher, run_benchmark
-from layoutexplore.benchmark.store import COLUMNS, format_row, locked, parse_row
+from layoutexplore.benchmark.store import COLUMNS, ResultsFolder, format_row, locked, parse_row
 from layoutexplore.errors import ResultsError
 from tests.benchmark.cases import timeless
 
