@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import functools
 import re
+import sys
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
+from itertools import islice
 from pathlib import Path
 
 from shapely.errors import GEOSException
 
 from layoutexplore.errors import MapError, MapWarning, cause, checks_arguments, unknown_name
 from layoutexplore.files import is_there, read_json
+from layoutexplore.files.limits import VARIABLE, limits
 from layoutexplore.files.reading import shown_path
 from layoutexplore.files.schema import Items, TableOf, Text
 from layoutexplore.grids.grid import check_resolution
@@ -214,7 +217,7 @@ def expand_plans(spec: str | Path) -> list[str]:
 def _plans_in(folder: Path) -> list[str]:
     """The floor plans of a folder, every floor of those that hold several."""
     found = []
-    for path in sorted(folder.rglob("*")):
+    for path in _files_in(folder):
         if building_format(path):
             found += floors_of(path)
         elif building_format(path.parent) is None and _is_plan(path):
@@ -227,6 +230,18 @@ def _plans_in(folder: Path) -> list[str]:
             else:
                 found.append(str(path))
     return found
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """All that lies in a folder, sorted, unless it is so much that the folder is another one than meant."""
+    most = limits().files
+    found = list(islice(folder.rglob("*"), int(min(most, sys.maxsize)) + 1))
+    if len(found) > most:
+        raise MapError(
+            f"{shown_path(folder)}: holds more than {most:g} files and folders, the limit files: name a "
+            f"folder of floor plans, or raise the limit with {VARIABLE}"
+        )
+    return sorted(found)
 
 
 def _is_without_areas(path: Path) -> bool:

@@ -34,6 +34,7 @@ class Limits:
         rooms: Rooms of a floor plan, and doors.
         vertices: Corners of all outlines of a floor plan, also where they are traced from an image.
         crossings: Times that outlines of a floor plan cut across themselves or each other.
+        files: Files and folders in a folder that is searched for floor plans, at any depth.
     """
 
     file_mb: float = 256.0
@@ -46,6 +47,7 @@ class Limits:
     rooms: float = 5e3
     vertices: float = 2e5
     crossings: float = 1e4
+    files: float = 1e5
 
 
 def limits() -> Limits:

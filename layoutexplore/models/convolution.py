@@ -10,7 +10,7 @@ _ONE_THREAD = 1 << 18
 """Multiplications of one product up to which OpenBLAS keeps to one thread (its `interface/gemm.c`)."""
 
 _STRIP = 8192
-"""Cells of a strip of rows that is convolved at once: what is needed on the way fits into a cache."""
+"""So many places are convolved at once, in strips of rows: what is needed on the way fits into a cache."""
 
 
 def small_products(values: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:

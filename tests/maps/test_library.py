@@ -120,3 +120,13 @@ def test_a_large_file_is_parsed_once(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     monkeypatch.setattr(json, "loads", lambda text: (parsed.append(len(text)), loads(text))[1])
     assert len(load_plan(tmp_path / "own.json").rooms) > 1 and len(parsed) == 1
     assert len(load_plan(tmp_path / "other.geojson").rooms) == 1 and len(parsed) == 2
+
+
+def test_a_folder_of_too_many_files_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for k in range(4):
+        save_plan(floorplan_from_ascii(TWO_ROOMS), tmp_path / f"{k}.geojson")
+    monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "files=4")
+    assert len(expand_plans(tmp_path)) == 4
+    monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "files=3")
+    with pytest.raises(MapError, match="more than 3 files"):
+        expand_plans(tmp_path)
