@@ -13,9 +13,11 @@ from layoutexplore.simulation.robot import OdometryNoise, Robot
 POSITION_FLOOR, HEADING_FLOOR = 0.01, 0.003
 """Metres and radians by which a pose may be wrong where the robot has hardly moved since the last scan."""
 
-
 ENOUGH = 10.0
 """So many points on known walls correct a pose."""
+
+LOST = 30.0
+"""Metres without a correction after which the search grows no wider: what it would find is chance."""
 
 
 class Localiser:
@@ -31,9 +33,13 @@ class Localiser:
     def __init__(self, grid: OccupancyGrid, noise: OdometryNoise) -> None:
         self._matcher, self._noise, self._corrected = ScanMatcher(grid), noise, 0.0
 
+    def metres_uncorrected(self, robot: Robot) -> float:
+        """Metres that the robot has walked since a scan corrected its pose."""
+        return robot.walked - self._corrected
+
     def correct(self, robot: Robot, ranges: Floats32, lidar: LidarConfig, *, full_turn: bool) -> Pose:
         """The pose from which a scan is to be integrated; the robot believes it from now on."""
-        metres = robot.walked - self._corrected
+        metres = min(self.metres_uncorrected(robot), LOST)
         heading_drift = self._noise.rotation * math.sqrt(metres)
         # A heading that drifts on the way leads aside: the integral of a random walk.
         drift = math.hypot(self._noise.translation * math.sqrt(metres), heading_drift * metres / math.sqrt(3))

@@ -68,6 +68,17 @@ def test_a_right_pose_stays_under_noise() -> None:
         ranges = lidar.scan(true) + rng.normal(0.0, 0.03, INDOOR.beams).astype(np.float32)
         found = matcher.match(true, ranges, INDOOR, position_std=0.05, heading_std=0.02)
         assert math.hypot(found.x - true.x, found.y - true.y) < 0.05
+        assert abs(found.theta - true.theta) < 0.006 and matcher.overlap > 40
+
+
+def test_a_wide_search_finds_a_robot_that_was_lost() -> None:
+    lidar, matcher = matched(room(), INDOOR)
+    true = Pose(3.2, 3.6, 0.4)
+    for dx, dy, turn in ((0.9, -0.6, 0.15), (-0.5, 0.8, -0.2)):
+        lost = Pose(true.x + dx, true.y + dy, true.theta + turn)
+        found = matcher.match(lost, lidar.scan(true), INDOOR, position_std=0.6, heading_std=0.1)
+        assert math.hypot(found.x - true.x, found.y - true.y) < 0.03
+        assert abs(found.theta - true.theta) < 0.005
 
 
 def test_nothing_moves_without_a_map_or_without_a_reading() -> None:
@@ -76,6 +87,7 @@ def test_nothing_moves_without_a_map_or_without_a_reading() -> None:
     pose = Pose(2.5, 4.6, 0.1)
     empty = ScanMatcher(Mapper(world.shape, 0.1, ORIGIN).grid)
     assert empty.match(pose, lidar.scan(pose), INDOOR, position_std=0.1, heading_std=0.1) == pose
+    assert empty.overlap == 0.0
     nothing = np.full(INDOOR.beams, np.inf, np.float32)
     assert matcher.match(pose, nothing, INDOOR, position_std=0.1, heading_std=0.1) == pose
     assert matcher.match(pose, lidar.scan(pose), INDOOR, position_std=0.0, heading_std=0.0) == pose

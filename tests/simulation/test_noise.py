@@ -169,6 +169,37 @@ def test_a_robot_that_drifts_backs_up_from_a_wall() -> None:
         assert away >= BACK if leaves else away == 0.0
 
 
+def test_there_is_room_around_the_building_where_drift_bends_the_map() -> None:
+    plan = floorplan_from_ascii(TWO_ROOMS, resolution=0.4)
+    exact = Simulation(plan, SimulationConfig(sensor="indoor"))
+    noisy = Simulation(plan, SimulationConfig(sensor="indoor", noise="middle"))
+    exact.reset(seed=3)
+    noisy.reset(seed=3)
+    assert noisy.raster.origin.x < exact.raster.origin.x and noisy.raster.shape > exact.raster.shape
+    assert noisy.mapper.grid.shape == noisy.raster.shape
+    # Where the robot starts, what it is to see and its budget stay what they are.
+    assert noisy.pose == exact.pose and noisy.target_area == pytest.approx(exact.target_area)
+    assert noisy.max_distance == pytest.approx(exact.max_distance)
+
+
+def test_drift_adds_up_where_no_wall_is_in_range() -> None:
+    """A hall that is wider than the lidar sees: from its far wall the robot must know how little it knows."""
+    plan = floorplan_from_ascii("\n".join(["#" * 30, *["#" + "." * 28 + "#"] * 28, "#" * 30]), resolution=1.0)
+    noise = OdometryNoise(translation=0.02, rotation=0.01)
+    simulation = Simulation(plan, SimulationConfig(sensor="short", odometry_noise=noise))
+    simulation.reset(seed=0, start=Pose(15.0, 15.0, 0.0))
+    localiser = simulation.state.localiser
+    assert localiser is not None
+    widths = []
+    for _ in range(16):
+        simulation.drive(0.5)
+        widths.append(localiser.metres_uncorrected(simulation.robot))
+    assert widths == pytest.approx([0.5 * (k + 1) for k in range(16)])
+    while not simulation.drive(0.5).collided:
+        continue
+    assert localiser.metres_uncorrected(simulation.robot) < 2.0
+
+
 def test_a_robot_without_noise_looks_no_second_time() -> None:
     simulation = explored(SimulationConfig(sensor="indoor", coverage_goal=1.0), "apartment:3", 0)
     assert not simulation.state.second_look.begun

@@ -1,0 +1,98 @@
+"""Poses refined on the lines of walls, against slow obvious versions and walls known exactly."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from layoutexplore.sensing.pose_refinement import (
+    MatchModel,
+    MeasuredPoints,
+    nearest_mean,
+    refine_pose,
+    wall_line,
+)
+
+MODEL = MatchModel(spread=0.5, weight=0.5, position_std=0.3, heading_std=0.02)
+
+
+def points_at(places: np.ndarray, shape: tuple[int, int] = (40, 40)) -> MeasuredPoints:
+    """A map with one point in each cell of some of the places float64 (n, 2), as (x, y)."""
+    points = MeasuredPoints(*(np.zeros(shape, np.float32) for _ in range(3)))
+    for x, y in places:
+        points.number[int(y), int(x)], points.x[int(y), int(x)], points.y[int(y), int(x)] = 1.0, x, y
+    return points
+
+
+def corner(turn: float = 0.0) -> np.ndarray:
+    """Two walls that meet near (30, 30), turned around (20, 20)."""
+    along = np.arange(6.0, 30.0, 0.3)
+    places = np.concatenate(
+        [np.stack([along, np.full_like(along, 30.3)], 1), np.stack([np.full_like(along, 30.3), along], 1)]
+    )
+    c, s = math.cos(turn), math.sin(turn)
+    return (places - 20.0) @ np.array([[c, s], [-s, c]]) + 20.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_nearest_mean_is_that_of_the_slow_version(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = points_at(rng.uniform(0, 12, (rng.integers(0, 60), 2)), (12, 12))
+    x, y = rng.uniform(1, 11, 2)
+    least, row, col = nearest_mean(points, x, y)
+    near = [
+        ((points.x[r, c] - x) ** 2 + (points.y[r, c] - y) ** 2, r, c)
+        for r in range(int(y) - 1, int(y) + 2)
+        for c in range(int(x) - 1, int(x) + 2)
+        if points.number[r, c]
+    ]
+    assert least == pytest.approx(min(near)[0]) if near else least == np.inf
+    assert not near or points.number[row, col]
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, 1.2, math.pi / 2, 2.5])
+def test_means_along_a_wall_make_its_line(angle: float) -> None:
+    along = np.arange(-12.0, 12.0, 0.2)[:, None] * np.array([[math.cos(angle), math.sin(angle)]])
+    points = points_at(along + 20.25)
+    is_line, x, y, normal_x, normal_y = wall_line(points, 20, 20)
+    assert is_line and math.hypot(normal_x, normal_y) == pytest.approx(1.0)
+    assert abs(normal_x * math.cos(angle) + normal_y * math.sin(angle)) < 0.05
+    assert abs(normal_x * (20.25 - x) + normal_y * (20.25 - y)) < 0.05
+
+
+def test_few_or_scattered_means_make_none() -> None:
+    assert not wall_line(points_at(np.array([[20.5, 20.5], [21.5, 20.5]])), 20, 20)[0]
+    spread = np.array([[x + 0.5, y + 0.5] for x in (19, 20, 21) for y in (19, 20, 21)])
+    assert not wall_line(points_at(spread), 20, 20)[0]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-0.015, 0.015), st.floats(0, 1.5))
+def test_a_wrong_pose_is_put_right(dx: float, dy: float, turn: float, askew: float) -> None:
+    points, ends = points_at(corner(askew)), corner(askew)[::2] - 20.0
+    wrong = (20.0 + dx, 20.0 + dy, turn)
+    x, y, heading = refine_pose(points, ends, wrong, wrong, MODEL)
+    assert abs(x - 20.0) < 0.06 and abs(y - 20.0) < 0.06 and abs(heading) < 0.004
+
+
+def test_along_a_wall_and_without_one_the_prior_holds() -> None:
+    prior = (20.1, 20.1, 0.0)
+    wall = corner()[: len(corner()) // 2]
+    x, y, _ = refine_pose(points_at(wall), wall[20:60] - 20.0, prior, prior, MODEL)
+    assert x == pytest.approx(20.1, abs=0.02) and y == pytest.approx(20.0, abs=0.02)
+    assert refine_pose(points_at(wall[:0]), wall - 20.0, prior, prior, MODEL) == prior
+    assert refine_pose(points_at(wall), wall[:0], prior, prior, MODEL) == prior
+
+
+def test_what_is_known_for_certain_does_not_move() -> None:
+    prior, points = (20.1, 20.1, 0.01), points_at(corner())
+    x, y, heading = refine_pose(points, corner() - 20.0, prior, prior, MODEL._replace(position_std=0.0))
+    assert (x, y) == pytest.approx(prior[:2], abs=1e-6) and heading != prior[2]
+    assert refine_pose(points, corner() - 20.0, prior, prior, MODEL._replace(heading_std=0.0))[2] == (
+        pytest.approx(prior[2], abs=1e-9)
+    )
