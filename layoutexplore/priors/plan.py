@@ -39,6 +39,10 @@ LEAST_DOOR_SHARE = 0.06
 ROOM_SIDE, ROOM_SPREAD = 4.5, 0.45
 """Metres of the side of a usual room (the root of a plan's median area), and that of its logarithm."""
 
+OTHER_UNIT, LEAST_DOORS, ROOMS_ALONE = 2.2, 3, 6.0
+"""A plan is in another unit than metres where its doors and its rooms are so many times too large, or too small;
+where fewer doors are found, its rooms so many times too large."""
+
 LEAST_ROOMS, LEAST_AREA = 2, 20.0
 """Rooms, and square metres at the believed scale, that a plan has at least to be of use."""
 
@@ -161,7 +165,8 @@ def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan
         scale_spread=HINTED_SPREAD if hints.scale else KNOWN_SPREAD,
         hints=dataclasses.replace(hints, here=here),
     )
-    return with_doors_to_all(prior)
+    whole = with_doors_to_all(prior)
+    return dataclasses.replace(whole, unused=whole.unused or ("" if hints.scale else _unit_in_doubt(prior)))
 
 
 @checks_arguments
@@ -213,7 +218,7 @@ def expected_scale(prior: PriorPlan) -> tuple[float, float]:
         return 1.0, UNKNOWN_SPREAD
     by_rooms = math.log(ROOM_SIDE / (math.sqrt(float(np.median(areas))) * prior.resolution))
     widths = _door_widths(prior)
-    if len(widths) < 3:
+    if len(widths) < LEAST_DOORS:
         return math.exp(by_rooms), ROOM_SPREAD
     by_doors = math.log(DOOR_WIDTH / float(np.median(widths)))
     if abs(by_doors - by_rooms) > 3 * ROOM_SPREAD:  # what was taken for doors is none
@@ -272,6 +277,21 @@ def _carve(free: Mask, start: Ints, end: Ints, half: float) -> None:
     (r0, c0), (r1, c1) = start.tolist(), end.tolist()
     cv2.line(line, (int(c0), int(r0)), (int(c1), int(r1)), 1, max(1, round(2 * half)))
     free |= line > 0
+
+
+def _unit_in_doubt(prior: PriorPlan) -> str:
+    """Why a plan's metres are none: its rooms and its doors are far from usual; empty where not."""
+    areas = np.bincount(prior.room_ids.ravel())[1:]
+    if np.count_nonzero(areas) < LEAST_ROOMS:
+        return ""
+    side, widths = math.sqrt(float(np.median(areas[areas > 0]))) * prior.resolution, _door_widths(prior)
+    factors, doors = [max(1.0, side / ROOM_SIDE / ROOMS_ALONE * OTHER_UNIT)], ""
+    if len(widths) >= LEAST_DOORS:
+        factors = [side / ROOM_SIDE, float(np.median(widths)) / DOOR_WIDTH]
+        doors = f"its doors are {np.median(widths):.2g} m wide, and "
+    if 1 / OTHER_UNIT <= max(factors) and min(factors) <= OTHER_UNIT:
+        return ""
+    return f"{doors}its rooms have sides of {side:.2g} m: check its unit, or tell its scale"
 
 
 def _why_unused(prior: PriorPlan) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +41,13 @@ MOST_PIXELS = 6e6
 READ_AGAIN, READINGS = 1.3, 2
 """A picture whose scale turns out to be wrong by more than this factor is read again with the better one, so
 often at most."""
+
+PAPER_SHARE, PAPER_LEVEL, PAPER_REACH = 0.65, 0.9, 0.05
+"""A drawing is lines on paper: of its pixels at least so large a share is nearly as bright (by that ratio) as the
+paper around them, within that share of the picture's longer side; of a photo of something else, fewer are."""
+
+PAPER_PIXELS = 3e5
+"""Pixels by which paper is judged."""
 
 PLACE_SHARE = 0.3
 """Separate walls this long, as a share of the longest, belong to the drawing; what lies outside does not."""
@@ -94,7 +102,7 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
         hints: What is told of it; a scale is metres a pixel.
 
     Raises:
-        MapError: It shows no walls, or is no picture.
+        MapError: It shows no walls, is a photo of something else than a plan, or no picture.
     """
     if image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
         raise MapError(f"a picture needs rows, columns and three colours, got shape {image.shape}")
@@ -106,6 +114,11 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
     dark = np.argwhere(image.max(axis=2) < BlueprintConfig().darkness)
     if not len(dark):
         raise MapError("the picture shows no walls: nothing in it is dark")
+    if (share := paper_share(image)) < PAPER_SHARE:
+        raise MapError(
+            f"the picture shows no plan: {share:.0%} of it is paper, and of a drawing at least "
+            f"{PAPER_SHARE:.0%} are; cut a photo to the plan that it shows"
+        )
     told = hints.scale and hints.scale * shrink
     pixel = told or LONGER_SIDE / max(float(np.ptp(dark, axis=0).max()), 1.0)
     # Thin walls of a plan that is larger than it was taken for would be erased as thin strokes.
@@ -135,6 +148,24 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
     )
     place = corner[0] * shrink, corner[1] * shrink
     return ReadPicture(with_doors_to_all(prior), prior.resolution / shrink, place)
+
+
+@checks_arguments
+def paper_share(image: Bytes) -> float:
+    """The share of a picture uint8 (h, w, 3) that is about as bright as the brightest around it, 0..1.
+
+    Example:
+        >>> paper_share(np.full((40, 40, 3), 200, np.uint8))
+        1.0
+    """
+    bright = image.max(axis=2)
+    shrink = max(1.0, math.sqrt(bright.size / PAPER_PIXELS))
+    small = cv2.resize(bright, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
+    side = max(3, round(PAPER_REACH * max(small.shape))) | 1
+    # Lines are narrower than the window: what is left of them after closing is the paper beside them.
+    closed = cv2.morphologyEx(small, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
+    paper = cv2.blur(closed.astype(np.float32), (side, side))
+    return float(np.mean(small >= PAPER_LEVEL * paper))
 
 
 def _drawing(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import shapely
 from typer.testing import CliRunner
@@ -40,6 +42,14 @@ def test_a_plan_that_tells_nothing_is_named(tmp_path: Path) -> None:
     words = ["explore", "apartment-01", "--agent", "layout-tour", "--prior", str(tmp_path / "hall.geojson")]
     result = runner.invoke(app, [*words, "--pause-after", "0"])
     assert result.exit_code == 0 and "not used, because it shows 1 room" in result.output
+
+
+def test_a_photo_without_a_plan_ends_in_an_error_that_names_it(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (200, 300, 3)).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "photo.png"), noise)
+    words = ["explore", "apartment-01", "--agent", "layout-tour", "--prior", str(tmp_path / "photo.png")]
+    result = runner.invoke(app, [*words, "--pause-after", "0"])
+    assert result.exit_code != 0 and "photo.png" in str(result.exception)
 
 
 @pytest.mark.parametrize(

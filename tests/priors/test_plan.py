@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.maps.floorplan import FloorPlan, Room
+from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.priors.plan import (
     PriorHints,
     PriorPlan,
@@ -63,6 +63,25 @@ def test_a_courtyard_stays_shut() -> None:
     assert parts(prior) == 2
 
 
+def in_unit(plan: FloorPlan, unit: float) -> FloorPlan:
+    """The plan with lengths in another unit, `unit` of them a metre."""
+    return FloorPlan(
+        name=plan.name,
+        rooms=tuple(
+            Room(id=room.id, polygon=shapely.transform(room.polygon, lambda points: points * unit))
+            for room in plan.rooms
+        ),
+        doors=tuple(
+            Door(
+                start=(door.start[0] * unit, door.start[1] * unit),
+                end=(door.end[0] * unit, door.end[1] * unit),
+                rooms=door.rooms,
+            )
+            for door in plan.doors
+        ),
+    )
+
+
 def test_a_plan_of_one_room_is_not_used_and_says_why() -> None:
     prior = prior_of_plan(FloorPlan(name="hall", rooms=(Room(id=1, polygon=shapely.box(0, 0, 20, 10)),)))
     assert "1 room" in prior.unused
@@ -74,6 +93,14 @@ def test_a_plan_of_one_room_is_not_used_and_says_why() -> None:
 def test_a_plan_in_another_unit_is_not_used_and_says_why(factor: float, what: str) -> None:
     prior = prior_of_plan(office()).rescaled(factor, 0.04)
     assert what in prior.unused and "unit" in prior.unused
+
+
+@pytest.mark.parametrize(("unit", "what"), [(3.281, "doors are"), (39.4, "check its unit"), (0.2, "check its unit")])
+def test_a_floor_plan_in_feet_or_inches_is_not_used_unless_its_scale_is_told(unit: float, what: str) -> None:
+    plan = in_unit(office(), unit)
+    assert what in prior_of_plan(plan).unused and "tell its scale" in prior_of_plan(plan).unused
+    told = prior_of_plan(plan, PriorHints(scale=1 / unit))
+    assert not told.unused and told.rooms == len(office().rooms)
 
 
 def test_nonsense_is_refused() -> None:

@@ -11,7 +11,7 @@ import pytest
 from layoutexplore.errors import LayoutExploreError, MapError
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
 from layoutexplore.priors.plan import PriorHints
-from layoutexplore.priors.reading import prior_of_picture, read_prior
+from layoutexplore.priors.reading import paper_share, prior_of_picture, read_prior
 from tests.priors.cases import door_middles, office
 
 
@@ -76,11 +76,44 @@ def test_a_photo_without_a_plan_says_so(tmp_path: Path) -> None:
         assert "noise.png" in str(error)
 
 
+def picture_of_nature(mean: float) -> np.ndarray:
+    """Coloured clouds, uint8 (300, 400, 3): amplitudes fall with the frequency, as in photos."""
+    rng = np.random.default_rng(0)
+    frequency = np.hypot(np.fft.fftfreq(300)[:, None], np.fft.rfftfreq(400))
+    frequency[0, 0] = 1.0
+    noise = [np.fft.irfft2(np.fft.rfft2(rng.normal(size=(300, 400))) / frequency, (300, 400)) for _ in "rgb"]
+    return np.clip(np.stack([mean + 50 * n / n.std() for n in noise], axis=-1), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("mean", [60.0, 120.0, 180.0])
+def test_a_photo_of_something_else_is_refused(mean: float, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "clouds.png"), picture_of_nature(mean))
+    with pytest.raises(MapError, match=r"clouds\.png.*shows no plan.*is paper"):
+        read_prior(tmp_path / "clouds.png")
+
+
+def test_a_photo_of_a_plan_is_read() -> None:
+    """Blurred, noisy, and lit from one side."""
+    image = cv2.GaussianBlur(sheet(), (0, 0), 1.0) * np.linspace(0.8, 1.0, sheet().shape[1])[:, None]
+    noisy = image + np.random.default_rng(0).normal(0.0, 5.0, image.shape)
+    assert paper_share(np.clip(noisy, 0, 255).astype(np.uint8)) > 0.7
+    assert prior_of_picture(np.clip(noisy, 0, 255).astype(np.uint8)).prior.rooms >= 8
+
+
+def test_a_picture_of_one_room_is_not_used() -> None:
+    image = np.full((600, 800, 3), 255, np.uint8)
+    cv2.rectangle(image, (100, 100), (700, 500), (0, 0, 0), 8)
+    assert "1 room" in prior_of_picture(image).prior.unused
+
+
 def test_a_scan_of_a_hundred_megapixels_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
     path = tmp_path / "huge.pgm"
     path.write_bytes(b"P5 10000 10000 255\n" + bytes(100))
     with pytest.raises(MapError, match="image_pixels"):
         read_prior(path)
+    cv2.imwrite(str(tmp_path / "scan.png"), np.full((10000, 10000), 255, np.uint8))
+    with pytest.raises(MapError, match=r"scan\.png: 10000 x 10000 pixels.*make it smaller"):
+        read_prior(tmp_path / "scan.png")
 
 
 def test_a_missing_file_says_so() -> None:
