@@ -19,32 +19,33 @@ from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import load_plan
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
+from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.priors.confidence import ConfidenceModel, features_of, shipped_model
 from layoutexplore.priors.presets import StudyPrior, study_prior
 from layoutexplore.priors.registration import Registration
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 
-COVERAGES = (0.05, 0.1, 0.15, 0.25, 0.35, 0.5, 0.75)
+COVERAGES = (0.05, 0.1, 0.15, 0.25, 0.35, 0.5)
 """Shares of the floor seen at which registrations are judged."""
 
 RIGHT = 1.0
 """Metres; a hypothesis is right where the median error of the doors not yet seen is at most this."""
 
-EXPLORER = "nearest"
-"""Who explores: its way does not depend on the plan."""
+EXPLORER = "layout-tour"
+"""Who explores: its way does not depend on the plan, and is that of `plan-tour` until a plan is believed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RegistrationRow:
-    """A registration at a moment of an exploration.
+    """A registration at a decision of an exploration.
 
     Attributes:
         plan: The floor.
         building: Its building.
         sensor: Of the robot.
         kind: The preset of the prior plan.
-        coverage: The share of the floor seen, 0..1.
+        coverage: The highest of `COVERAGES` that has been seen since the decision before; 0 without any.
         features: As of `layoutexplore.priors.confidence`; empty without a hypothesis.
         error: Median error in metres of the doors not yet seen; inf without a hypothesis or a right place.
         first_ms: Milliseconds of processor time of the first match.
@@ -123,7 +124,7 @@ def _explore(
     plan: FloorPlan, priors: dict[str, StudyPrior], sensor: str, seed: int
 ) -> dict[str, list[RegistrationRow]]:
     """The rows of each prior plan."""
-    simulation = Simulation(plan, SimulationConfig(sensor=sensor))
+    simulation = Simulation(plan, SimulationConfig(sensor=sensor), LearnedPredictor())
     agent = make_agent(EXPLORER)
     decision = simulation.reset(seed=seed)
     agent.reset(seed)
@@ -133,34 +134,29 @@ def _explore(
     doors = _doors(plan)
     waiting = list(COVERAGES)
     while not simulation.done and waiting:
+        seen = [share for share in waiting if simulation.coverage >= share]
+        waiting = waiting[len(seen) :]
+        unseen = _unseen(doors, decision.grid)
         for kind, registration in registrations.items():
             began = time.process_time()
             registration.update(decision.grid)
             took[kind].append(1000 * (time.process_time() - began))
-        while waiting and simulation.coverage >= waiting[0]:
-            share = waiting.pop(0)
-            if waiting and simulation.coverage >= waiting[0]:
-                continue  # one look has shown that much
-            for kind, registration in registrations.items():
-                unseen = _unseen(doors, decision.grid)
-                error = door_error(registration, priors[kind].place, unseen)
-                found = features_of(registration) if registration.hypotheses else np.zeros(0)
-                first = next((k for k, ms in enumerate(took[kind]) if ms > 1.0), 0)
-                later = took[kind][first + 1 :] or [0.0]
-                rows[kind].append(
-                    RegistrationRow(
-                        plan=plan.name,
-                        building=plan.building,
-                        sensor=sensor,
-                        kind=kind,
-                        coverage=share,
-                        features=tuple(found.tolist()),
-                        error=error,
-                        first_ms=took[kind][first],
-                        median_ms=float(np.median(later)),
-                        p95_ms=float(np.percentile(later, 95)),
-                    )
-                )
+            first = next((k for k, ms in enumerate(took[kind]) if ms > 1.0), 0)
+            later = took[kind][first + 1 :] or [0.0]
+            found = features_of(registration) if registration.hypotheses else np.zeros(0)
+            row = RegistrationRow(
+                plan=plan.name,
+                building=plan.building,
+                sensor=sensor,
+                kind=kind,
+                coverage=seen[-1] if seen else 0.0,
+                features=tuple(found.tolist()),
+                error=door_error(registration, priors[kind].place, unseen),
+                first_ms=took[kind][first],
+                median_ms=float(np.median(later)),
+                p95_ms=float(np.percentile(later, 95)),
+            )
+            rows[kind].append(row)
         decision = simulation.step(agent.act(decision))
     return rows
 
@@ -186,6 +182,18 @@ def door_error(registration: Registration, place: Callable[[Floats], Floats] | N
         return float("inf")
     found = registration.hypotheses[0].placed.to_world(place(points))
     return float(np.median(np.hypot(*(found - points).T)))
+
+
+@checks_arguments
+def moments_of(rows: Sequence[RegistrationRow]) -> list[tuple[str, str, str, float]]:
+    """Exploration and share seen of each row, of explorations from their beginning on."""
+    shares: dict[tuple[str, str, str], float] = {}
+    found = []
+    for row in rows:
+        key = row.plan, row.sensor, row.kind
+        shares[key] = max(row.coverage, shares.get(key, 0.0))
+        found.append((*key, shares[key]))
+    return found
 
 
 @checks_arguments

@@ -6,9 +6,12 @@ A predictor that knows more than the map tells (a plan on the wall, the truth in
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
 
 from layoutexplore.errors import ConfigError, MapError
@@ -78,6 +81,15 @@ class Foresight:
     def completed(self, known: Cells) -> Cells:
         """int8 (rows, cols): what is known (int8, same shape), and where that is unknown what is foreseen."""
         return np.where(known == UNKNOWN, self.cells, known)
+
+    def within(self, metres: float, known: Cells) -> Foresight:
+        """What is foreseen less than so many metres from floor that is known (int8, same shape)."""
+        if metres > math.hypot(*known.shape) * self.resolution:
+            return self
+        unseen = np.not_equal(known, FREE).view(np.uint8)
+        near = cv2.distanceTransform(unseen, cv2.DIST_L2, cv2.DIST_MASK_5) * self.resolution < metres
+        cells = np.where(near, self.cells, np.int8(UNKNOWN))
+        return dataclasses.replace(self, cells=cells, room_ids=np.where(near, self.room_ids, np.int32(0)))
 
     def hidden(self, known: Cells) -> Mask:
         """Bool (rows, cols): cells that are foreseen free and not known yet."""

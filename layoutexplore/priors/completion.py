@@ -36,6 +36,11 @@ TOLERANCE = 0.5
 """Metres; half a metre of a wall's error is agreement, what is farther off is a mistake of the plan."""
 
 
+TRUST, DOUBT = 2.0, 5.0
+"""Metres beyond seen floor up to which a plan is trusted none of whose walls are right, and points of walls
+that are held for wrong before any is seen."""
+
+
 class PlanOnMap:
     """The plan on a robot's grid from decision to decision: redrawn only when its place has changed.
 
@@ -73,9 +78,20 @@ class PlanOnMap:
         _drop_slivers(cells, grid, min(LEAST_GAP, 2.0 * _usual_error(registration, best)))
         cells = with_ways_in(cells, grid.cells, grid.resolution)
         ids[cells != FREE] = 0
-        return Foresight(
+        whole = Foresight(
             cells=cells, room_ids=ids, confidence=confidence, predictor=name, resolution=grid.resolution
         )
+        return whole.within(trusted_reach(registration, best), grid.cells)
+
+
+def trusted_reach(registration: Registration, hypothesis: Hypothesis) -> float:
+    """Metres beyond seen floor up to which a plan is trusted: the more of its walls are off, the fewer.
+
+    Far off, a plan that is not quite right misleads more than it tells.
+    """
+    count = len(registration.evidence.walls)
+    off = (1.0 - hypothesis.fit.walls) * count
+    return TRUST * (count + DOUBT) / (off + DOUBT)
 
 
 def drawn_on(registration: Registration, hypothesis: Hypothesis, grid: OccupancyGrid) -> tuple[Cells, Ints32]:

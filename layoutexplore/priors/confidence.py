@@ -8,6 +8,7 @@ to explorations of floor plans that ship for training and of generated ones, wit
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,7 +19,7 @@ import numpy as np
 from layoutexplore.files import read_json
 from layoutexplore.files.schema import Items, Number, TableOf
 from layoutexplore.grids.arrays import Floats
-from layoutexplore.priors.registration import Registration
+from layoutexplore.priors.registration import Hypothesis, Registration
 
 WEIGHTS = Path(__file__).parent / "confidence.json"
 
@@ -30,6 +31,9 @@ FEATURES = (
     "evidence",
     "margin",
     "margin_share",
+    "mirror_margin",
+    "mirror_share",
+    "mirror_deficit",
     "bending",
     "mirrored",
     "scale",
@@ -38,6 +42,9 @@ FEATURES = (
     "explained",
 )
 """Names of the features, in their order."""
+
+CLEAR, UNCLEAR = 150.0, 40.0
+"""Log-likelihood by which a rival is worse, or a mirrored one better, at most: more says no more."""
 
 _SCHEMA = TableOf(Items(Number()))
 
@@ -90,11 +97,13 @@ def confidence(registration: Registration, model: ConfidenceModel | None = None)
 
 
 def features_of(registration: Registration) -> Floats:
-    """float64 (features,): what tells whether the best hypothesis of a registration is right."""
+    """float64 (features,): what tells whether the best hypothesis of a registration is right.
+
+    Two rivals count: the best one in another place, and the best one the other way round, held for as usual.
+    """
     best, fit = registration.hypotheses[0], registration.hypotheses[0].fit
     count = max(len(registration.evidence.walls), 1)
-    others = registration.hypotheses[1:]
-    margin = max(best.total - others[0].total, 0.0) if others else float(count)
+    margin, mirror_margin = _margins(registration.hypotheses)
     log_x, log_y = best.placed.placement.parameters[:2].tolist()
     likelihood = fit.score / count
     return np.array(
@@ -106,6 +115,9 @@ def features_of(registration: Registration) -> Floats:
             math.log(count),
             math.log1p(margin),
             min(margin / count, 1.0),
+            math.copysign(math.log1p(abs(mirror_margin)), mirror_margin),
+            min(mirror_margin / count, 1.0),
+            min(mirror_margin, 0.0),
             best.bending / count,
             float(best.slice.mirrored),
             abs(0.5 * (log_x + log_y)) / registration.prior.scale_spread,
@@ -114,3 +126,13 @@ def features_of(registration: Registration) -> Floats:
             fit.walls * math.log(count),
         ]
     )
+
+
+def _margins(hypotheses: Sequence[Hypothesis]) -> tuple[float, float]:
+    """By how much the first hypothesis is better than the best one the same way round, and the other way."""
+    best = hypotheses[0]
+    same = [h for h in hypotheses[1:] if h.slice.mirrored == best.slice.mirrored]
+    turned = [h for h in hypotheses if h.slice.mirrored != best.slice.mirrored]
+    margin = min(best.total - same[0].total, CLEAR) if same else CLEAR
+    mirror = best.explained - max(h.explained for h in turned) if turned else CLEAR
+    return max(margin, 0.0), min(max(mirror, -UNCLEAR), CLEAR)

@@ -40,8 +40,8 @@ ROOM_SIDE, ROOM_SPREAD = 4.5, 0.45
 """Metres of the side of a usual room (the root of a plan's median area), and that of its logarithm."""
 
 OTHER_UNIT, LEAST_DOORS, ROOMS_ALONE = 2.2, 3, 6.0
-"""A plan is in another unit than metres where its doors and its rooms are so many times too large, or too small;
-where fewer doors are found, its rooms so many times too large."""
+"""A plan is in another unit than metres where its doors and its rooms are so many times too large or small;
+where fewer doors than that are found, its rooms so many times too large."""
 
 LEAST_ROOMS, LEAST_AREA = 2, 20.0
 """Rooms, and square metres at the believed scale, that a plan has at least to be of use."""
@@ -285,13 +285,16 @@ def _unit_in_doubt(prior: PriorPlan) -> str:
     if np.count_nonzero(areas) < LEAST_ROOMS:
         return ""
     side, widths = math.sqrt(float(np.median(areas[areas > 0]))) * prior.resolution, _door_widths(prior)
-    factors, doors = [max(1.0, side / ROOM_SIDE / ROOMS_ALONE * OTHER_UNIT)], ""
-    if len(widths) >= LEAST_DOORS:
-        factors = [side / ROOM_SIDE, float(np.median(widths)) / DOOR_WIDTH]
+    doors = ""
+    if len(widths) < LEAST_DOORS:
+        is_usual = side <= ROOMS_ALONE * ROOM_SIDE
+    else:
+        factors = side / ROOM_SIDE, float(np.median(widths)) / DOOR_WIDTH
+        is_usual = min(factors) <= OTHER_UNIT and max(factors) >= 1 / OTHER_UNIT
         doors = f"its doors are {np.median(widths):.2g} m wide, and "
-    if 1 / OTHER_UNIT <= max(factors) and min(factors) <= OTHER_UNIT:
-        return ""
-    return f"{doors}its rooms have sides of {side:.2g} m: check its unit, or tell its scale"
+    return (
+        "" if is_usual else f"{doors}its rooms have sides of {side:.2g} m: check its unit, or tell its scale"
+    )
 
 
 def _why_unused(prior: PriorPlan) -> str:

@@ -43,8 +43,8 @@ READ_AGAIN, READINGS = 1.3, 2
 often at most."""
 
 PAPER_SHARE, PAPER_LEVEL, PAPER_REACH = 0.65, 0.9, 0.05
-"""A drawing is lines on paper: of its pixels at least so large a share is nearly as bright (by that ratio) as the
-paper around them, within that share of the picture's longer side; of a photo of something else, fewer are."""
+"""A drawing is lines on paper: at least so large a share of its pixels is nearly as bright (by that ratio) as
+the paper around them, within that share of the longer side; in a photo of something else, fewer are."""
 
 PAPER_PIXELS = 3e5
 """Pixels by which paper is judged."""

@@ -37,6 +37,10 @@ STEADY = 1.0
 KEPT, TRIED, TRIED_A_DECISION = 8, 32, 11
 """Hypotheses that are kept, and places of a search that are refined, in all and at one decision."""
 
+RIVALS = 6
+"""Places of a search, at least, that are refined because the plan is the other way round there than in the
+likeliest one: how sure that one is depends on them."""
+
 STRETCHED, ASPECTS = 24, (-0.07, 0.07)
 """Orientations and scales that are searched with the plan stretched too, and by which ratios' logarithms."""
 
@@ -83,6 +87,11 @@ class Hypothesis:
     fit: Fit
     bending: float
     total: float
+
+    @property
+    def explained(self) -> float:
+        """The total as if mirrored plans were as usual as others."""
+        return self.total + MIRRORED_COST * self.slice.mirrored
 
     @property
     def world_scale(self) -> float:
@@ -133,23 +142,26 @@ class Registration:
         if self.evidence.area < LEAST_AREA or len(self.evidence.walls) < LEAST_WALLS:
             return
         self._refresh()
-        self._shift()
-        idle = self._job is None and not self._waiting
-        if idle and self.evidence.area >= GROWTH * self._searched:
+        # One of the dear steps a decision; only the first match does all of them at once.
+        if self._job is not None:
+            self._search(TRANSFORMED)
+        elif self._waiting:
+            self._try(TRIED_A_DECISION)
+        elif self.evidence.area >= GROWTH * self._searched:
             first = self._searched == 0
-            self._searched = self.evidence.area
-            self.direction = wall_direction(grid.free)
-            search = CoarseSearch(self.fields, self._gains, self.evidence, self.direction)
-            self._job = search, self._slices()
+            self._begin_search(wall_direction(grid.free))
             self._search(math.inf if first else TRANSFORMED)
             if first:
                 self._try(TRIED)
-        elif self._job is not None:
-            if self._search(TRANSFORMED):
-                self._try(TRIED_A_DECISION)
-        elif self._waiting:
-            self._try(TRIED_A_DECISION)
+        else:
+            self._shift()
         self._note_best()
+
+    def _begin_search(self, direction: float) -> None:
+        """Look for the plan everywhere, by what has been seen, with walls in that direction (radians)."""
+        self._searched, self.direction = self.evidence.area, direction
+        search = CoarseSearch(self.fields, self._gains, self.evidence, self.direction)
+        self._job = search, self._slices()
 
     def _note_best(self) -> None:
         """Since when the best hypothesis has said the same of a place."""
@@ -204,20 +216,25 @@ class Registration:
             for aspect in ASPECTS:
                 yield dataclasses.replace(part, aspect=aspect)
 
-    def _search(self, budget: float) -> bool:
-        """Search on; whether all is searched: then the best places wait to be tried."""
+    def _search(self, budget: float) -> None:
+        """Search on; when all is searched, the best places wait to be tried."""
         assert self._job is not None
         search, waiting = self._job
         while budget > 0:
             part = next(waiting, None)
             if part is None:
                 self._job = None
-                ranked = sorted(self._found, key=lambda c: -(c.score + self._expected(c.slice, c.placement)))
-                self._waiting, self._found = ranked[:TRIED], []
-                return True
+                self._waiting, self._found = self._likeliest(self._found), []
+                return
             budget -= search.cost(part)
             self._found += search.run(part)
-        return False
+
+    def _likeliest(self, found: list[Candidate]) -> list[Candidate]:
+        """The places that are tried: the likeliest, among them some that are the other way round."""
+        ranked = sorted(found, key=lambda c: -(c.score + self._expected(c.slice, c.placement)))
+        rivals = [c for c in ranked if c.slice.mirrored != ranked[0].slice.mirrored][:RIVALS]
+        first = ranked[: TRIED - len(rivals)]
+        return first + [c for c in rivals if c not in first]
 
     def _try(self, count: int) -> None:
         """Refine some places that were found; the best ones, old and new, are kept."""
@@ -269,11 +286,12 @@ class Registration:
         return -float(cost)
 
     def _keep(self, hypotheses: list[Hypothesis]) -> None:
-        """The best ones that are apart."""
+        """The best ones that are apart, and the best one that is the other way round than the first."""
         points = _probes(self.evidence)
         kept: list[Hypothesis] = []
         places: list[Floats] = []
-        for hypothesis in sorted(hypotheses, key=lambda h: -h.total):
+        ranked = sorted(hypotheses, key=lambda h: -h.total)
+        for hypothesis in ranked:
             if len(kept) > 1 and hypothesis.total < kept[0].total - HOPELESS:
                 break
             place = hypothesis.placed.to_plan(points)
@@ -282,6 +300,9 @@ class Registration:
                 places.append(place)
             if len(kept) == KEPT:
                 break
+        rival = next((h for h in ranked if h.slice.mirrored != kept[0].slice.mirrored), None)
+        if rival is not None and rival not in kept:
+            kept.append(rival)
         self.hypotheses = kept
 
 

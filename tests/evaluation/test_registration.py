@@ -10,6 +10,7 @@ import pytest
 from layoutexplore.evaluation.registration import (
     RegistrationRow,
     confidences,
+    moments_of,
     registration_rows,
     score_registrations,
 )
@@ -42,6 +43,12 @@ def test_a_floor_gives_rows_and_is_not_explored_twice(tmp_path: Path) -> None:
     last = [r for r in first if r.kind == "true"][-1]
     assert last.right and len(last.features) == len(FEATURES)
     assert registration_rows(plan, ["true", "empty"], store=tmp_path) == first  # times, too: they were read
+
+
+def test_moments_are_what_had_been_seen() -> None:
+    rows = [row("true", 0.0, 1.0), row("true", 0.1, 1.0), row("true", 0.0, 1.0), row("wrong", 0.0, 1.0)]
+    shares = [moment[-1] for moment in moments_of(rows)]
+    assert shares == [0.0, 0.1, 0.1, 0.0]
 
 
 def test_a_kind_without_another_floor_is_left_out() -> None:

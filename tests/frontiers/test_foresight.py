@@ -9,6 +9,7 @@ import pytest
 
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.frontiers.foresight import Foresight
+from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.simulation import Simulation
 from tests.plans import TWO_ROOMS
@@ -28,6 +29,17 @@ def test_what_is_known_wins() -> None:
     assert foresight().hidden(known).tolist() == [[False, True, False, False]]
     assert foresight().contradicted(known).tolist() == [[True, False, True, False]]
     assert known.tolist() == [[100, -1, 0, -1]]
+
+
+def test_what_lies_far_from_known_floor_is_left_out() -> None:
+    row = np.zeros((1, 6), np.int8)
+    ahead = foresight(cells=row, room_ids=np.ones((1, 6), np.int32))
+    known = np.array([[-1, 0, 100, -1, -1, -1]], np.int8)
+    near = ahead.within(1.4, known)  # cells of half a metre: two cells away, not three
+    assert near.cells.tolist() == [[0, 0, 0, 0, -1, -1]] and near.room_ids.tolist() == [[1, 1, 1, 1, 0, 0]]
+    assert (ahead.cells == 0).all() and (near.confidence, near.predictor) == (ahead.confidence, "drawn")
+    assert ahead.within(100.0, known).cells is ahead.cells
+    assert (ahead.within(0.0, np.full_like(known, -1)).cells == UNKNOWN).all()
 
 
 def test_areas_are_of_free_cells() -> None:

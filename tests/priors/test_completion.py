@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.priors.completion import PlanOnMap, contradicted_rooms
+from layoutexplore.grids.morphology import inflate
+from layoutexplore.priors import completion
+from layoutexplore.priors.completion import TRUST, PlanOnMap, contradicted_rooms, trusted_reach
 from layoutexplore.priors.plan import prior_of_plan
 from layoutexplore.priors.presets import study_prior
 from layoutexplore.priors.registration import Registration
@@ -70,6 +74,27 @@ def test_slivers_along_seen_walls_are_not_foreseen() -> None:
     hidden = found.hidden(grid.cells)
     column = round(0.5 * grid.cells.shape[1])
     assert hidden[:, : column - 10].sum() < 40 < hidden[:, column:].sum()
+
+
+def test_the_more_walls_are_off_the_nearer_a_plan_is_trusted() -> None:
+    registration = registered(seen_part(office(), 0.5))
+    best = registration.hypotheses[0]
+    reaches = [
+        trusted_reach(registration, dataclasses.replace(best, fit=best.fit._replace(walls=share)))
+        for share in (0.0, 0.5, 0.9, 1.0)
+    ]
+    assert reaches[0] == TRUST and reaches == sorted(reaches)
+    assert 10.0 < reaches[2] < 20.0 and reaches[3] > 50.0
+
+
+def test_what_lies_beyond_is_not_foreseen(monkeypatch: pytest.MonkeyPatch) -> None:
+    grid = seen_part(office(), 0.3)
+    registration = registered(grid)
+    monkeypatch.setattr(completion, "trusted_reach", lambda registration, best: 2.0)
+    found = PlanOnMap().foresee(registration, grid, 0.9, "prior")
+    foreseen = (found.cells != UNKNOWN) & (grid.cells == UNKNOWN)
+    far = ~inflate(grid.cells == FREE, 2.0, 0.1)
+    assert foreseen.any() and not (foreseen & far).any() and not found.room_ids[far].any()
 
 
 def test_a_plan_that_stays_in_its_place_is_not_redrawn() -> None:

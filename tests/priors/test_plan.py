@@ -95,7 +95,9 @@ def test_a_plan_in_another_unit_is_not_used_and_says_why(factor: float, what: st
     assert what in prior.unused and "unit" in prior.unused
 
 
-@pytest.mark.parametrize(("unit", "what"), [(3.281, "doors are"), (39.4, "check its unit"), (0.2, "check its unit")])
+@pytest.mark.parametrize(
+    ("unit", "what"), [(3.281, "doors are"), (39.4, "check its unit"), (0.2, "check its unit")]
+)
 def test_a_floor_plan_in_feet_or_inches_is_not_used_unless_its_scale_is_told(unit: float, what: str) -> None:
     plan = in_unit(office(), unit)
     assert what in prior_of_plan(plan).unused and "tell its scale" in prior_of_plan(plan).unused

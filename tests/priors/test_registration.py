@@ -9,7 +9,7 @@ from layoutexplore.maps.library import load_plan
 from layoutexplore.priors.confidence import confidence
 from layoutexplore.priors.plan import PriorHints, PriorPlan, prior_of_plan
 from layoutexplore.priors.presets import StudyPrior, study_prior
-from layoutexplore.priors.registration import Registration
+from layoutexplore.priors.registration import MIRRORED_COST, Registration
 from tests.priors.cases import door_middles, office, seen_part
 
 
@@ -68,6 +68,15 @@ def test_several_hypotheses_are_kept_while_a_place_is_ambiguous() -> None:
     assert len(registration.hypotheses) > 1
     totals = [h.total for h in registration.hypotheses]
     assert totals == sorted(totals, reverse=True)
+
+
+def test_the_best_rival_the_other_way_round_is_kept() -> None:
+    """However little it explains: how sure the best hypothesis is depends on it."""
+    registration = registered(study_prior("true", office(), 0).prior, 0.4, 0.7)
+    best, *others = registration.hypotheses
+    rival = next(h for h in others if h.slice.mirrored != best.slice.mirrored)
+    assert best.explained > rival.explained and not best.slice.mirrored
+    assert rival.explained == rival.total + MIRRORED_COST and best.explained == best.total
 
 
 def test_a_hint_of_rotation_leaves_one_orientation() -> None:

@@ -48,7 +48,8 @@ def registration(
     from layoutexplore.files import write_atomically
     from layoutexplore.predictors.prior_plan import SURE
 
-    rows = _rows(plans, out, kind, sensor, among, jobs)
+    found = _rows(plans, out, kind, sensor, among, jobs)
+    rows = [row for row in found if row.coverage > 0]
     confidence = confidences(rows)
     lines = [
         f"{len({row.plan for row in rows})} floors of {len({row.building for row in rows})} buildings",
@@ -68,7 +69,8 @@ def registration(
         )
     placed = np.array([row.kind != UNPLACED for row in rows], np.bool_)
     right = np.array([row.right for row in rows], np.bool_)[placed]
-    times = np.array([[row.first_ms, row.median_ms, row.p95_ms] for row in rows])
+    last = {(row.plan, row.sensor, row.kind): row for row in rows}.values()
+    times = np.array([[row.first_ms, row.median_ms, row.p95_ms] for row in last])
     lines += [
         "",
         f"Calibration error: {calibration_error(confidence[placed], right):.3f} over "
@@ -89,21 +91,24 @@ def train_prior(
     import numpy as np
 
     from layoutexplore.evaluation.partial_rooms_summary import calibration_error
+    from layoutexplore.evaluation.registration import moments_of
     from layoutexplore.files import write_json
-    from layoutexplore.training.priors.confidence import fit_confidence, held_out_confidence
+    from layoutexplore.training.priors.confidence import example_weights, fit_confidence, held_out_confidence
 
     found = _rows(plans, out, kind, sensor, among, jobs)
     rows = [row for row in found if row.features and row.kind != UNPLACED]
     features = np.array([row.features for row in rows])
     right = np.array([row.right for row in rows])
-    held_out = held_out_confidence(features, right, np.array([row.building for row in rows]))
-    error = calibration_error(held_out, right)
+    weights = example_weights(moments_of(rows), np.array([row.kind == "mirrored" for row in rows]))
+    held_out = held_out_confidence(features, right, np.array([row.building for row in rows]), weights)
+    judged = np.array([row.coverage > 0 for row in rows])
+    error = calibration_error(held_out[judged], right[judged])
     missed = float(np.mean((held_out >= 0.5) != right))
     typer.echo(
         f"{len(rows)} registrations, {right.mean():.0%} of them right; held out by building: calibration "
         f"error {error:.3f}, {missed:.1%} on the wrong side of 0.5"
     )
-    write_json(out / "confidence.json", fit_confidence(features, right).as_table())
+    write_json(out / "confidence.json", fit_confidence(features, right, weights).as_table())
     typer.echo(f"written: {out / 'confidence.json'}")
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Hashable, Sequence
+
 import numpy as np
 
 from layoutexplore.errors import ConfigError
@@ -10,6 +13,9 @@ from layoutexplore.priors.confidence import FEATURES, ConfidenceModel
 
 RIDGE = 1.0
 """Penalty of a standardised weight's square, in units of one example's log-likelihood."""
+
+MIRRORED_WEIGHT = 0.7
+"""What an example with a mirrored plan counts: they are rarer on walls than in studies."""
 
 ROUNDS = 30
 
@@ -44,13 +50,28 @@ def fit_confidence(features: Floats, right: Mask, weights: Floats | None = None)
     return ConfidenceModel(mean, scale, found)
 
 
-def held_out_confidence(features: Floats, right: Mask, buildings: np.ndarray) -> Floats:
+def example_weights(moments: Sequence[Hashable], mirrored: Mask) -> Floats:
+    """What each example counts, float64 (n,): those of one moment together as much as those of any other.
+
+    Args:
+        moments: What tells apart explorations, and how much of the floor had been seen.
+        mirrored: bool (n,), whether the plan is drawn as in a mirror.
+    """
+    counts = Counter(moments)
+    even = np.array([1.0 / counts[moment] for moment in moments])
+    return np.where(mirrored, MIRRORED_WEIGHT, 1.0) * even
+
+
+def held_out_confidence(
+    features: Floats, right: Mask, buildings: np.ndarray, weights: Floats | None = None
+) -> Floats:
     """Confidences float64 (n,), each by a model that was fitted to the other buildings.
 
     Args:
         features: float64 (n, features).
         right: bool (n,).
         buildings: (n,), what tells buildings apart.
+        weights: float64 (n,), of the examples; 1 each when None.
 
     Raises:
         ConfigError: There is one building only, or the others have no right or no wrong registration.
@@ -60,5 +81,6 @@ def held_out_confidence(features: Floats, right: Mask, buildings: np.ndarray) ->
     found = np.zeros(len(features))
     for building in np.unique(buildings):
         mine = buildings == building
-        found[mine] = fit_confidence(features[~mine], right[~mine]).probability(features[mine])
+        counts = None if weights is None else weights[~mine]
+        found[mine] = fit_confidence(features[~mine], right[~mine], counts).probability(features[mine])
     return found

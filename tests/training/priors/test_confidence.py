@@ -7,7 +7,12 @@ import pytest
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.priors.confidence import FEATURES, model_of_table
-from layoutexplore.training.priors.confidence import fit_confidence, held_out_confidence
+from layoutexplore.training.priors.confidence import (
+    MIRRORED_WEIGHT,
+    example_weights,
+    fit_confidence,
+    held_out_confidence,
+)
 
 
 def examples(count: int = 3000) -> tuple[np.ndarray, np.ndarray]:
@@ -42,6 +47,21 @@ def test_held_out_confidences_do_not_see_their_building() -> None:
     told = held_out_confidence(features, right, buildings)
     expected = fit_confidence(features[buildings != 2], right[buildings != 2])
     assert np.allclose(told[buildings == 2], expected.probability(features[buildings == 2]))
+
+
+def test_moments_count_alike_and_mirrored_plans_less() -> None:
+    mirrored = np.array([False, False, False, True])
+    weights = example_weights(["a", "a", "b", "c"], mirrored)
+    assert weights.tolist() == [0.5, 0.5, 1.0, MIRRORED_WEIGHT]
+
+
+def test_weights_reach_the_models_that_are_held_out() -> None:
+    features, right = examples(400)
+    buildings, weights = np.arange(400) % 4, np.linspace(0.1, 2.0, 400)
+    told = held_out_confidence(features, right, buildings, weights)
+    others = buildings != 1
+    expected = fit_confidence(features[others], right[others], weights[others])
+    assert np.allclose(told[~others], expected.probability(features[~others]))
 
 
 def test_one_kind_of_outcome_is_not_enough() -> None:
