@@ -59,7 +59,7 @@ def example_weights(moments: Sequence[Hashable], mirrored: Mask) -> Floats:
     """
     counts = Counter(moments)
     even = np.array([1.0 / counts[moment] for moment in moments])
-    return np.where(mirrored, MIRRORED_WEIGHT, 1.0) * even
+    return np.asarray(np.where(mirrored, MIRRORED_WEIGHT, 1.0) * even)
 
 
 def held_out_confidence(
