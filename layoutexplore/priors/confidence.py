@@ -1,8 +1,8 @@
 """How sure it is that a plan lies where the best hypothesis says: a calibrated probability.
 
 A logistic model of few features of the registration. Its weights stand in `confidence.json`; they are fitted
-to explorations of floor plans that ship for training and of generated ones, with plans of every preset
-(`layoutexplore evaluate train-prior`).
+to explorations of real floors, of plans that ship for training and of generated ones, with prior plans that
+are true, rough, mirrored and of other buildings (`layoutexplore evaluate train-prior`).
 """
 
 from __future__ import annotations
