@@ -299,7 +299,7 @@ def _pictures(
     if not good:
         return []
     sensor = good[0].sensor
-    areas = {row.plan: row.target_area for row in good}
+    areas = {row.plan: row.target_area for row in good if row.sensor == sensor}
     plans = sorted(areas, key=lambda plan: (areas[plan], plan))
     count = min(PICTURED_PLANS, len(plans))
     chosen = [plans[round(k * (len(plans) - 1) / max(count - 1, 1))] for k in range(count)]

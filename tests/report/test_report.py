@@ -196,6 +196,15 @@ def test_the_files_of_a_run_are_read_once(folder: ResultsFolder, tmp_path: Path)
     assert "plan-003" in page.read_text()
 
 
+def test_a_plan_may_lack_the_sensor_of_the_pictures(folder: ResultsFolder, tmp_path: Path) -> None:
+    """A study that was stopped, or is added to sensor by sensor."""
+    part = many_runs(folder, tmp_path / "part", plans=2, starts=1)
+    first, *_ = rows = part.rows()
+    part.rewrite([row for row in rows if row.plan == first.plan or row.sensor != first.sensor])
+    page, *_ = write_benchmark_report(part)
+    assert f"start 0, {first.sensor}" in page.read_text()
+
+
 def test_the_tables_are_read_by_pandas(folder: ResultsFolder) -> None:
     import pandas as pd
 
