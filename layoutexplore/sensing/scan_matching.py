@@ -119,7 +119,8 @@ class ScanMatcher:
         model = MatchModel(self.config.spread / size, self.config.weight, position_std / size, heading_std)
         believed = (x, y, pose.theta)
         some = evenly_chosen(ends, self.config.beams)
-        is_wide = position_std > self.config.spread or heading_std > _TURN
+        # Where the robot was lost, many poses are tried with few points; the refinement takes all again.
+        is_wide = position_std > 2.0 * self.config.spread or heading_std > 2.0 * _TURN
         searched = evenly_chosen(some, _FEW) if is_wide else some
         found = search_pose(self._points, searched, believed, model, self.config.levels)
         found = refine_pose(self._points, ends, found, believed, model)

@@ -9,7 +9,7 @@ from layoutexplore.models.convolution import convolve, neighbourhoods
 
 
 @pytest.mark.parametrize("stride", [1, 2])
-@pytest.mark.parametrize("shape", [(1, 1), (4, 6), (7, 5)])
+@pytest.mark.parametrize("shape", [(1, 1), (4, 6), (7, 5), (61, 300)])  # the last in several strips
 def test_convolution_against_a_slow_one(shape: tuple[int, int], stride: int) -> None:
     rng = np.random.default_rng(0)
     values = rng.normal(size=(*shape, 3)).astype(np.float32)
