@@ -2,7 +2,8 @@
 
 A logistic model of few features of the registration. Its weights stand in `confidence.json`; they are fitted
 to explorations of real floors, of plans that ship for training and of generated ones, with prior plans that
-are true, rough, mirrored and of other buildings (`layoutexplore evaluate train-prior`).
+are true, rough, mirrored and of other buildings (`layoutexplore evaluate train-prior`). MODEL_CARD.md says on
+which ones, and how right it is.
 """
 
 from __future__ import annotations
