@@ -198,7 +198,10 @@ def prior_of_rooms(
     prior = prior_of_plan(FloorPlan(name=name, rooms=scaled), known)
     spread = HINTED_SPREAD if hints.scale else KNOWN_SPREAD if metric else ROOM_SPREAD
     return dataclasses.replace(
-        prior, scale_spread=spread, hints=dataclasses.replace(prior.hints, scale=hints.scale)
+        prior,
+        scale_spread=spread,
+        hints=dataclasses.replace(prior.hints, scale=hints.scale),
+        unused="" if hints.scale else prior.unused,
     )
 
 

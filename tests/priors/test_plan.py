@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
@@ -79,6 +80,17 @@ def in_unit(plan: FloorPlan, unit: float) -> FloorPlan:
             )
             for door in plan.doors
         ),
+    )
+
+
+def test_rooms_whose_scale_is_told_are_believed() -> None:
+    halls = [shapely.box(x, 0.0, x + 0.4, 0.4) for x in (0.0, 0.41, 0.82)]
+    assert not prior_of_rooms(halls, hints=PriorHints(scale=100.0)).unused
+    assert (
+        "tell its scale"
+        in prior_of_rooms(
+            [shapely.affinity.scale(h, 100, 100, origin=(0, 0)) for h in halls], metric=True
+        ).unused
     )
 
 
