@@ -20,7 +20,7 @@ from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import load_plan
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 from layoutexplore.predictors.learned import LearnedPredictor
-from layoutexplore.priors.confidence import ConfidenceModel, features_of, shipped_model
+from layoutexplore.priors.confidence import FEATURES, ConfidenceModel, features_of, shipped_model
 from layoutexplore.priors.presets import StudyPrior, study_prior
 from layoutexplore.priors.registration import Registration
 from layoutexplore.simulation.config import SimulationConfig
@@ -88,13 +88,17 @@ def registration_rows(
         sensor: Of the robot.
         seed: Of the start, and of the prior plans.
         among: Where presets find other floors and buildings; a kind for which there is none is left out.
-        store: Folder where rows are kept; those that are there already are read.
+        store: Folder where rows are kept; those that are there already are read, unless their features were
+            others.
     """
     path = store and store / f"{safe_name(plan.name)}_{plan.content_hash[:8]}_{sensor}_{seed}.json"
     kept: dict[str, list[RegistrationRow]] = {}
     if path and path.exists():
-        for row in _read(path):
-            kept.setdefault(row.kind, []).append(row)
+        known = _read(path)
+        stale = {row.kind for row in known if len(row.features) not in (0, len(FEATURES))}
+        for row in known:
+            if row.kind not in stale:
+                kept.setdefault(row.kind, []).append(row)
     waiting = [kind for kind in kinds if kind not in kept]
     priors = dict(_priors(plan, waiting, seed, among))
     if priors:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,16 @@ def test_a_floor_gives_rows_and_is_not_explored_twice(tmp_path: Path) -> None:
     last = [r for r in first if r.kind == "true"][-1]
     assert last.right and len(last.features) == len(FEATURES)
     assert registration_rows(plan, ["true", "empty"], store=tmp_path) == first  # times, too: they were read
+
+
+def test_rows_with_other_features_are_made_anew(tmp_path: Path) -> None:
+    plan = load_plan("apartment-01")
+    first = registration_rows(plan, ["true"], store=tmp_path)
+    path = next(tmp_path.glob("*.json"))
+    table = json.loads(path.read_text())
+    path.write_text(json.dumps([{**row, "features": row["features"][:-1]} for row in table]))
+    again = registration_rows(plan, ["true"], store=tmp_path)
+    assert [row.features for row in again] == [row.features for row in first]
 
 
 def test_moments_are_what_had_been_seen() -> None:
