@@ -82,7 +82,7 @@ def cross_validate_merging(
     check_folds(config.folds, [case.building for case in cases])
     dealt = deal_folds([case.building for case in cases], config.folds)
     examples = training_examples(cases, config.resolution, progress)
-    extra = simulated_examples(config.simulated, config.plans, progress=progress)
+    extra = simulated_examples(config.simulated, config.plans, progress=progress, weathered=True)
     parts = [
         _Part(
             [case for case in cases if dealt[case.building] == fold],
@@ -120,7 +120,7 @@ def leave_sources_out(
         if {case.building for case in cases} == {case.building for case in held} and not config.simulated:
             raise ConfigError(f"without the buildings of source {source!r} nothing is left to train on")
     learnt = {name: training_examples(part, config.resolution, progress) for name, part in groups.items()}
-    extra = simulated_examples(config.simulated, config.plans, progress=progress)
+    extra = simulated_examples(config.simulated, config.plans, progress=progress, weathered=True)
     parts = []
     for source, held in groups.items():
         known = {case.building for case in held}

@@ -191,6 +191,29 @@ def turn(
     return Turned(_turn(cells, angle) if angle else cells, angle, corner, shape, orientation or Orientation())
 
 
+def turn_labels(labels: Ints32, turned: Turned) -> Ints32:
+    """Labels of the whole grid in the turned frame, each looked up: the opposite of `turn_back`.
+
+    Args:
+        labels: int32 (rows, cols).
+        turned: What `turn` returned.
+
+    Returns:
+        int32 of the shape of `turned.cells`, 0 beyond the part.
+    """
+    (row, col), (rows, cols) = turned.corner, turned.shape[:: -1 if turned.orientation.swap else 1]
+    part = turned.orientation.apply(np.ascontiguousarray(labels[row : row + rows, col : col + cols]))
+    if not turned.angle:
+        return part
+    c, s = math.cos(turned.angle), math.sin(turned.angle)
+    (high, wide), (r1, c1) = part.shape, (0.5 * (size - 1) for size in turned.cells.shape)
+    y, x = np.arange(turned.cells.shape[0])[:, None] - r1, np.arange(turned.cells.shape[1]) - c1
+    i = np.floor(0.5 * (high - 1) + s * x + c * y + 0.5).astype(np.int64)
+    j = np.floor(0.5 * (wide - 1) + c * x - s * y + 0.5).astype(np.int64)
+    inside = (i >= 0) & (i < high) & (j >= 0) & (j < wide)
+    return np.where(inside, part[np.clip(i, 0, high - 1), np.clip(j, 0, wide - 1)], 0).astype(np.int32)
+
+
 def turn_back(labels: NDArray[T], turned: Turned, shape: tuple[int, int]) -> NDArray[T]:
     """Labels of the turned part as labels of the whole grid, looked up cell by cell; 0 outside the part.
 

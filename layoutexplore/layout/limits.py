@@ -28,6 +28,10 @@ def most_regions(shape: Shape) -> int:
     return max(4096, 2 * math.isqrt(shape[0] * shape[1]))
 
 
+MOST_PLACES = 250_000
+"""Of so many places or fewer (0.4 m wide) the separator network is asked: more would take too much memory."""
+
+
 def most_questions(shape: Shape) -> int:
     """So often the classifier is asked about a pair of regions."""
     return max(1_000_000, 2 * shape[0] * shape[1])

@@ -58,7 +58,7 @@ def make_example(
         kind: Kind of map, such as "empty".
         config: Options of the merging.
     """
-    regions = find_regions(cells, resolution, config or MergingConfig(), StageTimer())
+    regions = find_regions(cells, resolution, config or MergingConfig(), StageTimer(), asked=True)
     labels = turn_back(regions.labels, regions.turned, (cells.shape[0], cells.shape[1]))
     free = cells == FREE
     columns = int(truth.max(initial=0)) + 1

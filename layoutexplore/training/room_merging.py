@@ -16,7 +16,7 @@ import numpy as np
 
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.layout.merging.agglomeration import training_samples
-from layoutexplore.layout.merging.pair_features import FEATURES
+from layoutexplore.layout.merging.pair_features import FEATURES, OF_NETWORK
 from layoutexplore.maps.painted_rooms import Case, read_case
 from layoutexplore.models.forest import Forest
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
@@ -27,10 +27,11 @@ from layoutexplore.training.merging_examples import SIMULATED, Example, make_exa
 RISING = (
     *("openness", "contact_share_small", "contact_share_large", "pass", "pass_ratio_small"),
     *("pass_ratio_large", "facing_small", "facing_large", "same_room", "room_overlap", "room_fit"),
+    *("alike_near", "alike_far"),
 )
 FALLING = (
     *("line_near", "line_near_min", "line_far", "through", "door_share"),
-    *("misalignment", "parted", "covered", "apart"),
+    *("misalignment", "parted", "covered", "apart", "border"),
 )
 """Features of which more can only speak for one room, or only against it: sane on unseen buildings too."""
 
@@ -55,6 +56,7 @@ class MergingTrainingConfig:
         features: Share of the features a split may choose from.
         simulated_weight: Weight of all simulated maps together over that of all real ones.
         kind_weights: Weight of a kind of map where it is not 1: the hardest kinds are the rarest.
+        blind: Whether nothing is learnt of what the separator network says.
         seed: Of the features that splits may choose from.
     """
 
@@ -66,6 +68,7 @@ class MergingTrainingConfig:
     features: float = 0.5
     simulated_weight: float = 0.75
     kind_weights: Mapping[str, float] = field(default_factory=dict)
+    blind: bool = False
     seed: int = 0
 
 
@@ -97,6 +100,8 @@ def train_forest(examples: Sequence[Example], config: MergingTrainingConfig | No
             samples.append(training_samples(example.graph, forest, example.rooms))
             keys.append(kind_of(example))
         table, weights = _quantised(np.vstack(samples)), _weights(samples, keys, config)
+        if config.blind:
+            table[:, [FEATURES.index(name) for name in OF_NETWORK]] = 0.0
         count = config.forests if k == config.rounds - 1 else 1
         forest = mean_forest([_fit(table, weights, config, 1000 * config.seed + n) for n in range(count)])
     return forest

@@ -17,8 +17,10 @@ from layoutexplore.layout.alignment import (
     surfaces,
     turn,
     turn_back,
+    turn_labels,
     turned_places,
 )
+from layoutexplore.layout.canonical import Orientation
 from tests.layout.merging.cases import office
 
 maps = hnp.arrays(
@@ -41,6 +43,25 @@ def test_labels_turn_there_and_back(angle: float) -> None:
     turned = turn(grid.cells, angle, (0, 0))
     back = turn_back((turned.cells == 0).astype(np.int32), turned, grid.shape) > 0
     assert (back != grid.free).mean() < 0.05
+
+
+@settings(max_examples=60, deadline=None)
+@given(maps, st.floats(-0.78, 0.78), st.integers(0, 7), st.booleans())
+def test_labels_of_the_whole_grid_lie_in_the_turned_frame_as_its_cells_do(
+    cells: np.ndarray, angle: float, number: int, straight: bool
+) -> None:
+    orientation = Orientation(bool(number & 1), bool(number & 2), bool(number & 4))
+    turned = turn(orientation.apply(cells), 0.0 if straight else angle, (2, 1), orientation)
+    labels = np.pad(np.arange(1, cells.size + 1, dtype=np.int32).reshape(cells.shape), ((2, 3), (1, 2)))
+    found = turn_labels(labels, turned)
+    assert found.shape == turned.cells.shape
+    inside = found > 0
+    at = np.unravel_index(found[inside] - 1, cells.shape)
+    # all that is turned is looked up in the same place, but for occupied cells, of which none is lost
+    same = turned.cells[inside] == cells[at]
+    assert (same | (turned.cells[inside] == 100)).mean() > 0.9
+    if straight:
+        assert inside.all() and same.all()
 
 
 @settings(max_examples=60, deadline=None)

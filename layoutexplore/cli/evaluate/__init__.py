@@ -29,6 +29,7 @@ from layoutexplore.cli.evaluate.registration import (
 from layoutexplore.cli.evaluate.robustness import HELP as ROBUSTNESS_HELP
 from layoutexplore.cli.evaluate.robustness import robustness
 from layoutexplore.cli.evaluate.segmentation import segmentation, train_merging
+from layoutexplore.cli.evaluate.separator import train_separator
 from layoutexplore.cli.evaluate.train_predictor import HELP as TRAIN_PREDICTOR_HELP
 from layoutexplore.cli.evaluate.train_predictor import train_predictor
 
@@ -44,6 +45,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], str | None]] = {
     "segmentation": (segmentation, None),
     "train": (train_merging, None),
     "train-fans": (train_fans, None),
+    "train-separator": (train_separator, None),
     "layout": (evaluate_layout, None),
     "clutter": (clutter, CLUTTER_HELP),
     "map-noise": (map_noise, MAP_NOISE_HELP),
@@ -62,6 +64,7 @@ EXAMPLES = {
     "segmentation": "maps/ recorded/ --leave-out source --out report",
     "train": "maps/ --plans schools/ --out merging_model.json",
     "train-fans": "--plans schools/ --out fan_model.json",
+    "train-separator": "--plans schools/ --out separator_network.safetensors",
     "layout": "schools/ -m default -m ias15",
     "clutter": "maps/*.png",
     "map-noise": "recorded/ --plans schools/ --plans office:0-9 --out noise.toml --maps simulated/",

@@ -338,7 +338,7 @@ def train_merging(
 ) -> None:
     """Train the judges of the default method, which decide what pieces of a map are one room."""
     from layoutexplore.cli.progress import progress_lines
-    from layoutexplore.layout.merging.merge_tree.cut import ASKEW_PREFIX, CUT_MODEL
+    from layoutexplore.layout.merging.merge_tree.cut import ASKEW_PREFIX, CUT_MODEL, RAGGED_PREFIX
     from layoutexplore.maps.painted_rooms import find_cases
     from layoutexplore.training.map_noise.examples import POLYGONAL
     from layoutexplore.training.merge_trees.models import train_classifiers
@@ -364,10 +364,14 @@ def train_merging(
         f", weight {value:g} for {folder}" for folder, value in weights.items()
     )
     _write_models(models, out, cut_out, note)
-    if models.askew is not None:
-        note += f", and {simulated // POLYGONAL} of polygonal buildings"
-        pairs, cut = (path.with_name(ASKEW_PREFIX + path.name) for path in (out, cut_out))
-        _write_models(models.askew, pairs, cut, note)
+    polygonal = f", and {simulated // POLYGONAL} of polygonal buildings"
+    for prefix, others, more in (
+        (ASKEW_PREFIX, models.askew, polygonal),
+        (RAGGED_PREFIX, models.ragged, ", one half of the trees with the separator network"),
+    ):
+        if others is not None:
+            pairs, cut = (path.with_name(prefix + path.name) for path in (out, cut_out))
+            _write_models(others, pairs, cut, note + more)
 
 
 def _write_models(models: MergingModels, out: Path, cut_out: Path, note: str) -> None:

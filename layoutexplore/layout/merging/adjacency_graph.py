@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask
@@ -13,6 +15,7 @@ from layoutexplore.layout.merging.door_gaps import DoorGaps
 from layoutexplore.layout.merging.graph_tables import RegionGraph
 from layoutexplore.layout.merging.line_evidence import LineEvidence, count_rooms
 from layoutexplore.layout.merging.node_table import label_changes, node_table
+from layoutexplore.layout.merging.separator.evidence import add_separator, border_map
 
 NEAR_REACH, FAR_REACH = 1.5, 6.0
 """How far walls in line with a contact are looked for on either side, in metres."""
@@ -33,6 +36,18 @@ LARGEST_TABLE = 2**23
 """The table of regions and rooms of the lines has at most so many entries."""
 
 
+class GraphEvidence(NamedTuple):
+    """What is known of rooms besides the regions.
+
+    Attributes:
+        lines: The representative lines.
+        separator: float32 (squares, squares, OUTPUTS), what the separator network says; empty for nothing.
+    """
+
+    lines: LineEvidence
+    separator: Floats32
+
+
 def region_graph(
     labels: Ints32,
     *,
@@ -41,7 +56,7 @@ def region_graph(
     wall: Mask,
     distance: Floats32,
     gaps: DoorGaps,
-    lines: LineEvidence,
+    evidence: GraphEvidence,
     resolution: float,
 ) -> RegionGraph:
     """The graph of a map's regions; without the rooms of the lines where their table would be too large.
@@ -53,9 +68,10 @@ def region_graph(
         wall: bool (rows, cols), occupied cells that are.
         distance: float32 (rows, cols), distance to the edges of the walls' cells, in cells.
         gaps: The door-gap candidates.
-        lines: The representative lines.
+        evidence: What lines and the separator network say.
         resolution: Metres a cell.
     """
+    lines, separator = evidence
     steps, slack, near, far, beside = (
         cells_at_most(length, resolution, 10**6)
         for length in (WALL_THICKNESS, SLACK, NEAR_REACH, FAR_REACH, BESIDE)
@@ -68,7 +84,9 @@ def region_graph(
     count = int(labels.max(initial=0))
     nodes = node_table(labels, changes, free, clutter, distance.view(np.int32), count)
     ends, edges = contact_table(
-        RegionMaps(labels, spread, free, wall, distance, gaps.gap),
+        RegionMaps(
+            labels, spread, free, wall, distance, gaps.gap, border_map(separator, (rows, cols), resolution)
+        ),
         changes,
         gaps.table.astype(np.float64) * resolution,
         WallBits(along_rows, along_cols, near, far, min(slack, MOST_SLACK) if gaps.askew else -1),
@@ -77,6 +95,7 @@ def region_graph(
         ),
         nodes,
     )
+    add_separator(labels, separator, ends, edges, nodes, resolution)
     if (count + 1) * (int(lines.room.max(initial=0)) + 1) > LARGEST_TABLE:
         return RegionGraph(nodes, ends, edges, np.zeros((count + 1, 1)), resolution)
     return RegionGraph(

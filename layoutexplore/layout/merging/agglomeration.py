@@ -9,7 +9,7 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.grids.components import root_of
-from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph, add_node
+from layoutexplore.layout.merging.graph_tables import NODE, RegionGraph, add_node, enclose_edge
 from layoutexplore.layout.merging.merge_tree.contact_chains import chains_of, move_contacts, stale_contacts
 from layoutexplore.layout.merging.merge_tree.contest import (
     Contest,
@@ -65,8 +65,7 @@ def _unite(best: int, ends: Ints32, tables: GraphTables) -> None:
     """Add the second region of a contact to the first one."""
     a, b = ends[best, 0], ends[best, 1]
     add_node(tables.nodes[a], tables.nodes[b])
-    # both regions counted the sides between them
-    tables.nodes[a, NODE.sides] -= 2 * tables.edges[best, EDGE.open]
+    enclose_edge(tables.nodes[a], tables.edges[best])
     tables.rooms[a] += tables.rooms[b]
 
 

@@ -17,6 +17,20 @@ ASKEW_SLOPE = 0.2
 """A contact runs askew where it rises or falls by more than this share of its other extent."""
 
 
+class BorderMap(NamedTuple):
+    """How likely a room's border passes, float32 (squares, squares), and which square a cell lies in.
+
+    Attributes:
+        likely: Probabilities.
+        row: int32 (rows,), row of squares of each row of cells.
+        col: int32 (cols,), column of squares of each column of cells.
+    """
+
+    likely: Floats32
+    row: Ints32
+    col: Ints32
+
+
 class RegionMaps(NamedTuple):
     """The map that the regions lie in, each (rows, cols).
 
@@ -27,6 +41,7 @@ class RegionMaps(NamedTuple):
         wall: bool, occupied cells that are walls.
         distance: float32, to the obstacles' edges [cells].
         gap: int32, row of the table of door gaps for the cells of one, 0 elsewhere.
+        border: How likely a room's border passes, by square.
     """
 
     labels: Ints32
@@ -35,6 +50,7 @@ class RegionMaps(NamedTuple):
     wall: Mask
     distance: Floats32
     gap: Ints32
+    border: BorderMap
 
 
 class WallBits(NamedTuple):
@@ -120,6 +136,7 @@ def _add_contact(edge: Floats, side: Side, maps: RegionMaps, gaps: Floats, walls
     rr, cc = (r + 1, c) if side.above else (r, c + 1)
     edge[EDGE.open] += 1
     edge[EDGE.seen] += maps.free[r, c] & maps.free[rr, cc]
+    edge[EDGE.border] += maps.border.likely[maps.border.row[r], maps.border.col[c]]
     edge[EDGE.clearance] = max(edge[EDGE.clearance], min(maps.distance[r, c], maps.distance[rr, cc]))
     door = max(maps.gap[r, c], maps.gap[rr, cc])
     if door > 0:

@@ -30,6 +30,10 @@ class NodeColumns(NamedTuple):
         col0: Its first column.
         col1: Column behind its last.
         peak: Largest distance to the obstacles' edges [cells].
+        squares: Squares of the separator network.
+        outside: Sum of their probabilities to lie in no room.
+        alike: Sum of the log-odds that pairs of squares in it, far from each other, share a room.
+        pairs: Those pairs.
     """
 
     area: int
@@ -43,6 +47,10 @@ class NodeColumns(NamedTuple):
     col0: int
     col1: int
     peak: int
+    squares: int
+    outside: int
+    alike: int
+    pairs: int
 
 
 class EdgeColumns(NamedTuple):
@@ -64,6 +72,11 @@ class EdgeColumns(NamedTuple):
         covered: Sum of the covered shares of these edges.
         apart: Sides near which two rooms of the lines meet.
         seen: Sides between two known free cells.
+        border: Sum of the probabilities that a room's border passes there.
+        alike_near: Sum of the log-odds that pairs of squares near to each other, one in each, share a room.
+        pairs_near: Those pairs.
+        alike_far: The same of pairs far from each other.
+        pairs_far: Those pairs.
     """
 
     open: int
@@ -81,6 +94,11 @@ class EdgeColumns(NamedTuple):
     covered: int
     apart: int
     seen: int
+    border: int
+    alike_near: int
+    pairs_near: int
+    alike_far: int
+    pairs_far: int
 
 
 NODE = NodeColumns(*range(len(NodeColumns._fields)))
@@ -113,11 +131,21 @@ def add_node(whole: Floats, part: Floats) -> None:
     """Add a region to another one (rows of the table); the sides between them still count."""
     for column in (NODE.area, NODE.space, NODE.clutter, NODE.sides, NODE.open_end, NODE.wall_sides):
         whole[column] += part[column]
+    for column in (NODE.squares, NODE.outside, NODE.alike, NODE.pairs):
+        whole[column] += part[column]
     whole[NODE.row0] = min(whole[NODE.row0], part[NODE.row0])
     whole[NODE.col0] = min(whole[NODE.col0], part[NODE.col0])
     whole[NODE.row1] = max(whole[NODE.row1], part[NODE.row1])
     whole[NODE.col1] = max(whole[NODE.col1], part[NODE.col1])
     whole[NODE.peak] = max(whole[NODE.peak], part[NODE.peak])
+
+
+@njit(cache=True, nogil=True)
+def enclose_edge(whole: Floats, edge: Floats) -> None:
+    """A contact lies within a region now: both of its ends had counted its sides, none its pairs."""
+    whole[NODE.sides] -= 2 * edge[EDGE.open]
+    whole[NODE.alike] += edge[EDGE.alike_far]
+    whole[NODE.pairs] += edge[EDGE.pairs_far]
 
 
 @njit(cache=True, nogil=True)

@@ -21,7 +21,9 @@
 8. What is too small for a room is dropped. The rooms' cells are turned back.
 
 What varies from map to map is in the features; there is one set of parameters. Where a wing stands askew, the
-forests are others, which have learnt from such buildings too.
+forests are others, which have learnt from such buildings too. So they are where walls are ragged as on
+recorded maps: there a small network is asked where the borders of rooms run and which places share a room,
+and half of each forest has learnt what that is worth.
 """
 
 from __future__ import annotations
@@ -39,19 +41,17 @@ from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.flood import grow_in_place, spread_in_place
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.layout.alignment import Turned, askew_directions, main_direction, surfaces, turn, turn_back
-from layoutexplore.layout.canonical import canonical_orientation, trinary_part
+from layoutexplore.layout.alignment import Turned, surfaces, turn_back
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.limits import cells_at_most, left_out, most_lines, most_questions, most_regions
 from layoutexplore.layout.lines.assemble import freed, place_walls
-from layoutexplore.layout.lines.declutter import DeclutterConfig, Directions, find_directions
+from layoutexplore.layout.lines.declutter import Directions
 from layoutexplore.layout.lines.face_model import WallModel
 from layoutexplore.layout.lines.rose2 import Rose2Config, chain_walls, with_perpendicular
 from layoutexplore.layout.lines.segments import find_segments
-from layoutexplore.layout.merging.adjacency_graph import region_graph, rooms_of_regions
+from layoutexplore.layout.merging.adjacency_graph import GraphEvidence, region_graph, rooms_of_regions
 from layoutexplore.layout.merging.agglomeration import grow_tree, merge_within
 from layoutexplore.layout.merging.details import MergingDetails
-from layoutexplore.layout.merging.door_gaps import DoorGapConfig, find_door_gaps
 from layoutexplore.layout.merging.graph_tables import RegionGraph
 from layoutexplore.layout.merging.line_evidence import LineEvidence, find_evidence
 from layoutexplore.layout.merging.line_rooms import split_line_rooms
@@ -60,8 +60,9 @@ from layoutexplore.layout.merging.merge_tree.cut import MergingModels, best_cut,
 from layoutexplore.layout.merging.ray_fans.classifier import load_fan_forest, outside_regions, without_regions
 from layoutexplore.layout.merging.ray_fans.enclosure import enclosure_of_regions
 from layoutexplore.layout.merging.ray_fans.features import describe_regions
+from layoutexplore.layout.merging.separator.network import UNASKED, load_separator
 from layoutexplore.layout.merging.slivers import absorb_slivers
-from layoutexplore.layout.merging.wall_components import structural_components
+from layoutexplore.layout.merging.walls.aligned_map import AlignedMapConfig, align_map
 from layoutexplore.layout.merging.watershed import closed_space, watershed_basins
 from layoutexplore.layout.outlines import rooms_of_labels
 from layoutexplore.layout.pipeline import register_method
@@ -73,13 +74,10 @@ WALLS = Rose2Config(twice=False)
 
 
 @dataclass(frozen=True, kw_only=True)
-class MergingConfig(DoorGapConfig):
-    """Options of the method, those of the door gaps among them; lengths in metres.
+class MergingConfig(AlignedMapConfig):
+    """Options of the method, those of door gaps and clutter among them; lengths in metres.
 
     Attributes:
-        clutter_area: Obstacles that float freely are clutter below this occupied area [m2] ...
-        clutter_length: ... unless they are this long: a curved or diagonal wall hangs on nothing.
-        clutter_gap: Obstacles this far apart count as one: a thin wall is seen in pieces.
         chink: Unseen space between seen space narrower than twice this is taken as free.
         basin_share: Two basins are one where the pass between them is at least this share of the lower
             peak ...
@@ -100,9 +98,6 @@ class MergingConfig(DoorGapConfig):
         wall_half: A room's polygon reaches so far into its walls, to the middle of those between two rooms.
     """
 
-    clutter_area: float = 1.0
-    clutter_length: float = 2.0
-    clutter_gap: float = 0.1
     chink: float = 0.25
     basin_share: float = 0.85
     basin_wide: float = 1.5
@@ -144,6 +139,7 @@ class Oversegmentation:
         structure: The directions of its walls, in the frame of its known part (the profile in the frame it
             was brought into).
         askew: float64 (n,), directions of further walls where a wing stands askew, in the turned frame.
+        ragged: Whether the walls are ragged, no wing stands askew, and the separator network has answered.
         doubts: What was left out, in words.
     """
 
@@ -155,11 +151,12 @@ class Oversegmentation:
     features: Floats
     structure: Directions
     askew: Floats
+    ragged: bool
     doubts: tuple[str, ...] = ()
 
 
 def find_regions(
-    cells: Cells, resolution: float, config: MergingConfig, timer: StageTimer
+    cells: Cells, resolution: float, config: MergingConfig, timer: StageTimer, *, asked: bool = False
 ) -> Oversegmentation:
     """Cut the free space of a grid into regions, no region in two rooms.
 
@@ -168,34 +165,19 @@ def find_regions(
         resolution: Metres a cell.
         config: The options.
         timer: Takes the times of the stages.
+        asked: Whether the separator network is asked in any case, else only of maps with ragged walls.
     """
-    with timer("directions"):
-        part, corner = trinary_part(cells)
-        orientation = canonical_orientation(part)
-        oriented = orientation.apply(part)
-        structure = find_directions(surfaces(oriented), resolution, DeclutterConfig())
-        turned = turn(oriented, main_direction(structure.profile), corner, orientation)
-        askew = askew_directions(structure.directions, turned.angle)
-        structure = replace(structure, directions=np.sort(orientation.invert_angles(structure.directions)))
-    with timer("openings"):
-        occupied = turned.cells == OCCUPIED
-        gaps = find_door_gaps(occupied, resolution, config, askew)
-        doors = gaps.gap > 0
-        structural = structural_components(
-            occupied,
-            doors,
-            resolution,
-            gap=config.clutter_gap,
-            area=config.clutter_area,
-            length=config.clutter_length,
-        )
-        wall = occupied & structural
-        clutter = occupied & ~structural
+    aligned = align_map(cells, resolution, config, timer)
+    turned, wall, clutter, gaps = aligned.turned, aligned.wall, aligned.clutter, aligned.gaps
     with timer("basins"):
         inside = ~wall & (closed_space(turned.cells, resolution, config.chink) | (turned.cells != UNKNOWN))
-        shut = ~inside | (doors & structural)
+        shut = ~inside | aligned.shut
         labels = watershed_basins(shut, resolution, share=config.basin_share, wide=config.basin_wide)
         grow_in_place(labels, inside, shut & inside)
+    with timer("separator"):
+        ragged = aligned.ragged and not len(aligned.askew)
+        network = load_separator() if asked or ragged else UNASKED
+        separator = network.judge(turned.cells, wall, gaps.gap, resolution)
     with timer("graph"):
         padded = cv2.copyMakeBorder(inside.view(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
         distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1] - np.float32(0.5)
@@ -207,15 +189,28 @@ def find_regions(
             wall=wall,
             distance=distance,
             gaps=gaps,
-            lines=lines,
+            evidence=GraphEvidence(lines, separator),
             resolution=resolution,
         )
         graph, part_of = absorb_slivers(graph, config.sliver_area)
         graph, doubts = _with_line_rooms(graph, part_of, labels, free, lines)
+        if ragged and not separator.size:
+            doubts += ("what the network says of borders was left out: the map is too large",)
         graph = split_line_rooms(graph, config.room_pass)
         enclosure = enclosure_of_regions(labels, free, part_of, wall, resolution)
         features = describe_regions(graph.nodes, enclosure, resolution)
-    return Oversegmentation(turned, labels, clutter, graph, part_of, features, structure, askew, doubts)
+    return Oversegmentation(
+        turned,
+        labels,
+        clutter,
+        graph,
+        part_of,
+        features,
+        aligned.structure,
+        aligned.askew,
+        ragged and separator.size > 0,
+        doubts,
+    )
 
 
 def _with_line_rooms(
@@ -245,6 +240,7 @@ def merge_into_rooms(
     A footprint is a room with its furniture and half its walls.
     """
     models = models.askew if models.askew and len(regions.askew) else models
+    models = models.ragged if models.ragged and regions.ragged else models
     rest = Rest(config.room_area, config.nook_area, config.nook_level, most_questions(grid.shape))
     levels = {"level": config.fan_level, "spread": config.fan_spread}
     outside = outside_regions(regions.graph, regions.features, load_fan_forest(), **levels)

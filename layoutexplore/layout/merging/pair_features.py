@@ -64,6 +64,13 @@ class PairFeatures(NamedTuple):
     room_share_large: int
     room_overlap: int
     room_fit: int
+    border: int
+    alike_near: int
+    alike_far: int
+    alike_small: int
+    alike_large: int
+    outside_small: int
+    outside_large: int
     map_clutter: int
     map_unknown: int
     map_radius: int
@@ -72,8 +79,18 @@ class PairFeatures(NamedTuple):
 FEATURES = tuple(name.rstrip("_") for name in PairFeatures._fields)
 """Their names in the files of models."""
 
+OF_NETWORK = (
+    *("border", "alike_near", "alike_far", "alike_small", "alike_large"),
+    *("outside_small", "outside_large"),
+)
+"""Those that come from the separator network."""
+
 F = PairFeatures(*range(len(FEATURES)))
 """The index of each feature, constants to the compiler."""
+
+
+DOUBT = 3.0
+"""Pairs of squares of which nothing is known count besides: the mean of a few is worth less."""
 
 
 class GraphTables(NamedTuple):
@@ -126,6 +143,9 @@ def _contact_features(s: Floats, t: Floats, e: Floats, resolution: float, out: F
     out[F.covered] = e[EDGE.covered] / n
     out[F.apart] = e[EDGE.apart] / n
     out[F.seen] = e[EDGE.seen] / n
+    out[F.border] = e[EDGE.border] / n
+    out[F.alike_near] = e[EDGE.alike_near] / (e[EDGE.pairs_near] + DOUBT)
+    out[F.alike_far] = e[EDGE.alike_far] / (e[EDGE.pairs_far] + DOUBT)
 
 
 @njit(cache=True, nogil=True)
@@ -172,6 +192,10 @@ def _own_features(s: Floats, t: Floats, resolution: float, out: Floats) -> None:
     out[F.clutter_large] = t[NODE.clutter] / t[NODE.space]
     out[F.wall_small] = s[NODE.wall_sides] / max(s[NODE.sides], 1.0)
     out[F.wall_large] = t[NODE.wall_sides] / max(t[NODE.sides], 1.0)
+    out[F.alike_small] = s[NODE.alike] / (s[NODE.pairs] + DOUBT)
+    out[F.alike_large] = t[NODE.alike] / (t[NODE.pairs] + DOUBT)
+    out[F.outside_small] = s[NODE.outside] / max(s[NODE.squares], 1.0)
+    out[F.outside_large] = t[NODE.outside] / max(t[NODE.squares], 1.0)
 
 
 @njit(cache=True, nogil=True)

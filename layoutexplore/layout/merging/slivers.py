@@ -21,6 +21,7 @@ from layoutexplore.layout.merging.graph_tables import (
     add_edge,
     add_node,
     edge_slots,
+    enclose_edge,
     find_slot,
     half_edges,
 )
@@ -123,7 +124,7 @@ def _coarsen(nodes: Floats, ends: Ints32, edges: Floats, into: Ints32) -> tuple[
         a, b = into[ends[e, 0]], into[ends[e, 1]]
         # sides between two that are one now were counted by both
         if a == b:
-            out[a, NODE.sides] -= 2 * edges[e, EDGE.open]
+            enclose_edge(out[a], edges[e])
         if a == b or a == 0 or b == 0:
             continue
         low, high = min(a, b), max(a, b)

@@ -19,6 +19,7 @@ from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.fit import LARGEST
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
+from layoutexplore.training.map_noise.weather import weather
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
 from layoutexplore.training.polygonal_buildings.polygonal_floors import polygonal_floor
 from layoutexplore.training.simulated_maps import drawn_example, simulated_example
@@ -27,12 +28,24 @@ NOISES: tuple[MapNoiseConfig | None, ...] = (None, MapNoiseConfig(), WIDE)
 """Noise of a map, each as often; None for a lidar alone."""
 
 
-def noisy_example(plan: FloorPlan, config: MapNoiseConfig, rng: np.random.Generator) -> Example | None:
-    """A map with the noise of recorded ones; None for a plan that is too large or where no robot fits in."""
+WEATHERED = 0.5
+"""Share of the maps with the noise of recorded ones that are weathered besides, where any are."""
+
+
+def noisy_example(
+    plan: FloorPlan, config: MapNoiseConfig, rng: np.random.Generator, weathered: bool = False
+) -> Example | None:
+    """A map with the noise of recorded ones; None for a plan that is too large or where no robot fits in.
+
+    It may be weathered besides, where it is said so (`layoutexplore.training.map_noise.weather`).
+    """
     made = simulate_map(plan, MapNoise.draw(config, rng), rng, largest=LARGEST)
     if made is None:
         return None
-    example = make_example(made.cells, made.rooms, made.resolution, building=SIMULATED, kind=plan.name)
+    cells, rooms = made.cells, made.rooms
+    if weathered and rng.random() < WEATHERED:
+        cells, rooms = weather(cells, rooms, made.resolution, rng)
+    example = make_example(cells, rooms, made.resolution, building=SIMULATED, kind=plan.name)
     return replace(example, noisy=True)
 
 
@@ -58,7 +71,11 @@ def polygonal_examples(count: int, seed: int = 1, progress: Progress = silent) -
 
 
 def simulated_examples(
-    count: int, plans: tuple[str, ...] = (), seed: int = 1, progress: Progress = silent
+    count: int,
+    plans: tuple[str, ...] = (),
+    seed: int = 1,
+    progress: Progress = silent,
+    weathered: bool = False,
 ) -> tuple[Example, ...]:
     """Maps of floor plans: every third of a given one in turn, the others generated, of all families in turn.
 
@@ -67,6 +84,7 @@ def simulated_examples(
         plans: Files of floor plans, or names that `layoutexplore.maps.load_plan` knows.
         seed: Of noise, furniture, scans and plans; the same seed gives the same maps.
         progress: Receives what is being done, how often it has been done, and how often it will be.
+        weathered: Whether some of those with the noise of recorded maps are weathered besides.
     """
     out = []
     for k in range(count):
@@ -75,7 +93,9 @@ def simulated_examples(
         noise = NOISES[int(rng.integers(len(NOISES)))]
         try:
             plan = _plan(k, plans, seed)
-            example = simulated_example(plan, rng) if noise is None else noisy_example(plan, noise, rng)
+            example = (
+                simulated_example(plan, rng) if noise is None else noisy_example(plan, noise, rng, weathered)
+            )
         except LayoutExploreError:
             continue
         if example is not None:

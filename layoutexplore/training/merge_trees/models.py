@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from layoutexplore.layout.merging.merge_tree.cut import MergingModels
+from layoutexplore.layout.merging.merge_tree.features import TREE_FEATURES, TREE_OF_NETWORK
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.models.forest import Forest
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
@@ -61,13 +62,24 @@ def train_merging_models(
 def train_all_models(
     examples: Sequence[Example], polygonal: Sequence[Example], config: MergingTrainingConfig
 ) -> MergingModels:
-    """Those of `train_merging_models`, and those for maps with a wing askew.
+    """The models that ship: for most maps, for maps with a wing askew, and for other maps with ragged walls.
 
-    The latter learn from `polygonal` maps, too; without such maps there are none.
+    Those for ragged walls are means of two, of which one has learnt what the separator network says and one
+    has not: the network is surer of simulated maps than of recorded ones. The others have not learnt it.
+    Those for wings askew learn from `polygonal` maps, too; without such maps there are none.
     """
-    models = train_merging_models(examples, config)
-    return (
-        replace(models, askew=train_merging_models([*examples, *polygonal], config)) if polygonal else models
+    blind = replace(config, blind=True)
+    models = train_merging_models(examples, blind)
+    seeing = train_merging_models(examples, config)
+    askew = train_merging_models([*examples, *polygonal], blind) if polygonal else None
+    return replace(models, askew=askew, ragged=mean_models([models, seeing]))
+
+
+def mean_models(several: Sequence[MergingModels]) -> MergingModels:
+    """The classifiers whose log-odds are the means of those of others."""
+    cuts = [models.cut for models in several if models.cut is not None]
+    return MergingModels(
+        mean_forest([models.pairs for models in several]), mean_forest(cuts) if cuts else None
     )
 
 
@@ -91,6 +103,8 @@ def _train_cut(
     stands = worth > 0
     if not len(stands) or stands.all() or not stands.any():
         return None
+    if config.blind:
+        features[:, [TREE_FEATURES.index(name) for name in TREE_OF_NETWORK]] = 0.0
     seeds = range(config.forests * config.seed, config.forests * (config.seed + 1))
     forest = mean_forest(
         [
@@ -113,6 +127,6 @@ def train_classifiers(
 ) -> MergingModels:
     """The classifiers that ship, of all given maps and simulated ones; `weights` as in `cross_validate`."""
     examples = training_examples(cases, resolution, progress)
-    examples += simulated_examples(simulated, tuple(plans), progress=progress)
+    examples += simulated_examples(simulated, tuple(plans), progress=progress, weathered=True)
     polygonal = polygonal_examples(simulated // POLYGONAL, progress=progress)
     return train_all_models(examples, polygonal, MergingTrainingConfig(seed=seed, kind_weights=weights or {}))

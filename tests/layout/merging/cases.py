@@ -11,6 +11,7 @@ import shapely
 from hypothesis import strategies as st
 
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.layout.alignment import surfaces
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
 
 
@@ -42,6 +43,13 @@ def plan() -> np.ndarray:
     cells[54:58, 40:58] = 0
     cells[54:58, 120:138] = 0
     return cells
+
+
+def rough(cells: np.ndarray) -> np.ndarray:
+    """The same map with the surfaces of its walls stepping in and out by a cell, as on recorded maps."""
+    out, rng = cells.copy(), np.random.default_rng(0)
+    out[surfaces(cells) & (rng.random(cells.shape) < 0.4)] = 0
+    return out
 
 
 def rooms_of(cells: np.ndarray) -> np.ndarray:

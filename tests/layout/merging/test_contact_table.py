@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.grids.grid import FREE, OCCUPIED
-from layoutexplore.layout.merging.adjacency_graph import region_graph
+from layoutexplore.layout.merging.adjacency_graph import GraphEvidence, region_graph
 from layoutexplore.layout.merging.door_gaps import DoorGapConfig, find_door_gaps
 from layoutexplore.layout.merging.graph_tables import EDGE
 from layoutexplore.layout.merging.line_evidence import find_evidence
@@ -33,7 +33,7 @@ def test_the_wall_in_line_with_a_contact_is_seen_at_any_angle(degrees: int) -> N
         wall=wall,
         distance=cv2.distanceTransform((~wall).view(np.uint8), cv2.DIST_L2, 5),
         gaps=find_door_gaps(wall, 0.05, DoorGapConfig(), np.array([angle] if degrees % 90 else [])),
-        lines=find_evidence(cells, wall, 0.05),
+        evidence=GraphEvidence(find_evidence(cells, wall, 0.05), np.zeros((0, 0, 0), np.float32)),
         resolution=0.05,
     )
     edge = graph.edges[graph.edges[:, EDGE.open].argmax()]

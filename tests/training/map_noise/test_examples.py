@@ -45,6 +45,11 @@ def test_examples_take_turns_of_noise_and_are_the_same_again(monkeypatch: pytest
     again = simulated_examples(4, plans)
     assert 2 <= len(first) == len(again)
     assert all(np.array_equal(a.rooms, b.rooms) for a, b in zip(first, again, strict=True))
+    weathered = simulated_examples(4, plans, weathered=True)
+    pairs = list(zip(first, weathered, strict=True))
+    # those of a lidar alone are never weathered
+    assert all(np.array_equal(a.rooms, b.rooms) for a, b in pairs if not a.noisy)
+    assert [a.noisy for a, _ in pairs] == [b.noisy for _, b in pairs]
 
 
 def test_polygonal_buildings_are_drawn_or_have_noise(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,9 +13,10 @@ from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.layout.merging.agglomeration import grow_tree
 from layoutexplore.layout.merging.graph_tables import RegionGraph
 from layoutexplore.layout.merging.merge_tree.contest import Rest
-from layoutexplore.layout.merging.merge_tree.features import MergeTree
+from layoutexplore.layout.merging.merge_tree.features import TREE_FEATURES, TREE_OF_NETWORK, MergeTree
 from layoutexplore.layout.merging.method import MergingConfig, reconstruct_with
-from layoutexplore.training.merge_trees.models import train_merging_models
+from layoutexplore.layout.merging.pair_features import FEATURES, OF_NETWORK
+from layoutexplore.training.merge_trees.models import train_all_models, train_merging_models
 from layoutexplore.training.merge_trees.samples import tree_samples, worth_of_merges
 from layoutexplore.training.merging_examples import make_example
 from layoutexplore.training.room_merging import MergingTrainingConfig, first_forest
@@ -62,3 +63,24 @@ def test_what_is_one_room_stays_one_and_what_is_not_is_cut() -> None:
     assert 1 <= len(layout.rooms) <= 3
     # all of the plan is one room, whatever merges: there is no cut to learn
     assert train_merging_models([whole], config).cut is None
+
+
+def test_models_for_ragged_walls_are_the_mean_of_those_that_see_the_network_and_those_that_do_not() -> None:
+    rooms = rooms_of(plan())
+    parted = make_example(plan(), rooms, 0.05, building="a", kind="x")
+    whole = make_example(plan(), np.minimum(rooms, 1), 0.05, building="b", kind="x")
+    config = MergingTrainingConfig(rounds=1, forests=1, trees=4, leaves=4)
+    models = train_all_models([parted, whole] * 8, [], config)
+    assert models.askew is None and models.ragged is not None
+    assert models.cut is not None and models.ragged.cut is not None
+    assert len(models.ragged.pairs.roots) == 2 * len(models.pairs.roots)
+    of_pairs = {FEATURES.index(name) for name in OF_NETWORK}
+    of_merges = {TREE_FEATURES.index(name) for name in TREE_OF_NETWORK}
+    assert not of_pairs & {*models.pairs.feature.tolist()}
+    assert not of_merges & {*models.cut.feature.tolist()}
+    # the first half of the trees are those that do not
+    half = len(models.pairs.feature)
+    assert (models.ragged.pairs.feature[:half] == models.pairs.feature).all()
+    assert models.ragged.pairs.threshold[:half] == pytest.approx(
+        np.where(models.pairs.feature < 0, models.pairs.threshold / 2, models.pairs.threshold)
+    )

@@ -17,8 +17,9 @@ from layoutexplore.models.forest_files import load_forests, save_forests
 CUT_MODEL = Path(__file__).with_name("cut_model.json")
 """The shipped model; `layoutexplore.training.merge_trees` makes it."""
 
-ASKEW_PREFIX = "askew_"
-"""Begins the names of the files of the models for maps on which a wing is turned against the others."""
+ASKEW_PREFIX, RAGGED_PREFIX = "askew_", "ragged_"
+"""Begin the names of the files of the models for maps on which a wing is turned against the others, and for
+other maps with ragged walls."""
 
 _NAME = "stands"
 
@@ -31,19 +32,24 @@ class MergingModels:
         pairs: Which of two touching regions are one room: the order of merging, and its end.
         cut: Which merges stand; None for all of those that end at `merge_level`.
         askew: Those for maps on which a wing is turned against the others; None for the same.
+        ragged: Those for other maps with ragged walls, of which the separator network is asked; None for the
+            same.
     """
 
     pairs: Forest
     cut: Forest | None = None
     askew: MergingModels | None = None
+    ragged: MergingModels | None = None
 
 
 def load_models() -> MergingModels:
     """The shipped models; those of unchanged files are read only once."""
-    pairs, cut = (path.with_name(ASKEW_PREFIX + path.name) for path in (MODEL_PATH, CUT_MODEL))
-    return MergingModels(
-        load_forest(), load_cut_forest(), MergingModels(load_forest(pairs), load_cut_forest(cut))
-    )
+    return MergingModels(load_forest(), load_cut_forest(), _load(ASKEW_PREFIX), _load(RAGGED_PREFIX))
+
+
+def _load(prefix: str) -> MergingModels:
+    pairs, cut = (path.with_name(prefix + path.name) for path in (MODEL_PATH, CUT_MODEL))
+    return MergingModels(load_forest(pairs), load_cut_forest(cut))
 
 
 def save_cut_forest(forest: Forest, path: Path, *, note: str = "") -> None:

@@ -9,16 +9,19 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.layout.merging.merge_tree.record import TreeRecord, W, WholeFeatures
-from layoutexplore.layout.merging.pair_features import FEATURES, F
+from layoutexplore.layout.merging.pair_features import FEATURES, OF_NETWORK, F
 
 MAP = (F.map_clutter, F.map_unknown, F.map_radius)
 PAIR = tuple(k for k in range(len(FEATURES)) if k not in MAP)
 NEXT = (
     *(W.log_area, W.fill, W.aspect, W.radius, W.unknown, W.wall, W.best_odds),
-    *(W.room_share, W.room_fit, W.ruggedness),
+    *(W.room_share, W.room_fit, W.alike, W.alike_out, W.outside, W.ruggedness),
 )
-SIBLING = (W.log_area, W.fill, W.radius, W.unknown, W.wall, W.best_odds, W.room_fit)
-SMALLER = (W.log_area, W.fill, W.radius, W.best_odds, W.room_fit)
+SIBLING = (
+    *(W.log_area, W.fill, W.radius, W.unknown, W.wall, W.best_odds, W.room_fit),
+    *(W.alike, W.alike_out, W.outside),
+)
+SMALLER = (W.log_area, W.fill, W.radius, W.best_odds, W.room_fit, W.alike, W.alike_out, W.outside)
 """Columns of the features of a map, a pair, and of the whole region that a merge's result merges into next,
 of that which it merges with then, and of the smaller one of the two that it is made of."""
 
@@ -35,6 +38,15 @@ TREE_FEATURES = (
     *(f"smaller_{OF_WHOLE[k]}" for k in SMALLER),
 )
 """Their names in the files of models, in their order."""
+
+OF_NETWORK_WHOLE = ("alike", "alike_out", "border", "outside")
+TREE_OF_NETWORK = tuple(
+    name
+    for name in TREE_FEATURES
+    if name.removeprefix("merge_").removeprefix("next_") in OF_NETWORK
+    or name.removeprefix("parent_").removeprefix("sibling_").removeprefix("smaller_") in OF_NETWORK_WHOLE
+)
+"""Those that come from the separator network."""
 
 REGIONS, RELATIVE = len(W), len(W) + 1
 """Where the number of regions and the relative area stand in the features."""

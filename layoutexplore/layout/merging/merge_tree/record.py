@@ -10,9 +10,9 @@ from numba import njit
 from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE
 from layoutexplore.layout.merging.merge_tree.contact_chains import Chains
-from layoutexplore.layout.merging.pair_features import FEATURES, GraphTables, describe_pairs
+from layoutexplore.layout.merging.pair_features import DOUBT, FEATURES, GraphTables, describe_pairs
 
-LEAST_ODDS = -20.0
+LEAST_ODDS, LEAST_ALIKE = -20.0, -5.0
 """Log-odds that stand for "never": of a region without neighbours."""
 
 
@@ -41,6 +41,10 @@ class WholeFeatures(NamedTuple):
         room_share: Share of its known cells in the room of the lines that has most of them.
         room_fit: Largest intersection over union with a room of the lines.
         room_entropy: Of its cells over the rooms of the lines [nat].
+        alike: Mean log-odds that two of its squares, far from each other, share a room.
+        alike_out: The largest mean of those of pairs with one square in a neighbour.
+        border: Mean probability on its open contact that a room's border passes there.
+        outside: Mean probability of its squares to lie in no room.
         ruggedness: Square of the sides over the space, 1 for a square.
     """
 
@@ -65,6 +69,10 @@ class WholeFeatures(NamedTuple):
     room_share: int
     room_fit: int
     room_entropy: int
+    alike: int
+    alike_out: int
+    border: int
+    outside: int
     ruggedness: int
 
 
@@ -119,6 +127,8 @@ def _describe_shape(node: Floats, resolution: float, out: Floats) -> None:
     out[W.wall] = node[NODE.wall_sides] / sides
     out[W.clutter] = node[NODE.clutter] / space
     out[W.unseen] = 1 - (node[NODE.area] + node[NODE.clutter]) / space
+    out[W.alike] = node[NODE.alike] / (node[NODE.pairs] + DOUBT)
+    out[W.outside] = node[NODE.outside] / max(node[NODE.squares], 1.0)
     out[W.ruggedness] = sides**2 / (16 * space)
 
 
@@ -142,8 +152,8 @@ def _describe_border(
     region: int, node: Floats, edges: Floats, chains: Chains, odds: Floats, resolution: float, out: Floats
 ) -> None:
     """What lies between a region and its neighbours."""
-    opened = through = door = near = widest = longest = 0.0
-    neighbours, best = 0, LEAST_ODDS
+    opened = through = door = near = widest = longest = border = 0.0
+    neighbours, best, alike = 0, LEAST_ODDS, LEAST_ALIKE
     h = chains.first[region]
     while h >= 0:
         e = h // 2
@@ -152,12 +162,14 @@ def _describe_border(
             through += edges[e, EDGE.through]
             door += edges[e, EDGE.door]
             near += edges[e, EDGE.near_min]
+            border += edges[e, EDGE.border]
             widest = max(widest, edges[e, EDGE.clearance])
             longest = max(longest, edges[e, EDGE.open])
             # contacts across walls only have no odds: nobody asks about them
             if edges[e, EDGE.open] > 0:
                 neighbours += 1
                 best = max(best, odds[e])
+                alike = max(alike, edges[e, EDGE.alike_far] / (edges[e, EDGE.pairs_far] + DOUBT))
         h = chains.links[h]
     sides = max(node[NODE.sides], 1.0)
     out[W.open], out[W.through] = opened / sides, through / sides
@@ -166,6 +178,7 @@ def _describe_border(
     out[W.widest_pass_ratio] = widest / max(node[NODE.peak], 0.5)
     out[W.longest_contact] = longest * resolution
     out[W.neighbours], out[W.best_odds] = neighbours, best
+    out[W.border], out[W.alike_out] = border / max(opened, 1.0), alike
 
 
 @njit(cache=True, nogil=True)

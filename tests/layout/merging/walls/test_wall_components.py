@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.grids.arrays import Mask
-from layoutexplore.layout.merging.wall_components import structural_components
+from layoutexplore.layout.merging.walls.wall_components import structural_components
 
 NOTHING = np.zeros((80, 200), np.bool_)
 

@@ -1,0 +1,1 @@
+"""Where the walls of a map are, and what of its obstacles is none."""

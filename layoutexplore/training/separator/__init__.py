@@ -1,0 +1,1 @@
+"""Training the separator network on simulated maps whose rooms are known."""

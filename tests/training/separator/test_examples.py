@@ -1,0 +1,34 @@
+"""What the separator network learns from: truth by squares, in the frame of what it sees."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from layoutexplore.layout.merging.separator.planes import KINDS, PATCH
+from layoutexplore.training.separator.examples import separator_example
+from layoutexplore.training.separator.maps import separator_maps
+from tests.layout.merging.cases import plan, rooms_of
+
+
+def test_truth_lies_where_the_network_sees_it() -> None:
+    cells = plan()
+    cells[80:84, 60:64] = 100
+    example = separator_example(cells, rooms_of(plan()), 0.05)
+    high, wide = example.rooms.shape
+    assert example.shares.shape == (2 * high, 2 * wide, KINDS) and 2 * high % PATCH == 0
+    free = example.shares.reshape(high, 2, wide, 2, KINDS).mean((1, 3))[..., 0] / 255
+    # all that is free is in or near a room, and each room has about its area
+    assert (example.rooms[free > 0.9] > 0).all()
+    for room in (1, 2, 3):
+        area = np.count_nonzero((example.rooms == room) & (free > 0.5)) * 0.04
+        assert abs(area / (np.count_nonzero(rooms_of(plan()) == room) * 0.0025) - 1) < 0.1
+    known = example.thing[example.thing_weight > 0]
+    assert known.max() == 255 and 0 < np.count_nonzero(known) < 5, "one thing, all else is wall"
+
+
+def test_the_same_seed_makes_the_same_maps() -> None:
+    first, again = (list(separator_maps(8, ("apartment-01",), seed=4)) for _ in range(2))
+    assert 0 < len(first) == len(again)
+    for a, b in zip(first, again, strict=True):
+        assert np.array_equal(a[0], b[0]) and np.array_equal(a[1], b[1]) and a[2] == b[2]
+        assert a[0].shape == a[1].shape and (a[0] == 0).any()
