@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 if TYPE_CHECKING:
+    from layoutexplore.grids.grid import OccupancyGrid
     from layoutexplore.maps.floorplan import FloorPlan
     from layoutexplore.simulation.config import SimulationConfig
 
@@ -71,11 +72,22 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
     grid = whole.rasterize(0.05).grid
     for method in METHOD_MODULES:
         yield f"layout method {method}", partial(reconstruct, grid, method)
+    yield "ragged walls", partial(reconstruct, _ragged(grid), "default")
     for name in (*PREDICTORS, *(f"reconstruct:{method}" for method in METHOD_MODULES)):
         yield f"predictor {name}", partial(_predict, tiny, name)
     yield "closed doors", partial(predict_closed_rooms, grid)
     for environment in ("Frontier", "Motion"):
         yield f"environment {environment}", partial(_step, tiny, environment)
+
+
+def _ragged(grid: OccupancyGrid) -> OccupancyGrid:
+    """The map with walls in pieces, as recorded ones are."""
+    import numpy as np
+
+    from layoutexplore.grids.grid import FREE, OccupancyGrid
+
+    missing = grid.occupied & (np.random.default_rng(0).random(grid.shape) < 0.4)
+    return OccupancyGrid(np.where(missing, FREE, grid.cells).astype(np.int8), grid.resolution)
 
 
 def _explore(plan: FloorPlan, simulation: SimulationConfig, agent: str) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app
 from layoutexplore.cli.warm_up import warm_up_steps
+from layoutexplore.layout.merging.walls.raggedness import is_ragged
 from layoutexplore.layout.pipeline import method_names
 from layoutexplore.sensing.lidar import SENSORS
 
@@ -15,6 +18,14 @@ def test_every_method_and_sensor_is_warmed_up() -> None:
     names = {name for name, _ in warm_up_steps()}
     assert {f"layout method {name}" for name in method_names()} <= names
     assert {f"sensor {name}" for name in SENSORS} <= names
+
+
+def test_a_map_with_ragged_walls_is_among_them() -> None:
+    step = dict(warm_up_steps())["ragged walls"]
+    assert isinstance(step, partial)
+    grid = step.args[0]
+    assert is_ragged(grid.cells, grid.resolution)
+    assert "borders" not in " ".join(step().warnings)
 
 
 @pytest.mark.slow
