@@ -28,8 +28,8 @@ NEAR = 2
 """The first so many offsets are near ones."""
 
 BORDER, OUTSIDE, THING = 0, 1, 2
-"""The first outputs: a room's border passes here, in no room, an obstacle that is no wall. The last of them is
-learnt beside the others; nothing asks for it."""
+"""The first outputs: a room's border passes here, in no room, an obstacle that is no wall. The last
+is learnt beside the others; nothing asks for it."""
 
 OUTPUTS = 3 + len(OFFSETS)
 
