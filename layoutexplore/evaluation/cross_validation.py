@@ -22,7 +22,7 @@ from layoutexplore.layout.merging.method import MergingConfig, reconstruct_with
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.training.folds import Progress, check_folds, deal_folds, silent
-from layoutexplore.training.map_noise.examples import POLYGONAL, polygonal_examples, simulated_examples
+from layoutexplore.training.map_noise.examples import POLYGONAL, polygonal_examples, weathered_pairs
 from layoutexplore.training.merge_trees.models import train_all_models
 from layoutexplore.training.merging_examples import Example
 from layoutexplore.training.room_merging import MergingTrainingConfig, training_examples
@@ -62,10 +62,10 @@ class CrossValidationConfig:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """What is held out at once, and what is trained on for it."""
+    """What is held out at once, and the recorded maps that are trained on for it."""
 
     held: Sequence[Case]
-    examples: Sequence[Example]
+    recorded: Sequence[Example]
 
 
 @checks_arguments
@@ -82,11 +82,10 @@ def cross_validate_merging(
     check_folds(config.folds, [case.building for case in cases])
     dealt = deal_folds([case.building for case in cases], config.folds)
     examples = training_examples(cases, config.resolution, progress)
-    extra = simulated_examples(config.simulated, config.plans, progress=progress, weathered=True)
     parts = [
         _Part(
             [case for case in cases if dealt[case.building] == fold],
-            [*(e for e in examples if dealt[e.building] != fold), *extra],
+            [e for e in examples if dealt[e.building] != fold],
         )
         for fold in range(config.folds)
     ]
@@ -120,12 +119,11 @@ def leave_sources_out(
         if {case.building for case in cases} == {case.building for case in held} and not config.simulated:
             raise ConfigError(f"without the buildings of source {source!r} nothing is left to train on")
     learnt = {name: training_examples(part, config.resolution, progress) for name, part in groups.items()}
-    extra = simulated_examples(config.simulated, config.plans, progress=progress, weathered=True)
     parts = []
     for source, held in groups.items():
         known = {case.building for case in held}
         others = [e for name, part in learnt.items() if name != source for e in part]
-        parts.append(_Part(held, [*(e for e in others if e.building not in known), *extra]))
+        parts.append(_Part(held, [e for e in others if e.building not in known]))
     yield from _score_parts(parts, config, progress)
 
 
@@ -133,11 +131,12 @@ def _score_parts(
     parts: Sequence[_Part], config: CrossValidationConfig, progress: Progress
 ) -> Iterator[Scored]:
     """Train for each part and score it, seed by seed; `fold` is the number of the part."""
+    simulated = weathered_pairs(config.simulated, config.plans, progress=progress)
     polygonal = polygonal_examples(config.simulated // POLYGONAL, progress=progress)
     for seed in range(config.seeds):
         for fold, part in enumerate(parts):
             training = MergingTrainingConfig(seed=seed, kind_weights=config.weights)
-            models = train_all_models(part.examples, polygonal, training)
+            models = train_all_models(part.recorded, simulated, polygonal, training)
             progress("judges trained", seed * len(parts) + fold + 1, config.seeds * len(parts))
 
             def run(grid: OccupancyGrid, models: MergingModels = models) -> Layout:

@@ -196,10 +196,14 @@ def test_a_source_is_scored_without_its_maps_and_its_buildings(
     learnt: list[set[tuple[str, str]]] = []
 
     def spy(
-        examples: Sequence[Example], polygonal: Sequence[Example], config: MergingTrainingConfig
+        recorded: Sequence[Example],
+        simulated: Sequence[tuple[Example, Example]],
+        polygonal: Sequence[Example],
+        config: MergingTrainingConfig,
     ) -> MergingModels:
         assert not polygonal
-        learnt.append({(e.kind.split(",")[0], e.building) for e in examples if e.building != SIMULATED})
+        assert all(example.building == SIMULATED for pair in simulated for example in pair)
+        learnt.append({(e.kind.split(",")[0], e.building) for e in recorded})
         return MergingModels(first_forest())
 
     monkeypatch.setattr("layoutexplore.evaluation.cross_validation.train_all_models", spy)

@@ -10,11 +10,13 @@ and without noise.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from layoutexplore.errors import LayoutExploreError
+from layoutexplore.grids.arrays import Cells, Ints32
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.fit import LARGEST
@@ -27,26 +29,18 @@ from layoutexplore.training.simulated_maps import drawn_example, simulated_examp
 NOISES: tuple[MapNoiseConfig | None, ...] = (None, MapNoiseConfig(), WIDE)
 """Noise of a map, each as often; None for a lidar alone."""
 
-
 WEATHERED = 0.5
 """Share of the maps with the noise of recorded ones that are weathered besides, where any are."""
 
 
-def noisy_example(
-    plan: FloorPlan, config: MapNoiseConfig, rng: np.random.Generator, weathered: bool = False
-) -> Example | None:
-    """A map with the noise of recorded ones; None for a plan that is too large or where no robot fits in.
-
-    It may be weathered besides, where it is said so (`layoutexplore.training.map_noise.weather`).
-    """
+def noisy_example(plan: FloorPlan, config: MapNoiseConfig, rng: np.random.Generator) -> Example | None:
+    """A map with the noise of recorded ones; None for a plan that is too large or where no robot fits in."""
     made = simulate_map(plan, MapNoise.draw(config, rng), rng, largest=LARGEST)
-    if made is None:
-        return None
-    cells, rooms = made.cells, made.rooms
-    if weathered and rng.random() < WEATHERED:
-        cells, rooms = weather(cells, rooms, made.resolution, rng)
-    example = make_example(cells, rooms, made.resolution, building=SIMULATED, kind=plan.name)
-    return replace(example, noisy=True)
+    return None if made is None else _noisy(plan, made.cells, made.rooms, made.resolution)
+
+
+def _noisy(plan: FloorPlan, cells: Cells, rooms: Ints32, resolution: float) -> Example:
+    return replace(make_example(cells, rooms, resolution, building=SIMULATED, kind=plan.name), noisy=True)
 
 
 POLYGONAL = 3
@@ -71,11 +65,7 @@ def polygonal_examples(count: int, seed: int = 1, progress: Progress = silent) -
 
 
 def simulated_examples(
-    count: int,
-    plans: tuple[str, ...] = (),
-    seed: int = 1,
-    progress: Progress = silent,
-    weathered: bool = False,
+    count: int, plans: tuple[str, ...] = (), seed: int = 1, progress: Progress = silent
 ) -> tuple[Example, ...]:
     """Maps of floor plans: every third of a given one in turn, the others generated, of all families in turn.
 
@@ -84,23 +74,52 @@ def simulated_examples(
         plans: Files of floor plans, or names that `layoutexplore.maps.load_plan` knows.
         seed: Of noise, furniture, scans and plans; the same seed gives the same maps.
         progress: Receives what is being done, how often it has been done, and how often it will be.
-        weathered: Whether some of those with the noise of recorded maps are weathered besides.
     """
-    out = []
+    return tuple(example for example, _ in _simulated(count, plans, seed, progress, weathered=False))
+
+
+def weathered_pairs(
+    count: int, plans: tuple[str, ...] = (), seed: int = 1, progress: Progress = silent
+) -> tuple[tuple[Example, Example], ...]:
+    """Each map of `simulated_examples`, and what is learnt beside the separator network in its place.
+
+    That is the same map, or, for a share `WEATHERED` of those with the noise of recorded ones, the map after
+    what befalls recorded ones besides (`layoutexplore.training.map_noise.weather`): on maps with whole walls
+    the network is so right that it would be trusted too much.
+    """
+    return tuple(_simulated(count, plans, seed, progress, weathered=True))
+
+
+def _simulated(
+    count: int, plans: tuple[str, ...], seed: int, progress: Progress, *, weathered: bool
+) -> Iterator[tuple[Example, Example]]:
     for k in range(count):
         progress("maps simulated", k + 1, count)
         rng = np.random.default_rng([seed, k])
         noise = NOISES[int(rng.integers(len(NOISES)))]
         try:
             plan = _plan(k, plans, seed)
-            example = (
-                simulated_example(plan, rng) if noise is None else noisy_example(plan, noise, rng, weathered)
-            )
+            pair = _pair(plan, noise, rng, weathered=weathered)
         except LayoutExploreError:
             continue
-        if example is not None:
-            out.append(example)
-    return tuple(out)
+        if pair is not None:
+            yield pair
+
+
+def _pair(
+    plan: FloorPlan, noise: MapNoiseConfig | None, rng: np.random.Generator, *, weathered: bool
+) -> tuple[Example, Example] | None:
+    """A map, and the same one or a weathered one; None where none can be made of the plan."""
+    if noise is None:
+        example = simulated_example(plan, rng)
+        return None if example is None else (example, example)
+    made = simulate_map(plan, MapNoise.draw(noise, rng), rng, largest=LARGEST)
+    if made is None:
+        return None
+    example = _noisy(plan, made.cells, made.rooms, made.resolution)
+    if not (weathered and rng.random() < WEATHERED):
+        return example, example
+    return example, _noisy(plan, *weather(made.cells, made.rooms, made.resolution, rng), made.resolution)
 
 
 def _plan(k: int, plans: tuple[str, ...], seed: int) -> FloorPlan:

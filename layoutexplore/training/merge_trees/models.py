@@ -19,7 +19,7 @@ from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.models.forest import Forest
 from layoutexplore.training.boosting import BoostingConfig, fit_forest
 from layoutexplore.training.folds import Progress, silent
-from layoutexplore.training.map_noise.examples import POLYGONAL, polygonal_examples, simulated_examples
+from layoutexplore.training.map_noise.examples import POLYGONAL, polygonal_examples, weathered_pairs
 from layoutexplore.training.merge_trees.samples import TreeSamples, tree_samples
 from layoutexplore.training.merging_examples import SIMULATED, Example
 from layoutexplore.training.room_merging import (
@@ -60,17 +60,26 @@ def train_merging_models(
 
 
 def train_all_models(
-    examples: Sequence[Example], polygonal: Sequence[Example], config: MergingTrainingConfig
+    recorded: Sequence[Example],
+    simulated: Sequence[tuple[Example, Example]],
+    polygonal: Sequence[Example],
+    config: MergingTrainingConfig,
 ) -> MergingModels:
     """The models that ship: for most maps, for maps with a wing askew, and for other maps with ragged walls.
 
     Those for ragged walls are means of two, of which one has learnt what the separator network says and one
     has not: the network is surer of simulated maps than of recorded ones. The others have not learnt it.
-    Those for wings askew learn from `polygonal` maps, too; without such maps there are none.
+
+    Args:
+        recorded: Maps whose rooms are known.
+        simulated: Simulated maps, and what takes their place beside the network: see `weathered_pairs`.
+        polygonal: Maps that those for wings askew learn from, too; without such maps there are none.
+        config: How; whether a model is blind is decided here.
     """
     blind = replace(config, blind=True)
+    examples = [*recorded, *(example for example, _ in simulated)]
     models = train_merging_models(examples, blind)
-    seeing = train_merging_models(examples, config)
+    seeing = train_merging_models([*recorded, *(weathered for _, weathered in simulated)], config)
     askew = train_merging_models([*examples, *polygonal], blind) if polygonal else None
     return replace(models, askew=askew, ragged=mean_models([models, seeing]))
 
@@ -127,6 +136,7 @@ def train_classifiers(
 ) -> MergingModels:
     """The classifiers that ship, of all given maps and simulated ones; `weights` as in `cross_validate`."""
     examples = training_examples(cases, resolution, progress)
-    examples += simulated_examples(simulated, tuple(plans), progress=progress, weathered=True)
+    pairs = weathered_pairs(simulated, tuple(plans), progress=progress)
     polygonal = polygonal_examples(simulated // POLYGONAL, progress=progress)
-    return train_all_models(examples, polygonal, MergingTrainingConfig(seed=seed, kind_weights=weights or {}))
+    training = MergingTrainingConfig(seed=seed, kind_weights=weights or {})
+    return train_all_models(examples, pairs, polygonal, training)

@@ -8,7 +8,12 @@ import pytest
 from layoutexplore.grids.grid import FREE
 from layoutexplore.maps import load_plan
 from layoutexplore.training.map_noise import examples
-from layoutexplore.training.map_noise.examples import noisy_example, polygonal_examples, simulated_examples
+from layoutexplore.training.map_noise.examples import (
+    noisy_example,
+    polygonal_examples,
+    simulated_examples,
+    weathered_pairs,
+)
 from layoutexplore.training.map_noise.simulate import MapNoiseConfig
 from layoutexplore.training.merging_examples import SIMULATED
 from layoutexplore.training.simulated_maps import see
@@ -45,11 +50,19 @@ def test_examples_take_turns_of_noise_and_are_the_same_again(monkeypatch: pytest
     again = simulated_examples(4, plans)
     assert 2 <= len(first) == len(again)
     assert all(np.array_equal(a.rooms, b.rooms) for a, b in zip(first, again, strict=True))
-    weathered = simulated_examples(4, plans, weathered=True)
-    pairs = list(zip(first, weathered, strict=True))
-    # those of a lidar alone are never weathered
-    assert all(np.array_equal(a.rooms, b.rooms) for a, b in pairs if not a.noisy)
-    assert [a.noisy for a, _ in pairs] == [b.noisy for _, b in pairs]
+
+
+def test_some_noisy_maps_are_weathered_besides(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(examples, "NOISES", (None, ROUGH))
+    monkeypatch.setattr(examples, "WEATHERED", 1.0)
+    monkeypatch.setattr(examples, "_plan", lambda k, given, seed: load_plan(given[k % 2]))
+    plans = ("apartment:2", "apartment:3")
+    plain, pairs = simulated_examples(4, plans), weathered_pairs(4, plans)
+    assert all(np.array_equal(one.rooms, a.rooms) for one, (a, _) in zip(plain, pairs, strict=True))
+    assert {a.noisy for a, _ in pairs} == {True, False}
+    for a, b in pairs:
+        assert (a is b) == (not a.noisy)
+        assert (a.kind, a.noisy) == (b.kind, b.noisy)
 
 
 def test_polygonal_buildings_are_drawn_or_have_noise(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -70,7 +70,7 @@ def test_models_for_ragged_walls_are_the_mean_of_those_that_see_the_network_and_
     parted = make_example(plan(), rooms, 0.05, building="a", kind="x")
     whole = make_example(plan(), np.minimum(rooms, 1), 0.05, building="b", kind="x")
     config = MergingTrainingConfig(rounds=1, forests=1, trees=4, leaves=4)
-    models = train_all_models([parted, whole] * 8, [], config)
+    models = train_all_models([parted, whole] * 7, [(parted, whole), (whole, whole)], [], config)
     assert models.askew is None and models.ragged is not None
     assert models.cut is not None and models.ragged.cut is not None
     assert len(models.ragged.pairs.roots) == 2 * len(models.pairs.roots)
