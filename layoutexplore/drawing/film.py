@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Any
 
 from layoutexplore.errors import ConfigError, require
+from layoutexplore.files import put_in_place
 from layoutexplore.grids.arrays import Bytes
 
 SUFFIXES = (".mp4", ".gif")
@@ -67,5 +68,5 @@ class Film:
                 self._writer.append_data(self._last)
         self._writer.close()
         if kind is None and self._last is not None:
-            self._unfinished.replace(self.path)
+            put_in_place(self._unfinished, self.path)
         self._folder.cleanup()

@@ -11,7 +11,15 @@ from layoutexplore.files.limits import limits
 from layoutexplore.files.names import safe_name
 from layoutexplore.files.reading import fingerprint, is_there, read_bytes, read_text
 from layoutexplore.files.tables import parse_csv, read_csv, write_csv
-from layoutexplore.files.writing import HALF, atomic, check_places, to_toml, write_atomically, write_json
+from layoutexplore.files.writing import (
+    HALF,
+    atomic,
+    check_places,
+    put_in_place,
+    to_toml,
+    write_atomically,
+    write_json,
+)
 
 __all__ = [
     "HALF",
@@ -26,6 +34,7 @@ __all__ = [
     "parse_csv",
     "parse_json",
     "parse_toml",
+    "put_in_place",
     "read_arrays",
     "read_bytes",
     "read_csv",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -24,6 +25,8 @@ HALF = ".part"
 def atomic(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that replaces it when the block ends well, and vanishes otherwise.
 
+    A device or a pipe (/dev/null, /dev/stdout) is not replaced but written to.
+
     Raises:
         WriteError: The file cannot be written.
     """
@@ -32,17 +35,44 @@ def atomic(path: Path) -> Iterator[Path]:
         raise WriteError(f"{shortened(str(path))}: cannot write: a name cannot hold a null character")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=HALF, dir=path.parent)
+        folder = None if _is_special(path) else path.parent
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=HALF, dir=folder)
         os.close(handle)
         temporary = Path(name)
         yield temporary
-        temporary.chmod(0o644)
-        temporary.replace(path)
+        put_in_place(temporary, path)
     except OSError as error:
         raise WriteError(f"{path}: cannot write: {error.strerror or error}") from error
     finally:
         if temporary:
             temporary.unlink(missing_ok=True)
+
+
+def put_in_place(file: Path, path: Path) -> None:
+    """Move a file to where it belongs; into a device or a pipe that is there its bytes are written.
+
+    Raises:
+        OSError: It cannot be written.
+        WriteError: There is a disk.
+    """
+    if not _is_special(path):
+        file.chmod(0o644)
+        file.replace(path)
+        return
+    if path.is_block_device():
+        raise WriteError(f"{path}: cannot write: it is a disk")
+    # Nobody may read the other end of a pipe: that is an error at once, and no wait without end.
+    target = os.open(path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_NONBLOCK", 0))
+    with os.fdopen(target, "wb") as out, file.open("rb") as source:
+        os.set_blocking(target, True)
+        shutil.copyfileobj(source, out)
+
+
+def _is_special(path: Path) -> bool:
+    """Whether what lies there is no file or folder, or a link to what a process has open (/dev/stdout)."""
+    if path.is_symlink() and str(path.readlink()).startswith("/proc/"):
+        return True
+    return path.exists() and not (path.is_file() or path.is_dir())
 
 
 def write_atomically(path: Path, data: bytes | str) -> None:

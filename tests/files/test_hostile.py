@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import io
 import json
 import os
 import random
+import stat
 import struct
+import subprocess
 import sys
+import threading
 import zipfile
 import zlib
 from pathlib import Path
@@ -29,7 +33,15 @@ from layoutexplore.errors import (
     WriteError,
     unknown_name,
 )
-from layoutexplore.files import atomic, read_arrays, read_toml, read_yaml, to_toml, write_arrays
+from layoutexplore.files import (
+    atomic,
+    read_arrays,
+    read_toml,
+    read_yaml,
+    to_toml,
+    write_arrays,
+    write_atomically,
+)
 from layoutexplore.files.archives import CHECKSUM
 from layoutexplore.files.images import declared_size
 from layoutexplore.files.limits import VARIABLE, limits
@@ -148,6 +160,41 @@ def test_links_at_temporary_names_are_not_followed(tmp_path: Path) -> None:
         assert not temporary.is_symlink()
         temporary.write_text("new")
     assert victim.read_text() == "precious" and (tmp_path / "a.txt").read_text() == "new"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs pipes and Linux's devices")
+def test_devices_and_pipes_are_written_to_and_never_replaced(tmp_path: Path) -> None:
+    pipe, device = tmp_path / "pipe", tmp_path / "device"
+    os.mkfifo(pipe)
+    with pytest.raises(WriteError, match="pipe: cannot write"):  # nobody reads
+        write_atomically(pipe, "x")
+    read: list[bytes] = []
+    reader = threading.Thread(target=lambda: read.append(pipe.read_bytes()))
+    reader.start()
+    while True:  # until the reader has opened it
+        with contextlib.suppress(WriteError):
+            write_atomically(pipe, b"x" * 200_000)
+            break
+    reader.join()
+    assert read == [b"x" * 200_000] and stat.S_ISFIFO(pipe.stat().st_mode)
+    device.symlink_to("/dev/full")
+    with pytest.raises(WriteError, match=r"device: cannot write: No space left"):
+        write_atomically(device, "x")
+    assert stat.S_ISCHR(device.stat().st_mode)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["device", "pipe"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /dev/stdout")
+def test_standard_output_can_be_written_to(tmp_path: Path) -> None:
+    code = (
+        "from pathlib import Path; from layoutexplore.files import write_atomically\n"
+        "write_atomically(Path('/dev/stdout'), 'x')"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert run.stdout == b"x" and Path("/dev/stdout").is_symlink()
+    with (tmp_path / "a.txt").open("wb") as file:
+        subprocess.run([sys.executable, "-c", code], stdout=file, check=True)
+    assert (tmp_path / "a.txt").read_bytes() == b"x" and Path("/dev/stdout").is_symlink()
 
 
 def test_values_of_an_archive_are_those_that_were_written(tmp_path: Path) -> None:
