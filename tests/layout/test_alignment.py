@@ -59,7 +59,8 @@ def test_labels_of_the_whole_grid_lie_in_the_turned_frame_as_its_cells_do(
     at = np.unravel_index(found[inside] - 1, cells.shape)
     # all that is turned is looked up in the same place, but for occupied cells, of which none is lost
     same = turned.cells[inside] == cells[at]
-    assert (same | (turned.cells[inside] == 100)).mean() > 0.9
+    other = ~same & (turned.cells[inside] != 100)
+    assert np.count_nonzero(other) <= 1 + 0.1 * len(other)
     if straight:
         assert inside.all() and same.all()
 
