@@ -26,7 +26,7 @@ from layoutexplore.priors.registration import Registration
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 
-COVERAGES = (0.05, 0.1, 0.15, 0.25, 0.35, 0.5)
+COVERAGES = (0.05, 0.1, 0.15, 0.25, 0.35, 0.5, 0.75)
 """Shares of the floor seen at which registrations are judged."""
 
 RIGHT = 1.0
@@ -197,6 +197,20 @@ def moments_of(rows: Sequence[RegistrationRow]) -> list[tuple[str, str, str, flo
         key = row.plan, row.sensor, row.kind
         shares[key] = max(row.coverage, shares.get(key, 0.0))
         found.append((*key, shares[key]))
+    return found
+
+
+@checks_arguments
+def rows_until(rows: Sequence[RegistrationRow], share: float) -> list[RegistrationRow]:
+    """Those until so much of the floor has been seen, of explorations from their beginning on."""
+    done: set[tuple[str, str, str]] = set()
+    found = []
+    for row in rows:
+        key = row.plan, row.sensor, row.kind
+        if key not in done:
+            found.append(row)
+        if row.coverage >= share:
+            done.add(key)
     return found
 
 

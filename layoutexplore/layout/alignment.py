@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.layout.canonical import Orientation, T
 
@@ -92,23 +92,23 @@ def askew_directions(directions: Floats, angle: float) -> Floats:
 
 def _turn(cells: Cells, angle: float) -> Cells:
     """The cells turned by an angle around their middle, each looked up, and no occupied one lost."""
-    high, wide = cells.shape
+    beyond = int(np.array(UNKNOWN, np.int8).view(np.uint8))
+    turned = _looked_up(np.ascontiguousarray(cells).view(np.uint8), angle, beyond).view(np.int8)
+    # A look-up skips cells where the grids beat against each other: no occupied one may be lost.
+    at = turned_places(places(cells, OCCUPIED), angle, cells.shape, turned.shape)
+    turned[at[:, 0], at[:, 1]] = OCCUPIED
+    return turned
+
+
+def _looked_up(values: Bytes, angle: float, beyond: int) -> Bytes:
+    """Bytes uint8 (rows, cols[, channels]) turned by an angle around their middle, `beyond` outside."""
+    high, wide = values.shape[:2]
     c, s = math.cos(angle), math.sin(angle)
     rows, cols = (math.ceil(a * abs(c) + b * abs(s)) + 2 for a, b in ((high, wide), (wide, high)))
     r0, c0, r1, c1 = (0.5 * (size - 1) for size in (high, wide, rows, cols))
-    looked_up = np.array([[c, -s, c0 - c * c1 + s * r1], [s, c, r0 - s * c1 - c * r1]])
-    found = cv2.warpAffine(
-        np.ascontiguousarray(cells).view(np.uint8),
-        looked_up,
-        (cols, rows),
-        flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
-        borderValue=int(np.array(UNKNOWN, np.int8).view(np.uint8)),
-    )
-    turned = np.asarray(found).view(np.int8)
-    # A look-up skips cells where the grids beat against each other: no occupied one may be lost.
-    at = turned_places(places(cells, OCCUPIED), angle, (high, wide), (rows, cols))
-    turned[at[:, 0], at[:, 1]] = OCCUPIED
-    return turned
+    places_of = np.array([[c, -s, c0 - c * c1 + s * r1], [s, c, r0 - s * c1 - c * r1]])
+    flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    return np.asarray(cv2.warpAffine(values, places_of, (cols, rows), flags=flags, borderValue=(beyond,) * 4))
 
 
 def places(cells: Cells, wanted: int) -> Ints:
@@ -192,7 +192,7 @@ def turn(
 
 
 def turn_labels(labels: Ints32, turned: Turned) -> Ints32:
-    """Labels of the whole grid in the turned frame, each looked up: the opposite of `turn_back`.
+    """Labels of the whole grid in the turned frame, each looked up as its cell: the opposite of `turn_back`.
 
     Args:
         labels: int32 (rows, cols).
@@ -205,13 +205,10 @@ def turn_labels(labels: Ints32, turned: Turned) -> Ints32:
     part = turned.orientation.apply(np.ascontiguousarray(labels[row : row + rows, col : col + cols]))
     if not turned.angle:
         return part
-    c, s = math.cos(turned.angle), math.sin(turned.angle)
-    (high, wide), (r1, c1) = part.shape, (0.5 * (size - 1) for size in turned.cells.shape)
-    y, x = np.arange(turned.cells.shape[0])[:, None] - r1, np.arange(turned.cells.shape[1]) - c1
-    i = np.floor(0.5 * (high - 1) + s * x + c * y + 0.5).astype(np.int64)
-    j = np.floor(0.5 * (wide - 1) + c * x - s * y + 0.5).astype(np.int64)
-    inside = (i >= 0) & (i < high) & (j >= 0) & (j < wide)
-    return np.where(inside, part[np.clip(i, 0, high - 1), np.clip(j, 0, wide - 1)], 0).astype(np.int32)
+    # Four bytes a label are looked up as one is of a cell, and at the same places.
+    as_bytes = np.ascontiguousarray(part, np.int32).view(np.uint8).reshape(*part.shape, 4)
+    found: Ints32 = _looked_up(as_bytes, turned.angle, 0).view(np.int32)[:, :, 0]
+    return found
 
 
 def turn_back(labels: NDArray[T], turned: Turned, shape: tuple[int, int]) -> NDArray[T]:

@@ -8,7 +8,7 @@ import numpy as np
 from layoutexplore.grids.arrays import Bytes, Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell, Pose, in_cells
 from layoutexplore.grids.morphology import inflate
-from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
 from layoutexplore.planning.shortest_paths import geodesic_distances
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper
@@ -133,26 +133,35 @@ def choose_stops(allowed: Mask, resolution: float, rng: np.random.Generator) -> 
     return [(int(r), int(c)) for r, c in some[:: max(len(some) // int(rng.choice(STOPS)), 1)]]
 
 
-def simulated_example(plan: FloorPlan, rng: np.random.Generator) -> Example | None:
-    """A map of a floor plan as something to learn from; None for a plan too large or too small."""
-    raster = plan.rasterize(RESOLUTION)
-    if raster.room_ids.size > round(LARGEST / RESOLUTION**2):
-        return None
+def scanned_cells(raster: PlanRaster, rng: np.random.Generator) -> Cells | None:
+    """A floor plan as a lidar sees it, furnished or not, int8 (rows, cols); None where no robot fits in."""
     density = float(rng.choice(DENSITIES))
     occupied = (
         furnish_cells(raster.occupied, raster.room_ids, density, RESOLUTION, rng)
         if density
         else raster.occupied
     )
-    cells = see(occupied, raster.origin, rng)
+    return see(occupied, raster.origin, rng)
+
+
+def drawn_cells(plan: FloorPlan, raster: PlanRaster, rng: np.random.Generator) -> Cells:
+    """A whole floor plan as it is drawn, two in three with furniture, int8 (rows, cols)."""
+    return drawn(draw_furniture(plan, raster, rng) if rng.random() < 2 / 3 else raster.occupied)
+
+
+def simulated_example(plan: FloorPlan, rng: np.random.Generator) -> Example | None:
+    """A map of a floor plan as something to learn from; None for a plan too large or too small."""
+    raster = plan.rasterize(RESOLUTION)
+    if raster.room_ids.size > round(LARGEST / RESOLUTION**2):
+        return None
+    cells = scanned_cells(raster, rng)
     if cells is None:
         return None
     return make_example(cells, raster.room_ids, RESOLUTION, building=SIMULATED, kind=plan.name)
 
 
 def drawn_example(plan: FloorPlan, rng: np.random.Generator) -> Example:
-    """A map of a whole floor plan as it is drawn, two in three with furniture, as something to learn from."""
+    """A map of a whole floor plan as it is drawn, as something to learn from."""
     raster = plan.rasterize(RESOLUTION)
-    occupied = draw_furniture(plan, raster, rng) if rng.random() < 2 / 3 else raster.occupied
-    cells = drawn(occupied)
+    cells = drawn_cells(plan, raster, rng)
     return make_example(cells, raster.room_ids, RESOLUTION, building=SIMULATED, kind=plan.name)

@@ -77,7 +77,7 @@ def test_registrations_are_studied_and_one_building_is_too_few_to_learn_from(tmp
     result = runner.invoke(app, ["evaluate", "registration", *words])
     assert result.exit_code == 0, result.output
     table = (tmp_path / "registration.md").read_text()
-    assert "| true | 50% | 1 |" in table and "Calibration error" in table
+    assert "| true | 75% | 1 |" in table and "Calibration error" in table
     fitted = runner.invoke(app, ["evaluate", "train-prior", *words])
     assert fitted.exit_code != 0 and "two buildings" in str(fitted.exception)
 

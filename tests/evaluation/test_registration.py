@@ -13,6 +13,7 @@ from layoutexplore.evaluation.registration import (
     confidences,
     moments_of,
     registration_rows,
+    rows_until,
     score_registrations,
 )
 from layoutexplore.maps.library import load_plan
@@ -60,6 +61,13 @@ def test_moments_are_what_had_been_seen() -> None:
     rows = [row("true", 0.0, 1.0), row("true", 0.1, 1.0), row("true", 0.0, 1.0), row("wrong", 0.0, 1.0)]
     shares = [moment[-1] for moment in moments_of(rows)]
     assert shares == [0.0, 0.1, 0.1, 0.0]
+
+
+def test_rows_end_where_so_much_has_been_seen() -> None:
+    rows = [row("true", 0.0, 1.0), row("wrong", 0.5, 2.0), row("true", 0.5, 3.0), row("wrong", 0.0, 4.0)]
+    rows += [row("true", 0.75, 5.0)]
+    assert [kept.error for kept in rows_until(rows, 0.5)] == [1.0, 2.0, 3.0]
+    assert rows_until(rows, 0.9) == rows
 
 
 def test_a_kind_without_another_floor_is_left_out() -> None:

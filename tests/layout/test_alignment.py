@@ -57,10 +57,10 @@ def test_labels_of_the_whole_grid_lie_in_the_turned_frame_as_its_cells_do(
     assert found.shape == turned.cells.shape
     inside = found > 0
     at = np.unravel_index(found[inside] - 1, cells.shape)
+    assert inside.any() or cells.size == 1  # which may lie between the cells of the turned frame
     # all that is turned is looked up in the same place, but for occupied cells, of which none is lost
     same = turned.cells[inside] == cells[at]
-    other = ~same & (turned.cells[inside] != 100)
-    assert np.count_nonzero(other) <= 1 + 0.1 * len(other)
+    assert (same | (turned.cells[inside] == 100)).all()
     if straight:
         assert inside.all() and same.all()
 

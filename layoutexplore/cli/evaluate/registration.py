@@ -91,11 +91,16 @@ def train_prior(
     import numpy as np
 
     from layoutexplore.evaluation.partial_rooms_summary import calibration_error
-    from layoutexplore.evaluation.registration import moments_of
+    from layoutexplore.evaluation.registration import moments_of, rows_until
     from layoutexplore.files import write_json
-    from layoutexplore.training.priors.confidence import example_weights, fit_confidence, held_out_confidence
+    from layoutexplore.training.priors.confidence import (
+        LEARNT_UNTIL,
+        example_weights,
+        fit_confidence,
+        held_out_confidence,
+    )
 
-    found = _rows(plans, out, kind, sensor, among, jobs)
+    found = rows_until(_rows(plans, out, kind, sensor, among, jobs), LEARNT_UNTIL)
     rows = [row for row in found if row.features and row.kind != UNPLACED]
     features = np.array([row.features for row in rows])
     right = np.array([row.right for row in rows])

@@ -17,6 +17,9 @@ RIDGE = 1.0
 MIRRORED_WEIGHT = 0.7
 """What an example with a mirrored plan counts: they are rarer on walls than in studies."""
 
+LEARNT_UNTIL = 0.5
+"""Share of the floor seen up to which registrations are learnt from: later, hardly one is in doubt."""
+
 ROUNDS = 30
 
 

@@ -14,7 +14,13 @@ from layoutexplore.grids.grid import OCCUPIED
 from layoutexplore.layout.alignment import turn_labels
 from layoutexplore.layout.limits import cells_at_most
 from layoutexplore.layout.merging.method import MergingConfig
-from layoutexplore.layout.merging.separator.planes import KINDS, PATCH, SQUARE, fine_index, network_input
+from layoutexplore.layout.merging.separator.planes import (
+    KINDS,
+    PATCH,
+    fine_index,
+    network_input,
+    square_middles,
+)
 from layoutexplore.layout.merging.walls.aligned_map import AlignedMap, align_map
 from layoutexplore.layout.timing import StageTimer
 
@@ -68,7 +74,7 @@ def _rooms_of_squares(truth: Ints32, resolution: float, shape: tuple[int, ...]) 
     spread = truth.copy()
     spread_in_place(spread, truth == 0, cells_at_most(SPREAD, resolution, max(truth.shape)))
     rows, cols = (
-        np.minimum(((np.arange(squares) + 0.5) * SQUARE / resolution).astype(int), size - 1)
+        np.minimum(square_middles(squares, resolution), size - 1)
         for squares, size in zip(shape, truth.shape, strict=True)
     )
     return np.asarray(spread[np.ix_(rows, cols)], np.int16)

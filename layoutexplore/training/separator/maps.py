@@ -6,7 +6,6 @@ Each is learnt from as it is and weathered (`layoutexplore.training.map_noise.we
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
 
 import numpy as np
 
@@ -19,8 +18,7 @@ from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.fit import LARGEST
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
 from layoutexplore.training.map_noise.weather import weather
-from layoutexplore.training.polygonal_buildings.drawn_furniture import draw_furniture
-from layoutexplore.training.simulated_maps import DENSITIES, RESOLUTION, drawn, furnish_cells, see
+from layoutexplore.training.simulated_maps import RESOLUTION, drawn_cells, scanned_cells
 
 KnownMap = tuple[Cells, Ints32, float]
 """A map int8 (rows, cols), the true room of each cell int32 (rows, cols), 0 for none, and metres a cell."""
@@ -30,7 +28,7 @@ KINDS, NOISY, SCANNED = 8, 6, 6
 alone, the last one as a plan is drawn."""
 
 GIVEN = 3
-"""Every so manieth plan is a given one, the others are generated."""
+"""One plan in so many is a given one, the others are generated."""
 
 
 def separator_maps(
@@ -76,11 +74,5 @@ def _map_of(plan: FloorPlan, kind: int, rng: np.random.Generator) -> KnownMap | 
     raster = plan.rasterize(RESOLUTION)
     if raster.room_ids.size > round(LARGEST / RESOLUTION**2):
         return None
-    rooms = raster.room_ids.astype(np.int32)
-    if kind > SCANNED:
-        furnished = rng.random() < 2 / 3
-        return drawn(draw_furniture(plan, raster, rng) if furnished else raster.occupied), rooms, RESOLUTION
-    density = float(rng.choice(DENSITIES))
-    furnish = partial(furnish_cells, raster.occupied, raster.room_ids, density, RESOLUTION, rng)
-    cells = see(furnish() if density else raster.occupied, raster.origin, rng)
-    return None if cells is None else (cells, rooms, RESOLUTION)
+    cells = drawn_cells(plan, raster, rng) if kind > SCANNED else scanned_cells(raster, rng)
+    return None if cells is None else (cells, raster.room_ids.astype(np.int32), RESOLUTION)

@@ -26,7 +26,7 @@ def test_training_learns_where_rooms_end() -> None:
     config = SeparatorTrainingConfig(steps=60, batch=4, crop=24)
     told: list[tuple[int, int, float]] = []
     weights = fit_separator([example], config, lambda *args: told.append(args)).weights()
-    assert len(told) == 60 and told[-1][2] < 0.8 * told[0][2]
+    assert len(told) == 60 and told[-1][2] < 0.7 * told[0][2]
     odds = SeparatorNetwork(weights).forward(np.moveaxis(as_input(example.shares), 0, 2))[..., BORDER]
     truth, weight = targets_of(example)
     right = (odds > 0) == (truth[BORDER] > 0)

@@ -9,16 +9,10 @@ from layoutexplore.grids.arrays import Floats, Floats32, Ints32
 from layoutexplore.layout.merging.contact_table import BorderMap
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE, edge_slots, find_slot
 from layoutexplore.layout.merging.separator.network import BORDER, NEAR, OFFSETS, OUTSIDE
-from layoutexplore.layout.merging.separator.planes import SQUARE, fine_index
+from layoutexplore.layout.merging.separator.planes import fine_index, square_middles
 
 MOST = 4.0
 """Log-odds count up to this much for or against."""
-
-
-def square_middles(size: int, squares: int, resolution: float) -> Ints32:
-    """int32 (squares,): the row or column of cells at the middle of each of squares; -1 beyond the map."""
-    at = np.floor((np.arange(squares) + 0.5) * (SQUARE / resolution)).astype(np.int32)
-    return np.where(at < size, at, -1).astype(np.int32)
 
 
 def border_map(odds: Floats32, shape: tuple[int, int], resolution: float) -> BorderMap:
@@ -43,9 +37,10 @@ def add_separator(
         nodes: float64 (k + 1, columns of `NODE`), changed.
         resolution: Metres a cell.
     """
-    rows = square_middles(labels.shape[0], odds.shape[0], resolution)
-    cols = square_middles(labels.shape[1], odds.shape[1], resolution)
-    at = np.where((rows >= 0)[:, None] & (cols >= 0), labels[np.ix_(rows, cols)], 0).astype(np.int32)
+    rows, cols = (square_middles(squares, resolution) for squares in odds.shape[:2])
+    high, wide = (int(np.searchsorted(m, size)) for m, size in zip((rows, cols), labels.shape, strict=True))
+    at = np.zeros(odds.shape[:2], np.int32)  # no region beyond the map
+    at[:high, :wide] = labels[np.ix_(rows[:high], cols[:wide])]
     _add_pairs(at, odds, np.array(OFFSETS, np.int64), ends, edges, nodes)
 
 

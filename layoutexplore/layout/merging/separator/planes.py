@@ -33,6 +33,11 @@ def fine_index(size: int, resolution: float) -> Ints32:
     return np.asarray(np.floor((np.arange(size) + 0.5) * (resolution / FINE)), np.int32)
 
 
+def square_middles(squares: int, resolution: float) -> Ints32:
+    """int32 (squares,): the row or column of cells at the middle of each of squares, beyond the map too."""
+    return np.asarray(np.floor((np.arange(squares) + 0.5) * (SQUARE / resolution)), np.int32)
+
+
 def network_input(cells: Cells, wall: Mask, gap: Ints32, resolution: float) -> Floats32:
     """float32 (places, places, PATCH * PATCH * KINDS), rows before columns before kinds; 0 beyond the map.
 
