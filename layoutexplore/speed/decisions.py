@@ -21,6 +21,9 @@ from layoutexplore.speed.measurement import SpeedRow
 AREAS = (500.0, 1000.0, 2000.0, 4000.0, 8000.0)
 """Square metres of floor."""
 
+_WARMING_AREAS = (500.0, 2000.0)
+"""Explored before anything is timed, so that all kernels are compiled: large maps have paths of their own."""
+
 AGENTS = ("nearest", "latency-tour", "layout-tour")
 
 RESOLUTION = 0.05
@@ -48,7 +51,8 @@ class GrowthRow(SpeedRow):
 def decisions() -> Iterator[SpeedRow]:
     """Choice, path, scans, map, frontiers, distances and prediction, by agent and floor area."""
     for agent in AGENTS:
-        decision_times(plan_of(AREAS[0]), agent, RESOLUTION)  # Compiles.
+        for area in _WARMING_AREAS:
+            decision_times(plan_of(area), agent, RESOLUTION)
         for area in AREAS:
             times = 1e3 * decision_times(plan_of(area), agent, RESOLUTION)
             quarters = tuple(float(part.mean()) for part in np.array_split(times, 4))
