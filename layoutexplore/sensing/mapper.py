@@ -97,7 +97,7 @@ class Mapper:
         occupied_count: Number of occupied cells.
         config: How `integrate` weighs evidence.
 
-    Memory: one byte a cell; `integrate` adds seven more (evidence, marks and counts of beams) from its first
+    Memory: one byte a cell; `integrate` adds seven more (evidence, marks and counts of hits) from its first
     call on. Use one of `observe` and `integrate` on a map: what is observed is no evidence that later scans
     are weighed against.
 
@@ -181,9 +181,9 @@ class Mapper:
         """Weigh a scan as evidence; the grid's cells follow where the evidence crosses a threshold.
 
         Along a beam of a finite range the cells before its end gain evidence of being free, the cell it ends
-        in of being occupied. A beam of +inf (no return) counts as free up to `range_max`; NaN (a failed beam)
-        tells nothing. A cell is weighed once a scan: that beams ended in it prevails over others that crossed
-        it where they are `MapperConfig.hit_share` of them or more.
+        in of being occupied. A beam of +inf (no return) counts as free up to `range_max`; NaN or a negative
+        range (a failed beam) tells nothing. A cell is weighed once a scan: that beams ended in it prevails
+        over others that crossed it where they are `MapperConfig.hit_share` of them or more.
 
         Args:
             pose: Where the robot believes it stands.
@@ -275,7 +275,9 @@ def field_of_view(config: LidarConfig, resolution: float) -> FieldOfView:
     """What a lidar sees on a grid of that resolution, kept between calls."""
     dense = _dense_reach(config)
     reach = config.range_max / resolution
-    return FieldOfView(*beam_table(config), float(config.angle_offset), reach, dense, not config.full_turn)
+    unit_x, unit_y = beam_table(config)
+    middle, increment = float(config.angle_offset), float(config.angle_increment)
+    return FieldOfView(unit_x, unit_y, middle, increment, reach, dense, not config.full_turn)
 
 
 def _dense_reach(config: LidarConfig) -> int:

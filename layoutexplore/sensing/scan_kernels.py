@@ -30,6 +30,7 @@ class FieldOfView(NamedTuple):
         unit_x: float64 (n,), cosine of the beams relative to the heading.
         unit_y: float64 (n,), their sine.
         middle: Angle in radians of the middle of the field of view, relative to the heading.
+        increment: Angle in radians between neighbouring beams, which are in order.
         range_max: In cells.
         dense: The rays leave no cell in sight out within this many cells of the robot. The open square around
             it, up to that size, is updated as a whole, exactly as the rays would, and they start at its
@@ -40,6 +41,7 @@ class FieldOfView(NamedTuple):
     unit_x: Floats
     unit_y: Floats
     middle: float
+    increment: float
     range_max: float
     dense: int
     half: bool

@@ -110,7 +110,7 @@ def test_updating_the_open_square_at_once_changes_nothing(
     mapper.observe(lidar, pose)
     plain = np.full(world.shape, -1, np.int8)
     position = pose.x / 0.1, pose.y / 0.1
-    view = FieldOfView(*beam_table(config), 0.0, config.range_max / 0.1, -1, False)
+    view = FieldOfView(*beam_table(config), 0.0, config.angle_increment, config.range_max / 0.1, -1, False)
     update_occupancy(lidar.padded_clearance, plain, *position, heading, view)
     assert np.array_equal(mapper.grid.cells, plain)
 
@@ -190,6 +190,62 @@ def test_integrating_exact_ranges_gives_the_observed_map(seed: int, density: flo
     # A prolonged beam that only clips the corner of a wall's cell may end in the cell behind it.
     assert (seen.grid.cells != weighed.grid.cells).mean() < 0.005
     assert_update(update, np.full(world.shape, -1, np.int8), weighed)
+
+
+def weigh_slowly(evidence: NDArray, pose: Pose, ranges: NDArray, lidar: LidarConfig) -> None:
+    """One scan on a grid of one metre a cell: every beam walked, beams that end and that cross counted."""
+    crossed, ended = np.zeros(evidence.shape, int), np.zeros(evidence.shape, int)
+    for angle, measured in zip(lidar.angles() + pose.theta, ranges.astype(float), strict=True):
+        if math.isnan(measured):
+            continue
+        length = measured + 1e-3
+        cells, _ = walk_cells(
+            np.zeros(evidence.shape, bool), pose.x, pose.y, angle, min(length, lidar.range_max)
+        )
+        for cell in cells:
+            crossed[cell] += 1
+        if length <= lidar.range_max + 2e-3:
+            row, col = (
+                math.floor(pose.y + length * math.sin(angle)),
+                math.floor(pose.x + length * math.cos(angle)),
+            )
+            if 0 <= row < evidence.shape[0] and 0 <= col < evidence.shape[1]:
+                ended[row, col] += 1
+    hit = (ended > 0) & (10 * ended >= crossed)
+    evidence[hit] = np.minimum(evidence[hit] + 85, 350)
+    missed = ~hit & (crossed + ended > 0)
+    evidence[missed] = np.maximum(evidence[missed] - 40, -200)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.integers(0, 2**32),
+    st.sampled_from([1, 2, 7, 50, 180, 719]),
+    st.sampled_from([0.5, math.pi, 6.0, 2 * math.pi]),
+    st.sampled_from([0.0, 0.05, 0.4]),
+)
+def test_noisy_scans_are_weighed_as_beam_by_beam(seed: int, beams: int, fov: float, dropout: float) -> None:
+    rng = np.random.default_rng(seed)
+    world = random_world(rng, 40, rng.choice([0.003, 0.02, 0.1]))
+    noise = float(rng.choice([0.01, 0.3, 3.0]))
+    config = LidarConfig(range_max=18.0, fov=fov, beams=beams, range_noise_std=noise, dropout=dropout)
+    lidar, mapper = Lidar(config, world, 1.0, ORIGIN), Mapper(world.shape, 1.0, ORIGIN)
+    evidence, cells = np.zeros(world.shape, int), np.full(world.shape, -1, np.int8)
+    place = rng.uniform(1, 39, 2)
+    for _ in range(6):
+        pose = Pose(*np.clip(place + rng.normal(0, 1, 2), 0.1, 39.9), rng.uniform(-4, 4))
+        ranges, before = lidar.scan(pose, rng), mapper.grid.cells.copy()
+        update = mapper.integrate(pose, ranges, config)
+        weigh_slowly(evidence, pose, ranges, config)
+        cells[evidence <= -40] = 0
+        cells[evidence >= 85] = 100
+        assert np.array_equal(mapper.grid.cells, cells)
+        assert_update(update, before, mapper)
+
+
+def test_a_negative_range_is_that_of_a_failed_beam() -> None:
+    mapper, lidar, pose = corridor_mapper()
+    assert mapper.integrate(pose, np.array([-2.0]), lidar) == ScanUpdate(0, 0, NOTHING)
 
 
 def corridor_mapper(config: MapperConfig | None = None) -> tuple[Mapper, LidarConfig, Pose]:
