@@ -66,10 +66,10 @@ def import_plan(
 
     A ROS map or a picture is cleaned and divided into rooms by a layout method, unless an image of its rooms
     lies beside it. OUT.geojson is the floor plan, for every command that takes one; OUT.png shows it with the
-    places of the findings.
+    places of the findings; a device or a pipe as OUT gets the floor plan alone.
     """
     from layoutexplore.drawing.findings import draw_findings
-    from layoutexplore.files import check_places, write_atomically
+    from layoutexplore.files import check_places, is_special, write_atomically
     from layoutexplore.grids.ros_map import encode_png
     from layoutexplore.importing.findings import find_faults
     from layoutexplore.importing.pictures import picture_config
@@ -88,8 +88,10 @@ def import_plan(
     building = _building(source, config, rooms, _columns(column or []))
     findings = find_faults(building.plan)
     save_plan(building.plan, out)
-    picture = out.with_suffix(".png")
-    write_atomically(picture, encode_png(draw_findings(building.plan, findings)))
+    # Beside a device or a pipe is no place for a picture.
+    picture = None if is_special(out) else out.with_suffix(".png")
+    if picture is not None:
+        write_atomically(picture, encode_png(draw_findings(building.plan, findings)))
     for line in _summary(out, picture, building.plan, findings):
         typer.echo(line)
     for path in [] if robot is None else write_robot_files(building, robot, radius=robot_radius):
@@ -121,18 +123,20 @@ def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str
     return import_building(source, config, method=rooms)
 
 
-def _summary(out: Path, picture: Path, plan: FloorPlan, findings: list[Finding]) -> list[str]:
+def _summary(out: Path, picture: Path | None, plan: FloorPlan, findings: list[Finding]) -> list[str]:
     """What was imported, and what to correct in it, with places in metres."""
     from layoutexplore.errors import counted
 
     note = f", {plan.metadata['scale']}" if "scale" in plan.metadata else ""
     rooms, doors = counted(len(plan.rooms), "room"), counted(len(plan.doors), "door")
-    lines = [f"{out}: {plan.name}, {rooms}, {doors}, {plan.area:.0f} m2{note}", f"drawn into {picture}"]
+    drawn = f"{out} is no file: no picture is drawn beside it" if picture is None else f"drawn into {picture}"
+    lines = [f"{out}: {plan.name}, {rooms}, {doors}, {plan.area:.0f} m2{note}", drawn]
     if findings:
         kinds = ", ".join(f"{count} {kind}" for kind, count in Counter(f.kind for f in findings).items())
-        lines.append(f"to look at ({kinds}), by number in the picture:")
+        lines.append(f"to look at ({kinds}){'' if picture is None else ', by number in the picture'}:")
     for number, finding in enumerate(findings[:MOST_FINDINGS], start=1):
         lines.append(f"  {number}. at x {finding.x:.1f}, y {finding.y:.1f}: {finding.text}")
     if len(findings) > MOST_FINDINGS:
-        lines.append(f"  ... and {len(findings) - MOST_FINDINGS} more, all in the picture")
+        rest = "" if picture is None else ", all in the picture"
+        lines.append(f"  ... and {len(findings) - MOST_FINDINGS} more{rest}")
     return lines

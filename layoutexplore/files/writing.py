@@ -35,7 +35,7 @@ def atomic(path: Path) -> Iterator[Path]:
         raise WriteError(f"{shortened(str(path))}: cannot write: a name cannot hold a null character")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        folder = None if _is_special(path) else path.parent
+        folder = None if is_special(path) else path.parent
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=HALF, dir=folder)
         os.close(handle)
         temporary = Path(name)
@@ -55,7 +55,7 @@ def put_in_place(file: Path, path: Path) -> None:
         OSError: It cannot be written.
         WriteError: There is a disk.
     """
-    if not _is_special(path):
+    if not is_special(path):
         file.chmod(0o644)
         file.replace(path)
         return
@@ -68,7 +68,7 @@ def put_in_place(file: Path, path: Path) -> None:
         shutil.copyfileobj(source, out)
 
 
-def _is_special(path: Path) -> bool:
+def is_special(path: Path) -> bool:
     """Whether what lies there is no file or folder, or a link to what a process has open (/dev/stdout)."""
     if path.is_symlink() and str(path.readlink()).startswith("/proc/"):
         return True

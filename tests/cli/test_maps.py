@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import sys
 from pathlib import Path
 
 import cv2
@@ -42,6 +44,20 @@ def test_command_line(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError):
         invoke("show", "nothing-like-this")
     shutil.rmtree(tmp_path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs pipes")
+def test_no_picture_is_put_beside_a_pipe(tmp_path: Path) -> None:
+    source, pipe = write_houseexpo(tmp_path), tmp_path / "out" / "pipe"
+    pipe.parent.mkdir()
+    os.mkfifo(pipe)
+    # Open for reading and writing, so that neither side waits; the plan fits into the pipe.
+    held = os.open(pipe, os.O_RDWR)
+    code, text = invoke("import", str(source), "--out", str(pipe))
+    written = os.read(held, 1 << 16)
+    os.close(held)
+    assert code == 0 and "no picture is drawn" in text and b"FeatureCollection" in written
+    assert list(pipe.parent.iterdir()) == [pipe]
 
 
 def test_a_ros_map_is_explored_with_its_rooms_in_two_commands(tmp_path: Path) -> None:
