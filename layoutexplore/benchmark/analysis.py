@@ -168,11 +168,15 @@ def summarise_agents(rows: Iterable[Row], baseline: str, curves: Curves) -> list
     found = []
 
     @functools.cache
+    def covered(row: Row, scale: float) -> float:
+        """Mean coverage of a run; it counts for two groups, and the baseline's for every agent."""
+        curve = curves(row)
+        return mean_coverage(curve[:, 0], curve[:, 1], scale)
+
     def gained(row: Row, other: Row) -> float:
-        """Coverage gained by a run over another one in its cell; it counts for two groups."""
+        """Coverage gained by a run over another one in its cell."""
         scale = curve_scale(other)
-        mean, reference = (mean_coverage(c[:, 0], c[:, 1], scale) for c in (curves(row), curves(other)))
-        return mean - reference
+        return covered(row, scale) - covered(other, scale)
 
     for sensor, part in groups(rows).items():
         base = {_cell(row): row for row in part if row.agent == baseline}

@@ -7,6 +7,7 @@ an archive without a comment was written by an earlier version, or by NumPy.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import io
 import math
@@ -189,6 +190,20 @@ def _unpack(data: bytes, beginnings: tuple[str, ...], path: Path, error: Kind) -
 
 def _array(data: bytes) -> NDArray[Any]:
     """An array from the content of a .npy file, whose size its header must tell."""
+    length, begin = (data[8:10], 10) if data[6:8] == b"\1\0" else (data[8:12], 12)
+    begin += int.from_bytes(length, "little")
+    if begin > _LONGEST_HEADER:
+        raise ValueError(f"an array with a header of {begin} bytes")
+    shape, fortran, dtype = _header(data[:begin])
+    if math.prod(shape) * dtype.itemsize != len(data) - begin or min(shape, default=0) < 0:
+        raise ValueError(f"an array of {dtype} {shape} has another number of bytes")
+    values = np.frombuffer(data, dtype, offset=begin)
+    return values.reshape(shape, order="F" if fortran else "C").copy()
+
+
+@functools.lru_cache(maxsize=1024)
+def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, order and type that the header of a .npy file tells; archives of one kind share many."""
     file = io.BytesIO(data)
     version = np.lib.format.read_magic(file)
     if version == (1, 0):
@@ -197,13 +212,10 @@ def _array(data: bytes) -> NDArray[Any]:
         header = np.lib.format.read_array_header_2_0(file, max_header_size=_LONGEST_HEADER)
     else:
         raise ValueError(f"an array of the version {version}")
-    shape, fortran, dtype = header
+    dtype = header[2]
     if dtype.hasobject or dtype.names or dtype.subdtype or dtype.kind not in "biufU":
         raise ValueError(f"an array of {dtype}: only flags, numbers and texts are read")
-    if math.prod(shape) * dtype.itemsize != len(data) - file.tell() or min(shape, default=0) < 0:
-        raise ValueError(f"an array of {dtype} {shape} has another number of bytes")
-    values = np.frombuffer(data, dtype, offset=file.tell())
-    return values.reshape(shape, order="F" if fortran else "C").copy()
+    return header
 
 
 def is_whole(path: Path) -> bool:

@@ -126,13 +126,54 @@ def cluster_bootstrap(
     if len(names) < 2:
         return Interval(estimate, float("nan"), float("nan"))
     counts = _drawn(len(names), draws, seed)
-    block = max(1, _BLOCK // len(sample))
-    drawn = np.concatenate(
-        [statistic(sample, np.take(counts[k : k + block], member, axis=1)) for k in range(0, draws, block)]
-    )
+    # Looking a quartile up takes as many looks at all clusters as the number of values has digits, base 2.
+    by_cluster = len(names) * len(sample).bit_length() < len(sample)
+    by_cluster = by_cluster and statistic is weighted_interquartile_mean
+
+    def of_draws(counts: Floats) -> Floats:
+        if by_cluster:
+            return _interquartile_means_of_clusters(sample, member, counts)
+        return statistic(sample, np.take(counts, member, axis=1))
+
+    block = max(1, _BLOCK // (len(names) if by_cluster else len(sample)))
+    drawn = np.concatenate([of_draws(counts[k : k + block]) for k in range(0, draws, block)])
     tail = (1 - confidence) / 2
     low, high = np.quantile(drawn, [tail, 1 - tail])
     return Interval(estimate, float(low), float(high))
+
+
+def _interquartile_means_of_clusters(sample: Floats, member: NDArray[np.intp], counts: Floats) -> Floats:
+    """Interquartile means float64 (m,) where all values of a cluster have the same weight.
+
+    What lies below a value is then a sum over clusters, so that the quartiles of a draw are found without a
+    weight for each value.
+
+    Args:
+        sample: float64 (n,), the values.
+        member: int (n,), the cluster of each.
+        counts: float64 (m, k), the weight of each cluster.
+    """
+    order = np.argsort(sample, kind="stable")
+    ordered = sample[order]
+    of_cluster = member[order][:, None] == np.arange(counts.shape[1])
+    # (n, k): how many values of a cluster there are up to each one, and their sum.
+    number, total = (
+        np.cumsum(of_cluster, axis=0, dtype=np.float64),
+        np.cumsum(of_cluster * ordered[:, None], axis=0),
+    )
+    whole = counts @ number[-1]
+
+    def below(quantile: Floats) -> Floats:
+        """Sum of the values up to a weight of this much."""
+        first, last = np.zeros(len(counts), np.intp), np.full(len(counts), len(ordered) - 1)
+        while np.any(first < last):  # the first value up to which there is as much
+            middle = (first + last) // 2
+            enough = np.einsum("ij,ij->i", counts, number[middle]) >= quantile
+            first, last = np.where(enough, first, middle + 1), np.where(enough, middle, last)
+        weight, value = (np.einsum("ij,ij->i", counts, table[first]) for table in (number, total))
+        return np.asarray(value - (weight - quantile) * ordered[first])
+
+    return np.asarray((below(0.75 * whole) - below(0.25 * whole)) / (0.5 * whole))
 
 
 @functools.lru_cache(maxsize=8)

@@ -364,7 +364,10 @@ def _write_tables(path: Path, rows: Sequence[Row], comparisons: Sequence[Compari
     import pandas as pd
 
     with atomic(path / "results.parquet") as temporary:
-        pd.DataFrame([dataclasses.asdict(row) for row in rows]).to_parquet(temporary, index=False)
+        columns = {
+            field.name: [getattr(row, field.name) for row in rows] for field in dataclasses.fields(Row)
+        }
+        pd.DataFrame(columns).to_parquet(temporary, index=False)
     flat = [_flat(c) for c in comparisons]
     with atomic(path / "summary.csv") as temporary:
         pd.DataFrame(flat).to_csv(temporary, index=False, float_format="%.6g")

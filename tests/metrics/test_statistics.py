@@ -51,12 +51,12 @@ def test_outliers_do_not_move_the_interquartile_mean() -> None:
     assert interquartile_mean([-1e9, 1, 2, 3, 4, 5, 6, 1e9]) == pytest.approx(3.5)
 
 
-@given(st.integers(0, 100))
-@settings(max_examples=10, deadline=None)
-def test_bootstrap_is_the_obvious_loop(seed: int) -> None:
+@given(st.integers(0, 100), st.sampled_from([12, 90]))
+@settings(max_examples=20, deadline=None)
+def test_bootstrap_is_the_obvious_loop(seed: int, runs: int) -> None:
     rng = np.random.default_rng(seed)
-    clusters = rng.integers(0, 4, 12)
-    values = rng.normal(size=12)
+    clusters = rng.integers(0, 4, runs)
+    values = rng.normal(size=runs).round(1)
     names = np.unique(clusters)
     if len(names) < 2:
         return
@@ -91,8 +91,9 @@ def test_bootstrap_covers_the_truth_about_as_often_as_it_says() -> None:
     assert 0.88 <= hits / 200 <= 0.99
 
 
-def test_bootstrap_of_many_runs_is_cut_into_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    values, clusters = np.arange(40.0), np.arange(40) % 5
+@pytest.mark.parametrize("count", [5, 10])
+def test_bootstrap_of_many_runs_is_cut_into_blocks(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    values, clusters = np.arange(40.0), np.arange(40) % count
     whole = cluster_bootstrap(values, clusters, draws=100)
     monkeypatch.setattr("layoutexplore.metrics.statistics._BLOCK", 80)
     pieces = cluster_bootstrap(values, clusters, draws=100)
