@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Floats, Floats32
 
@@ -27,6 +28,9 @@ ROUNDS = 8
 
 _LINE = 6.0
 """Means make a line where their variance along it is so many times that across it."""
+
+_GRAZING = 20.0
+"""Hundredths: the sine of the angle by which the normal of a wall may be wrong, some twelve degrees."""
 
 _FIXED = 1e15
 """Information about what does not move."""
@@ -55,11 +59,33 @@ class MeasuredPoints(NamedTuple):
         number: float32, how many, at most `MOST`.
         x: float32, their mean in cells from the grid's corner; likewise y.
         y: See x.
+        facing_x: int8, the normal of the wall's surface towards the robot, in hundredths, once the means
+            around make a line; 0 before. Likewise facing_y.
+        facing_y: See facing_x.
     """
 
     number: Floats32
     x: Floats32
     y: Floats32
+    facing_x: NDArray[np.int8]
+    facing_y: NDArray[np.int8]
+
+
+def no_points(shape: tuple[int, int]) -> MeasuredPoints:
+    """The points of a map (rows, cols) that nothing was measured in."""
+    number, x, y = (np.zeros(shape, np.float32) for _ in range(3))
+    return MeasuredPoints(number, x, y, np.zeros(shape, np.int8), np.zeros(shape, np.int8))
+
+
+@njit(cache=True, nogil=True)
+def is_turned_away(points: MeasuredPoints, row: int, col: int, beam_x: float, beam_y: float) -> bool:
+    """Whether a beam (x, y), of any length, can only have met the other side of the surface in a cell.
+
+    A wall is seen from both its sides, a decimetre or two apart: points of one on means of the other would
+    turn a robot that enters a room.
+    """
+    along = points.facing_x[row, col] * beam_x + points.facing_y[row, col] * beam_y
+    return along > 0.0 and along * along > _GRAZING * _GRAZING * (beam_x * beam_x + beam_y * beam_y)
 
 
 @njit(cache=True, nogil=True)
@@ -83,8 +109,10 @@ def nearest_mean(points: MeasuredPoints, x: float, y: float) -> tuple[float, int
 
 
 @njit(cache=True, nogil=True)
-def wall_line(points: MeasuredPoints, row: int, col: int) -> tuple[bool, float, float, float, float]:
-    """The line through the means around one of a cell that is not on the border.
+def wall_line(
+    points: MeasuredPoints, row: int, col: int, beam_x: float, beam_y: float
+) -> tuple[bool, float, float, float, float]:
+    """The line through the means around one of a cell that is not on the border, which a beam can have met.
 
     Returns:
         Whether they make one; a point of it (x, y); its normal (x, y), of length 1.
@@ -92,7 +120,7 @@ def wall_line(points: MeasuredPoints, row: int, col: int) -> tuple[bool, float, 
     count, sum_x, sum_y, sum_xx, sum_xy, sum_yy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     for r in range(row - 1, row + 2):
         for c in range(col - 1, col + 2):
-            if points.number[r, c] > 0.0:
+            if points.number[r, c] > 0.0 and not is_turned_away(points, r, c, beam_x, beam_y):
                 # Relative to the middle of the cells: squares of small numbers stay exact.
                 x, y = points.x[r, c] - col, points.y[r, c] - row
                 count += 1
@@ -159,9 +187,9 @@ def _pull(
     if not (2.0 <= x < cols - 2 and 2.0 <= y < rows - 2):
         return
     square, row, col = nearest_mean(points, x, y)
-    if square > (REACH * model.spread) ** 2:
+    if square > (REACH * model.spread) ** 2 or is_turned_away(points, row, col, arm_x, arm_y):
         return
-    is_line, line_x, line_y, normal_x, normal_y = wall_line(points, row, col)
+    is_line, line_x, line_y, normal_x, normal_y = wall_line(points, row, col, arm_x, arm_y)
     if is_line:
         off = normal_x * (line_x - x) + normal_y * (line_y - y)
         _add(matrix, vector, (normal_x, normal_y, normal_y * arm_x - normal_x * arm_y), off, off * off, model)

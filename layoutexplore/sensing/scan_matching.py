@@ -4,7 +4,8 @@ A robot's SLAM corrects its odometry by laying each new scan over the map made s
 mean of the points measured in each cell, which is finer than the cell (Grisetti, Stachniss and Burgard,
 "Improved techniques for grid mapping with Rao-Blackwellized particle filters", 2007); poses are searched from
 coarse to fine (Olson, "Real-time correlative scan matching", 2009), and how far odometry can be wrong weighs
-against how well a scan fits. The pose found is refined on the lines of the walls
+against how well a scan fits. The two sides of a wall are two surfaces: a beam is compared with the one that
+it can have met. The pose found is refined on the lines of the walls
 (`layoutexplore.sensing.pose_refinement`): what a lattice leaves of the heading is what bends a map. There is
 no loop closure: where the map is bent it stays bent.
 """
@@ -27,8 +28,11 @@ from layoutexplore.sensing.pose_refinement import (
     MatchModel,
     MeasuredPoints,
     PoseInCells,
+    is_turned_away,
     nearest_mean,
+    no_points,
     refine_pose,
+    wall_line,
 )
 
 
@@ -86,7 +90,7 @@ class ScanMatcher:
         self.config = config or ScanMatcherConfig()
         self._grid = grid
         self.overlap = 0.0
-        self._points = MeasuredPoints(*(np.zeros(grid.cells.shape, np.float32) for _ in range(3)))
+        self._points = no_points(grid.cells.shape)
 
     def match(
         self,
@@ -161,16 +165,25 @@ def _add_points(
     for i in range(ranges.size):
         if not math.isfinite(ranges[i]):
             continue
-        end_x = x + ranges[i] * (unit_x[i] * cos - unit_y[i] * sin)
-        end_y = y + ranges[i] * (unit_x[i] * sin + unit_y[i] * cos)
-        if 0.0 <= end_x < cols and 0.0 <= end_y < rows:
-            row, col = int(end_y), int(end_x)
-            # A wall's surface lies on the border of two cells as often as inside one: the point counts for
-            # the cell that it lies in, and the search looks at the cells around.
-            number = min(points.number[row, col] + 1.0, MOST)
-            points.x[row, col] += (end_x - points.x[row, col]) / number
-            points.y[row, col] += (end_y - points.y[row, col]) / number
-            points.number[row, col] = number
+        beam_x, beam_y = unit_x[i] * cos - unit_y[i] * sin, unit_x[i] * sin + unit_y[i] * cos
+        end_x, end_y = x + ranges[i] * beam_x, y + ranges[i] * beam_y
+        # The cells on the border have no cells around them to make a line.
+        if not (1.0 <= end_x < cols - 1 and 1.0 <= end_y < rows - 1):
+            continue
+        row, col = int(end_y), int(end_x)
+        if is_turned_away(points, row, col, beam_x, beam_y):
+            continue
+        # A wall's surface lies on the border of two cells as often as inside one: the point counts for
+        # the cell that it lies in, and the search looks at the cells around.
+        number = min(points.number[row, col] + 1.0, MOST)
+        points.x[row, col] += (end_x - points.x[row, col]) / number
+        points.y[row, col] += (end_y - points.y[row, col]) / number
+        points.number[row, col] = number
+        is_line, _, _, normal_x, normal_y = wall_line(points, row, col, beam_x, beam_y)
+        if is_line:
+            towards = -100.0 if normal_x * beam_x + normal_y * beam_y > 0.0 else 100.0
+            points.facing_x[row, col] = round(towards * normal_x)
+            points.facing_y[row, col] = round(towards * normal_y)
 
 
 @njit(cache=True, nogil=True)
@@ -179,15 +192,16 @@ def match_score(points: MeasuredPoints, ends: Floats, pose: PoseInCells, spread:
     rows, cols = points.number.shape
     x, y, heading = pose
     cos, sin = math.cos(heading), math.sin(heading)
-    scale = -0.5 / (spread * spread)
+    scale, reach = -0.5 / (spread * spread), (REACH * spread) ** 2
     total = 0.0
     for i in range(ends.shape[0]):
-        end_x = x + ends[i, 0] * cos - ends[i, 1] * sin
-        end_y = y + ends[i, 0] * sin + ends[i, 1] * cos
+        arm_x = ends[i, 0] * cos - ends[i, 1] * sin
+        arm_y = ends[i, 0] * sin + ends[i, 1] * cos
+        end_x, end_y = x + arm_x, y + arm_y
         if not (1.0 <= end_x < cols - 1 and 1.0 <= end_y < rows - 1):
             continue
-        least, _, _ = nearest_mean(points, end_x, end_y)
-        if least < (REACH * spread) ** 2:
+        least, row, col = nearest_mean(points, end_x, end_y)
+        if least < reach and not is_turned_away(points, row, col, arm_x, arm_y):
             total += math.exp(least * scale)
     return total
 

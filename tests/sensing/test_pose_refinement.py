@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from layoutexplore.sensing.pose_refinement import (
     MatchModel,
     MeasuredPoints,
+    is_turned_away,
     nearest_mean,
+    no_points,
     refine_pose,
     wall_line,
 )
@@ -22,7 +24,7 @@ MODEL = MatchModel(spread=0.5, weight=0.5, position_std=0.3, heading_std=0.02)
 
 def points_at(places: np.ndarray, shape: tuple[int, int] = (40, 40)) -> MeasuredPoints:
     """A map with one point in each cell of some of the places float64 (n, 2), as (x, y)."""
-    points = MeasuredPoints(*(np.zeros(shape, np.float32) for _ in range(3)))
+    points = no_points(shape)
     for x, y in places:
         points.number[int(y), int(x)], points.x[int(y), int(x)], points.y[int(y), int(x)] = 1.0, x, y
     return points
@@ -59,16 +61,16 @@ def test_the_nearest_mean_is_that_of_the_slow_version(seed: int) -> None:
 def test_means_along_a_wall_make_its_line(angle: float) -> None:
     along = np.arange(-12.0, 12.0, 0.2)[:, None] * np.array([[math.cos(angle), math.sin(angle)]])
     points = points_at(along + 20.25)
-    is_line, x, y, normal_x, normal_y = wall_line(points, 20, 20)
+    is_line, x, y, normal_x, normal_y = wall_line(points, 20, 20, 1.0, 0.0)
     assert is_line and math.hypot(normal_x, normal_y) == pytest.approx(1.0)
     assert abs(normal_x * math.cos(angle) + normal_y * math.sin(angle)) < 0.05
     assert abs(normal_x * (20.25 - x) + normal_y * (20.25 - y)) < 0.05
 
 
 def test_few_or_scattered_means_make_none() -> None:
-    assert not wall_line(points_at(np.array([[20.5, 20.5], [21.5, 20.5]])), 20, 20)[0]
+    assert not wall_line(points_at(np.array([[20.5, 20.5], [21.5, 20.5]])), 20, 20, 1.0, 0.0)[0]
     spread = np.array([[x + 0.5, y + 0.5] for x in (19, 20, 21) for y in (19, 20, 21)])
-    assert not wall_line(points_at(spread), 20, 20)[0]
+    assert not wall_line(points_at(spread), 20, 20, 1.0, 0.0)[0]
 
 
 @settings(max_examples=40, deadline=None)
@@ -96,3 +98,22 @@ def test_what_is_known_for_certain_does_not_move() -> None:
     assert refine_pose(points, corner() - 20.0, prior, prior, MODEL._replace(heading_std=0.0))[2] == (
         pytest.approx(prior[2], abs=1e-9)
     )
+
+
+def test_a_beam_meets_the_side_of_a_wall_that_faces_it() -> None:
+    points = points_at(np.array([[20.5, 20.5]]))
+    assert not any(is_turned_away(points, 20, 20, x, y) for x, y in ((0.0, 5.0), (0.0, -5.0)))
+    points.facing_y[20, 20] = -100
+    assert not is_turned_away(points, 20, 20, 3.0, 9.0) and is_turned_away(points, 20, 20, 3.0, -9.0)
+    # Along the wall the normal does not tell the sides apart.
+    assert not is_turned_away(points, 20, 20, 9.0, -1.0) and is_turned_away(points, 20, 20, 9.0, -3.0)
+
+
+def test_the_other_side_of_a_wall_pulls_nothing() -> None:
+    wall = corner()[: len(corner()) // 2]
+    # The robot stands above and believes to see the wall 0.7 cells higher than the means are.
+    points, ends, start = points_at(wall), wall[20:60] - np.array([20.0, 33.3]), (20.0, 34.0, 0.0)
+    assert refine_pose(points, ends, start, start, MODEL)[1] < 33.6
+    points.facing_y[points.number > 0] = -100  # They were measured from below.
+    assert refine_pose(points, ends, start, start, MODEL) == start
+    assert not wall_line(points, 30, 15, 0.0, -1.0)[0] and wall_line(points, 30, 15, 0.0, 1.0)[0]

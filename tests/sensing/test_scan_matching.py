@@ -93,6 +93,22 @@ def test_nothing_moves_without_a_map_or_without_a_reading() -> None:
     assert matcher.match(pose, lidar.scan(pose), INDOOR, position_std=0.0, heading_std=0.0) == pose
 
 
+def test_the_two_sides_of_a_thin_wall_are_two_surfaces() -> None:
+    world = np.zeros((80, 80), bool)
+    world[[0, 1, -1, -2]] = world[:, [0, 1, -1, -2]] = True
+    world[40:42, :68] = True
+    lidar, mapper = Lidar(INDOOR, world, 0.1, ORIGIN), Mapper(world.shape, 0.1, ORIGIN)
+    matcher = ScanMatcher(mapper.grid)
+    for x in (2.0, 3.0, 4.0):  # below the wall
+        matcher.add(Pose(x, 3.0, 0.0), lidar.scan(Pose(x, 3.0, 0.0)), INDOOR)
+    # Above it, near enough to see hardly more than the side of the wall that no scan has seen before.
+    true = Pose(3.0, 4.5, 0.0)
+    ranges = lidar.scan(true)
+    ranges[ranges > 2.0] = np.nan
+    found = matcher.match(true, ranges, INDOOR, position_std=0.08, heading_std=0.03)
+    assert math.hypot(found.x - true.x, found.y - true.y) < 0.03 and abs(found.theta) < 0.005
+
+
 def test_along_a_corridor_without_ends_odometry_is_believed() -> None:
     world = np.zeros((16, 400), bool)
     world[[0, 1, -1, -2]] = True
@@ -115,21 +131,27 @@ def test_the_score_is_that_of_the_slow_version(seed: int) -> None:
     cols, rows = np.meshgrid(np.arange(15), np.arange(12))
     x = (cols + rng.random((12, 15))).astype(np.float32)
     y = (rows + rng.random((12, 15))).astype(np.float32)
+    facing = rng.choice([-100, 0, 0, 100], (2, 12, 15)).astype(np.int8)
     ends, pose, spread = rng.uniform(-5, 5, (30, 2)), (7.0, 6.0, rng.uniform(-3, 3)), 0.4
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     total = 0.0
     for end in ends:
-        at_x, at_y = pose[0] + end[0] * cos - end[1] * sin, pose[1] + end[0] * sin + end[1] * cos
+        beam_x, beam_y = end[0] * cos - end[1] * sin, end[0] * sin + end[1] * cos
+        at_x, at_y = pose[0] + beam_x, pose[1] + beam_y
         if 1 <= at_x < 14 and 1 <= at_y < 11:
             near = [
-                (float(x[r, c]) - at_x) ** 2 + (float(y[r, c]) - at_y) ** 2
+                ((float(x[r, c]) - at_x) ** 2 + (float(y[r, c]) - at_y) ** 2, r, c)
                 for r in range(int(at_y) - 1, int(at_y) + 2)
                 for c in range(int(at_x) - 1, int(at_x) + 2)
                 if number[r, c] > 0
             ]
-            if near and min(near) < 9 * spread**2:
-                total += math.exp(-0.5 * min(near) / spread**2)
-    assert match_score(MeasuredPoints(number, x, y), ends, pose, spread) == pytest.approx(total, rel=1e-9)
+            if near and min(near)[0] < 9 * spread**2:
+                away, r, c = min(near)
+                beam = np.array([beam_x, beam_y]) / math.hypot(beam_x, beam_y)
+                if facing[:, r, c] @ beam <= 20.0:
+                    total += math.exp(-0.5 * away / spread**2)
+    points = MeasuredPoints(number, x, y, *facing)
+    assert match_score(points, ends, pose, spread) == pytest.approx(total, rel=1e-9)
 
 
 def test_options_are_checked() -> None:
