@@ -7,14 +7,16 @@ walk stays with its cell: what a ring encloses is four-connected.
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numba import njit
+from numpy.typing import NDArray
 from shapely import MultiPolygon, Polygon
 
-from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.polygons import Point
@@ -72,17 +74,38 @@ def trace_mask(mask: Mask, resolution: float, origin: Point) -> Polygon | MultiP
         (_from_lowest(rings.corners[first:last].tolist()), int(owner))
         for first, last, owner in zip(rings.starts[:-1], rings.starts[1:], rings.labels, strict=True)
     ]
-    shells: list[list[Floats]] = [[] for _ in range(count + 1)]
-    holes: list[list[Floats]] = [[] for _ in range(count + 1)]
-    for walk, owner in sorted(walks):
-        for corners in cut_where_touching(walk):
-            points = np.array(corners, np.float64)[:, ::-1]
-            ring = np.round(np.asarray(origin) + points * resolution, 6)
-            following = np.roll(ring, -1, axis=0)
-            turned = float((ring[:, 0] * following[:, 1] - following[:, 0] * ring[:, 1]).sum())
-            (shells if turned > 0 else holes)[owner].append(ring)
-    polygons = [Polygon(shells[part][0], holes[part]) for part in range(1, count + 1)]
-    return polygons[0] if len(polygons) == 1 else shapely.multipolygons(polygons) if polygons else Polygon()
+    cut = [(corners, owner) for walk, owner in sorted(walks) for corners in cut_where_touching(walk)]
+    if not cut:
+        return Polygon()
+    polygons = _polygons(
+        [corners for corners, _ in cut], np.array([owner for _, owner in cut]), resolution, origin
+    )
+    return polygons[0] if count == 1 else shapely.multipolygons(polygons)
+
+
+def _polygons(
+    rings: list[list[list[int]]], owners: Ints, resolution: float, origin: Point
+) -> NDArray[np.object_]:
+    """A polygon for each of the parts 1, 2, ... in metres, all at once: noise has tens of thousands.
+
+    Args:
+        rings: The corners (row, col) of each ring; a part has one shell, counter-clockwise, and holes.
+        owners: int (k,), the part of each ring.
+        resolution: Side of a cell in metres.
+        origin: World point of the corner (0, 0).
+    """
+    corners = np.array(list(chain.from_iterable(rings)), np.int64)
+    sizes = np.array([len(ring) for ring in rings])
+    starts = np.cumsum(sizes) - sizes
+    following = np.arange(1, len(corners) + 1)
+    following[starts + sizes - 1] = starts
+    y, x = corners.T
+    turned = np.add.reduceat(x * y[following] - x[following] * y, starts)
+    points = np.round(np.asarray(origin) + corners[:, ::-1] * resolution, 6)
+    lines = shapely.linearrings(points, indices=np.repeat(np.arange(len(rings)), sizes))
+    # Of a polygon's rings the first is its shell.
+    order = np.lexsort((turned <= 0, owners))
+    return np.asarray(shapely.polygons(lines[order], indices=owners[order] - 1))
 
 
 def _from_lowest(ring: list[list[int]]) -> list[list[int]]:

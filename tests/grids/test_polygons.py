@@ -169,6 +169,19 @@ def test_trace_is_the_outline_of_the_cells(mask: NDArray[np.bool_], resolution: 
     assert np.array_equal(target != 0, mask)
 
 
+def test_a_part_with_holes_among_many_keeps_them() -> None:
+    mask = np.zeros((9, 60), bool)
+    mask[1:8, 1:8] = True
+    mask[[2, 3, 5], [2, 3, 5]] = False  # two that touch at a corner, and one
+    mask[::2, 10::2] = True
+    outline = trace_mask(mask, 0.1, (0.0, 0.0))
+    holes = [len(part.interiors) for part in polygons_of(outline)]
+    assert outline.is_valid and sorted(holes) == [0] * 125 + [3]
+    assert outline.area == pytest.approx(0.01 * np.count_nonzero(mask))
+    assert all(shapely.get_exterior_ring(part).is_ccw for part in polygons_of(outline))
+    assert trace_mask(mask & False, 0.1, (0.0, 0.0)).is_empty
+
+
 @given(MASK)
 def test_resampling_at_the_same_resolution_changes_nothing(mask: NDArray[np.bool_]) -> None:
     assert np.array_equal(resample_solid(mask, (1.0, 1.0), (0.0, 0.0), mask.shape), mask)
