@@ -128,6 +128,7 @@ def cluster_bootstrap(
     counts = _drawn(len(names), draws, seed)
     # Looking a quartile up takes as many looks at all clusters as the number of values has digits, base 2.
     by_cluster = len(names) * len(sample).bit_length() < len(sample)
+    by_cluster = by_cluster and len(names) * len(sample) <= _BLOCK
     by_cluster = by_cluster and statistic is weighted_interquartile_mean
 
     def of_draws(counts: Floats) -> Floats:

@@ -95,7 +95,7 @@ def test_bootstrap_covers_the_truth_about_as_often_as_it_says() -> None:
 def test_bootstrap_of_many_runs_is_cut_into_blocks(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     values, clusters = np.arange(40.0), np.arange(40) % count
     whole = cluster_bootstrap(values, clusters, draws=100)
-    monkeypatch.setattr("layoutexplore.metrics.statistics._BLOCK", 80)
+    monkeypatch.setattr("layoutexplore.metrics.statistics._BLOCK", 400)
     pieces = cluster_bootstrap(values, clusters, draws=100)
     assert (pieces.low, pieces.high) == pytest.approx((whole.low, whole.high))
 
