@@ -10,29 +10,24 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from gymnasium import spaces
 from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.envs import egocentric_maps as map_images
 from layoutexplore.envs import foreseen
-from layoutexplore.envs.egocentric_maps import (
-    CHANNELS,
-    LAYOUT_CHANNELS,
-    MapFrame,
-    Trail,
-    draw_global_map,
-    draw_local_map,
-)
+from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS, MapFrame, Trail
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import FrontierTable
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints32, Mask
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.options import FLAG, Rule, check, check_kind
+
+if TYPE_CHECKING:
+    from gymnasium import spaces
 
 Observation = dict[str, NDArray[np.generic]]
 """Arrays by name."""
@@ -165,6 +160,8 @@ class ObservationConfig:
     @property
     def space(self) -> spaces.Space[Observation]:
         """The observation space, a `Dict`."""
+        from gymnasium import spaces
+
         count, channels = self.max_frontiers, len(self.channels)
         low, high = bounds(FRONTIER_FEATURES)
         parts: dict[str, spaces.Space[NDArray[np.generic]]] = {
@@ -228,7 +225,7 @@ class Observer:
         if config.local_map or config.global_map:
             marks = self._marked(decision)
         if config.local_map:
-            observation["local_map"] = draw_local_map(
+            observation["local_map"] = map_images.draw_local_map(
                 decision.grid,
                 marks,
                 pose,
@@ -237,7 +234,7 @@ class Observer:
                 channels=len(config.channels),
             )
         if config.global_map:
-            observation["global_map"], frame = draw_global_map(
+            observation["global_map"], frame = map_images.draw_global_map(
                 decision.grid,
                 marks,
                 size=config.global_size,

@@ -17,7 +17,10 @@ if sys.orig_argv[1:3] == ["-m", "layoutexplore"] or Path((*sys.orig_argv, "")[1]
     for _number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(_number, lambda number, frame: os._exit(128 + number))
 
-import importlib
+import importlib.abc
+import importlib.machinery
+import importlib.util
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from layoutexplore.processes.kernel_cache import keep_kernels_somewhere
@@ -106,4 +109,29 @@ def _register() -> None:
             )
 
 
-_register()
+class _RegisteredLater(importlib.abc.MetaPathFinder):
+    """Registers the environments as soon as Gymnasium is imported, which few processes do: it takes 11 MB."""
+
+    def find_spec(
+        self, fullname: str, path: Any, target: Any = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        if fullname != "gymnasium":
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.util.find_spec(fullname)
+        if spec is None or spec.loader is None:
+            return spec
+        load = spec.loader.exec_module
+
+        def load_and_register(module: ModuleType) -> None:
+            load(module)
+            _register()
+
+        spec.loader.exec_module = load_and_register  # type: ignore[method-assign]
+        return spec
+
+
+if "gymnasium" in sys.modules:
+    _register()
+else:
+    sys.meta_path.insert(0, _RegisteredLater())

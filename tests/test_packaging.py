@@ -49,6 +49,22 @@ def test_import_is_light(module: str) -> None:
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
 
 
+@pytest.mark.parametrize(
+    "imports", ["layoutexplore, gymnasium", "gymnasium, layoutexplore", "layoutexplore, gymnasium.spaces"]
+)
+def test_environments_are_known_to_gymnasium_in_whatever_order(imports: str) -> None:
+    code = f"import {imports}; import gymnasium; gymnasium.spec('LayoutExplore/Frontier-v0')"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
+
+
+def test_benchmark_workers_need_no_gymnasium() -> None:
+    code = (
+        "import sys, layoutexplore.benchmark.runner; from layoutexplore.agents import make_agent; "
+        "make_agent('layout-tour'); sys.exit('gymnasium' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
+
+
 def test_what_ci_runs_exists() -> None:
     named = re.findall(r"\btests/[\w./-]+", (ROOT / ".ci" / "run").read_text())
     assert len(named) >= 5 and [name for name in named if not (ROOT / name).exists()] == []
