@@ -85,7 +85,7 @@ def is_turned_away(points: MeasuredPoints, row: int, col: int, beam_x: float, be
     turn a robot that enters a room.
     """
     along = points.facing_x[row, col] * beam_x + points.facing_y[row, col] * beam_y
-    return along > 0.0 and along * along > _GRAZING * _GRAZING * (beam_x * beam_x + beam_y * beam_y)
+    return bool(along > 0.0 and along * along > _GRAZING * _GRAZING * (beam_x * beam_x + beam_y * beam_y))
 
 
 @njit(cache=True, nogil=True)
