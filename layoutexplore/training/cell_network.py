@@ -110,7 +110,7 @@ def _train(
 ) -> None:
     rng = np.random.default_rng(config.seed)
 
-    def losses() -> tuple[torch.Tensor, torch.Tensor]:
+    def losses(_: int) -> tuple[torch.Tensor, torch.Tensor]:
         chosen = []
         for _ in range(config.batch):
             pool = generated if not real or (generated and rng.random() < config.generated_share) else real

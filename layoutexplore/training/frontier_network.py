@@ -187,7 +187,7 @@ def fit_frontier_network(
     """Train a network on batches of crops."""
     fit_network(
         network,
-        lambda: _losses(network, batches.draw(config.batch), config),
+        lambda _: _losses(network, batches.draw(config.batch), config),
         steps=config.steps,
         rate=config.rate,
         decay=config.decay,

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
+import safetensors.torch
 import torch
 from torch import nn
 from torch.nn import functional
 
+from layoutexplore.errors import ConfigError
+from layoutexplore.files import write_atomically
+from layoutexplore.files.tensors import read_tensors
 from layoutexplore.grids.arrays import Floats32
 
 StepProgress = Callable[[int, int, float], None]
@@ -16,39 +21,86 @@ StepProgress = Callable[[int, int, float], None]
 _LATE = 100
 """Steps that the mean loss of late is taken over."""
 
+_KEPT = 500
+"""After so many steps the state of a training is kept."""
+
 
 def fit_network(
     network: nn.Module,
-    losses: Callable[[], tuple[torch.Tensor, torch.Tensor]],
+    losses: Callable[[int], tuple[torch.Tensor, torch.Tensor]],
     *,
     steps: int,
     rate: float,
     decay: float,
     progress: StepProgress,
+    kept: Path | None = None,
 ) -> None:
     """Train a network by AdamW; the learning rate rises for a tenth of the steps and then falls (one cycle).
 
     Args:
         network: What is trained; it is ready to be asked afterwards.
-        losses: Draws a batch and gives the loss to descend and the one to show.
+        losses: Draws the batch of a step and gives the loss to descend and the one to show.
         steps: Batches.
         rate: Highest learning rate.
         decay: Of the weights.
         progress: Receives the steps.
+        kept: File (safetensors) that the state is kept in now and then, and that a training that was stopped
+            goes on from; the same result comes of it where what `losses` draws depends on the step alone.
     """
     optimizer = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, total_steps=steps, pct_start=0.1)
     network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    first = _take_up(kept, network, optimizer, steps) if kept and kept.exists() else 0
+    if first:
+        schedule.load_state_dict({"last_epoch": first - 1, "_step_count": first + 1})
+        schedule.step()
     late = 0.0
-    for step in range(steps):
-        loss, shown = losses()
+    for step in range(first, steps):
+        loss, shown = losses(step)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
         schedule.step()
-        late += (float(shown.detach()) - late) / min(step + 1, _LATE)
+        late += (float(shown.detach()) - late) / min(step - first + 1, _LATE)
         progress(step + 1, steps, late)
+        if kept and ((step + 1) % _KEPT == 0 or step + 1 == steps):
+            _keep(kept, network, optimizer, step + 1, steps)
     network.eval()
+
+
+def _state(network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, torch.Tensor]:
+    """The tensors that change with the steps, by name."""
+    tensors = {f"network.{name}": values for name, values in network.state_dict().items()}
+    for index, parts in optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{index}.{key}": torch.as_tensor(value) for key, value in parts.items()}
+    return tensors
+
+
+def _keep(kept: Path, network: nn.Module, optimizer: torch.optim.Optimizer, step: int, steps: int) -> None:
+    tensors = {name: values.contiguous() for name, values in _state(network, optimizer).items()}
+    write_atomically(kept, safetensors.torch.save(tensors, {"step": str(step), "steps": str(steps)}))
+
+
+def _take_up(kept: Path, network: nn.Module, optimizer: torch.optim.Optimizer, steps: int) -> int:
+    """Put a kept state in place and return its step.
+
+    Raises:
+        ConfigError: It is damaged, of another network or of a training of another length.
+    """
+    shapes = {f"network.{name}": tuple(values.shape) for name, values in network.state_dict().items()}
+    tensors, told = read_tensors(kept, shapes, error=ConfigError, what="kept training")
+    if told.get("steps") != str(steps) or not told.get("step", "").isdecimal():
+        raise ConfigError(f"{kept}: kept of a training of other steps than {steps}: name another folder")
+    found = {name: torch.from_numpy(values.copy()) for name, values in tensors.items()}
+    network.load_state_dict({name[len("network.") :]: found[name] for name in shapes})
+    parts: dict[int, dict[str, torch.Tensor]] = {}
+    for name, values in found.items():
+        whose, _, rest = name.partition(".")
+        if whose == "optimizer":
+            index, _, key = rest.partition(".")
+            parts.setdefault(int(index), {})[key] = values
+    optimizer.load_state_dict({**optimizer.state_dict(), "state": parts})
+    return int(told["step"])
 
 
 class Convolution(nn.Module):

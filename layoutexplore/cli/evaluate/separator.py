@@ -12,28 +12,30 @@ from layoutexplore.files import check_places
 
 def train_separator(
     out: Annotated[Path, typer.Option(help="File for the weights of the network (safetensors).")],
-    simulated: Annotated[int, typer.Option(min=1, help="Simulated maps to try.")] = 900,
+    simulated: Annotated[int, typer.Option(min=1, help="Floor plans to simulate maps of.")] = 1100,
     plans: Annotated[
         list[str] | None,
         typer.Option(help="Floor plans, or folders of them, to simulate from besides generated ones."),
     ] = None,
-    steps: Annotated[int, typer.Option(min=1, help="Steps of the training.")] = 2400,
+    steps: Annotated[int, typer.Option(min=1, help="Steps of the training.")] = 6000,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
+    cache: Annotated[
+        Path | None, typer.Option(help="Folder that keeps what is learnt from; a stopped run goes on.")
+    ] = None,
 ) -> None:
     """Train what the default method tells the borders of rooms by, on simulated maps (needs torch)."""
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.errors import require
     from layoutexplore.maps import expand_plans
 
-    check_places(None, out, file="--out")
+    check_places(None, out, file="--out", cache=cache)
     require("torch", "rl")
     from layoutexplore.models.network_files import save_weights
     from layoutexplore.training.separator.network import SeparatorTrainingConfig, train_shipped_separator
 
     names = [plan for text in plans or () for plan in expand_plans(text)]
-    weights = train_shipped_separator(
-        simulated, names, SeparatorTrainingConfig(steps=steps, seed=seed), progress_lines()
-    )
+    config = SeparatorTrainingConfig(steps=steps, seed=seed)
+    weights = train_shipped_separator(simulated, names, config, cache=cache, progress=progress_lines())
     note = f"borders of rooms; trained on maps of {simulated} floor plans in {steps} steps, seed {seed}"
     save_weights(out, weights, note)
     typer.echo(f"written: {out}")

@@ -1,16 +1,22 @@
 """Simulated maps for the separator network: six in eight with the noise of recorded maps, two clean.
 
-Each is learnt from as it is and weathered (`layoutexplore.training.map_noise.weather`).
+Each is learnt from as it is, and weathered in two ways (`layoutexplore.training.map_noise.weather`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import warnings
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
-from layoutexplore.errors import LayoutExploreError
+from layoutexplore.errors import LayoutExploreError, ResultsError
+from layoutexplore.files import ArrayRule, read_arrays, write_arrays
+from layoutexplore.files.archives import check_arrays
 from layoutexplore.grids.arrays import Cells, Ints32
+from layoutexplore.layout.merging.separator.planes import KINDS as PLANES
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator import FAMILIES, generate
@@ -18,6 +24,7 @@ from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.fit import LARGEST
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
 from layoutexplore.training.map_noise.weather import weather
+from layoutexplore.training.separator.examples import SeparatorExample, separator_example
 from layoutexplore.training.simulated_maps import RESOLUTION, drawn_cells, scanned_cells
 
 KnownMap = tuple[Cells, Ints32, float]
@@ -27,36 +34,89 @@ KINDS, NOISY, SCANNED = 8, 6, 6
 """Of so many kinds of maps the first have noise (half of them fitted, half wide); the next is one of a lidar
 alone, the last one as a plan is drawn."""
 
+WEATHERED = 2
+"""So often each map is weathered."""
+
 GIVEN = 3
 """One plan in so many is a given one, the others are generated."""
 
 
-def separator_maps(
-    count: int, plans: Sequence[str] = (), *, seed: int = 7, progress: Progress = silent
-) -> Iterator[KnownMap]:
-    """Maps of floor plans, and each of them weathered besides.
-
-    Those of plans that are too large or that no robot fits in are left out.
+def separator_examples(
+    count: int,
+    plans: Sequence[str] = (),
+    *,
+    seed: int = 7,
+    cache: Path | None = None,
+    progress: Progress = silent,
+) -> list[SeparatorExample]:
+    """What maps of floor plans teach; plans that are too large or that no robot fits in are left out.
 
     Args:
-        count: Maps to try.
+        count: Floor plans to try.
         plans: What `load_plan` knows; the same seed gives the same maps of them and of generated ones.
         seed: Of plans and maps.
+        cache: Folder in which the examples of each plan are kept: a run that was stopped goes on.
         progress: Told of the maps tried.
     """
-    n = 0
+    out, mark = [], mark_of(plans)
     for k in range(count):
+        kept = cache / f"{mark}-{seed}-{k}.npz" if cache else None
+        found = _read(kept) if kept is not None and kept.exists() else None
+        if found is None:
+            found = [separator_example(*one) for one in known_maps(k, plans, seed)]
+            if kept is not None:
+                write_arrays(
+                    kept, {f"{name}-{n}": getattr(e, name) for n, e in enumerate(found) for name in _KEPT}
+                )
+        out += found
         progress("maps simulated", k + 1, count)
-        rng = np.random.default_rng([seed, k, 7])
-        kind = int(rng.integers(KINDS))
-        try:
-            made = _map_of(_plan(k, plans, seed, rng), kind, rng)
-        except LayoutExploreError:
-            continue
-        if made is not None:
-            yield made
-            yield (*weather(*made, np.random.default_rng([seed, n, 8])), made[2])
-            n += 1
+    return out
+
+
+def mark_of(plans: Sequence[str]) -> str:
+    """Tells what was made of other plans."""
+    return f"{zlib.crc32(chr(10).join(plans).encode()):08x}"
+
+
+_KEPT = {
+    "shares": ArrayRule(kinds="u", shape=("rows", "cols", PLANES), optional=True),
+    "rooms": ArrayRule(kinds="i", shape=("half rows", "half cols"), optional=True),
+    "thing": ArrayRule(kinds="u", shape=("half rows", "half cols"), optional=True),
+    "thing_weight": ArrayRule(kinds="u", shape=("half rows", "half cols"), optional=True),
+}
+"""What is kept of a map."""
+
+
+def _read(kept: Path) -> list[SeparatorExample] | None:
+    """Examples that were kept; None, with a warning, where the file is damaged."""
+    try:
+        arrays = read_arrays(kept)
+        count = sum(name.startswith("shares-") for name in arrays)
+        out = []
+        for n in range(count):
+            one = {name: arrays[f"{name}-{n}"] for name in _KEPT if f"{name}-{n}" in arrays}
+            check_arrays(one, _KEPT, str(kept), ResultsError)
+            if len(one) < len(_KEPT):
+                raise ResultsError(f"{kept} is damaged: a part of example {n} is missing")
+            out.append(SeparatorExample(**one))
+    except ResultsError as error:
+        warnings.warn(f"{error}; it is made anew", stacklevel=2)
+        return None
+    return out
+
+
+def known_maps(k: int, plans: Sequence[str], seed: int) -> list[KnownMap]:
+    """The map of a floor plan as it is and weathered; none of a plan that is left out."""
+    rng = np.random.default_rng([seed, k, 7])
+    kind = int(rng.integers(KINDS))
+    try:
+        made = _map_of(_plan(k, plans, seed, rng), kind, rng)
+    except LayoutExploreError:
+        return []
+    if made is None:
+        return []
+    ways = (np.random.default_rng([seed, k, 8, n]) for n in range(1, WEATHERED + 1))
+    return [made, *((*weather(*made, way), made[2]) for way in ways)]
 
 
 def _plan(k: int, plans: Sequence[str], seed: int, rng: np.random.Generator) -> FloorPlan:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -15,8 +16,9 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.layout.merging.separator.network import LAYERS, OUTPUTS, OUTSIDE, THING
 from layoutexplore.training.folds import Progress, silent
-from layoutexplore.training.separator.examples import SeparatorExample, separator_example
-from layoutexplore.training.separator.maps import separator_maps
+from layoutexplore.training.separator.disturb import disturbed
+from layoutexplore.training.separator.examples import SeparatorExample
+from layoutexplore.training.separator.maps import mark_of, separator_examples
 from layoutexplore.training.separator.targets import as_input, draw_crop, targets_of
 from layoutexplore.training.torch_layers import Convolution, StepProgress, fit_network, plain_weights
 
@@ -32,10 +34,10 @@ class SeparatorTrainingConfig:
         crop: Side of a crop, in places of the network.
         decay: Of the weights.
         side_weight: Of the loss of the outputs that are no borders and no pairs of squares.
-        seed: Of the weights and the draws.
+        seed: Of the weights and the draws; those of a step depend on it and the step alone.
     """
 
-    steps: int = 2400
+    steps: int = 6000
     rate: float = 4e-3
     batch: int = 12
     crop: int = 48
@@ -77,7 +79,10 @@ class TrainableSeparator(nn.Module):
 
 
 def fit_separator(
-    examples: Sequence[SeparatorExample], config: SeparatorTrainingConfig, progress: StepProgress
+    examples: Sequence[SeparatorExample],
+    config: SeparatorTrainingConfig,
+    progress: StepProgress,
+    kept: Path | None = None,
 ) -> TrainableSeparator:
     """Train a network.
 
@@ -85,6 +90,7 @@ def fit_separator(
         examples: Maps.
         config: How.
         progress: Receives the steps.
+        kept: File for its state, from which a training that was stopped goes on.
 
     Raises:
         ConfigError: There is no map.
@@ -92,17 +98,25 @@ def fit_separator(
     if not examples:
         raise ConfigError("there is no map to learn borders from: simulate more of them, or of other plans")
     torch.manual_seed(config.seed)
-    network, rng = TrainableSeparator(), np.random.default_rng(config.seed)
+    network = TrainableSeparator()
     scale = torch.ones(OUTPUTS)
     scale[[OUTSIDE, THING]] = config.side_weight
 
-    def losses() -> tuple[torch.Tensor, torch.Tensor]:
-        values, truth, weight = draw_batch(examples, config, rng)
+    def losses(step: int) -> tuple[torch.Tensor, torch.Tensor]:
+        values, truth, weight = draw_batch(examples, config, np.random.default_rng([config.seed, step]))
         wrong = functional.binary_cross_entropy_with_logits(network(values), truth, reduction="none")
         each = (wrong * weight).sum((0, 2, 3)) / weight.sum((0, 2, 3)).clamp(min=1.0)
         return (each * scale).sum(), each.mean()
 
-    fit_network(network, losses, steps=config.steps, rate=config.rate, decay=config.decay, progress=progress)
+    fit_network(
+        network,
+        losses,
+        steps=config.steps,
+        rate=config.rate,
+        decay=config.decay,
+        progress=progress,
+        kept=kept,
+    )
     return network
 
 
@@ -112,7 +126,7 @@ def draw_batch(
     """Inputs (batch, channels, places, places), truth and weights (batch, OUTPUTS, squares, squares)."""
     values, truth, weight = [], [], []
     for _ in range(config.batch):
-        crop = draw_crop(examples[int(rng.integers(len(examples)))], config.crop, rng)
+        crop = disturbed(draw_crop(examples[int(rng.integers(len(examples)))], config.crop, rng), rng)
         values.append(as_input(crop.shares))
         found = targets_of(crop)
         truth.append(found[0])
@@ -122,7 +136,12 @@ def draw_batch(
 
 
 def train_shipped_separator(
-    count: int, plans: Sequence[str], config: SeparatorTrainingConfig, progress: Progress = silent
+    count: int,
+    plans: Sequence[str],
+    config: SeparatorTrainingConfig,
+    *,
+    cache: Path | None = None,
+    progress: Progress = silent,
 ) -> dict[str, NDArray[np.float16]]:
     """The weights of the network that ships, by name, with half precision.
 
@@ -130,10 +149,14 @@ def train_shipped_separator(
         count: Maps to simulate, some of which are left out.
         plans: Floor plans to simulate from besides generated ones.
         config: How it is trained.
+        cache: Folder for what is learnt from and the state of the training: a run that was stopped goes on.
         progress: Told of what takes long.
     """
-    examples = [separator_example(*one) for one in separator_maps(count, plans, progress=progress)]
+    examples = separator_examples(count, plans, cache=cache, progress=progress)
     network = fit_separator(
-        examples, config, lambda done, steps, loss: progress(f"steps, mean loss {loss:.3f}", done, steps)
+        examples,
+        config,
+        lambda done, steps, loss: progress(f"steps, mean loss {loss:.3f}", done, steps),
+        kept=cache / f"training-{mark_of(plans)}-{count}-{config.seed}.safetensors" if cache else None,
     )
     return {name: values.astype(np.float16) for name, values in network.weights().items()}

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from layoutexplore.layout.merging.separator.planes import KINDS, PATCH
+from layoutexplore.training.separator import maps
 from layoutexplore.training.separator.examples import separator_example
-from layoutexplore.training.separator.maps import separator_maps
+from layoutexplore.training.separator.maps import WEATHERED, known_maps, separator_examples
 from tests.layout.merging.cases import plan, rooms_of
 
 
@@ -27,8 +32,34 @@ def test_truth_lies_where_the_network_sees_it() -> None:
 
 
 def test_the_same_seed_makes_the_same_maps() -> None:
-    first, again = (list(separator_maps(8, ("apartment-01",), seed=4)) for _ in range(2))
-    assert 0 < len(first) == len(again)
+    first, again = (
+        [one for k in range(4) for one in known_maps(k, ("apartment-01",), seed=4)] for _ in range(2)
+    )
+    assert 0 < len(first) == len(again) and len(first) % (1 + WEATHERED) == 0
     for a, b in zip(first, again, strict=True):
         assert np.array_equal(a[0], b[0]) and np.array_equal(a[1], b[1]) and a[2] == b[2]
         assert a[0].shape == a[1].shape and (a[0] == 0).any()
+
+
+def test_examples_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[int] = []
+    cells = plan()
+
+    def known(k: int, plans: Sequence[str], seed: int) -> list[maps.KnownMap]:
+        made.append(k)
+        return [(cells, rooms_of(cells), 0.05)] * (3 * (k != 1))
+
+    monkeypatch.setattr(maps, "known_maps", known)
+    first = separator_examples(2, cache=tmp_path)
+    again = separator_examples(3, cache=tmp_path)
+    assert made == [0, 1, 2] and len(first) == 3 and len(again) == 6
+    for a, b in zip(first, again[:3], strict=True):
+        for name in ("shares", "rooms", "thing", "thing_weight"):
+            assert np.array_equal(getattr(a, name), getattr(b, name))
+            assert getattr(a, name).dtype == getattr(b, name).dtype
+    separator_examples(1, ("another",), cache=tmp_path)
+    assert made == [0, 1, 2, 0], "other plans, other maps"
+    damaged = next(tmp_path.glob("*-2.npz"))
+    damaged.write_bytes(damaged.read_bytes()[:100])
+    with pytest.warns(UserWarning, match="made anew"):
+        assert len(separator_examples(3, cache=tmp_path)) == 6

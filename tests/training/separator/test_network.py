@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,8 +40,33 @@ def test_training_learns_where_rooms_end() -> None:
         fit_separator([], config, lambda *_: None)
 
 
+def test_a_stopped_training_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from layoutexplore.training import torch_layers
+    from layoutexplore.training.separator.network import SeparatorTrainingConfig, fit_separator
+
+    monkeypatch.setattr(torch_layers, "_KEPT", 3)
+    example, kept = separator_example(plan(), rooms_of(plan()), 0.05), tmp_path / "state.safetensors"
+    config = SeparatorTrainingConfig(steps=8, batch=2, crop=16)
+    whole = fit_separator([example], config, lambda *_: None).weights()
+
+    def stop(done: int, *_: object) -> None:
+        if done == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_separator([example], config, stop, kept)
+    told: list[int] = []
+    resumed = fit_separator([example], config, lambda done, *_: told.append(done), kept).weights()
+    assert told == [4, 5, 6, 7, 8]
+    assert all(np.allclose(whole[name], resumed[name], atol=1e-6) for name in whole)
+    with pytest.raises(ConfigError, match="other steps than 9"):
+        fit_separator([example], replace(config, steps=9), stop, kept)
+
+
 def test_the_command_writes_a_network(tmp_path: Path) -> None:
     words = ["evaluate", "train-separator", "--simulated", "2", "--plans", "apartment-01", "--steps", "2"]
-    result = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "network.safetensors")])
+    words += ["--cache", str(tmp_path / "kept"), "--out", str(tmp_path / "network.safetensors")]
+    result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
     load_weights(tmp_path / "network.safetensors", shapes_of(LAYERS))
+    assert len(list((tmp_path / "kept").iterdir())) == 3, "two plans and the state"

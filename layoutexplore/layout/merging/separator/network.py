@@ -16,7 +16,7 @@ import numpy as np
 from layoutexplore.grids.arrays import Cells, Floats32, Ints32, Mask
 from layoutexplore.layout.limits import MOST_PLACES
 from layoutexplore.layout.merging.separator.planes import DEPTH, FINE, KINDS, PATCH, network_input
-from layoutexplore.models.convolution import neighbourhoods, small_products
+from layoutexplore.models.convolution import convolve, small_products
 from layoutexplore.models.network_files import Layers, load_weights, shapes_of
 
 NETWORK_PATH = Path(__file__).with_name("separator_network.safetensors")
@@ -31,9 +31,12 @@ BORDER, OUTSIDE, THING = 0, 1, 2
 """The first outputs: a room's border passes here, in no room, an obstacle that is no wall. The last
 is learnt beside the others; nothing asks for it."""
 
-OUTPUTS = 3 + len(OFFSETS)
+FIRST_PAIR = 3
+"""Pairs come after these."""
 
-_A, _B, _C, _D = 16, 24, 32, 40
+OUTPUTS = FIRST_PAIR + len(OFFSETS)
+
+_A, _B, _C, _D = 16, 32, 48, 64
 
 LAYERS: Layers = {
     "patch": (PATCH * PATCH * KINDS, _A, 1, 1), "at_full": (_A, _A, 3, 1),
@@ -77,7 +80,24 @@ class SeparatorNetwork:
         places = math.prod(size * resolution / (PATCH * FINE) + DEPTH for size in cells.shape)
         if places > MOST_PLACES:
             return np.zeros((0, 0, OUTPUTS), np.float32)
-        return self.forward(network_input(cells, wall, gap, resolution))
+        return self.agreed(network_input(cells, wall, gap, resolution))
+
+    def agreed(self, values: Floats32) -> Floats32:
+        """Mean log-odds of a map and of the same one turned by half a turn; arguments as for `forward`.
+
+        The two err apart: places are taken together in other ways.
+        """
+        rows, cols, _ = values.shape
+        parts = values[::-1, ::-1].reshape(rows, cols, PATCH, PATCH, KINDS)[:, :, ::-1, ::-1]
+        turned = self.forward(np.ascontiguousarray(parts).reshape(values.shape))[::-1, ::-1]
+        odds = self.forward(values)
+        odds[..., :FIRST_PAIR] += turned[..., :FIRST_PAIR]
+        for k, (up, right) in enumerate(OFFSETS, FIRST_PAIR):
+            # of a pair that is turned, the other square comes first
+            here, there = _ends(up, right, odds.shape[0], odds.shape[1])
+            odds[(*here, k)] += turned[(*there, k)]
+        odds *= 0.5
+        return odds
 
     def forward(self, values: Floats32) -> Floats32:
         """Log-odds of the squares, for an input of (places, places, channels), whole ones of `DEPTH`."""
@@ -99,12 +119,21 @@ class SeparatorNetwork:
     def _layer(self, name: str, values: Floats32, last: bool = False) -> Floats32:
         """One convolution of values (rows, cols, channels), padded with zeros."""
         _, _, side, stride = LAYERS[name]
-        seen = values if side == 1 else neighbourhoods(values[None], stride)[0]
-        found = small_products(seen.reshape(-1, seen.shape[2]), self.weights[f"{name}.weight"])
+        weight = self.weights[f"{name}.weight"]
+        if side == 1:
+            flat = small_products(values.reshape(-1, values.shape[2]), weight)
+            found = flat.reshape(*values.shape[:2], -1)
+        else:
+            found = convolve(values, weight, side, stride)
         found += self.weights[f"{name}.bias"]
-        if not last:
-            np.maximum(found, 0.0, out=found)
-        return found.reshape(*seen.shape[:2], -1)
+        return found if last else np.maximum(found, 0.0, out=found)
+
+
+def _ends(up: int, right: int, rows: int, cols: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """The squares of which the one so many rows and columns on is there, too; and those ones."""
+    here = slice(0, max(rows - up, 0)), slice(max(-right, 0), max(cols - max(right, 0), 0))
+    there = slice(up, rows), slice(max(right, 0), max(cols - max(-right, 0), 0))
+    return here, there
 
 
 @lru_cache(maxsize=1)

@@ -10,6 +10,7 @@ from layoutexplore.layout.alignment import turn_labels
 from layoutexplore.layout.merging.method import MergingConfig
 from layoutexplore.layout.merging.separator.network import (
     BORDER,
+    FIRST_PAIR,
     LAYERS,
     NEAR,
     OFFSETS,
@@ -17,9 +18,10 @@ from layoutexplore.layout.merging.separator.network import (
     SeparatorNetwork,
     load_separator,
 )
-from layoutexplore.layout.merging.separator.planes import DEPTH
+from layoutexplore.layout.merging.separator.planes import DEPTH, KINDS, PATCH
 from layoutexplore.layout.merging.walls.aligned_map import align_map
 from layoutexplore.layout.timing import StageTimer
+from layoutexplore.models.network_files import shapes_of
 from tests.layout.merging.cases import plan, rough
 
 
@@ -39,6 +41,23 @@ def test_it_says_what_the_trained_network_says() -> None:
     found = SeparatorNetwork(trained.weights()).forward(values)
     assert found.shape == (4 * DEPTH, 6 * DEPTH, OUTPUTS)
     np.testing.assert_allclose(found, expected, atol=1e-4)
+
+
+def test_half_a_turn_changes_nothing() -> None:
+    rng = np.random.default_rng(0)
+    shapes = shapes_of(LAYERS)
+    weights = {name: rng.normal(0, 0.2, size).astype(np.float32) for name, size in shapes.items()}
+    network, shape = SeparatorNetwork(weights), (2 * DEPTH, 3 * DEPTH, PATCH, PATCH, KINDS)
+    values = rng.random(shape, np.float32)
+    here = network.agreed(values.reshape(*shape[:2], -1))
+    turned = np.ascontiguousarray(values[::-1, ::-1, ::-1, ::-1]).reshape(*shape[:2], -1)
+    there = network.agreed(turned)[::-1, ::-1]
+    np.testing.assert_allclose(here[..., :FIRST_PAIR], there[..., :FIRST_PAIR], atol=1e-3)
+    for k, (up, right) in enumerate(OFFSETS, FIRST_PAIR):
+        for row, col in ((0, 20), (7, 33), (4 * DEPTH - 1 - up, 15)):
+            assert abs(here[row, col, k] - there[row + up, col + right, k]) < 1e-3, "the same pair"
+    alone = network.forward(values.reshape(*shape[:2], -1))
+    assert not np.allclose(alone, here, atol=0.01)
 
 
 def test_the_shipped_one_knows_a_doorway_from_the_middle_of_a_room() -> None:
