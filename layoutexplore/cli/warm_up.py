@@ -115,4 +115,6 @@ def _step(plan: FloorPlan, environment: str) -> None:
     env = gymnasium.make(f"LayoutExplore/{environment}-v0", plan=plan)
     env.reset(seed=0)
     for _ in range(3):
-        env.step(env.action_space.sample())
+        _, _, terminated, truncated, _ = env.step(env.action_space.sample())
+        if terminated or truncated:  # a tiny plan may be seen at once
+            env.reset()
