@@ -78,8 +78,10 @@ def test_few_or_scattered_means_make_none() -> None:
 def test_a_wrong_pose_is_put_right(dx: float, dy: float, turn: float, askew: float) -> None:
     points, ends = points_at(corner(askew)), corner(askew)[::2] - 20.0
     wrong = (20.0 + dx, 20.0 + dy, turn)
-    x, y, heading = refine_pose(points, ends, wrong, wrong, MODEL)
-    assert abs(x - 20.0) < 0.06 and abs(y - 20.0) < 0.06 and abs(heading) < 0.004
+    # Odometry that trusts itself holds the pose back: here it knows little.
+    vague = MODEL._replace(position_std=3.0, heading_std=0.2)
+    x, y, heading = refine_pose(points, ends, wrong, wrong, vague)
+    assert abs(x - 20.0) < 0.03 and abs(y - 20.0) < 0.03 and abs(heading) < 0.003
 
 
 def test_along_a_wall_and_without_one_the_prior_holds() -> None:
