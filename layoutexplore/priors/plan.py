@@ -46,6 +46,9 @@ where fewer doors than that are found, its rooms so many times too large."""
 LEAST_ROOMS, LEAST_AREA = 2, 20.0
 """Rooms, and square metres at the believed scale, that a plan has at least to be of use."""
 
+LONGEST = 2000.0
+"""Metres at the believed scale; no plan of a building is longer."""
+
 CUT_OFF_AREA = (2.0, 150.0)
 """Square metres of a room for which a door is assumed: smaller ones are specks, larger ones courtyards."""
 
@@ -311,6 +314,8 @@ def _why_unused(prior: PriorPlan) -> str:
         return f"it shows {area:.2g} m2 of floor in all: check its unit, or tell its scale"
     if area > 1e6:
         return f"it shows {area:.2g} m2 of floor: check its unit, or tell its scale"
+    if max(prior.size) > LONGEST:
+        return f"it is {max(prior.size):.2g} m long, and no building is: check its unit, or tell its scale"
     return ""
 
 

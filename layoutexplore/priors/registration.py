@@ -53,8 +53,9 @@ APART = 1.5
 SHIFTED, SHIFT_GROWTH = 3, 1.04
 """So many of the best hypotheses are laid onto the plan anew when the seen floor has grown by that factor."""
 
-TRANSFORMED = 800_000
-"""Numbers that go through Fourier transforms at a decision after the first match."""
+TRANSFORMED, FIRST_TRANSFORMED = 800_000, 50_000_000
+"""Numbers that go through Fourier transforms at a decision, and at that of the first match, which asks for
+all of them at once (some millions) unless the plan is kilometres long."""
 
 NEW_ROUNDS, OLD_ROUNDS = (0.8, 0.5, 0.35, 0.35), (0.5, 0.35)
 """Metres at which walls lose their force, a round of refinement, of new places and of those that are kept."""
@@ -142,7 +143,7 @@ class Registration:
         if self.evidence.area < LEAST_AREA or len(self.evidence.walls) < LEAST_WALLS:
             return
         self._refresh()
-        # One of the dear steps a decision; only the first match does all of them at once.
+        # One of the dear steps a decision; only the first match does all of them at once, if it can.
         if self._job is not None:
             self._search(TRANSFORMED)
         elif self._waiting:
@@ -150,8 +151,8 @@ class Registration:
         elif self.evidence.area >= GROWTH * self._searched:
             first = self._searched == 0
             self._begin_search(wall_direction(grid.free))
-            self._search(math.inf if first else TRANSFORMED)
-            if first:
+            self._search(FIRST_TRANSFORMED if first else TRANSFORMED)
+            if first and self._job is None:
                 self._try(TRIED)
         else:
             self._shift()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -99,6 +101,13 @@ def test_a_plan_of_one_room_is_not_used_and_says_why() -> None:
     assert "1 room" in prior.unused
     with pytest.raises(ConfigError, match="not used, because it shows 1 room"):
         check_usable(prior)
+
+
+def test_a_plan_longer_than_any_building_is_not_used_and_says_why() -> None:
+    far = Room(id=99, polygon=shapely.box(0.0, 2496.0, 4.0, 2500.0))
+    prior = prior_of_plan(replace(office(), rooms=(*office().rooms, far)), PriorHints(scale=1.0))
+    assert "2.5e+03 m long" in prior.unused
+    assert prior.rescaled(0.5, 0.04).unused == ""
 
 
 @pytest.mark.parametrize(("factor", "what"), [(1e-3, "m2 of floor in all"), (1e3, "m2 of floor: check")])

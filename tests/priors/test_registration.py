@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
+import shapely
 
+from layoutexplore.maps.floorplan import Room
 from layoutexplore.maps.library import load_plan
 from layoutexplore.priors.confidence import confidence
 from layoutexplore.priors.plan import PriorHints, PriorPlan, prior_of_plan
 from layoutexplore.priors.presets import StudyPrior, study_prior
-from layoutexplore.priors.registration import MIRRORED_COST, Registration
+from layoutexplore.priors.registration import FIRST_TRANSFORMED, MIRRORED_COST, Registration
+from layoutexplore.priors.search import CoarseSearch
 from tests.priors.cases import door_middles, office, seen_part
 
 
@@ -96,6 +101,22 @@ def test_the_same_map_gives_the_same_hypotheses() -> None:
     made = study_prior("rough", office(), 5)
     first, second = (registered(made.prior, 0.3, 0.5) for _ in range(2))
     assert [h.total for h in first.hypotheses] == [h.total for h in second.hypotheses]
+
+
+def test_a_plan_of_kilometres_is_searched_bit_by_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    searched: list[int] = []
+    run = CoarseSearch.run
+    monkeypatch.setattr(
+        CoarseSearch, "run", lambda self, part: searched.append(self.cost(part)) or run(self, part)
+    )
+    far = Room(id=99, polygon=shapely.box(1200.0, 1196.0, 1204.0, 1200.0))
+    prior = prior_of_plan(dataclasses.replace(office(), rooms=(*office().rooms, far)))
+    registration = registered(prior, 0.5)
+    assert max(searched) < sum(searched) < FIRST_TRANSFORMED + max(searched)
+    assert registration.hypotheses == [] and confidence(registration) == 0.0
+    done = len(searched)
+    registration.update(seen_part(office(), 0.5))
+    assert len(searched) == done + 1
 
 
 def test_a_plan_is_registered_with_a_shipped_floor_that_it_is_not_of() -> None:
