@@ -82,6 +82,9 @@ def test_a_wrong_pose_is_put_right(dx: float, dy: float, turn: float, askew: flo
     vague = MODEL._replace(position_std=3.0, heading_std=0.2)
     x, y, heading = refine_pose(points, ends, wrong, wrong, vague)
     assert abs(x - 20.0) < 0.03 and abs(y - 20.0) < 0.03 and abs(heading) < 0.003
+    x, y, heading = refine_pose(points, ends, wrong, wrong, MODEL)
+    assert math.hypot(x - 20.0, y - 20.0) < 0.25 * math.hypot(dx, dy) + 0.02
+    assert abs(heading) < 0.5 * abs(turn) + 0.003
 
 
 def test_along_a_wall_and_without_one_the_prior_holds() -> None:
