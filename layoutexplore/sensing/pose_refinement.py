@@ -13,9 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from layoutexplore.grids.arrays import Floats, Floats32
+from layoutexplore.grids.arrays import Floats, Ints
+from layoutexplore.sensing.measured_points import (
+    MeasuredPoints,
+    cells_met,
+    is_turned_away,
+    line_through,
+    nearest_mean,
+)
 
 PoseInCells = tuple[float, float, float]
 """(x, y, heading): in cells from the grid's corner, and in radians."""
@@ -26,14 +32,12 @@ REACH = 3.0
 ROUNDS = 8
 """At most so many steps; three or four are mostly enough."""
 
-_LINE = 6.0
-"""Means make a line where their variance along it is so many times that across it."""
-
-_GRAZING = 20.0
-"""Hundredths: the sine of the angle by which the normal of a wall may be wrong, some twelve degrees."""
-
 _FIXED = 1e15
 """Information about what does not move."""
+
+
+Equations = tuple[float, float, float, float, float, float, float, float, float]
+"""Normal equations of (x, y, heading): the matrix's upper triangle row by row, then the right side."""
 
 
 class MatchModel(NamedTuple):
@@ -52,88 +56,23 @@ class MatchModel(NamedTuple):
     heading_std: float
 
 
-class MeasuredPoints(NamedTuple):
-    """The points measured in each cell, (rows, cols).
+class _Lines(NamedTuple):
+    """The line that each of n points was last compared with: mostly it is the same in the next round.
 
     Attributes:
-        number: float32, how many, at most `MOST`.
-        x: float32, their mean in cells from the grid's corner; likewise y.
-        y: See x.
-        facing_x: int8, the normal of the wall's surface towards the robot, in hundredths, once the means
-            around make a line; 0 before. Likewise facing_y.
-        facing_y: See facing_x.
+        cells: int64 (n, 2): the nearest mean's cell, counted row by row, or -1; and the cells around it that
+            the line goes through, as `line_through` takes them.
+        values: float64 (n, 4): a point of the line (x, y), and its normal (x, y); a normal of 0 is no line.
     """
 
-    number: Floats32
-    x: Floats32
-    y: Floats32
-    facing_x: NDArray[np.int8]
-    facing_y: NDArray[np.int8]
-
-
-def no_points(shape: tuple[int, int]) -> MeasuredPoints:
-    """The points of a map (rows, cols) that nothing was measured in."""
-    number, x, y = (np.zeros(shape, np.float32) for _ in range(3))
-    return MeasuredPoints(number, x, y, np.zeros(shape, np.int8), np.zeros(shape, np.int8))
+    cells: Ints
+    values: Floats
 
 
 @njit(cache=True, nogil=True)
-def is_turned_away(points: MeasuredPoints, row: int, col: int, beam_x: float, beam_y: float) -> bool:
-    """Whether a beam (x, y), of any length, can only have met the other side of the surface in a cell.
-
-    A wall is seen from both its sides, a decimetre or two apart: points of one on means of the other would
-    turn a robot that enters a room.
-    """
-    along = points.facing_x[row, col] * beam_x + points.facing_y[row, col] * beam_y
-    return bool(along > 0.0 and along * along > _GRAZING * _GRAZING * (beam_x * beam_x + beam_y * beam_y))
-
-
-@njit(cache=True, nogil=True)
-def nearest_mean(points: MeasuredPoints, x: float, y: float) -> tuple[float, int, int]:
-    """The squared distance to the nearest mean in the 3 x 3 cells around a point, inf without, and its cell.
-
-    The point lies in none of the cells on the border.
-    """
-    # A mean lies somewhere in its cell: the nearest one to a point is among the nine around it, or more than
-    # a cell away.
-    row, col = int(y), int(x)
-    least, nearest_row, nearest_col = np.inf, row, col
-    for r in range(row - 1, row + 2):
-        for c in range(col - 1, col + 2):
-            if points.number[r, c] > 0.0:
-                dx, dy = points.x[r, c] - x, points.y[r, c] - y
-                away = dx * dx + dy * dy
-                if away < least:
-                    least, nearest_row, nearest_col = away, r, c
-    return least, nearest_row, nearest_col
-
-
-@njit(cache=True, nogil=True)
-def wall_line(
-    points: MeasuredPoints, row: int, col: int, beam_x: float, beam_y: float
-) -> tuple[bool, float, float, float, float]:
-    """The line through the means around one of a cell that is not on the border, which a beam can have met.
-
-    Returns:
-        Whether they make one; a point of it (x, y); its normal (x, y), of length 1.
-    """
-    count, sum_x, sum_y, sum_xx, sum_xy, sum_yy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for r in range(row - 1, row + 2):
-        for c in range(col - 1, col + 2):
-            if points.number[r, c] > 0.0 and not is_turned_away(points, r, c, beam_x, beam_y):
-                # Relative to the middle of the cells: squares of small numbers stay exact.
-                x, y = points.x[r, c] - col, points.y[r, c] - row
-                count += 1
-                sum_x, sum_y = sum_x + x, sum_y + y
-                sum_xx, sum_xy, sum_yy = sum_xx + x * x, sum_xy + x * y, sum_yy + y * y
-    if count < 3:
-        return False, 0.0, 0.0, 1.0, 0.0
-    x, y = sum_x / count, sum_y / count
-    xx, xy, yy = sum_xx / count - x * x, sum_xy / count - x * y, sum_yy / count - y * y
-    along = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
-    angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
-    is_line = along > _LINE * (xx + yy - along)
-    return is_line, x + col, y + row, -math.sin(angle), math.cos(angle)
+def _no_lines(count: int) -> _Lines:
+    """The lines of so many points before the first round."""
+    return _Lines(np.full((count, 2), -1), np.empty((count, 4)))
 
 
 @njit(cache=True, nogil=True)
@@ -150,21 +89,15 @@ def refine_pose(
         model: What a pose is judged by.
     """
     x, y, heading = start
-    matrix, vector = np.empty((3, 3)), np.empty(3)
     sure_xy = 1.0 / model.position_std**2 if model.position_std > 0.0 else _FIXED
     sure_heading = 1.0 / model.heading_std**2 if model.heading_std > 0.0 else _FIXED
+    # The prior comes first; it also keeps the equations solvable where no point lies on a wall.
+    no_pull = (sure_xy, 0.0, 0.0, sure_xy, 0.0, sure_heading)
+    lines = _no_lines(len(ends))
     for _ in range(ROUNDS):
-        # The prior comes first; it also keeps the equations solvable where no point lies on a wall.
-        matrix[:] = 0.0
-        matrix[0, 0], matrix[1, 1], matrix[2, 2] = sure_xy, sure_xy, sure_heading
-        vector[0], vector[1] = sure_xy * (prior[0] - x), sure_xy * (prior[1] - y)
-        vector[2] = sure_heading * (prior[2] - heading)
-        cos, sin = math.cos(heading), math.sin(heading)
-        for i in range(ends.shape[0]):
-            arm_x = ends[i, 0] * cos - ends[i, 1] * sin
-            arm_y = ends[i, 0] * sin + ends[i, 1] * cos
-            _pull(points, (x + arm_x, y + arm_y, arm_x, arm_y), model, matrix, vector)
-        step_x, step_y, turn = _solved(matrix, vector)
+        pull = (sure_xy * (prior[0] - x), sure_xy * (prior[1] - y), sure_heading * (prior[2] - heading))
+        equations = _equations(points, ends, lines, (x, y, heading), model, no_pull + pull)
+        step_x, step_y, turn = _solved(equations)
         x, y, heading = x + step_x, y + step_y, heading + turn
         # What is left is far below what a scan can tell.
         if abs(step_x) + abs(step_y) < 1e-2 and abs(turn) < 1e-4:
@@ -173,61 +106,88 @@ def refine_pose(
 
 
 @njit(cache=True, nogil=True)
-def _pull(
+def _equations(
     points: MeasuredPoints,
-    end: tuple[float, float, float, float],
+    ends: Floats,
+    lines: _Lines,
+    pose: PoseInCells,
     model: MatchModel,
-    matrix: Floats,
-    vector: Floats,
-) -> None:
-    """Add what a point (x, y and the same from the robot) tells to the normal equations' upper triangle."""
+    equations: Equations,
+) -> Equations:
+    """The normal equations with what all points tell added, from a pose."""
     rows, cols = points.number.shape
-    x, y, arm_x, arm_y = end
-    # The line of a mean reaches a cell farther than the mean itself.
-    if not (2.0 <= x < cols - 2 and 2.0 <= y < rows - 2):
-        return
-    square, row, col = nearest_mean(points, x, y)
-    if square > (REACH * model.spread) ** 2 or is_turned_away(points, row, col, arm_x, arm_y):
-        return
-    is_line, line_x, line_y, normal_x, normal_y = wall_line(points, row, col, arm_x, arm_y)
-    if is_line:
-        off = normal_x * (line_x - x) + normal_y * (line_y - y)
-        _add(matrix, vector, (normal_x, normal_y, normal_y * arm_x - normal_x * arm_y), off, off * off, model)
-    else:
-        _add(matrix, vector, (1.0, 0.0, -arm_y), points.x[row, col] - x, square, model)
-        _add(matrix, vector, (0.0, 1.0, arm_x), points.y[row, col] - y, square, model)
+    x, y, heading = pose
+    cos, sin = math.cos(heading), math.sin(heading)
+    square_reach = (REACH * model.spread) ** 2
+    for i in range(ends.shape[0]):
+        arm_x = ends[i, 0] * cos - ends[i, 1] * sin
+        arm_y = ends[i, 0] * sin + ends[i, 1] * cos
+        end_x, end_y = x + arm_x, y + arm_y
+        # The line of a mean reaches a cell farther than the mean itself.
+        if not (2.0 <= end_x < cols - 2 and 2.0 <= end_y < rows - 2):
+            continue
+        square, row, col = nearest_mean(points, end_x, end_y)
+        if square > square_reach or is_turned_away(points, row, col, arm_x, arm_y):
+            continue
+        here, met = row * cols + col, cells_met(points, row, col, arm_x, arm_y)
+        if lines.cells[i, 0] != here or lines.cells[i, 1] != met:
+            _keep_line(points, lines, i, row, col, met)
+        normal_x, normal_y = lines.values[i, 2], lines.values[i, 3]
+        if normal_x != 0.0 or normal_y != 0.0:
+            off = normal_x * (lines.values[i, 0] - end_x) + normal_y * (lines.values[i, 1] - end_y)
+            slope = (normal_x, normal_y, normal_y * arm_x - normal_x * arm_y)
+            equations = _with(equations, slope, off, off * off, model)
+        else:
+            off_x, off_y = points.x[row, col] - end_x, points.y[row, col] - end_y
+            equations = _with(equations, (1.0, 0.0, -arm_y), off_x, square, model)
+            equations = _with(equations, (0.0, 1.0, arm_x), off_y, square, model)
+    return equations
 
 
 @njit(cache=True, nogil=True)
-def _add(
-    matrix: Floats,
-    vector: Floats,
-    slope: tuple[float, float, float],
-    off: float,
-    square: float,
-    model: MatchModel,
-) -> None:
-    """Add one distance `off`, which moves by `slope` with the pose, weighed by the point's squared one."""
+def _keep_line(points: MeasuredPoints, lines: _Lines, i: int, row: int, col: int, met: int) -> None:
+    """Keep the line through some of the cells around one as that of the i-th point."""
+    is_line, x, y, normal_x, normal_y = line_through(points, row, col, met)
+    lines.cells[i, 0], lines.cells[i, 1] = row * points.number.shape[1] + col, met
+    lines.values[i, 0], lines.values[i, 1] = x, y
+    lines.values[i, 2], lines.values[i, 3] = (normal_x, normal_y) if is_line else (0.0, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _with(
+    equations: Equations, slope: tuple[float, float, float], off: float, square: float, model: MatchModel
+) -> Equations:
+    """With one distance `off` added, which moves by `slope` with the pose, weighed by its point's square."""
     variance = model.spread * model.spread
     weight = model.weight * math.exp(-0.5 * square / variance) / variance
-    for i in range(3):
-        vector[i] += weight * slope[i] * off
-        for j in range(i, 3):
-            matrix[i, j] += weight * slope[i] * slope[j]
+    xx, xy, xt, yy, yt, tt, x, y, t = equations
+    a, b, c = slope
+    return (
+        xx + weight * a * a,
+        xy + weight * a * b,
+        xt + weight * a * c,
+        yy + weight * b * b,
+        yt + weight * b * c,
+        tt + weight * c * c,
+        x + weight * a * off,
+        y + weight * b * off,
+        t + weight * c * off,
+    )
 
 
 @njit(cache=True, nogil=True)
-def _solved(matrix: Floats, vector: Floats) -> tuple[float, float, float]:
-    """The solution of three symmetric positive definite equations, of which the upper triangle counts."""
+def _solved(equations: Equations) -> tuple[float, float, float]:
+    """The solution of three symmetric positive definite equations."""
     # Elimination without pivots: none is zero, as the prior adds to each of the diagonal.
-    below = matrix[0, 1] / matrix[0, 0]
-    last = matrix[0, 2] / matrix[0, 0]
-    middle = matrix[1, 1] - below * matrix[0, 1]
-    cross = matrix[1, 2] - below * matrix[0, 2]
-    second = vector[1] - below * vector[0]
+    xx, xy, xt, yy, yt, tt, x, y, t = equations
+    below = xy / xx
+    last = xt / xx
+    middle = yy - below * xy
+    cross = yt - below * xt
+    second = y - below * x
     ratio = cross / middle
-    third = vector[2] - last * vector[0] - ratio * second
-    z = third / (matrix[2, 2] - last * matrix[0, 2] - ratio * cross)
-    y = (second - cross * z) / middle
-    x = (vector[0] - matrix[0, 1] * y - matrix[0, 2] * z) / matrix[0, 0]
-    return x, y, z
+    third = t - last * x - ratio * second
+    turn = third / (tt - last * xt - ratio * cross)
+    step_y = (second - cross * turn) / middle
+    step_x = (x - xy * step_y - xt * turn) / xx
+    return step_x, step_y, turn

@@ -19,21 +19,18 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import checks_calls
-from layoutexplore.grids.arrays import Floats, Floats32
+from layoutexplore.grids.arrays import Floats, Floats32, Ints
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.options import COUNT, POSITIVE, Rule, check
 from layoutexplore.sensing.lidar import LidarConfig, around, beam_table, position_in_cells
-from layoutexplore.sensing.pose_refinement import (
-    REACH,
-    MatchModel,
+from layoutexplore.sensing.measured_points import (
     MeasuredPoints,
-    PoseInCells,
+    add_points,
     is_turned_away,
     nearest_mean,
     no_points,
-    refine_pose,
-    wall_line,
 )
+from layoutexplore.sensing.pose_refinement import REACH, MatchModel, PoseInCells, refine_pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,9 +57,6 @@ class ScanMatcherConfig:
     def __post_init__(self) -> None:
         check(self, beams=COUNT, spread=POSITIVE, weight=POSITIVE, levels=Rule(kind=int, low=1, high=12))
 
-
-MOST = 50.0
-"""A mean of more points than this moves as if there were so many."""
 
 _TURN = 0.02
 """Radians: at eight metres, between two headings so far apart, points move by a few spreads."""
@@ -137,7 +131,7 @@ class ScanMatcher:
         config = around(lidar) if full_turn else lidar
         measured = np.asarray(ranges, np.float64) / grid.resolution
         x, y = position_in_cells(pose, grid.resolution, grid.origin)
-        _add_points(self._points, x, y, pose.theta, *beam_table(config), measured)
+        add_points(self._points, x, y, pose.theta, *beam_table(config), measured)
 
     def _ends(self, ranges: Floats32, lidar: LidarConfig, full_turn: bool) -> Floats:
         """Measured points float64 (n, 2) as the robot sees them, in cells."""
@@ -153,37 +147,6 @@ def evenly_chosen(ends: Floats, most: int) -> Floats:
     if len(ends) <= most:
         return ends
     return ends[np.linspace(0, len(ends) - 1, most).astype(np.int64)]
-
-
-@njit(cache=True, nogil=True)
-def _add_points(
-    points: MeasuredPoints, x: float, y: float, heading: float, unit_x: Floats, unit_y: Floats, ranges: Floats
-) -> None:
-    """Move the means of the cells that the beams end in; beams that met nothing or failed end nowhere."""
-    rows, cols = points.number.shape
-    cos, sin = math.cos(heading), math.sin(heading)
-    for i in range(ranges.size):
-        if not math.isfinite(ranges[i]):
-            continue
-        beam_x, beam_y = unit_x[i] * cos - unit_y[i] * sin, unit_x[i] * sin + unit_y[i] * cos
-        end_x, end_y = x + ranges[i] * beam_x, y + ranges[i] * beam_y
-        # The cells on the border have no cells around them to make a line.
-        if not (1.0 <= end_x < cols - 1 and 1.0 <= end_y < rows - 1):
-            continue
-        row, col = int(end_y), int(end_x)
-        if is_turned_away(points, row, col, beam_x, beam_y):
-            continue
-        # A wall's surface lies on the border of two cells as often as inside one: the point counts for
-        # the cell that it lies in, and the search looks at the cells around.
-        number = min(points.number[row, col] + 1.0, MOST)
-        points.x[row, col] += (end_x - points.x[row, col]) / number
-        points.y[row, col] += (end_y - points.y[row, col]) / number
-        points.number[row, col] = number
-        is_line, _, _, normal_x, normal_y = wall_line(points, row, col, beam_x, beam_y)
-        if is_line:
-            towards = -100.0 if normal_x * beam_x + normal_y * beam_y > 0.0 else 100.0
-            points.facing_x[row, col] = round(towards * normal_x)
-            points.facing_y[row, col] = round(towards * normal_y)
 
 
 @njit(cache=True, nogil=True)
@@ -216,23 +179,86 @@ def search_pose(
     miss what lies between. A pose wins by strictly more than those before it, and the prior comes first:
     without evidence nothing moves.
     """
-    best = prior
-    best_value = model.weight * match_score(points, ends, best, model.spread)
     half, step = _steps(3.0 * model.position_std, 2.0 * model.spread)
     half_turn, turn = _steps(3.0 * model.heading_std, _TURN)
+    ends = _interleaved(ends)
+    best, best_value = prior, -np.inf
     for _ in range(levels + 1):
         middle = best
-        for i in range(-half, half + 1):
-            for j in range(-half, half + 1):
-                for k in range(-half_turn, half_turn + 1):
-                    pose = (middle[0] + i * step, middle[1] + j * step, middle[2] + k * turn)
-                    value = model.weight * match_score(points, ends, pose, model.spread)
-                    value -= _unlikeliness(pose, prior, model)
+        for k in _from_the_middle(half_turn):
+            heading = middle[2] + k * turn
+            arms = _arms_in_sight(points, ends, (middle[0], middle[1], heading), half * step)
+            for i in _from_the_middle(half):
+                for j in _from_the_middle(half):
+                    pose = (middle[0] + i * step, middle[1] + j * step, heading)
+                    unlikely = _unlikeliness(pose, prior, model)
+                    needed = (best_value + unlikely) / model.weight
+                    value = model.weight * _score_above(points, arms, pose, model.spread, needed) - unlikely
                     if value > best_value:
                         best_value, best = value, pose
         # The best of a lattice lies at most half a step from the truth in each axis: half a step on.
         step, turn, half, half_turn = 0.5 * step, 0.5 * turn, 1, 1
     return best
+
+
+@njit(cache=True, nogil=True)
+def _from_the_middle(half: int) -> Ints:
+    """The steps 0, -1, 1, -2, 2 ... of a lattice: likely poses come first, so that others end early."""
+    return np.array([(k + 1) // 2 * (2 * (k % 2 == 0) - 1) for k in range(2 * half + 1)])
+
+
+@njit(cache=True, nogil=True)
+def _interleaved(ends: Floats) -> Floats:
+    """The points float64 (n, 2) in an order of which each beginning is spread over all directions."""
+    mixed, at = np.empty_like(ends), 0
+    for first in (0, 4, 2, 6, 1, 5, 3, 7):
+        for i in range(first, len(ends), 8):
+            mixed[at] = ends[i]
+            at += 1
+    return mixed
+
+
+@njit(cache=True, nogil=True)
+def _arms_in_sight(points: MeasuredPoints, ends: Floats, pose: PoseInCells, span: float) -> Floats:
+    """The points float64 (n, 2) as seen from a pose, but those with no mean within a span of them."""
+    rows, cols = points.around.shape
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    arms, count = np.empty_like(ends), 0
+    reach = 3 * math.ceil(span / 3.0)
+    for i in range(len(ends)):
+        x, y = ends[i, 0] * cos - ends[i, 1] * sin, ends[i, 0] * sin + ends[i, 1] * cos
+        arms[count, 0], arms[count, 1] = x, y
+        row, col = math.floor(pose[1] + y), math.floor(pose[0] + x)
+        # Every third cell tells of the two beside it as well; none on the border has points.
+        is_met = False
+        for r in range(row - reach, row + reach + 1, 3):
+            for c in range(col - reach, col + reach + 1, 3):
+                if 0 <= r < rows and 0 <= c < cols:
+                    is_met |= points.around[r, c] != 0
+        count += is_met
+    return arms[:count]
+
+
+@njit(cache=True, nogil=True)
+def _score_above(
+    points: MeasuredPoints, arms: Floats, pose: PoseInCells, spread: float, needed: float
+) -> float:
+    """As `match_score` of points (n, 2) turned already; less, where it cannot be more than is needed."""
+    rows, cols = points.number.shape
+    x, y, _ = pose
+    scale, reach = -0.5 / (spread * spread), (REACH * spread) ** 2
+    # A point adds one at most. The sums round: a little less than needed goes on.
+    total, needed = 0.0, needed - 1e-9 - len(arms)
+    for i in range(len(arms)):
+        if total < needed + i:
+            break
+        end_x, end_y = x + arms[i, 0], y + arms[i, 1]
+        if not (1.0 <= end_x < cols - 1 and 1.0 <= end_y < rows - 1):
+            continue
+        least, row, col = nearest_mean(points, end_x, end_y)
+        if least < reach and not is_turned_away(points, row, col, arms[i, 0], arms[i, 1]):
+            total += math.exp(least * scale)
+    return total
 
 
 @njit(cache=True, nogil=True)

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutexplore.sensing.pose_refinement import (
-    MatchModel,
+from layoutexplore.sensing.measured_points import (
     MeasuredPoints,
+    add_point,
     is_turned_away,
     nearest_mean,
     no_points,
-    refine_pose,
     wall_line,
 )
+from layoutexplore.sensing.pose_refinement import MatchModel, refine_pose
 
 MODEL = MatchModel(spread=0.5, weight=0.5, position_std=0.3, heading_std=0.02)
 
@@ -26,7 +26,9 @@ def points_at(places: np.ndarray, shape: tuple[int, int] = (40, 40)) -> Measured
     """A map with one point in each cell of some of the places float64 (n, 2), as (x, y)."""
     points = no_points(shape)
     for x, y in places:
-        points.number[int(y), int(x)], points.x[int(y), int(x)], points.y[int(y), int(x)] = 1.0, x, y
+        if points.number[int(y), int(x)] == 0:
+            add_point(points, x, y)
+        points.x[int(y), int(x)], points.y[int(y), int(x)] = x, y
     return points
 
 
@@ -44,7 +46,7 @@ def corner(turn: float = 0.0) -> np.ndarray:
 @given(st.integers(0, 2**32 - 1))
 def test_the_nearest_mean_is_that_of_the_slow_version(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    points = points_at(rng.uniform(0, 12, (rng.integers(0, 60), 2)), (12, 12))
+    points = points_at(rng.uniform(1, 11, (rng.integers(0, 60), 2)), (12, 12))
     x, y = rng.uniform(1, 11, 2)
     least, row, col = nearest_mean(points, x, y)
     near = [
@@ -55,6 +57,61 @@ def test_the_nearest_mean_is_that_of_the_slow_version(seed: int) -> None:
     ]
     assert least == pytest.approx(min(near)[0]) if near else least == np.inf
     assert not near or points.number[row, col]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_cells_know_which_around_them_have_points(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = points_at(rng.uniform(1, (14, 9), (rng.integers(0, 60), 2)), (10, 15))
+    padded = np.pad(points.number > 0, 1)
+    around = sum(padded[k // 3 : k // 3 + 10, k % 3 : k % 3 + 15].astype(int) << k for k in range(9))
+    assert np.array_equal(points.around, around)
+
+
+def slowly_refined(
+    points: MeasuredPoints, ends: np.ndarray, pose: np.ndarray, prior: np.ndarray, model: MatchModel
+) -> np.ndarray:
+    """One step of `refine_pose` as a least-squares problem, a row a distance."""
+    rows, cols = points.number.shape
+    sure = np.array([model.position_std, model.position_std, model.heading_std])
+    slopes, offs = [*np.diag(1 / sure)], [*((prior - pose) / sure)]
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for arm in ends @ np.array([[c, s], [-s, c]]):
+        x, y = pose[:2] + arm
+        if not (2 <= x < cols - 2 and 2 <= y < rows - 2):
+            continue
+        square, row, col = nearest_mean(points, x, y)
+        if square > (3 * model.spread) ** 2 or is_turned_away(points, row, col, *arm):
+            continue
+        is_line, line_x, line_y, *normal = wall_line(points, row, col, *arm)
+        from_end = np.array([line_x - x, line_y - y])
+        if is_line:
+            square = (from_end @ normal) ** 2
+        else:
+            from_end = np.array([points.x[row, col] - x, points.y[row, col] - y])
+        root = math.sqrt(model.weight * math.exp(-0.5 * square / model.spread**2)) / model.spread
+        for axis in [np.array(normal)] if is_line else np.eye(2):
+            slopes.append(root * np.array([*axis, axis @ [-arm[1], arm[0]]]))
+            offs.append(root * (axis @ from_end))
+    return pose + np.linalg.lstsq(np.array(slopes), np.array(offs), rcond=None)[0]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_a_pose_is_refined_as_by_least_squares(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = points_at(corner(rng.uniform(0, 1.5)) + rng.normal(0, 0.1, (160, 2)))
+    for facing in (points.facing_x, points.facing_y):
+        facing[:] = rng.choice([-70, 0, 0, 70], facing.shape)
+    ends = corner(rng.uniform(0, 1.5))[::2] + rng.normal(0, 0.2, (80, 2)) - 20.0
+    prior = np.array([*(20.0 + rng.normal(0, 0.2, 2)), rng.normal(0, 0.01)])
+    pose = prior.copy()
+    for _ in range(8):
+        before, pose = pose, slowly_refined(points, ends, pose, prior, MODEL)
+        if abs(pose - before)[:2].sum() < 1e-2 and abs(pose - before)[2] < 1e-4:
+            break
+    assert refine_pose(points, ends, tuple(prior), tuple(prior), MODEL) == pytest.approx(pose, abs=1e-6)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.4, 1.2, math.pi / 2, 2.5])

@@ -13,7 +13,9 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grids.grid import Pose
 from layoutexplore.sensing.lidar import SENSORS, Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper
-from layoutexplore.sensing.scan_matching import MeasuredPoints, ScanMatcher, ScanMatcherConfig, match_score
+from layoutexplore.sensing.measured_points import MeasuredPoints
+from layoutexplore.sensing.pose_refinement import MatchModel
+from layoutexplore.sensing.scan_matching import ScanMatcher, ScanMatcherConfig, match_score, search_pose
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
 INDOOR = SENSORS["indoor"]
@@ -123,15 +125,55 @@ def test_along_a_corridor_without_ends_odometry_is_believed() -> None:
     assert abs(found.y - true.y) < 0.02 and abs(found.theta) < 0.005
 
 
+def scattered(rng: np.random.Generator, shape: tuple[int, int]) -> MeasuredPoints:
+    """Points in three of ten cells, some of which face a side."""
+    number = np.zeros(shape, np.float32)
+    number[1:-1, 1:-1] = rng.random((shape[0] - 2, shape[1] - 2)) < 0.3
+    rows, cols = np.mgrid[: shape[0], : shape[1]]
+    x, y = ((axis + rng.random(shape)).astype(np.float32) for axis in (cols, rows))
+    facing = rng.choice([-100, 0, 0, 100], (2, *shape)).astype(np.int8)
+    padded, around = np.pad(number > 0, 1), np.zeros(shape, np.uint16)
+    for k in range(9):
+        around |= padded[k // 3 :, k % 3 :][: shape[0], : shape[1]].astype(np.uint16) << k
+    return MeasuredPoints(number, x, y, *facing, around)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 2.5), st.floats(0.0, 0.05), st.integers(1, 3))
+def test_a_search_finds_the_best_of_all_poses(seed: int, std: float, heading_std: float, levels: int) -> None:
+    rng = np.random.default_rng(seed)
+    points, spread, weight = scattered(rng, (25, 30)), rng.uniform(0.3, 1.0), rng.uniform(0.1, 2.0)
+    # Some points lie outside, and poses near the border too.
+    ends, prior = rng.uniform(-14, 14, (40, 2)), (*rng.uniform(3, 22, 2), rng.uniform(-3, 3))
+
+    def value(pose: tuple[float, float, float]) -> float:
+        off = (np.hypot(pose[0] - prior[0], pose[1] - prior[1]), pose[2] - prior[2])
+        unlikely = sum((d / s) ** 2 for d, s in zip(off, (std, heading_std), strict=True) if s > 0)
+        return weight * match_score(points, ends, pose, spread) - 0.5 * unlikely
+
+    steps = [min(max(2, math.ceil(3 * s / m)), 12) for s, m in ((std, 2 * spread), (heading_std, 0.02))]
+    step, turn = 3 * std / steps[0], 3 * heading_std / steps[1]
+    best = prior
+    for _ in range(levels + 1):
+        near, turns = (np.arange(-n, n + 1) for n in steps)
+        poses = [
+            (best[0] + i * step, best[1] + j * step, best[2] + k * turn)
+            for i in near
+            for j in near
+            for k in turns
+        ]
+        best = max([best, *poses], key=value)
+        step, turn, steps = step / 2, turn / 2, [1, 1]
+    found = search_pose(points, ends, prior, MatchModel(spread, weight, std, heading_std), levels)
+    assert found == pytest.approx(best, abs=1e-12)
+
+
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_the_score_is_that_of_the_slow_version(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    number = (rng.random((12, 15)) < 0.3).astype(np.float32)
-    cols, rows = np.meshgrid(np.arange(15), np.arange(12))
-    x = (cols + rng.random((12, 15))).astype(np.float32)
-    y = (rows + rng.random((12, 15))).astype(np.float32)
-    facing = rng.choice([-100, 0, 0, 100], (2, 12, 15)).astype(np.int8)
+    points = scattered(rng, (12, 15))
+    number, x, y, facing = points.number, points.x, points.y, np.array([points.facing_x, points.facing_y])
     ends, pose, spread = rng.uniform(-5, 5, (30, 2)), (7.0, 6.0, rng.uniform(-3, 3)), 0.4
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     total = 0.0
@@ -150,7 +192,6 @@ def test_the_score_is_that_of_the_slow_version(seed: int) -> None:
                 beam = np.array([beam_x, beam_y]) / math.hypot(beam_x, beam_y)
                 if facing[:, r, c] @ beam <= 20.0:
                     total += math.exp(-0.5 * away / spread**2)
-    points = MeasuredPoints(number, x, y, *facing)
     assert match_score(points, ends, pose, spread) == pytest.approx(total, rel=1e-9)
 
 
