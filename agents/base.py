@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision
-from layoutexplore.options import Options
+from layoutexplore.options import SEED, Options, check_kind
 from layoutexplore.plugins.registry import Description, Registry
 
 OptionsT = TypeVar("OptionsT", bound=Options)
@@ -29,14 +29,17 @@ class Heuristic(Generic[OptionsT]):
     """Whether a choice depends on more than the decision; a saved run asks agents that do from the start."""
 
     def __init__(self, name: str, options: OptionsT) -> None:
+        check_kind("options", options, Options)
         self.name = name
         self.options = options
 
     def reset(self, seed: int) -> None:
         """Begin a new run; a heuristic without randomness has nothing to forget."""
+        SEED.convert("seed", seed)
 
     def act(self, decision: Decision) -> Choice:
         """The frontier to go to, or `STOP` when there is none."""
+        check_kind("decision", decision, Decision)
         return self.choose(decision) if decision.frontiers else STOP
 
     def choose(self, decision: Decision) -> Choice:

@@ -129,6 +129,7 @@ class Random(Heuristic[Options]):
 
     def reset(self, seed: int) -> None:
         """Begin a new run with the random stream of this seed."""
+        super().reset(seed)
         self._rng = np.random.default_rng(seed)
 
     def choose(self, decision: Decision) -> Choice:

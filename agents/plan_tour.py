@@ -23,6 +23,7 @@ from layoutexplore.agents.omniscient.route_planner import (
 )
 from layoutexplore.agents.room_aware import LayoutTourOptions, RoomAwareHeuristic
 from layoutexplore.agents.tour import plan_latency_tour
+from layoutexplore.errors import MapError
 from layoutexplore.frontiers.decision import Choice, Decision, Walk
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.frontiers.tour_features import ready_frontiers
@@ -91,6 +92,7 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
 
     def reset(self, seed: int) -> None:
         """Begin a new run: nothing is foreseen yet."""
+        super().reset(seed)
         self._floor: ForeseenFloor | None = None
         self._plan, self._plans = NOTHING_PLANNED, 0
         self._arriving: Cell | None = None
@@ -99,6 +101,9 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
     def choose(self, decision: Decision) -> Choice:
         """A path to the first stop, or the frontier that it stands for or that is in the way."""
         foresight = decision.foresight
+        if foresight is not None and foresight.cells.shape != decision.grid.shape:
+            shape, needed = foresight.cells.shape, decision.grid.shape
+            raise MapError(f"foresight of {foresight.predictor!r} has {shape} cells, the grid {needed}")
         if foresight is not None and foresight.confidence >= self.options.sure:
             choice = self._follow(decision, foresight)
             if choice is not None:

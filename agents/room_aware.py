@@ -17,7 +17,7 @@ from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.tour_features import BEGUN, SURE, area_left, ready_frontiers
 from layoutexplore.grids.arrays import Ints, Mask
-from layoutexplore.options import option
+from layoutexplore.options import check_kind, option
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +64,7 @@ class RoomAwareHeuristic(Greedy[LayoutT]):
 
     def act(self, decision: Decision) -> Choice:
         """The frontier to go to, or `STOP` when there is none or surely less than `stop_area` behind each."""
+        check_kind("decision", decision, Decision)
         if all(self._is_done(frontier) for frontier in decision.frontiers) and self._has_begun(decision):
             return STOP
         return super().act(decision)

@@ -49,6 +49,7 @@ class WatchfulTour(RoomAwareHeuristic[WatchfulTourOptions]):
 
     def reset(self, seed: int) -> None:
         """Begin a new run: the robot is on its way to nothing."""
+        super().reset(seed)
         self._goal: Cell | None = None
         self._known = 0
 

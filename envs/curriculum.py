@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from layoutexplore.envs.plans import load
-from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.errors import ConfigError, checks_calls, unknown_name
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.options import NON_NEGATIVE, SHARE, Rule, check, check_kind
 from layoutexplore.sensing.lidar import sensor
@@ -33,6 +33,7 @@ _ATTEMPTS = 20
 """Further seeds that are tried where one cannot be drawn at the wanted size."""
 
 
+@checks_calls
 @dataclass(frozen=True, kw_only=True)
 class PlanSampler:
     """Draws floor plans, for `plan=` of an environment: generated of all families, shipped in between.
@@ -120,6 +121,7 @@ class PlanSampler:
         return _generated(family, seed, (low, high), self.clutter, self.door_width, self.closed_doors)
 
 
+@checks_calls
 @dataclass(frozen=True, kw_only=True)
 class Randomisation:
     """What changes from episode to episode besides plan and start; each is drawn from the values listed.

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from layoutexplore.envs import egocentric_maps as map_images
 from layoutexplore.envs import foreseen
 from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS, MapFrame, Trail
+from layoutexplore.errors import checks_calls
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import FrontierTable
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
@@ -188,6 +189,7 @@ def bounds(features: Mapping[str, tuple[float, float]]) -> tuple[Floats32, Float
     return low, high
 
 
+@checks_calls
 class Observer:
     """Turns decisions into observations, one episode after the other.
 

@@ -168,8 +168,6 @@ def require(module: str, extra: str) -> ModuleType:
         ) from error
 
 
-_PLAIN = (AttributeError, TypeError, ValueError, LookupError, ArithmeticError, MemoryError)
-"""What Python and NumPy raise inside a function that got something else than it was made for."""
 _NUMBERS: dict[Any, tuple[type, ...]] = {
     float: (float, int, np.floating, np.integer),
     int: (int, np.integer),
@@ -206,7 +204,7 @@ def checks_arguments(function: Callable[P, R]) -> Callable[P, R]:
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             return function(*args, **kwargs)
-        except _PLAIN as error:
+        except Exception as error:  # also those of Numba, OpenCV and Shapely
             named = _named(error, function, args, kwargs)
             if named is error:
                 raise
@@ -216,7 +214,7 @@ def checks_arguments(function: Callable[P, R]) -> Callable[P, R]:
     def walked(*args: P.args, **kwargs: P.kwargs) -> Any:
         try:
             yield from cast(Iterable[Any], function(*args, **kwargs))
-        except _PLAIN as error:
+        except Exception as error:
             named = _named(error, function, args, kwargs)
             if named is error:
                 raise
@@ -277,13 +275,17 @@ def _fits(value: Any, meant: Any) -> bool:
         return all(_fits(key, parts[0]) and _fits(item, parts[1]) for key, item in value.items())
     if parts and base in (Iterable, Sequence, list) and isinstance(value, (list, tuple, set, frozenset)):
         return all(_fits(item, parts[0]) for item in value)
+    if base is Callable:
+        return callable(value)
     return isinstance(value, base)
 
 
 def _is_array(value: Any) -> bool:
     """Whether a value is an array of numbers or flags, or nested lists of them."""
+    if isinstance(value, range):
+        return False  # takes no memory, as an array a lot
     try:
         array = np.asarray(value)
-    except (TypeError, ValueError):
+    except Exception:  # whatever an object raises that is asked for its numbers
         return False
     return array.dtype.kind in "biuf" and array.ndim > 0 and (array.size > 0 or array is value)

@@ -28,7 +28,7 @@ _MANY = {bool: "flags", int: "whole numbers", float: "numbers", str: "names"}
 
 @dataclass(frozen=True, kw_only=True)
 class Rule:
-    """Which values an option may have. A number is finite, and may be one of NumPy's; a flag is no number.
+    """Which values an option may have. A number may be one of NumPy's, but never NaN; a flag is no number.
 
     Attributes:
         kind: bool, int, float (whole numbers included), str or dict.
@@ -39,6 +39,7 @@ class Rule:
         choices: The only texts; any when empty.
         optional: Whether None is a value, too.
         count: So many values in a tuple or list, any number of them when -1; None for a single value.
+        finite: Whether infinity is refused, too.
     """
 
     kind: type = float
@@ -49,6 +50,7 @@ class Rule:
     choices: tuple[str, ...] = ()
     optional: bool = False
     count: int | None = None
+    finite: bool = True
 
     def __str__(self) -> str:
         limits = [
@@ -66,7 +68,11 @@ class Rule:
             what = f"a list of {'' if self.count < 0 else f'{self.count} '}{_MANY[self.kind]}"
         else:
             what = _ONE[self.kind]
-            if self.kind is float and not (math.isfinite(self.low) and math.isfinite(self.high)):
+            if (
+                self.kind is float
+                and self.finite
+                and not (math.isfinite(self.low) and math.isfinite(self.high))
+            ):
                 what = "a finite number"
         return f"{what} {bounds}".replace(" ,", ",").rstrip()
 
@@ -101,7 +107,9 @@ class Rule:
             number = float(value)
         except OverflowError:
             return False
-        return math.isfinite(number) and self.low <= number <= self.high and self.above < number < self.below
+        if not math.isfinite(number) and (self.finite or math.isnan(number)):
+            return False
+        return self.low <= number <= self.high and self.above < number < self.below
 
 
 def check_kind(name: str, value: object, *kinds: type, optional: bool = False) -> None:
@@ -143,6 +151,22 @@ def rule_like(default: Any) -> Rule:
             return Rule(kind=str, count=-1)
         return Rule(kind=int if kinds == {int} else float, count=len(default))
     return Rule(kind=type(default))
+
+
+def rule_of(field: dataclasses.Field[Any]) -> Rule:
+    """The rule in a field's metadata, or the one that its default is an example of."""
+    rule = field.metadata.get("rule")
+    return rule if isinstance(rule, Rule) else rule_like(field.default)
+
+
+def check_fields(config: object) -> None:
+    """Check every field of a frozen dataclass by its own rule (`rule_of`), as `check` does.
+
+    Raises:
+        ConfigError: A value is of another kind than its field's default, or not allowed.
+    """
+    fields = dataclasses.fields(config)  # type: ignore[arg-type]
+    check(config, **{field.name: rule_of(field) for field in fields})
 
 
 def check(config: object, prefix: str = "", /, **rules: Rule) -> None:
@@ -231,7 +255,7 @@ class Options:
     """
 
     def __post_init__(self) -> None:
-        check(self, **{field.name: field.metadata["rule"] for field in dataclasses.fields(self)})
+        check_fields(self)
 
 
 def parse_spec(what: str, spec: str, known: Mapping[str, Options]) -> tuple[str, Options]:

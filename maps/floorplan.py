@@ -29,7 +29,7 @@ from layoutexplore.files.limits import limits
 from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.polygons import Point, fill, polygons_of, seal_diagonals
-from layoutexplore.maps.raster import PlanRaster, resample
+from layoutexplore.maps.raster import MOST_CELLS, PlanRaster, check_stretch, resample
 from layoutexplore.maps.sizes import MOST_METRES, check_plan
 
 __all__ = ["Door", "FloorPlan", "PlanRaster", "Room"]
@@ -186,15 +186,14 @@ class FloorPlan:
             y: Factor along y.
 
         Raises:
-            MapError: A factor is not a finite number above 0.
+            MapError: A factor is not a number from 0.001 to 1000.
 
         Example:
             >>> plan = FloorPlan(name="one-room", rooms=(Room(id=1, polygon=shapely.box(0, 0, 4, 3)),))
             >>> plan.stretched(1.5, 2.0).bounds
             (0.0, 0.0, 6.0, 6.0)
         """
-        if not (math.isfinite(x) and math.isfinite(y) and x > 0 and y > 0):
-            raise MapError(f"{self._shown} can be stretched by finite factors above 0, got {x!r} and {y!r}")
+        check_stretch(self._shown, x, y)
         source = self.source and self.source.stretched(x, y)
         return self._transformed(np.diag([x, y]), source)
 
@@ -279,7 +278,7 @@ class FloorPlan:
         row0 = math.floor((y0 - border) / resolution + 1e-6)
         cols = math.ceil((x1 + border) / resolution - 1e-6) - col0
         rows = math.ceil((y1 + border) / resolution - 1e-6) - row0
-        if rows * cols > max(400_000_000, limits().image_pixels):
+        if rows * cols > max(MOST_CELLS, limits().image_pixels):
             raise MapError(
                 f"{self._shown} would need {rows} x {cols} cells at {resolution:g} m: "
                 "choose a coarser resolution"
@@ -342,9 +341,14 @@ def _check(plan: FloorPlan) -> None:
     """Raise `MapError` where a plan contradicts itself, naming the plan and the part."""
     if not plan.name:
         raise MapError("a floor plan needs a name")
+    if plan.source is not None and not isinstance(plan.source, PlanRaster):
+        raise MapError(f"{plan._shown}: the source must be a PlanRaster, got {shortened(plan.source)}")
+    for part, kind in (("room", Room), ("door", Door)):
+        if wrong := [thing for thing in getattr(plan, f"{part}s") if not isinstance(thing, kind)]:
+            raise MapError(f"{plan._shown}: {shortened(wrong[0])} is no {part}")
     check_plan(plan._shown, plan.rooms, plan.doors)
     ids = [room.id for room in plan.rooms]
-    if len(set(ids)) < len(ids) or not all(isinstance(i, int) and 0 < i < 2**31 for i in ids):
+    if not all(isinstance(i, int) and 0 < i < 2**31 for i in ids) or len(set(ids)) < len(ids):
         raise MapError(
             f"{plan._shown}: room ids must be different whole numbers from 1, got {shortened(ids)}"
         )
@@ -354,14 +358,27 @@ def _check(plan: FloorPlan) -> None:
         _check_shape(plan, getattr(plan, what), what, empty=True)
     known = {0, *ids}
     for k, door in enumerate(plan.doors):
-        if not all(abs(v) <= MOST_METRES for v in (*door.start, *door.end)) or door.width == 0:
-            raise MapError(
-                f"{plan._shown}, door {k}: needs two different finite ends, got {door.start} and {door.end}"
-            )
+        if not _is_sound(door):
+            raise MapError(f"{plan._shown}, door {k}: needs two different finite ends, got {shortened(door)}")
         if unknown := set(door.rooms) - known:
             raise MapError(f"{plan._shown}, door {k}: there is no room {min(unknown)}")
     if plan.source is None and not plan.rooms and plan.passages.is_empty:
         raise MapError(f"{plan._shown} has no free space: it needs rooms or passages")
+
+
+def _is_sound(door: Door) -> bool:
+    """Whether a door has two ends, a width, and the ids of two rooms."""
+    try:
+        ends = (*door.start, *door.end)
+        return (
+            len(door.start) == len(door.end) == len(door.rooms) == 2
+            and all(abs(value) <= MOST_METRES for value in ends)
+            and door.width > 0.0
+            and all(isinstance(room, (int, np.integer)) for room in door.rooms)
+            and isinstance(door.is_open, (bool, np.bool_))
+        )
+    except (TypeError, ValueError, MemoryError):
+        return False
 
 
 def _check_shape(plan: FloorPlan, shape: Any, what: str, *, empty: bool) -> None:

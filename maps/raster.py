@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from layoutexplore.errors import MapError, checks_calls
+from layoutexplore.errors import MapError, checks_calls, shortened
 from layoutexplore.grids.arrays import Ints32, Labels, Mask, small_labels
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.morphology import grow, inflate
@@ -26,6 +26,23 @@ LARGEST_ROBOT = 100.0
 
 _COUNTED = 1 << 20
 """Cells that are counted at once."""
+
+
+MOST_CELLS = 400_000_000
+"""A raster with more takes more memory than most computers have."""
+
+MOST_STRETCHED = 1e3
+"""What is stretched by more is no building any more."""
+
+
+def check_stretch(what: str, x: float, y: float) -> None:
+    """Raise `MapError` unless lengths can be multiplied by these factors."""
+    if not all(1 / MOST_STRETCHED <= factor <= MOST_STRETCHED for factor in (x, y)):
+        shown = f"{shortened(x)} and {shortened(y)}"
+        raise MapError(
+            f"{what} can be stretched by finite factors above 0, "
+            f"from {1 / MOST_STRETCHED:g} to {MOST_STRETCHED:g}, got {shown}"
+        )
 
 
 @checks_calls
@@ -97,7 +114,10 @@ class PlanRaster:
         Raises:
             MapError: No free cell is left.
         """
+        check_stretch("a raster", x, y)
         shape = max(round(self.shape[0] * y), 1), max(round(self.shape[1] * x), 1)
+        if shape[0] * shape[1] > MOST_CELLS:
+            raise MapError(f"a raster of {shape[0]} x {shape[1]} cells is too large: stretch it less")
         occupied, room_ids = resample(self, (1.0 / x, 1.0 / y), (0.0, 0.0), shape)
         origin = Pose(self.origin.x * x, self.origin.y * y, self.origin.theta)
         return PlanRaster(occupied, np.where(occupied, 0, room_ids), self.resolution, origin)

@@ -7,6 +7,7 @@ import inspect
 import math
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,13 @@ import layoutexplore.evaluation
 import layoutexplore.maps.formats
 import layoutexplore.metrics
 from layoutexplore import FloorPlan, OccupancyGrid, Pose, Simulation, SimulationConfig
+from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.benchmark.suite import load_suite
+from layoutexplore.closed_doors import predict_closed_rooms
+from layoutexplore.drawing.prior_plans import side_by_side
 from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, checks_arguments, checks_calls
+from layoutexplore.files import read_json, safe_name
 from layoutexplore.grids.arrays import Mask
 from layoutexplore.importing.building import building_from_grid, building_of_plan
 from layoutexplore.importing.findings import find_faults
@@ -37,8 +43,10 @@ from layoutexplore.priors.evacuation_picture import draw_evacuation_plan
 from layoutexplore.priors.plan import prior_of_plan
 from layoutexplore.priors.reading import prior_of_picture
 from layoutexplore.priors.spoiling import SpoilConfig, spoil
+from layoutexplore.report.benchmark import write_benchmark_report
 from layoutexplore.sensing.lidar import Lidar, sensor
 from layoutexplore.sensing.mapper import Mapper
+from layoutexplore.simulation.episode import play, run_seed, start_pose
 from layoutexplore.simulation.way_back import return_to_start
 from tests.plans import HOUSE
 
@@ -130,6 +138,16 @@ def functions() -> dict[str, tuple[Callable[[str, Any], Any], tuple[str, ...]]]:
         (prior_of_picture, {"image": np.zeros((9, 9, 3), np.uint8)}),
         (draw_evacuation_plan, {"free": grid.free, "room_ids": rooms, "resolution": 0.3, "rng": seeded}),
         (return_to_start, {"simulation": None}),
+        (play, {"simulation": simulation(), "agent": make_agent("nearest")}),
+        (make_agent("layout-tour").act, {"decision": simulation().decision}),
+        (run_seed, {"seed": 0, "plan": "house", "start": 0}),
+        (start_pose, {"plan": PLAN, "simulation": SimulationConfig(), "seed": 0, "start": 0}),
+        (side_by_side, {"left": np.zeros((9, 9, 3), np.uint8), "right": np.zeros((9, 9, 3), np.uint8)}),
+        (load_suite, {"name": "v1"}),
+        (write_benchmark_report, {"folder": None}),
+        (predict_closed_rooms, {"grid": grid}),
+        (read_json, {"path": Path("nowhere.json")}),
+        (safe_name, {"name": "x"}),
         (BenchmarkConfig, {"plans": ("office:1",), "cell_mb": 900, "cell_seconds": 9}),
         (floorplan_from_ascii, {"text": HOUSE, "resolution": 0.6}),
         (DoorwaysConfig, {"door_min": 0.5, "core": 0.3}),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -17,8 +18,19 @@ from layoutexplore.envs.motion import MotionConfig
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.errors import ConfigError, LayoutExploreError, UnknownNameError
 from layoutexplore.frontiers.tour_features import TourConfig
+from layoutexplore.layout.pipeline import layout_method
 from layoutexplore.maps.generator import PlanConfig
-from layoutexplore.options import Options, Rule, check, format_spec, from_table, option, parse_spec, rule_like
+from layoutexplore.options import (
+    Options,
+    Rule,
+    check,
+    check_fields,
+    format_spec,
+    from_table,
+    option,
+    parse_spec,
+    rule_like,
+)
 from layoutexplore.simulation.config import SimulationConfig
 
 
@@ -144,3 +156,29 @@ def test_a_message_about_a_long_text_is_short() -> None:
         with pytest.raises(LayoutExploreError) as error:
             make_agent(text)
         assert len(str(error.value)) < 1200
+
+
+@pytest.mark.parametrize(
+    "method", ["default", "rose", "rose2", "ias15", "voronoi", "distance", "morphological"]
+)
+def test_configurations_of_layout_methods_refuse_values_of_another_kind(method: str) -> None:
+    config = layout_method(method).config()
+    for field in dataclasses.fields(config):
+        for value in ("x", b"x", [], {}, 1j, object(), math.nan, 10**400, np.ones((3, 3))):
+            with pytest.raises(ConfigError):
+                dataclasses.replace(config, **{field.name: value})
+
+
+def test_a_field_may_have_a_rule_of_its_own() -> None:
+    @dataclasses.dataclass(frozen=True)
+    class Levels:
+        low: float = 0.0
+        high: float = dataclasses.field(default=2.0, metadata={"rule": Rule(finite=False)})
+
+        def __post_init__(self) -> None:
+            check_fields(self)
+
+    assert Levels(high=math.inf).high == math.inf and Levels(low=np.float64(1.0)).low == 1.0  # type: ignore[arg-type]
+    for wrong in ({"low": math.inf}, {"high": math.nan}, {"high": None}):
+        with pytest.raises(ConfigError, match="number"):
+            Levels(**wrong)  # type: ignore[arg-type]

@@ -16,7 +16,7 @@ from layoutexplore.frontiers.decision import STOP, Choice, Decision, Truth
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import Cell
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
-from layoutexplore.options import Options, option
+from layoutexplore.options import SEED, Options, check_kind, option
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
 
 
@@ -51,12 +51,14 @@ class Clairvoyant:
 
     def reset(self, seed: int) -> None:
         """Forget the floor plan; `reveal` must follow."""
+        SEED.convert("seed", seed)
         self._truth: Truth | None = None
         self._stops: Ints32 | None = None
         self._next = 0
 
     def reveal(self, truth: Truth) -> None:
         """Receive the floor plan of the run that begins."""
+        check_kind("truth", truth, Truth)
         self._truth = truth
         self._stops = None
         self._next = 0
@@ -71,6 +73,7 @@ class Clairvoyant:
             raise ConfigError(
                 f"agent {self.name!r} has to know the floor plan: call reveal(simulation.truth) after reset"
             )
+        check_kind("decision", decision, Decision)
         here = decision.grid.world_to_cell(decision.pose.x, decision.pose.y)
         if self._stops is None:
             config = RouteConfig(

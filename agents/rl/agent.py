@@ -33,6 +33,7 @@ class NetworkPolicy(PolicyAgent):
 
     def reset(self, seed: int) -> None:
         """Begin a new run, with an observer that has seen nothing of it."""
+        super().reset(seed)
         self._observer = Observer(self.observed(1))
 
     def logits(self, decision: Decision) -> Floats32:

@@ -11,6 +11,7 @@ from layoutexplore.envs.observation import ObservationConfig, encode_frontiers
 from layoutexplore.errors import ResultsError
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.grids.arrays import Floats32
+from layoutexplore.options import SEED, check_kind
 
 
 class PolicyAgent:
@@ -34,6 +35,7 @@ class PolicyAgent:
 
     def reset(self, seed: int) -> None:
         """Begin a new run."""
+        SEED.convert("seed", seed)
 
     def act(self, decision: Decision) -> Choice:
         """The frontier to go to, or `STOP` when there is none.
@@ -41,6 +43,7 @@ class PolicyAgent:
         Raises:
             ResultsError: A logit is not finite.
         """
+        check_kind("decision", decision, Decision)
         if not decision.frontiers:
             return STOP
         logits = self.logits(decision)

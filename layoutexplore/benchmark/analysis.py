@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.benchmark.rows import Row
+from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.metrics.exploration import coverage_at, mean_coverage
 from layoutexplore.metrics.statistics import (
@@ -122,6 +123,7 @@ def groups(rows: Iterable[Row]) -> dict[str, list[Row]]:
     return {POOLED: good, **parts} if len(sensors) > 1 else parts
 
 
+@checks_arguments
 def compare(rows: Iterable[Row], baseline: str) -> list[Comparison]:
     """Every agent against the baseline, for every group and level; nothing where the baseline did not run.
 

@@ -14,7 +14,7 @@ import layoutexplore
 from layoutexplore.agents import AGENTS
 from layoutexplore.errors import ConfigError, checks_arguments, checks_calls, shortened, unknown_name
 from layoutexplore.files import read_toml
-from layoutexplore.options import COUNT, FLAG, Rule, check, check_keys, from_table
+from layoutexplore.options import COUNT, FLAG, Rule, check, check_keys, check_kind, from_table
 from layoutexplore.sensing.lidar import SENSORS, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise
@@ -76,6 +76,8 @@ class BenchmarkConfig:
     def __post_init__(self) -> None:
         for name in ("plans", "sensors", "agents"):
             given = getattr(self, name)
+            if not isinstance(given, (tuple, list)):
+                raise ConfigError(f"{name} must be a list, got {shortened(given)}")
             values = tuple(
                 v if isinstance(v, str) or name != "agents" else AGENTS.register_object(v) for v in given
             )
@@ -86,6 +88,11 @@ class BenchmarkConfig:
                 raise ConfigError(f"a benchmark needs at least one of {name}")
             if twice := sorted({value for value in values if values.count(value) > 1}):
                 raise ConfigError(f"{name} names {twice[0]!r} twice")
+        check_kind("simulation", self.simulation, SimulationConfig)
+        check_kind("lidars", self.lidars, Mapping)
+        for name, lidar in self.lidars.items():
+            check_kind("the name of a lidar", name, str)
+            check_kind(f"lidar {name!r}", lidar, LidarConfig)
         if not isinstance(self.baseline, str) or not self.baseline:
             raise ConfigError(f"baseline must be the name of an agent, got {self.baseline!r}")
         check(self, starts=COUNT, seed=Rule(kind=int, low=0), explain=FLAG, tries=COUNT)

@@ -23,7 +23,7 @@ from layoutexplore.benchmark.rows import TIMING_COLUMNS, Row, fingerprints, know
 from layoutexplore.benchmark.runner import Task, run_task
 from layoutexplore.benchmark.store import ResultsFolder, format_row
 from layoutexplore.benchmark.suite import Suite, cells_of
-from layoutexplore.errors import LayoutExploreError, ResultsError
+from layoutexplore.errors import LayoutExploreError, ResultsError, checks_arguments
 
 REPEATED = 3
 """Runs of each agent that are made again."""
@@ -111,6 +111,7 @@ class Leaderboard:
     left_out: tuple[LeftOut, ...]
 
 
+@checks_arguments
 def make_leaderboard(
     folders: Sequence[Path],
     suite: Suite,

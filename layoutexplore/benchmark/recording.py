@@ -19,11 +19,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.benchmark.counterfactual import Counterfactual, DecisiveDecision
-from layoutexplore.errors import ResultsError
+from layoutexplore.errors import ResultsError, checks_calls
 from layoutexplore.files.archives import ArrayRule, check_arrays
 from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.options import SEED
 from layoutexplore.simulation.simulation import Simulation
 
 ROOMS_AT = (0.25, 0.5, 0.75)
@@ -32,6 +33,7 @@ ROOMS_AT = (0.25, 0.5, 0.75)
 _PREFIX = "replay_"
 
 
+@checks_calls
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
     """A run, to be shown again.
@@ -69,6 +71,7 @@ class Recording:
 
     def cells(self, scans: int) -> Cells:
         """The robot's grid after so many scans, int8 (rows, cols)."""
+        SEED.convert("scans", scans)
         known = (self.first > 0) & (self.first <= scans)
         values = np.where(self.occupied, OCCUPIED, FREE)
         flat = np.where(known, values, UNKNOWN).astype(np.int8).ravel()

@@ -24,9 +24,10 @@ from layoutexplore.benchmark.recording import Recorder
 from layoutexplore.benchmark.rows import Row, fingerprints, prepare, score_run
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.drawing.beliefs import SUFFIX, BeliefNotes
-from layoutexplore.errors import ConfigError, WriteError, checks_arguments, counted
+from layoutexplore.errors import WriteError, checks_arguments, counted
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.options import COUNT, check_kind
 from layoutexplore.plugins.transport import NO_CODE, OwnCode, pack_own_code
 from layoutexplore.processes import asked_to_stop
 from layoutexplore.simulation.episode import play, run_seed, start_pose
@@ -142,8 +143,8 @@ def run_benchmark(
         LayoutExploreError: A plan cannot be read, a name is unknown, the folder holds another configuration.
             A run that fails raises nothing: its row says what went wrong.
     """
-    if jobs < 1:
-        raise ConfigError(f"--jobs must be 1 or more, got {jobs}")
+    check_kind("config", config, BenchmarkConfig)
+    COUNT.convert("--jobs", jobs)
     if cluster:
         check_cluster(cluster)
     make_agent(config.baseline)

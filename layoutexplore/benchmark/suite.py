@@ -14,7 +14,7 @@ from typing import Any
 from layoutexplore.benchmark.config import BenchmarkConfig, read_benchmark_config
 from layoutexplore.benchmark.manifest import manifest_of
 from layoutexplore.benchmark.plans import PlanEntry, entry
-from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.errors import ConfigError, checks_arguments, unknown_name
 from layoutexplore.files import read_toml, to_toml
 from layoutexplore.maps.library import find_plans
 
@@ -93,6 +93,7 @@ class Suite:
         return cells_of(tomllib.loads(to_toml(manifest)))
 
 
+@checks_arguments
 def load_suite(name: str) -> Suite:
     """A suite by its name, or from a TOML file of your own: that of a benchmark, without agents.
 
@@ -111,6 +112,7 @@ def load_suite(name: str) -> Suite:
     return Suite(name, options, read_toml(Path(name)))
 
 
+@checks_arguments
 def cells_of(manifest: Mapping[str, Any]) -> dict[str, Any]:
     """What decides the cells of a benchmark, as its run.toml says: plans by content, starts, settings."""
     settings = manifest["settings"]

@@ -21,6 +21,7 @@ from layoutexplore.closed_doors.features import FEATURES, describe
 from layoutexplore.closed_doors.models import Models, shipped_models
 from layoutexplore.closed_doors.scene import Scene, room_space, wall_thickness
 from layoutexplore.closed_doors.symmetry import best_mirror
+from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
 
@@ -69,6 +70,7 @@ class ClosedRooms:
     warnings: tuple[str, ...] = ()
 
 
+@checks_arguments
 def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> ClosedRooms:
     """Predict the rooms behind the closed doors of a grid whose walls run along rows and columns.
 

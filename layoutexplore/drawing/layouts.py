@@ -59,6 +59,7 @@ def draw_layout(layout: Layout, grid: OccupancyGrid | None = None, *, panel: int
 @checks_arguments
 def room_colours(count: int) -> Bytes:
     """RGB uint8 (count + 1, 3), white for 0: hues by the golden angle, so that close ids look different."""
+    Rule(kind=int, low=0, high=1 << 24).convert("count", count)
     hue = (np.arange(count + 1) * 137.508) % 360
     level = np.arange(count + 1) % 3
     saturation, value = np.choose(level, (95, 150, 70)), np.choose(level, (245, 225, 205))

@@ -8,8 +8,11 @@ import numpy as np
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.dashboard import put_text
 from layoutexplore.drawing.palette import Image
+from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Bytes, Floats
 from layoutexplore.grids.grid import OccupancyGrid
+from layoutexplore.grids.ros_map import check_picture
+from layoutexplore.options import SHARE, Rule, check_kind
 from layoutexplore.priors.completion import Compared, compared
 from layoutexplore.priors.registration import Registration
 
@@ -20,6 +23,7 @@ GAP = 24
 """Space between two pictures side by side (on screen)."""
 
 
+@checks_arguments
 def draw_registered(
     grid: OccupancyGrid, registration: Registration, confidence: float, track: Floats, *, scale: int = 3
 ) -> Image:
@@ -38,6 +42,9 @@ def draw_registered(
     Returns:
         uint8 (rows * scale + caption, cols * scale, 3) RGB; the top row is the highest y.
     """
+    check_kind("grid", grid, OccupancyGrid)
+    check_kind("registration", registration, Registration)
+    Rule(kind=int, low=1, high=64).convert("scale", scale)
     image = draw_comparison(compared(grid, registration), confidence)
     large = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
     picture = np.asarray(large, np.uint8)
@@ -48,6 +55,7 @@ def draw_registered(
     return framed
 
 
+@checks_arguments
 def draw_comparison(codes: Bytes, confidence: float) -> Image:
     """What `compared` found as a picture, a pixel a cell.
 
@@ -58,6 +66,7 @@ def draw_comparison(codes: Bytes, confidence: float) -> Image:
     Returns:
         uint8 (rows, cols, 3) RGB; the top row is the highest y.
     """
+    SHARE.convert("confidence", confidence)
     colours = np.empty((len(Compared), 3), np.float64)
     colours[Compared.SILENT] = palette.CANVAS
     colours[Compared.FLOOR] = palette.FREE
@@ -69,8 +78,11 @@ def draw_comparison(codes: Bytes, confidence: float) -> Image:
     return np.asarray(colours.astype(np.uint8)[codes[::-1]], np.uint8)
 
 
+@checks_arguments
 def side_by_side(left: Image, right: Image) -> Image:
     """Two pictures of one height, the left one scaled to that of the right one."""
+    for name, image in (("left", left), ("right", right)):
+        check_picture(name, image)
     height = right.shape[0]
     width = max(1, round(left.shape[1] * height / left.shape[0]))
     fitted = np.asarray(cv2.resize(left, (width, height), interpolation=cv2.INTER_AREA), np.uint8)

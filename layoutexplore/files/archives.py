@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from layoutexplore.errors import ResultsError, shortened
+from layoutexplore.errors import ResultsError, checks_arguments, shortened
 from layoutexplore.files.limits import limits, raise_it
 from layoutexplore.files.reading import MEGA, Kind, read_bytes
 from layoutexplore.files.writing import atomic
@@ -78,6 +78,7 @@ class ArrayRule:
         return not known.size or bool(self.low <= known.min() and known.max() <= self.high)
 
 
+@checks_arguments
 def write_arrays(path: Path, arrays: Mapping[str, ArrayLike]) -> None:
     """Write arrays by name into a compressed .npz archive, with a checksum."""
     plain = {name: np.asarray(values) for name, values in arrays.items()}
@@ -99,6 +100,7 @@ def checksum(arrays: Arrays) -> str:
     return " ".join([str(FORMAT), digest.hexdigest(), *names])
 
 
+@checks_arguments
 def read_arrays(
     path: Path,
     *names: str,
@@ -218,11 +220,13 @@ def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     return header
 
 
+@checks_arguments
 def is_whole(path: Path) -> bool:
     """Whether an archive is there and was written to its end: its table of contents comes last."""
     return path.is_file() and zipfile.is_zipfile(path)
 
 
+@checks_arguments
 def is_sound(path: Path, rules: Mapping[str, ArrayRule] | None = None) -> bool:
     """Whether `read_arrays` would read an archive: all of it is there, undamaged, and as the rules say."""
     try:

@@ -12,7 +12,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from layoutexplore.errors import ConfigError, MapError, shortened
+from layoutexplore.errors import ConfigError, MapError, checks_arguments, shortened
 from layoutexplore.files.limits import limits, raise_it
 from layoutexplore.files.reading import Kind, read_text
 from layoutexplore.files.schema import Anything, MisfitError, Schema
@@ -22,6 +22,7 @@ _DOTTED = re.compile(r"""(?<![\w"' \t-])(?:[\w"' \t-]++\.){50}""")
 """A key of more parts than any: the memory and time that its parser takes grow with their square."""
 
 
+@checks_arguments
 def read_json(path: Path, schema: Schema | None = None, *, error: Kind = MapError, what: str = "plan") -> Any:
     """What a JSON file holds.
 
@@ -37,6 +38,7 @@ def read_json(path: Path, schema: Schema | None = None, *, error: Kind = MapErro
     return parse_json(read_text(path, error, what, limit="text_mb"), str(path), schema, error=error)
 
 
+@checks_arguments
 def parse_json(text: str, where: str, schema: Schema | None = None, *, error: Kind = MapError) -> Any:
     """What a JSON text holds; see `read_json`."""
     _check_count(sum(map(text.count, ",[{")), where, error)
@@ -47,6 +49,7 @@ def parse_json(text: str, where: str, schema: Schema | None = None, *, error: Ki
     return _checked(data, where, schema, error)
 
 
+@checks_arguments
 def read_toml(
     path: Path, schema: Schema | None = None, *, error: Kind = ConfigError, what: str = "configuration"
 ) -> dict[str, Any]:
@@ -58,6 +61,7 @@ def read_toml(
     return parse_toml(read_text(path, error, what, limit="settings_mb"), str(path), schema, error=error)
 
 
+@checks_arguments
 def parse_toml(
     text: str, where: str, schema: Schema | None = None, *, error: Kind = ConfigError
 ) -> dict[str, Any]:
@@ -72,6 +76,7 @@ def parse_toml(
     return table
 
 
+@checks_arguments
 def read_yaml(path: Path, schema: Schema | None = None, *, error: Kind = MapError, what: str = "map") -> Any:
     """What a YAML file holds; one with aliases is refused.
 

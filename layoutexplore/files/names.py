@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 import zlib
 
+from layoutexplore.errors import checks_arguments
+
 _LONGEST = 120
 
 
+@checks_arguments
 def safe_name(name: str) -> str:
     """A file name for any name; names that had to be changed stay apart by a checksum.
 

@@ -8,7 +8,7 @@ import stat
 from collections.abc import Iterable
 from pathlib import Path
 
-from layoutexplore.errors import LayoutExploreError, shortened
+from layoutexplore.errors import LayoutExploreError, checks_arguments, shortened
 from layoutexplore.files.limits import limits, raise_it
 
 MEGA = 1_000_000
@@ -27,6 +27,7 @@ _KINDS = (
 )
 
 
+@checks_arguments
 def read_bytes(path: Path, error: Kind, what: str = "file", *, limit: str = "file_mb") -> bytes:
     """The content of a regular file.
 
@@ -64,6 +65,7 @@ def read_bytes(path: Path, error: Kind, what: str = "file", *, limit: str = "fil
     return data
 
 
+@checks_arguments
 def is_there(path: Path) -> bool:
     """Whether there is such a file or folder: nowhere is one of a name that no file can have."""
     try:
@@ -78,6 +80,7 @@ def _check_regular(mode: int, path: Path, error: Kind, what: str) -> None:
         raise error(f"{path}: is {kind}: the {what} must be a regular file")
 
 
+@checks_arguments
 def read_text(path: Path, error: Kind, what: str = "file", *, limit: str = "file_mb") -> str:
     """The content of a regular UTF-8 file; see `read_bytes`."""
     data = read_bytes(path, error, what, limit=limit)
@@ -96,6 +99,7 @@ def shown_path(path: Path) -> str:
     return text if text.isprintable() and len(text) < 500 else shortened(text)
 
 
+@checks_arguments
 def fingerprint(files: Iterable[Path]) -> str:
     """12 hexadecimal digits that change when a file's content or its place in the order does.
 

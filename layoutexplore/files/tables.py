@@ -8,11 +8,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from layoutexplore.errors import ResultsError
+from layoutexplore.errors import ResultsError, checks_arguments
 from layoutexplore.files.reading import Kind, read_text
 from layoutexplore.files.writing import write_atomically
 
 
+@checks_arguments
 def write_csv(
     path: Path, rows: Sequence[Mapping[str, Any]], *, columns: Iterable[str] = (), digits: int | None = 6
 ) -> None:
@@ -35,6 +36,7 @@ def write_csv(
     write_atomically(path, out.getvalue())
 
 
+@checks_arguments
 def read_csv(path: Path, *, error: Kind = ResultsError, what: str = "table") -> list[list[str]]:
     """The lines of a CSV file, its header first, as texts.
 
@@ -44,6 +46,7 @@ def read_csv(path: Path, *, error: Kind = ResultsError, what: str = "table") -> 
     return parse_csv(read_text(path, error, what), str(path), error=error)
 
 
+@checks_arguments
 def parse_csv(text: str, where: str, *, error: Kind = ResultsError) -> list[list[str]]:
     """The lines of a CSV text; see `read_csv`."""
     try:

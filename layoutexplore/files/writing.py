@@ -14,7 +14,7 @@ from typing import Any
 
 import tomli_w
 
-from layoutexplore.errors import ConfigError, WriteError, shortened
+from layoutexplore.errors import ConfigError, WriteError, checks_arguments, shortened
 from layoutexplore.files.reading import is_there
 
 HALF = ".part"
@@ -48,6 +48,7 @@ def atomic(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+@checks_arguments
 def put_in_place(file: Path, path: Path) -> None:
     """Move a file to where it belongs; into a device or a pipe that is there its bytes are written.
 
@@ -68,6 +69,7 @@ def put_in_place(file: Path, path: Path) -> None:
         shutil.copyfileobj(source, out)
 
 
+@checks_arguments
 def is_special(path: Path) -> bool:
     """Whether what lies there is no file or folder, or a link to what a process has open (/dev/stdout)."""
     if path.is_symlink() and str(path.readlink()).startswith("/proc/"):
@@ -75,6 +77,7 @@ def is_special(path: Path) -> bool:
     return path.exists() and not (path.is_file() or path.is_dir())
 
 
+@checks_arguments
 def write_atomically(path: Path, data: bytes | str) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 
@@ -85,6 +88,7 @@ def write_atomically(path: Path, data: bytes | str) -> None:
         temporary.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
+@checks_arguments
 def write_json(path: Path, data: Mapping[str, Any], *, indent: int | None = 1) -> None:
     """Write numbers; what is not a finite number becomes null, as JSON has no other word for it."""
     write_atomically(path, json.dumps(_finite(data), indent=indent, allow_nan=False) + "\n")
@@ -98,6 +102,7 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+@checks_arguments
 def to_toml(table: Mapping[str, Any]) -> str:
     """Nested tables of strings, numbers, booleans and lists as TOML; keys with the value None are left out.
 
@@ -123,6 +128,7 @@ def _without_none(table: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+@checks_arguments
 def check_places(
     out: Path | None, json_file: Path | None = None, *, file: str = "--json", **folders: Path | None
 ) -> None:

@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from layoutexplore.errors import checks_calls
+from layoutexplore.errors import ConfigError, checks_calls, shortened
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.frontiers.table import Frontier, FrontierList, FrontierTable
@@ -23,6 +23,7 @@ from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
+from layoutexplore.options import check_kind
 from layoutexplore.planning.shortest_paths import descend, distance_matrix, distances_between
 from layoutexplore.sensing.lidar import LidarConfig
 
@@ -169,7 +170,13 @@ class Decision:
     @cached_property
     def foresight(self) -> Foresight | None:
         """What is foreseen of space that is not known yet; None where nothing is."""
-        return self.foresee() if self.foresee else None
+        if self.foresee is None:
+            return None
+        if not callable(self.foresee):
+            raise ConfigError(f"foresee must be a function or None, got {shortened(self.foresee)}")
+        foresight = self.foresee()
+        check_kind("what foresee returns", foresight, Foresight, optional=True)
+        return foresight
 
     @cached_property
     def table(self) -> FrontierTable:

@@ -14,9 +14,10 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.errors import MapError
 from layoutexplore.grids.arrays import Cells, Floats, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.options import POSITIVE, SHARE, check, check_kind
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,6 +57,9 @@ class Foresight:
     resolution: float
 
     def __post_init__(self) -> None:
+        check_kind("cells", self.cells, np.ndarray)
+        check_kind("room_ids", self.room_ids, np.ndarray)
+        check_kind("predictor", self.predictor, str)
         if self.cells.dtype != np.int8 or self.room_ids.dtype != np.int32:
             raise MapError(
                 f"foresight of {self.predictor!r} needs int8 cells and int32 room ids, "
@@ -66,11 +70,7 @@ class Foresight:
                 f"foresight of {self.predictor!r}: cells {self.cells.shape} and room ids "
                 f"{self.room_ids.shape} must be one two-dimensional shape"
             )
-        if not (0.0 <= self.confidence <= 1.0 and self.resolution > 0.0):
-            raise ConfigError(
-                f"foresight of {self.predictor!r} needs a confidence of 0..1 and a resolution above 0, "
-                f"got {self.confidence} and {self.resolution}"
-            )
+        check(self, f"foresight of {self.predictor!r}: ", confidence=SHARE, resolution=POSITIVE)
 
     @cached_property
     def areas(self) -> Floats:

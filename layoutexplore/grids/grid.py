@@ -126,7 +126,7 @@ class OccupancyGrid:
 
     def cells_to_world(self, cells: ArrayLike) -> Floats:
         """World points float64 (n, 2) as (x, y) of the centres of cells (n, 2) as (row, col)."""
-        rc = np.asarray(cells, np.float64).reshape(-1, 2)
+        rc = _pairs(cells)
         local = (rc[:, ::-1] + 0.5) * self.resolution
         c, s = math.cos(self.origin.theta), math.sin(self.origin.theta)
         points: Floats = local @ np.array([[c, s], [-s, c]]) + np.array([self.origin.x, self.origin.y])
@@ -134,7 +134,7 @@ class OccupancyGrid:
 
     def world_to_cells(self, points: ArrayLike) -> Ints:
         """Cells int64 (n, 2) as (row, col) that hold world points (n, 2) as (x, y)."""
-        local = np.asarray(points, np.float64).reshape(-1, 2) - np.array([self.origin.x, self.origin.y])
+        local = _pairs(points) - np.array([self.origin.x, self.origin.y])
         c, s = math.cos(self.origin.theta), math.sin(self.origin.theta)
         cells: Ints = np.floor(local @ np.array([[c, -s], [s, c]]) / self.resolution).astype(np.int64)[
             :, ::-1
@@ -145,6 +145,14 @@ class OccupancyGrid:
         """Whether the cell lies inside the grid."""
         rows, cols = self.shape
         return 0 <= row < rows and 0 <= col < cols
+
+
+def _pairs(values: ArrayLike) -> Floats:
+    """float64 (n, 2) of one pair, of many, or of none."""
+    array = np.asarray(values, np.float64)
+    if array.size and array.shape[-1:] != (2,):
+        raise MapError(f"expected rows of two numbers, got an array of shape {array.shape}")
+    return array.reshape(-1, 2)
 
 
 def check_cell_range(cells: NDArray[np.generic]) -> None:

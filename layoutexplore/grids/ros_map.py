@@ -292,9 +292,22 @@ def _to_pixels(cells: Cells, mode: str) -> Bytes:
     return np.where(free, 254, np.where(occupied, 0, 205)).astype(np.uint8)
 
 
+def check_picture(name: str, image: object) -> None:
+    """Raise `MapError` unless it is a picture: an array (h, w) grey or (h, w, 3) RGB of uint8 or uint16."""
+    if not (
+        isinstance(image, np.ndarray)
+        and image.dtype in (np.uint8, np.uint16)
+        and (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3))
+        and min(image.shape[:2]) > 0
+        and max(image.shape[:2]) < 1 << 15
+    ):
+        raise MapError(f"{name} must be a picture, uint8 (h, w) or (h, w, 3), got {shortened(image)}")
+
+
 @checks_arguments
 def encode_png(image: Bytes | NDArray[np.uint16]) -> bytes:
     """A picture (h, w) grey or (h, w, 3) RGB as a PNG file's content, packed as small as it goes."""
+    check_picture("image", image)
     pixels = image if image.ndim == 2 else image[:, :, ::-1]
     _, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     return data.tobytes()

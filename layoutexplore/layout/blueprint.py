@@ -21,6 +21,7 @@ from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.outside import find_outside
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION
+from layoutexplore.options import check_fields
 
 WALL_SPREAD = 35.0
 """Grey levels by which a pixel of a wall differs from the usual wall at most."""
@@ -59,6 +60,7 @@ class BlueprintConfig:
     template_match: float = 0.8
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not 0 < self.darkness <= 255 or not 0 <= self.saturation <= 255:
             raise ConfigError("darkness and saturation are levels of 8 bit")
         if self.magnification <= 0 or not 0 < self.template_match <= 1:

@@ -142,6 +142,7 @@ def doorway_regions(cells: Cells, resolution: float, config: DoorwaysConfig = SH
     return Regions(labels, count, gaps, resolution)
 
 
+@checks_arguments
 def gap_type(resolution: float, config: DoorGapConfig = SHIPPED) -> np.dtype[np.unsignedinteger[Any]]:
     """The smallest type that holds the width of a door in cells."""
     return np.min_scalar_type(int(config.door_max / resolution) + 2)

@@ -16,7 +16,7 @@ from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.layout.outlines import layout_of_labels
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout
-from layoutexplore.options import check_kind, rule_like
+from layoutexplore.options import Rule, check_kind, rule_of
 from layoutexplore.plugins.registry import Registry
 
 
@@ -143,23 +143,21 @@ class LayoutMethod:
         if config is None:
             return self.default
         kind = type(self.default)
-        defaults = {f.name: f.default for f in fields(kind)}
+        rules = {field.name: rule_of(field) for field in fields(kind)}
         if isinstance(config, kind):
-            self._converted({name: getattr(config, name) for name in defaults}, defaults)
+            self._converted({name: getattr(config, name) for name in rules}, rules)
             return config
         if isinstance(config, dict):
-            return replace(self.default, **self._converted(config, defaults))
+            return replace(self.default, **self._converted(config, rules))
         raise ConfigError(f"the {self.name} method takes a {kind.__name__}, got {type(config).__name__}")
 
-    def _converted(self, options: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-        """The options, each of the kind of its default."""
+    def _converted(self, options: Mapping[str, Any], rules: Mapping[str, Rule]) -> dict[str, Any]:
+        """The options, each as its rule allows."""
         for name in options:
-            if name not in defaults:
-                raise unknown_name(f"option of the {self.name} method", str(name), defaults)
+            if name not in rules:
+                raise unknown_name(f"option of the {self.name} method", str(name), rules)
         where = f"the {self.name} method's "
-        return {
-            name: rule_like(defaults[name]).convert(where + name, value) for name, value in options.items()
-        }
+        return {name: rules[name].convert(where + name, value) for name, value in options.items()}
 
 
 def _accept(name: str, run: Any) -> Callable[[OccupancyGrid], Layout]:

@@ -16,10 +16,11 @@ from typing import Any, NamedTuple, TypeVar, overload
 import numpy as np
 import shapely
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, shortened
 from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.polygons import Point
+from layoutexplore.options import check_kind
 
 OUTSIDE = -1
 """The neighbour of a face across an edge behind which there is no face."""
@@ -270,6 +271,22 @@ class Layout:
     warnings: tuple[str, ...] = ()
     details: Details = field(default_factory=Details, repr=False)
 
+    def __post_init__(self) -> None:
+        check_kind("clean_grid", self.clean_grid, OccupancyGrid)
+        for name, kind, ndim in (("labels", "i", 2), ("directions", "f", 1), ("segments", "f", 2)):
+            array = getattr(self, name)
+            if not isinstance(array, np.ndarray) or array.dtype.kind != kind or array.ndim != ndim:
+                numbers = {"i": "whole numbers", "f": "floats"}[kind]
+                raise MapError(
+                    f"{name} must be a {ndim}-dimensional array of {numbers}, got {shortened(array)}"
+                )
+        for name in ("rooms", "walls", "warnings"):
+            check_kind(name, getattr(self, name), Sequence)
+        check_kind("method", self.method, str)
+        check_kind("structure_score", self.structure_score, float, np.floating)
+        check_kind("timings", self.timings, Mapping)
+        check_kind("details", self.details, Details)
+
     def completed(self) -> Layout:
         """The same with all rooms and walls made."""
         return replace(self, rooms=tuple(self.rooms), walls=tuple(self.walls))
@@ -311,6 +328,7 @@ class Layout:
         """
         if grid is None:
             return self.labels
+        check_kind("grid", grid, OccupancyGrid)
         if grid.shape != self.labels.shape or grid.resolution != self.clean_grid.resolution:
             raise MapError(
                 f"the layout is of a grid of {self.labels.shape} cells of {self.clean_grid.resolution} m, "

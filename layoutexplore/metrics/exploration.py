@@ -210,6 +210,8 @@ def rooms_finished(
         target: bool (rows, cols), cells that can be asked to be seen.
         seen: bool (rows, cols), cells that are known.
     """
+    if not np.shape(room_ids) == np.shape(target) == np.shape(seen):
+        raise ConfigError("rooms_finished: room_ids, target and seen must be of one shape")
     inside = target & (room_ids > 0)
     if not inside.any():
         return 0, 0

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.errors import checks_calls
 from layoutexplore.files import fingerprint
 from layoutexplore.frontiers.classes import LITTLE_LEFT, FrontierClasses
 from layoutexplore.frontiers.decision import Decision
@@ -138,6 +139,7 @@ class LearnedRooms(RoomsOnGrid):
         return chance
 
 
+@checks_calls
 class LearnedPredictor:
     """Completes rooms and classifies frontiers.
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_calls
 from layoutexplore.frontiers.classes import FrontierClasses, true_classes
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.foresight import Foresight
@@ -22,6 +22,7 @@ FALSE_CLOSED_AREA = 0.3
 """Square metres that a frontier wrongly called closed is said to have left: little enough to be put off."""
 
 
+@checks_calls
 class OraclePredictor:
     """The true rooms, optionally with a share of the rooms judged wrongly for a whole run.
 

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_calls
 from layoutexplore.frontiers.decision import Decision, Privileged
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor, with_rooms
 from layoutexplore.predictors.room_completion import walled_rooms
 
 
+@checks_calls
 class OwnPredictor:
     """A predictor with `rooms`, `predict` or both; what it lacks follows from what it has.
 

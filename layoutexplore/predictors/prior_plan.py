@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.errors import ConfigError, checks_calls, unknown_name
 from layoutexplore.frontiers.classes import classify_frontiers
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Cells, Ints32
 from layoutexplore.grids.grid import FREE, UNKNOWN
-from layoutexplore.options import split_pairs
+from layoutexplore.options import SHARE, check_kind, split_pairs
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_classes
 from layoutexplore.priors.completion import PlanOnMap
@@ -43,6 +43,7 @@ HINTS = ("scale", "rotation", "mirror", "here")
 """Options that tell something of a plan's place."""
 
 
+@checks_calls
 class PriorPredictor:
     """Rooms, classes and foresight by a plan known beforehand.
 
@@ -68,6 +69,10 @@ class PriorPredictor:
         self, source: PriorPlan | str, hints: PriorHints | None = None, *, among: str = "", sure: float = SURE
     ) -> None:
         self._among, self._sure, self._shipped = among, sure, LearnedPredictor()
+        check_kind("source", source, PriorPlan, str)
+        check_kind("hints", hints, PriorHints, optional=True)
+        check_kind("among", among, str)
+        SHARE.convert("sure", sure)
         self._source = source.name if isinstance(source, PriorPlan) else source
         self._prior: PriorPlan | None = None
         if isinstance(source, PriorPlan):

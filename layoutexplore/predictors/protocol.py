@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
 from layoutexplore.frontiers.decision import Decision, PredictedRooms
 from layoutexplore.frontiers.table import FrontierList
@@ -107,12 +108,14 @@ class RoomPredictor(Protocol):
         """The decision with a class and an expected area for every frontier."""
 
 
+@checks_arguments
 def classes_in(rooms: RoomLabels, decision: Decision) -> FrontierClasses:
     """The classes of frontiers against predicted rooms, by the rule that holds for the true ones."""
     grid = decision.grid
     return classify_frontiers(grid.cells, decision.clusters, rooms.room_ids, rooms.passable, grid.resolution)
 
 
+@checks_arguments
 def with_classes(
     decision: Decision, classes: FrontierClasses, rooms: PredictedRooms, confidence: Floats | None = None
 ) -> Decision:
@@ -131,6 +134,7 @@ def with_classes(
     return dataclasses.replace(decision, frontiers=judged, rooms=rooms)
 
 
+@checks_arguments
 def with_rooms(decision: Decision, name: str, rooms: RoomLabels) -> Decision:
     """The decision with the rooms of the predictor of that name, and the classes that follow from them."""
     return with_classes(decision, classes_in(rooms, decision), GivenRooms(name, decision.grid, rooms))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import ConfigError, UnknownNameError, unknown_name
+from layoutexplore.errors import ConfigError, UnknownNameError, checks_calls, unknown_name
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
@@ -81,6 +81,7 @@ class ReconstructedRooms(RoomsOnGrid):
         return self._layout
 
 
+@checks_calls
 class ReconstructedPredictor:
     """Frontiers judged by the rooms that a layout method finds on the partial grid.
 

@@ -13,6 +13,7 @@ from itertools import combinations
 import cv2
 import numpy as np
 
+from layoutexplore.errors import checks_calls
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
@@ -34,6 +35,7 @@ Outline = Callable[[Ints32, float], Floats]
 """(points (x, y) int32 (n, 2), main angle in radians) -> corners float64 (k, 2)."""
 
 
+@checks_calls
 class ShapePredictor:
     """Every region takes a shape that is drawn around its seen part.
 
@@ -112,6 +114,7 @@ def _draw(regions: Regions, boxes: Ints, region: int, outline: Outline, angle: f
     return Shape(y0, x0, mask > 0)
 
 
+@checks_calls
 class FaceSubsetPredictor:
     """Every region takes the subset of the neighbouring faces that scores best, if any beats none."""
 

@@ -22,7 +22,7 @@ from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.tracing import trace_doors
-from layoutexplore.options import Rule, check
+from layoutexplore.options import Rule, check, check_kind
 
 RESOLUTION = 0.1
 """Metres a cell of plans that are polygons."""
@@ -119,6 +119,7 @@ class PriorPlan:
                 f"prior plan {self.name}: free {self.free.shape} and rooms {self.room_ids.shape} must be "
                 "one two-dimensional shape"
             )
+        check_kind("hints", self.hints, PriorHints)
         check(self, resolution=Rule(above=0.0, high=1e3), scale_spread=Rule(above=0.0, high=3.0))
         object.__setattr__(self, "room_ids", np.ascontiguousarray(self.room_ids, np.int32))
         object.__setattr__(self, "free", np.ascontiguousarray(self.free, np.bool_))

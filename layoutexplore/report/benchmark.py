@@ -29,6 +29,7 @@ from layoutexplore.benchmark.analysis import (
 from layoutexplore.benchmark.rows import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
+from layoutexplore.errors import checks_arguments
 from layoutexplore.files import atomic, write_atomically
 from layoutexplore.report.caveats import caveats
 from layoutexplore.report.layout_section import layout_section, prior_section
@@ -108,6 +109,7 @@ class Picture:
         return self.width > 2.2 * self.height
 
 
+@checks_arguments
 def write_benchmark_report(
     folder: ResultsFolder, *, baseline: str | None = None, comparisons: list[Comparison] | None = None
 ) -> list[Path]:

@@ -11,11 +11,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from layoutexplore.errors import LayoutExploreError
+from layoutexplore.errors import ConfigError, LayoutExploreError, shortened
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.options import SEED, check_kind
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.region import region_mask
 from layoutexplore.simulation.robot import draw_start
@@ -110,6 +111,7 @@ def play(
         ConfigError: The saved run is one of another floor plan or configuration.
         LayoutExploreError: The agent is stuck: it decides and decides and the run does not end.
     """
+    _check_callers(simulation, agent, saved, on_step=on_step, until=until, probe=probe)
     began = time.perf_counter()
     decision = saved.restore(simulation, agent) if saved else _begin(simulation, agent, seed, start)
     took: list[float] = []
@@ -135,13 +137,28 @@ def play(
         if on_step:
             on_step(simulation)
         if simulation.decisions > MAX_DECISIONS:
+            name = getattr(agent, "name", type(agent).__name__)
             raise LayoutExploreError(
-                f"agent {agent.name!r} is stuck: {MAX_DECISIONS} decisions, {simulation.distance:.0f} m, "
+                f"agent {name!r} is stuck: {MAX_DECISIONS} decisions, {simulation.distance:.0f} m, "
                 f"{100 * simulation.coverage:.1f} % seen"
             )
     seconds = time.perf_counter() - began - (asked_beside.seconds if asked_beside else 0.0)
     notes = asked_beside.end() if asked_beside else None
     return Episode(simulation.curve[:, :2], corners(simulation.track), took, seconds, predictions, notes)
+
+
+def _check_callers(
+    simulation: Simulation, agent: Agent, saved: SavedRun | None, **functions: Callable[..., Any] | None
+) -> None:
+    """Raise `ConfigError` where an argument of `play` is not what it is to be."""
+    check_kind("simulation", simulation, Simulation)
+    check_kind("saved", saved, SavedRun, optional=True)
+    for method in ("reset", "act"):
+        if isinstance(agent, type) or not callable(getattr(agent, method, None)):
+            raise ConfigError(f"agent must have the method {method}, got {shortened(agent)}")
+    for name, function in functions.items():
+        if function is not None and not callable(function):
+            raise ConfigError(f"{name} must be a function or None, got {shortened(function)}")
 
 
 def _begin(simulation: Simulation, agent: Agent, seed: int, start: Pose | None) -> Decision:
@@ -172,11 +189,16 @@ def corners(track: Floats) -> Floats:
 
 def run_seed(seed: int, plan: str, start: int) -> int:
     """The seed of a cell: the same for all agents and sensors, different for every plan and start."""
-    return int(np.random.SeedSequence([seed, zlib.crc32(plan.encode()), start]).generate_state(1)[0])
+    check_kind("plan", plan, str)
+    seed, start = SEED.convert("seed", seed), SEED.convert("start", start)
+    of_plan = zlib.crc32(plan.encode(errors="surrogatepass"))
+    return int(np.random.SeedSequence([seed, of_plan, start]).generate_state(1)[0])
 
 
 def start_pose(plan: FloorPlan, simulation: SimulationConfig, seed: int, start: int) -> Pose:
     """Start number `start` on a plan: the same for every sensor and agent."""
+    check_kind("plan", plan, FloorPlan)
+    check_kind("simulation", simulation, SimulationConfig)
     rng = np.random.default_rng(run_seed(seed, plan.name, start))
     raster, region = plan.rasterize(simulation.resolution), simulation.region
     inside = None if region is None else region_mask(raster, region)

@@ -84,7 +84,7 @@ def generate(family: str, seed: int, config: PlanConfig | None = None, **paramet
         ConfigError: Unknown family or parameter, a nonsensical value, or a building that cannot be drawn at
             that size.
     """
-    if family not in _DRAW:
+    if not isinstance(family, str) or family not in _DRAW:
         raise unknown_name("family", str(family), FAMILIES)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
         raise ConfigError(f"the seed must be a whole number, 0 or more, got {seed!r}")

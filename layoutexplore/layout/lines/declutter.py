@@ -27,6 +27,7 @@ from layoutexplore.grids.arrays import Floats, Floats32, Ints, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.frame import undirected
 from layoutexplore.layout.limits import cells_at_most
+from layoutexplore.options import COUNT, POSITIVE, Rule, check, check_fields
 
 WHOLE_SIDE = 2048
 """A box that fits into a square of this side is transformed in one piece ..."""
@@ -66,16 +67,11 @@ class DeclutterConfig:
     max_directions: int = 12
 
     def __post_init__(self) -> None:
-        if not 0 < self.prominence < 1:
-            raise ConfigError(f"prominence must lie between 0 and 1, got {self.prominence}")
-        if not 0 < self.angle_step <= 5:
-            raise ConfigError(f"angle_step must lie in (0, 5] degrees, got {self.angle_step}")
+        check_fields(self)
+        check(self, prominence=Rule(above=0.0, below=1.0), floor=Rule(low=0.0, below=1.0))
+        check(self, angle_step=Rule(low=0.01, high=5.0), wall_length=POSITIVE, max_directions=COUNT)
         if not 0 < self.wavelength_min < self.wavelength_max:
             raise ConfigError("wavelength_min must be above 0 and below wavelength_max")
-        if not 0 <= self.floor < 1:
-            raise ConfigError(f"floor must lie in [0, 1), got {self.floor}")
-        if self.wall_length <= 0 or self.max_directions < 1:
-            raise ConfigError("wall_length and max_directions must be above 0")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

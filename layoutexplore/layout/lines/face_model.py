@@ -28,6 +28,7 @@ from layoutexplore.layout.lines.faces import Arrangement, Bounds, LineSet, arran
 from layoutexplore.layout.lines.segments import AlignedSegments
 from layoutexplore.layout.lines.walls import WallGroups, sums
 from layoutexplore.layout.timing import StageTimer
+from layoutexplore.options import check_fields
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +62,7 @@ class FaceConfig:
     region_area: float = 2.0
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("line_weight", "edge_weight", "inside_share", "partial_weight", "affinity"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must lie between 0 and 1, got {getattr(self, name)}")

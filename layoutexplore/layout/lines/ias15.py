@@ -41,6 +41,7 @@ from layoutexplore.layout.lines.walls import chain_lines, find_walls, on_heavies
 from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, empty_layout, has_free_space
+from layoutexplore.options import Rule, check
 
 MOST_ANGLES = 1500
 """The mean shift looks at so many different angles at most; where there are more, they are rounded."""
@@ -89,6 +90,7 @@ class Ias15Config(SegmentConfig, FaceConfig):
     def __post_init__(self) -> None:
         SegmentConfig.__post_init__(self)
         FaceConfig.__post_init__(self)
+        check(self, canny=Rule(kind=int, low=0, high=255, count=2))
         if self.bandwidth <= 0 or self.merge_angle < 0 or self.line_distance < 0 or self.wall_gap < 0:
             raise ConfigError(
                 "bandwidth must be above 0; merge_angle, line_distance and wall_gap must not be negative"

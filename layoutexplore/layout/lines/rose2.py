@@ -64,7 +64,7 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
 
     def __post_init__(self) -> None:
         for parent in (DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
-            parent.__post_init__(self)
+            parent.__post_init__(self)  # the first checks every field's kind
         if not 0 < self.level <= self.level_max < 1 or self.level_step <= 0:
             raise ConfigError(
                 "levels must rise from above 0 to below 1, "

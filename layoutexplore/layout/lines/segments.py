@@ -16,6 +16,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Bytes, Floats, Ints, Mask
 from layoutexplore.layout.frame import undirected
 from layoutexplore.layout.limits import most_segments
+from layoutexplore.options import check_fields
 
 LONGEST_IMAGE = 16_384
 """Longer images are searched for segments in parts of so many rows and columns."""
@@ -41,6 +42,7 @@ class SegmentConfig:
     twice: bool = True
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.votes <= 0 or self.min_length < 0 or self.max_gap < 0:
             raise ConfigError("votes must be above 0, min_length and max_gap at least 0 metres")
 

@@ -37,6 +37,7 @@ from layoutexplore.layout.lines.face_model import (
     with_lines,
 )
 from layoutexplore.layout.lines.faces import Arrangement, LineSet
+from layoutexplore.options import check_fields
 
 BINS = 256
 """Of equal width, that a room's cells fall into when their extent is measured."""
@@ -69,6 +70,7 @@ class TopologyConfig:
     split_rounds: int = 4
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if self.split_clearance < 0 or self.split_area < 0 or self.split_rounds < 0:
             raise ConfigError("split_clearance, split_area and split_rounds must not be negative")
 

@@ -19,6 +19,7 @@ from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.runs import run_end
 from layoutexplore.layout.limits import cells_at_most
+from layoutexplore.options import check_fields
 
 LONGEST_RUN = 5.0
 """A wall beside a gap is followed no farther than this [m]."""
@@ -51,6 +52,7 @@ class DoorGapConfig:
     slack: float = 0.1
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not 0 < self.door_min <= self.door_max:
             raise ConfigError("door_min must be above 0 and at most door_max")
         if min(self.door_run, self.widening, self.reach) <= 0 or self.slack < 0:

@@ -29,7 +29,7 @@ and half of each forest has learnt what that is worth.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import cv2
@@ -68,6 +68,7 @@ from layoutexplore.layout.outlines import rooms_of_labels
 from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Deferred, Layout, empty_layout, has_free_space
+from layoutexplore.options import Rule
 
 WALLS = Rose2Config(twice=False)
 """How walls, lines and faces are made; the rooms do not depend on them."""
@@ -90,7 +91,7 @@ class MergingConfig(AlignedMapConfig):
         tree_level: ... and, once what is too small has joined a neighbour, down to this: which merges stand
             is then told by what they make.
         pair_weight: What the log-odds of the pair weigh in that, where those of what they make weigh 1.
-        fan_level: Regions lie outside the building from these log-odds on ...
+        fan_level: Regions lie outside the building from these log-odds on (none do from infinity on) ...
         fan_spread: ... and so do those with these log-odds that they are open to.
         room_area: Smallest room [m2]; what is smaller joins the neighbour it most likely belongs to.
         nook_area: What is smaller than this joins it too [m2] ...
@@ -106,7 +107,7 @@ class MergingConfig(AlignedMapConfig):
     merge_level: float = 0.25
     tree_level: float = -2.0
     pair_weight: float = 2.0
-    fan_level: float = 2.0
+    fan_level: float = field(default=2.0, metadata={"rule": Rule(finite=False)})
     fan_spread: float = 0.0
     room_area: float = 1.5
     nook_area: float = 3.0

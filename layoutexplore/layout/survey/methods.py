@@ -26,6 +26,7 @@ from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.survey.voronoi import VoronoiConfig, voronoi_labels
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, empty_layout, has_free_space
+from layoutexplore.options import check_fields
 
 PEN = 7
 """Width of the pen that draws the outlines of the distance method's seeds; the wave fills the inside.
@@ -50,6 +51,7 @@ class MorphologicalConfig:
     depth: float = 3.65
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not 0 <= self.area_min < self.area_max or self.depth <= 0:
             raise ConfigError("area_min must be at least 0 and below area_max, depth above 0")
 
@@ -67,6 +69,7 @@ class DistanceConfig:
     area_max: float = 163.0
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not 0 <= self.area_min < self.area_max:
             raise ConfigError("area_min must be at least 0 and below area_max")
 

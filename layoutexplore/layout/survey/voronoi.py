@@ -17,6 +17,7 @@ from layoutexplore.grids.flood import grow_labels
 from layoutexplore.layout.survey.border_merging import merge_by_borders
 from layoutexplore.layout.survey.critical_lines import critical_lines
 from layoutexplore.layout.survey.voronoi_graph import contour_cells, critical_points, voronoi_graph
+from layoutexplore.options import check_fields
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +40,7 @@ class VoronoiConfig:
     merge_area: float = 12.5
 
     def __post_init__(self) -> None:
+        check_fields(self)
         least = min(self.spacing, self.area_min, self.merge_area)
         if min(self.neighbourhood, self.iterations) < 1 or least < 0:
             raise ConfigError(
