@@ -109,6 +109,8 @@ class Rule:
             return False
         if not math.isfinite(number) and (self.finite or math.isnan(number)):
             return False
+        if math.isinf(number):
+            return self.low <= number <= self.high
         return self.low <= number <= self.high and self.above < number < self.below
 
 

@@ -18,7 +18,7 @@ from layoutexplore.envs.motion import MotionConfig
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.errors import ConfigError, LayoutExploreError, UnknownNameError
 from layoutexplore.frontiers.tour_features import TourConfig
-from layoutexplore.layout.pipeline import layout_method
+from layoutexplore.layout.pipeline import layout_method, method_names
 from layoutexplore.maps.generator import PlanConfig
 from layoutexplore.options import (
     Options,
