@@ -18,7 +18,7 @@ from layoutexplore.envs.motion import MotionConfig
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.errors import ConfigError, LayoutExploreError, UnknownNameError
 from layoutexplore.frontiers.tour_features import TourConfig
-from layoutexplore.layout.pipeline import layout_method, method_names
+from layoutexplore.layout.pipeline import layout_method
 from layoutexplore.maps.generator import PlanConfig
 from layoutexplore.options import (
     Options,
@@ -178,7 +178,8 @@ def test_a_field_may_have_a_rule_of_its_own() -> None:
         def __post_init__(self) -> None:
             check_fields(self)
 
-    assert Levels(high=math.inf).high == math.inf and Levels(low=np.float64(1.0)).low == 1.0  # type: ignore[arg-type]
+    assert Levels(high=math.inf).high == math.inf
+    assert Levels(low=np.float64(1.0)).low == 1.0
     for wrong in ({"low": math.inf}, {"high": math.nan}, {"high": None}):
         with pytest.raises(ConfigError, match="number"):
             Levels(**wrong)  # type: ignore[arg-type]

@@ -16,7 +16,7 @@ from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.layout.outlines import layout_of_labels
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout
-from layoutexplore.options import Rule, check_kind, rule_of
+from layoutexplore.options import Rule, check_kind, rule_like
 from layoutexplore.plugins.registry import Registry
 
 
@@ -143,7 +143,7 @@ class LayoutMethod:
         if config is None:
             return self.default
         kind = type(self.default)
-        rules = {field.name: rule_of(field) for field in fields(kind)}
+        rules = {field.name: rule_like(field.default) for field in fields(kind)}
         if isinstance(config, kind):
             self._converted({name: getattr(config, name) for name in rules}, rules)
             return config
