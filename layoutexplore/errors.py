@@ -260,7 +260,7 @@ def _fits(value: Any, meant: Any) -> bool:
         return _is_array(value) and not (flags and np.asarray(value).dtype.kind == "f")
     if origin in (typing.Union, types.UnionType):
         return any(_fits(value, part) for part in parts)
-    base = origin or meant
+    base: Any = origin or meant
     if base is Any or not isinstance(base, type) or getattr(base, "_is_protocol", False):
         return meant is not None or value is None
     if isinstance(value, np.ndarray) and value.ndim == 0:
