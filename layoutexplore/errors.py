@@ -260,7 +260,7 @@ def _fits(value: Any, meant: Any) -> bool:
         return _is_array(value) and not (flags and np.asarray(value).dtype.kind == "f")
     if origin in (typing.Union, types.UnionType):
         return any(_fits(value, part) for part in parts)
-    base: Any = origin or meant
+    base = origin or meant
     if base is Any or not isinstance(base, type) or getattr(base, "_is_protocol", False):
         return meant is not None or value is None
     if isinstance(value, np.ndarray) and value.ndim == 0:
@@ -275,8 +275,6 @@ def _fits(value: Any, meant: Any) -> bool:
         return all(_fits(key, parts[0]) and _fits(item, parts[1]) for key, item in value.items())
     if parts and base in (Iterable, Sequence, list) and isinstance(value, (list, tuple, set, frozenset)):
         return all(_fits(item, parts[0]) for item in value)
-    if base is Callable:
-        return callable(value)
     return isinstance(value, base)
 
 
