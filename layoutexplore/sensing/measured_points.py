@@ -144,7 +144,7 @@ def cells_met(points: MeasuredPoints, row: int, col: int, beam_x: float, beam_y:
         if is_turned_away(points, r, c, beam_x, beam_y):
             met ^= left & -left
         left &= left - 1
-    return met
+    return int(met)
 
 
 @njit(cache=True, nogil=True)
