@@ -64,6 +64,9 @@ _TURN = 0.02
 _STEPS = 12
 """At most so many steps of the first lattice to either side."""
 
+_LEAST = 1e-9
+"""Metres and radians: a pose that odometry is surer of than this does not move."""
+
 _FEW = 30
 """So many points are compared where the first lattice is wide."""
 
@@ -110,6 +113,7 @@ class ScanMatcher:
             The corrected pose; the believed one where nothing of the map is in sight.
         """
         ends, self.overlap = self._ends(ranges, lidar, full_turn), 0.0
+        position_std, heading_std = (std if std > _LEAST else 0.0 for std in (position_std, heading_std))
         if len(ends) == 0 or (position_std <= 0.0 and heading_std <= 0.0):
             return pose
         grid, size = self._grid, self._grid.resolution

@@ -205,3 +205,14 @@ def test_options_are_checked() -> None:
         ScanMatcherConfig(beams=0)
     with pytest.raises(ConfigError, match="levels"):
         ScanMatcherConfig(levels=99)
+
+
+@pytest.mark.parametrize("least", [1e-10, 1e-200, 5e-324])
+def test_odometry_that_is_all_but_exact_counts_as_exact(least: float) -> None:
+    lidar, matcher = matched(room(), INDOOR)
+    true = Pose(3.2, 3.6, 0.4)
+    believed, ranges = Pose(true.x, true.y, true.theta + 0.03), lidar.scan(true)
+    assert matcher.match(believed, ranges, INDOOR, position_std=least, heading_std=least) == believed
+    turned = matcher.match(believed, ranges, INDOOR, position_std=least, heading_std=0.03)
+    assert turned == matcher.match(believed, ranges, INDOOR, position_std=0.0, heading_std=0.03)
+    assert (turned.x, turned.y) == (believed.x, believed.y) and abs(turned.theta - true.theta) < 0.02
