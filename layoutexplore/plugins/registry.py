@@ -111,14 +111,31 @@ class Registry(Generic[T]):
                 has unless told otherwise.
 
         Raises:
-            ConfigError: The name is taken by something else, or the parameters can be no options.
+            ConfigError: The name is taken by something else or is no name, `build` is no code, or the
+                parameters can be no options.
         """
-        if not name or set(name) & set(":,;= "):
-            raise ConfigError(f"{name!r} cannot name an own {self.kind}: no space and none of : , ; =")
+        if not isinstance(name, str) or not name or set(name) & set(":,;= "):
+            raise ConfigError(
+                f"{shortened(name)} cannot name an own {self.kind}: a text with no space and none of : , ; ="
+            )
+        if not isinstance(doc, str):
+            raise ConfigError(f"own {self.kind} {name!r}: a text says what it does, not {shortened(doc)}")
+        self._check_code(build)
+        if options is not None and (isinstance(options, type) or not dataclasses.is_dataclass(options)):
+            raise ConfigError(
+                f"own {self.kind} {name!r}: options are an object of a frozen dataclass, "
+                f"not {shortened(options)}"
+            )
         there = self._named(name)
         if there and (there.thing is None or _of(there.thing) != _of(build)):
             raise self._taken(name)
         self._entries[name] = self._own_entry(name, doc, build, options)
+
+    def _check_code(self, thing: Any) -> None:
+        if not callable(thing) and type(thing).__module__ == "builtins":
+            raise ConfigError(
+                f"an own {self.kind} is a class, a function or an object of a class, not {shortened(thing)}"
+            )
 
     def _taken(self, name: str) -> ConfigError:
         return ConfigError(f"there is an {self.kind} {name!r} already: give yours another name")
@@ -129,10 +146,7 @@ class Registry(Generic[T]):
         Raises:
             ConfigError: It is None, a number, a list or alike, has no name, or the name is taken.
         """
-        if not callable(thing) and type(thing).__module__ == "builtins":
-            raise ConfigError(
-                f"an own {self.kind} is a class, a function or an object of a class, not {shortened(thing)}"
-            )
+        self._check_code(thing)
         given = getattr(thing, "name", None)
         name: str = given if isinstance(given, str) else getattr(thing, "__name__", type(thing).__name__)
         self.remove(name)  # a cell of a notebook that ran again

@@ -116,6 +116,22 @@ def test_names_that_ship_and_names_of_others_are_not_taken(shelf: Registry[Any])
         shelf.register("a:b", "", Still)
 
 
+@pytest.mark.parametrize("name", [None, 3, 2.5, b"x", [], {}, object(), ""])
+def test_a_name_is_a_text(shelf: Registry[Any], name: Any) -> None:
+    with pytest.raises(ConfigError, match="cannot name an own"):
+        shelf.register(name, "", Still)
+
+
+@pytest.mark.parametrize("options", [3, "x", [], {"a": 1}, object(), Still])
+def test_options_are_an_object_of_a_dataclass(shelf: Registry[Any], options: Any) -> None:
+    with pytest.raises(ConfigError, match="an object of a frozen dataclass"):
+        shelf.register("mine", "", Still, options)
+    with pytest.raises(ConfigError, match="a text says what it does"):
+        shelf.register("mine", [options], Still)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="a class, a function or an object of a class"):
+        shelf.register("mine", "", 3)  # type: ignore[arg-type]
+
+
 def test_an_object_is_known_by_its_name(shelf: Registry[Any]) -> None:
     assert shelf.register_object(Still) == "Still" and shelf.find("Still")[0].doc == "Stops at once"
     ready = Still()
