@@ -23,7 +23,6 @@ from layoutexplore.agents.omniscient.route_planner import (
 )
 from layoutexplore.agents.room_aware import LayoutTourOptions, RoomAwareHeuristic
 from layoutexplore.agents.tour import plan_latency_tour
-from layoutexplore.errors import MapError
 from layoutexplore.frontiers.decision import Choice, Decision, Walk
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.frontiers.tour_features import ready_frontiers
@@ -101,9 +100,6 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
     def choose(self, decision: Decision) -> Choice:
         """A path to the first stop, or the frontier that it stands for or that is in the way."""
         foresight = decision.foresight
-        if foresight is not None and foresight.cells.shape != decision.grid.shape:
-            shape, needed = foresight.cells.shape, decision.grid.shape
-            raise MapError(f"foresight of {foresight.predictor!r} has {shape} cells, the grid {needed}")
         if foresight is not None and foresight.confidence >= self.options.sure:
             choice = self._follow(decision, foresight)
             if choice is not None:

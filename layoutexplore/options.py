@@ -140,7 +140,8 @@ POSITIVE = Rule(above=0.0)
 NON_NEGATIVE = Rule(low=0.0)
 SHARE = Rule(low=0.0, high=1.0)
 FLAG = Rule(kind=bool)
-SEED = Rule(kind=int, low=0)
+NATURAL = Rule(kind=int, low=0)
+SEED = NATURAL
 
 
 def rule_like(default: Any) -> Rule:

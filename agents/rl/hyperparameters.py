@@ -16,7 +16,7 @@ from typing import Any
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.files import read_toml
 from layoutexplore.frontiers.tour_features import TourConfig
-from layoutexplore.options import COUNT, POSITIVE, Rule, check, rule_like
+from layoutexplore.options import COUNT, NATURAL, POSITIVE, SEED, Rule, check, rule_like
 
 DEFAULTS = Path(__file__).resolve().parent.parent / "hyperparameters.toml"
 """The shipped hyper-parameters."""
@@ -188,8 +188,7 @@ class TrainingConfig:
 
     def __post_init__(self) -> None:
         check(self, steps=COUNT, envs=COUNT, checkpoint_every=COUNT, averaging=Rule(low=0.0, below=1.0))
-        natural = Rule(kind=int, low=0)
-        check(self, workers=natural, seed=natural, critic_steps=natural, max_steps=natural)
+        check(self, workers=NATURAL, seed=SEED, critic_steps=NATURAL, max_steps=NATURAL)
         check(self, final_learning_rate=Rule(low=0.0, high=1.0))
         if not self.plans or not self.sensors:
             raise ConfigError("training needs at least one of plans and of sensors")

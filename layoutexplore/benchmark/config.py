@@ -14,7 +14,7 @@ import layoutexplore
 from layoutexplore.agents import AGENTS
 from layoutexplore.errors import ConfigError, checks_arguments, checks_calls, shortened, unknown_name
 from layoutexplore.files import read_toml
-from layoutexplore.options import COUNT, FLAG, Rule, check, check_keys, check_kind, from_table
+from layoutexplore.options import COUNT, FLAG, SEED, check, check_keys, check_kind, from_table
 from layoutexplore.sensing.lidar import SENSORS, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise
@@ -95,7 +95,7 @@ class BenchmarkConfig:
             check_kind(f"lidar {name!r}", lidar, LidarConfig)
         if not isinstance(self.baseline, str) or not self.baseline:
             raise ConfigError(f"baseline must be the name of an agent, got {self.baseline!r}")
-        check(self, starts=COUNT, seed=Rule(kind=int, low=0), explain=FLAG, tries=COUNT)
+        check(self, starts=COUNT, seed=SEED, explain=FLAG, tries=COUNT)
         if not (self.cell_seconds >= 0 and self.cell_mb >= 0):
             raise ConfigError("cell_seconds and cell_mb must be 0 (no limit) or more")
         for name in self.sensors:

@@ -24,7 +24,7 @@ from layoutexplore.files.archives import ArrayRule, check_arrays
 from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
-from layoutexplore.options import SEED
+from layoutexplore.options import NATURAL
 from layoutexplore.simulation.simulation import Simulation
 
 ROOMS_AT = (0.25, 0.5, 0.75)
@@ -71,7 +71,7 @@ class Recording:
 
     def cells(self, scans: int) -> Cells:
         """The robot's grid after so many scans, int8 (rows, cols)."""
-        SEED.convert("scans", scans)
+        NATURAL.convert("scans", scans)
         known = (self.first > 0) & (self.first <= scans)
         values = np.where(self.occupied, OCCUPIED, FREE)
         flat = np.where(known, values, UNKNOWN).astype(np.int8).ravel()

@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, checks_calls, shortened
+from layoutexplore.errors import ConfigError, MapError, checks_calls, shortened
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.frontiers.table import Frontier, FrontierList, FrontierTable
@@ -176,6 +176,9 @@ class Decision:
             raise ConfigError(f"foresee must be a function or None, got {shortened(self.foresee)}")
         foresight = self.foresee()
         check_kind("what foresee returns", foresight, Foresight, optional=True)
+        if foresight is not None and foresight.cells.shape != self.grid.shape:
+            shape, needed = foresight.cells.shape, self.grid.shape
+            raise MapError(f"foresight of {foresight.predictor!r} has {shape} cells, the grid {needed}")
         return foresight
 
     @cached_property

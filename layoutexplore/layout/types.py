@@ -283,7 +283,7 @@ class Layout:
         for name in ("rooms", "walls", "warnings"):
             check_kind(name, getattr(self, name), Sequence)
         check_kind("method", self.method, str)
-        check_kind("structure_score", self.structure_score, float, np.floating)
+        check_kind("structure_score", self.structure_score, float, int, np.floating)
         check_kind("timings", self.timings, Mapping)
         check_kind("details", self.details, Details)
 

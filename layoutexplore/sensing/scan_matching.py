@@ -156,21 +156,11 @@ def evenly_chosen(ends: Floats, most: int) -> Floats:
 @njit(cache=True, nogil=True)
 def match_score(points: MeasuredPoints, ends: Floats, pose: PoseInCells, spread: float) -> float:
     """Sum over a scan's ends of exp(-d^2 / 2 spread^2), d to the nearest mean in the 3 x 3 cells around."""
-    rows, cols = points.number.shape
-    x, y, heading = pose
-    cos, sin = math.cos(heading), math.sin(heading)
-    scale, reach = -0.5 / (spread * spread), (REACH * spread) ** 2
-    total = 0.0
-    for i in range(ends.shape[0]):
-        arm_x = ends[i, 0] * cos - ends[i, 1] * sin
-        arm_y = ends[i, 0] * sin + ends[i, 1] * cos
-        end_x, end_y = x + arm_x, y + arm_y
-        if not (1.0 <= end_x < cols - 1 and 1.0 <= end_y < rows - 1):
-            continue
-        least, row, col = nearest_mean(points, end_x, end_y)
-        if least < reach and not is_turned_away(points, row, col, arm_x, arm_y):
-            total += math.exp(least * scale)
-    return total
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    arms = np.empty_like(ends)
+    for i in range(len(ends)):
+        arms[i, 0], arms[i, 1] = ends[i, 0] * cos - ends[i, 1] * sin, ends[i, 0] * sin + ends[i, 1] * cos
+    return _score_above(points, arms, pose, spread, -np.inf)
 
 
 @njit(cache=True, nogil=True)

@@ -16,7 +16,7 @@ from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor,
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.options import SEED, check_kind
+from layoutexplore.options import NATURAL, SEED, check_kind
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.region import region_mask
 from layoutexplore.simulation.robot import draw_start
@@ -190,7 +190,7 @@ def corners(track: Floats) -> Floats:
 def run_seed(seed: int, plan: str, start: int) -> int:
     """The seed of a cell: the same for all agents and sensors, different for every plan and start."""
     check_kind("plan", plan, str)
-    seed, start = SEED.convert("seed", seed), SEED.convert("start", start)
+    seed, start = SEED.convert("seed", seed), NATURAL.convert("start", start)
     of_plan = zlib.crc32(plan.encode(errors="surrogatepass"))
     return int(np.random.SeedSequence([seed, of_plan, start]).generate_state(1)[0])
 

@@ -74,10 +74,6 @@ BOMBS = {
 }
 
 
-LARGEST = 1 << 24
-"""Bytes of a damaged file at most: a line of a megabyte, repeated four hundred times, fills the memory."""
-
-
 def mutate(data: bytes, kind: str, rng: random.Random) -> bytes:
     """A damaged copy: by its structure where that can be, otherwise byte by byte."""
     for _ in range(rng.choice((1, 1, 1, 2, 3))):
@@ -88,7 +84,7 @@ def mutate(data: bytes, kind: str, rng: random.Random) -> bytes:
             )
         except Exception:  # what was damaged before has no structure any more
             data = rng.choice(BYTES)(data, rng)
-        data = data[:LARGEST]
+        data = data[: 1 << 24]  # a line of a megabyte, repeated, would fill the memory
     return data
 
 

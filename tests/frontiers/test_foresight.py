@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from layoutexplore.errors import LayoutExploreError
+from layoutexplore.errors import LayoutExploreError, MapError
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -68,9 +68,12 @@ def test_a_decision_asks_once_and_only_when_asked() -> None:
 
     def foresee() -> Foresight:
         asked.append(1)
-        return foresight()
+        nothing = np.full(decision.grid.shape, UNKNOWN, np.int8)
+        return foresight(cells=nothing, room_ids=np.zeros(decision.grid.shape, np.int32))
 
     ahead = dataclasses.replace(decision, foresee=foresee)
     assert not asked
     assert ahead.foresight is ahead.foresight
     assert asked == [1]
+    with pytest.raises(MapError, match=r"foresight of 'drawn' has \(1, 4\) cells, the grid"):
+        _ = dataclasses.replace(decision, foresee=foresight).foresight
