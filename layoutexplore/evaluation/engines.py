@@ -17,6 +17,7 @@ from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import checks_arguments
+from layoutexplore.processes import peak_memory
 from layoutexplore.speed.measurement import SpeedRow
 
 CELLS = 400_000
@@ -85,7 +86,7 @@ def empty_cells(cluster: str, count: int) -> tuple[float, float, float]:
             lines = sum(1 for _ in table) - 1
     if not len(rows) == lines == count:
         raise RuntimeError(f"{count} cells became {len(rows)} rows and {lines} lines")
-    return (count - 1) / (times[1] - times[0]), time.perf_counter() - begun, _most_megabytes()
+    return (count - 1) / (times[1] - times[0]), time.perf_counter() - begun, peak_memory() / 1e6
 
 
 @checks_arguments
@@ -128,10 +129,3 @@ def _empty_cell(number: int) -> Row:
 
 def _nothing() -> None:
     """What a worker needs beforehand."""
-
-
-def _most_megabytes() -> float:
-    """The most memory that this process has held."""
-    import resource
-
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -19,6 +19,7 @@ from layoutexplore.cli.speed import register
 from layoutexplore.errors import UnknownNameError
 from layoutexplore.grids.grid import Cell
 from layoutexplore.planning.shortest_paths import geodesic_distances
+from layoutexplore.processes import peak_memory
 from layoutexplore.speed import (
     Measurement,
     SpeedRow,
@@ -147,11 +148,20 @@ def test_decisions_are_told_by_quarter(monkeypatch: pytest.MonkeyPatch, tmp_path
     times = np.repeat([1.0, 2.0, 3.0, 4.0], 5)
     monkeypatch.setattr(decisions, "decision_times", lambda plan, agent, resolution: times)
     monkeypatch.setattr(decisions, "plan_of", lambda area: area)
-    rows = [row for row in decisions.decisions() if isinstance(row, decisions.GrowthRow)]
+    monkeypatch.setattr(decisions, "cost_alone", lambda agent, area: decisions.RunCost(40.0, 800.0))
+    everything = list(decisions.decisions())
+    rows = [row for row in everything if isinstance(row, decisions.GrowthRow)]
     assert [(row.agent, row.area) for row in rows] == [
         (a, m) for a in decisions.AGENTS for m in decisions.AREAS
     ]
     assert rows[0].quarters == (1000.0, 2000.0, 3000.0, 4000.0) and rows[0].reached == 0.5 and rows[0].missed
+    assert rows[0].note == "median 2500.0 ms"
+    # The dearest run is followed by what it takes in a process of its own.
+    assert everything[-3] is rows[-1] and (rows[-1].agent, rows[-1].area) == decisions.ALONE
+    assert [(row.ours, row.unit, row.reached) for row in everything[-2:]] == [
+        (40.0, "ms", 1.25),
+        (800.0, "MB", 0.5),
+    ]
     use(monkeypatch, *rows)
     status, _ = invoke("--picture", str(tmp_path / "growth.svg"), "--json", str(tmp_path / "speed.json"))
     assert status == 1 and "polyline" in (tmp_path / "growth.svg").read_text()
@@ -162,3 +172,11 @@ def test_decisions_are_told_by_quarter(monkeypatch: pytest.MonkeyPatch, tmp_path
 def test_times_of_decisions_are_those_of_a_whole_run() -> None:
     times = decisions.decision_times(rooms(), "nearest", 0.1)
     assert len(times) > 2 and (times >= 0.0).all() and times.sum() > 0.0
+
+
+def test_what_a_run_takes_is_measured_in_a_process_of_its_own() -> None:
+    """Its imports count; what this process holds does not, however much that is."""
+    held = np.ones(1 << 29, np.uint8)
+    cost = decisions.cost_alone("nearest", 120.0)
+    assert 0.0 < cost.decision < 1e4
+    assert 50.0 < cost.memory < held.nbytes / 1e6 < peak_memory() / 1e6
