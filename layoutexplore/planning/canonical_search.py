@@ -28,7 +28,6 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
-from layoutexplore.grids.boxes import Box
 
 STRAIGHT = 5741
 DIAGONAL = 8119
@@ -101,53 +100,50 @@ class Search:
         shape: (rows, cols) of the grid, nowhere traversable at first.
 
     Attributes:
-        moves: uint8 (rows + 2, cols + 2), the moves out of every cell, as bits.
+        shape: (rows + 2, cols + 2), of the padded grid.
         origin: What the last search has written at its source: subtract it.
         count: Number of searches so far.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
-        self.moves = np.zeros((shape[0] + 2, shape[1] + 2), np.uint8)
+        self.shape = shape[0] + 2, shape[1] + 2
+        self._moves: Bytes | None = None
         self._distance: Ints32 | None = None
         self.origin = 0
         self.count = 0
         self._grid: tuple[Any, ...] | None = None
 
     @property
+    def moves(self) -> Bytes:
+        """uint8 (rows + 2, cols + 2), the moves out of every cell, as bits."""
+        if self._moves is None:
+            self._moves = np.zeros(self.shape, np.uint8)
+        return self._moves
+
+    @property
     def distance(self) -> Ints32:
         """int32, flat, padded: distances plus the origin, once a search was made."""
         if self._distance is None:
-            self._distance = np.empty(self.moves.size, np.int32)
+            self._distance = np.empty(self.shape[0] * self.shape[1], np.int32)
         return self._distance
 
     @property
     def cols(self) -> int:
         """Columns of the padded grid."""
-        return int(self.moves.shape[1])
+        return self.shape[1]
 
     @property
     def memory(self) -> _Memory:
         """This thread's memory for grids of this shape."""
         kept: _Memory | None = getattr(_threads, "memory", None)
-        if kept is None or kept.shape != self.moves.shape:
+        if kept is None or kept.shape != self.shape:
             size = 4096 if kept is None else kept.queue.items.size
-            kept = _threads.memory = _Memory((self.moves.shape[0], self.moves.shape[1]), size)
+            kept = _threads.memory = _Memory(self.shape, size)
         return kept
 
-    def window(self, box: Box) -> Search:
-        """A search that knows no more than a part of the grid, a half-open box of cells, not padded."""
-        row0, row1, col0, col1 = box
-        part = Search((row1 - row0, col1 - col0))
-        part.moves[1:-1, 1:-1] = self.moves[row0 + 1 : row1 + 1, col0 + 1 : col1 + 1]
-        north_south = (part.moves[-2], 0b00110001), (part.moves[1], 0b11000010)
-        west_east = (part.moves[:, 1], 0b01010100), (part.moves[:, -2], 0b10101000)
-        for edge, outward in north_south + west_east:
-            np.bitwise_and(edge, 0xFF ^ outward, out=edge)
-        return part
-
     def release(self) -> None:
-        """Give the memory back, what this thread keeps for searches included, until the next search."""
-        self._distance, self._grid, self.origin = None, None, 0
+        """Give all memory back, what this thread keeps for searches included: no cell is traversable now."""
+        self._moves, self._distance, self._grid, self.origin = None, None, None, 0
         _threads.memory = _threads.kept = None
 
     def spread(self, source: int, stops: Ints) -> int:
@@ -194,7 +190,7 @@ class Workspace(Search):
 
     def __init__(self, shape: tuple[int, int]) -> None:
         super().__init__(shape)
-        self.world = np.zeros(self.moves.shape, np.uint8)
+        self.world = np.zeros(self.shape, np.uint8)
 
     def load(self, traversable: Mask) -> None:
         """Take a mask bool (rows, cols) as the grid to search."""

@@ -13,7 +13,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import Cell
-from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Search, to_metres
+from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Search, find_moves, to_metres
 from layoutexplore.planning.corner_paths import CornerPaths
 from layoutexplore.planning.distance_cache import DistanceCache
 from layoutexplore.planning.shortest_paths import distances_between, flat_indices, walk_down
@@ -58,7 +58,7 @@ class DistanceField:
         self._reached: Mask | None = None
 
     def _units(self) -> NDArray[np.integer]:
-        return self._search.distance.reshape(self._search.moves.shape)
+        return self._search.distance.reshape(self._search.shape)
 
     @property
     def reached(self) -> Mask:
@@ -102,13 +102,13 @@ class DistanceField:
 
     def _metres(self, settled: int) -> Floats32:
         search = self._search
-        lengths = np.empty((search.moves.shape[0] - 2, search.moves.shape[1] - 2), np.float32)
+        lengths = np.empty((search.shape[0] - 2, search.shape[1] - 2), np.float32)
         to_metres(search.distance, float(search.origin), self._scale, settled, lengths)
         return lengths
 
     def _walk(self, row: int, col: int, settled: int) -> Ints32:
         search = self._search
-        units, origin = search.distance.reshape(search.moves.shape), float(search.origin)
+        units, origin = search.distance.reshape(search.shape), float(search.origin)
         return walk_down(units, 1, origin, self._scale, float(settled), search.moves, row, col)
 
     def _check(self) -> None:
@@ -122,11 +122,12 @@ class CornerField(DistanceField):
     """The same by the corners of the map.
 
     Args:
-        search: On the same map, to be made when it is needed.
+        search: On the same map, which it is told, and to be made, when it is needed.
         turn: Its next number ends this view.
         cache: Is not used.
         resolution: Side of a cell in metres.
         source: Where the robot is.
+        opened: Whether the source is shut and only counts as traversable.
         paths: The corners of the map; the source counts as traversable.
         barred: uint8 (rows + 2, cols + 2), 0 where a cell is connected with the source, 1 elsewhere.
 
@@ -143,10 +144,11 @@ class CornerField(DistanceField):
         resolution: float,
         *,
         source: Cell,
+        opened: bool,
         paths: CornerPaths,
         barred: Bytes,
     ) -> None:
-        self._source, self._paths, self._barred = source, paths, barred
+        self._source, self._opened, self._paths, self._barred = source, opened, paths, barred
         super().__init__(search, turn, cache, resolution, 0)
         self._known: dict[tuple[int, int], int] = {}
 
@@ -185,19 +187,31 @@ class CornerField(DistanceField):
         if there not in self._known:
             (self._known[there],) = self._paths.lengths_from(here, np.array([there])).tolist()
         units = self._known[there]
-        box = around_paths(here, there, units, self._search.moves.shape)
-        part = self._search.window(box)
+        box = around_paths(here, there, units, self._search.shape)
+        part = Search((box[1] - box[0], box[3] - box[2]))
+        find_moves(self._world(box), part.moves, 0, 0)
         corner = np.array([box[0], box[2]])
         source, stops = flat_indices(np.array([here, there]) - corner, part)[:, None]
         # Nearer cells than the target are all that a path to it is walked down over.
         settled = part.spread(int(source[0]), stops)
-        lengths = part.distance.reshape(part.moves.shape)
+        lengths = part.distance.reshape(part.shape)
         row, col = row - box[0], col - box[2]
         path = walk_down(lengths, 1, float(part.origin), self._scale, float(settled), part.moves, row, col)
         return path + corner.astype(np.int32)
 
+    def _world(self, box: Box) -> Bytes:
+        """uint8 (n + 2, m + 2): 1 where the map is traversable, in a half-open box of it; its border is 0."""
+        row0, row1, col0, col1 = box
+        world = np.zeros((row1 - row0 + 2, col1 - col0 + 2), np.uint8)
+        world[1:-1, 1:-1] = self._paths.world[row0 + 1 : row1 + 1, col0 + 1 : col1 + 1]
+        if self._opened:
+            world[self._source.row - row0 + 1, self._source.col - col0 + 1] = 0
+        return world
+
     def _spread(self, stops: Ints) -> int:
         row, col = self._source
+        rows, cols = self._search.shape
+        find_moves(self._world((0, rows - 2, 0, cols - 2)), self._search.moves, 0, 0)
         return self._search.spread((row + 1) * self._search.cols + col + 1, stops)
 
     @staticmethod

@@ -111,7 +111,7 @@ def shortest_path(search: Search, start: Cell, end: Cell, resolution: float) -> 
     """
     source, target = flat_indices(np.array([start, end], np.int64), search).tolist()
     settled = search.spread(source, np.array([target]))
-    lengths = search.distance.reshape(search.moves.shape)
+    lengths = search.distance.reshape(search.shape)
     if search.distance[target] > settled:
         return np.empty((0, 2), np.int32)
     origin, scale, row, col = float(search.origin), resolution / STRAIGHT, int(end[0]), int(end[1])

@@ -110,6 +110,8 @@ class Traversability:
         self._turn.number += 1
         if self.corners and stop_at is None:
             return self._by_corners(source)
+        if self.corners:
+            find_moves(self.corners.world, search.moves, 0, 0)
         stops = NOWHERE if stop_at is None else flat_indices(check_cells(stop_at, self._shape), search)
         settled = search.spread((row + 1) * search.cols + col + 1, stops)
         return DistanceField(search, self._turn, self.cache, self._resolution, settled)
@@ -135,6 +137,7 @@ class Traversability:
             self.cache,
             self._resolution,
             source=source,
+            opened=self._opened is not None,
             paths=self.corners,
             barred=self._connected.barred,
         )
@@ -164,7 +167,8 @@ class Traversability:
         # beside.
         changed = _grown(box, self._margin + 1, self._shape)
         window = self._window(cells, changed)
-        find_moves(window, self._search.moves, changed[0], changed[2])
+        if self.corners is None:
+            find_moves(window, self._search.moves, changed[0], changed[2])
         self._write(np.ascontiguousarray(window[1:-1, 1:-1]), changed[0], changed[2])
 
     def _window(self, cells: Cells, changed: Box) -> Bytes:
