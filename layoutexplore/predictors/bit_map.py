@@ -62,7 +62,7 @@ def draw_bit_map(cells: Cells, regions: Regions, resolution: float, margin: floa
     code = np.full((rows + 2 * border, cols + 2 * border), UNKNOWN_BIT, np.uint8)
     row0, row1, col0, col1 = known_box(cells)
     box = np.array([row0, col0, row1, col1], np.int64)
-    _draw(cells, regions.gaps, box, border, code)
+    draw_cells(cells, regions.gaps, box, border, code)
     box += border
     _extend_walls(code, box, max(round(WALL_MIN / resolution), 1), round(EXTENSION_REACH / resolution))
     return BitMap(code, border)
@@ -75,7 +75,8 @@ def extended_walls(bit_map: BitMap) -> Mask:
 
 
 @njit(cache=True, nogil=True)
-def _draw(cells: Cells, gaps: Gaps, box: Ints, margin: int, code: Bytes) -> None:
+def draw_cells(cells: Cells, gaps: Gaps, box: Ints, margin: int, code: Bytes) -> None:
+    """Write the bits that cells have by themselves, in a box int64 (4,): row0, col0, row1, col1."""
     low, high = box[1], box[3]
     for r in range(box[0], box[2]):
         values, widths, bits = (

@@ -13,7 +13,8 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.frontiers.detection import FrontierClusters
-from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Ints, Ints32
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32
+from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, WALL_BIT, BitMap
 from layoutexplore.predictors.frontier_model.feature_kernels import (
     AHEAD,
@@ -32,6 +33,7 @@ from layoutexplore.predictors.frontier_model.feature_kernels import (
     frontier_frame,
     walls_in_line,
 )
+from layoutexplore.predictors.frontier_model.followed_bit_map import BLOCK, FollowedBitMap
 
 SIGHT = 8.0
 """Metres that rays look; nothing else looks further."""
@@ -44,9 +46,6 @@ UNIT = 0.5
 
 NEAR_END, NEAR_DOOR = 0.5, 4.0
 """Metres within which a wall at the end of a frontier, and a door, are looked for."""
-
-BLOCK = 8
-"""Side of the blocks in which changes are noticed together: eight bytes are compared at once."""
 
 BARRIERS = {"open": 0, "extended": ALONG_ROWS | ALONG_COLS, "doors": DOOR_BIT}
 _SHAPE = ("size", "depth", "width", "slant", "sides", "end_low", "end_high")
@@ -95,14 +94,13 @@ class Clusters(NamedTuple):
 
 
 class FeatureCache:
-    """Keeps the local features of the frontiers of the last decision.
+    """Keeps the bit map of the last decision, and the local features of its frontiers.
 
     The next decision may be on a changed grid of the same shape.
     """
 
     def __init__(self) -> None:
-        self._bit_map: BitMap | None = None
-        self._resolution = 0.0
+        self._draw = FollowedBitMap()
         self._known: dict[bytes, int] = {}
         self._features = np.zeros((0, len(LOCAL_FEATURES)), np.float32)
         self._frames = np.zeros((0, 8))
@@ -110,17 +108,19 @@ class FeatureCache:
         self._scratch = FloodScratch(np.zeros(0, np.uint8), np.zeros(0, np.int32))
 
     def compute(
-        self, bit_map: BitMap, frontiers: FrontierClusters, resolution: float
-    ) -> tuple[Floats32, Floats, Ints32]:
+        self, cells: Cells, frontiers: FrontierClusters, regions: Regions, resolution: float
+    ) -> tuple[BitMap, Floats32, Floats, Ints32]:
         """Compute the local features of each frontier, or take those that are still valid.
 
         Returns:
-            The features float32 (k, len(LOCAL_FEATURES)) in metres, the frames float64 (k, 8) and the free
-            cells that floods touch int32 (k, barriers, TOUCHED), in cells of the bit map.
+            The bit map, which changes with the next call, the features float32 (k, len(LOCAL_FEATURES)) in
+            metres, the frames float64 (k, 8) and the free cells that floods touch int32 (k, barriers,
+            TOUCHED), in cells of the bit map.
         """
+        bit_map, changed = self._draw(cells, regions, resolution, SIGHT + 2 * resolution)
         clusters = Clusters(frontiers.cells + np.int32(bit_map.margin), frontiers.offsets)
         keys = [frontiers.cluster(k).tobytes() for k in range(len(frontiers))]
-        old = self._still_valid(bit_map, keys, clusters, resolution)
+        old = self._still_valid(changed, keys, clusters, bit_map.margin // BLOCK + 1)
         fresh = np.flatnonzero(old < 0)
         features, frames, touched = self._features[old], self._frames[old], self._touched[old]
         if len(fresh):
@@ -136,9 +136,8 @@ class FeatureCache:
             _scale(found, resolution)
             features[fresh] = found
         self._features, self._frames, self._touched = features, frames, touched
-        self._bit_map, self._resolution = bit_map, resolution
         self._known = {key: k for k, key in enumerate(keys)}
-        return features, frames, touched
+        return bit_map, features, frames, touched
 
     def _make_room(self, clusters: Clusters, fresh: Ints, depth: int, cols: int) -> None:
         """Have scratch memory for the floods of some frontiers."""
@@ -149,38 +148,20 @@ class FeatureCache:
             self._scratch = self._scratch._replace(queue=np.empty(cells, np.int32))
 
     def _still_valid(
-        self, bit_map: BitMap, keys: Sequence[bytes], clusters: Clusters, resolution: float
+        self, changed: Bytes | None, keys: Sequence[bytes], clusters: Clusters, reach: int
     ) -> Ints:
-        """Per frontier int64 (k,) where it was found the last time with the same surroundings, or -1."""
-        if (
-            self._bit_map is None
-            or self._bit_map.code.shape != bit_map.code.shape
-            or self._resolution != resolution
-        ):
+        """Per frontier int64 (k,) where it was found the last time with the same surroundings, or -1.
+
+        These reach so many blocks. The changed blocks are None where the grid is another one.
+        """
+        if changed is None:
             self._scratch = FloodScratch(np.zeros(0, np.uint8), np.zeros(0, np.int32))
             self._features, self._frames = np.zeros((1, len(LOCAL_FEATURES)), np.float32), np.zeros((1, 8))
             self._touched = np.zeros((1, len(BARRIERS), TOUCHED), np.int32)
             return np.full(len(keys), -1, np.int64)
         old = np.array([self._known.get(key, -1) for key in keys], np.int64)
-        changes = np.asarray(cv2.integral(changed_blocks(self._bit_map.code, bit_map.code)), np.int32)
-        _forget_changed(changes, clusters, bit_map.margin // BLOCK + 1, old)
+        _forget_changed(np.asarray(cv2.integral(changed), np.int32), clusters, reach, old)
         return old
-
-
-@njit(cache=True, nogil=True)
-def changed_blocks(before: Bytes, after: Bytes) -> Bytes:
-    """Not 0 in blocks that hold a cell that differs."""
-    changed = np.zeros(((before.shape[0] - 1) // BLOCK + 1, (before.shape[1] - 1) // BLOCK + 1), np.uint8)
-    for r in range(before.shape[0]):
-        old, new, row = before[r], after[r], changed[r // BLOCK]
-        for k in range(old.size // BLOCK):
-            differ = np.uint8(0)
-            for c in range(BLOCK):
-                differ |= old[np.uint64(BLOCK * k + c)] ^ new[np.uint64(BLOCK * k + c)]
-            row[np.uint64(k)] |= differ
-        for c in range(old.size // BLOCK * BLOCK, old.size):
-            row[-1] |= old[c] ^ new[c]
-    return changed
 
 
 @njit(cache=True, nogil=True)

@@ -15,11 +15,10 @@ from numba import njit
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Labels
 from layoutexplore.layout.doorways import Gaps, Regions
-from layoutexplore.predictors.bit_map import BitMap, draw_bit_map
+from layoutexplore.predictors.bit_map import BitMap
 from layoutexplore.predictors.frontier_model.feature_cache import (
     BARRIERS,
     LOCAL_FEATURES,
-    SIGHT,
     Clusters,
     FeatureCache,
 )
@@ -101,13 +100,10 @@ def look_around(
         frontiers: Their cells.
         regions: The seen rooms of these cells.
         resolution: Metres per cell.
-        memory: Of the last decision; makes this one cheaper.
+        memory: Of the last decision; makes this one cheaper, and takes away the last one's bit map.
     """
-    bit_map = draw_bit_map(cells, regions, resolution, SIGHT + 2 * resolution)
-    found = (memory or FeatureCache()).compute(bit_map, frontiers, resolution)
-    return Surroundings(
-        cells, frontiers, regions, home_regions(regions, frontiers), resolution, bit_map, *found
-    )
+    found = (memory or FeatureCache()).compute(cells, frontiers, regions, resolution)
+    return Surroundings(cells, frontiers, regions, home_regions(regions, frontiers), resolution, *found)
 
 
 def frontier_features(around: Surroundings, visible: Floats) -> Floats32:

@@ -12,11 +12,9 @@ from layoutexplore.frontiers.detection import FrontierClusters, find_frontiers
 from layoutexplore.layout.doorways import Regions, doorway_regions
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, UNKNOWN_BIT, draw_bit_map
 from layoutexplore.predictors.frontier_model.feature_cache import (
-    BLOCK,
     Clusters,
     FeatureCache,
     Lengths,
-    changed_blocks,
     compute_local_features,
 )
 from layoutexplore.predictors.frontier_model.feature_kernels import TOUCHED, FloodScratch, flood_unknown
@@ -132,20 +130,6 @@ def test_floods_that_meet_no_barrier_are_shared(cells: NDArray[np.int8], seed: i
         np.testing.assert_array_equal(found[0, first + 8 * b : first + 8 * (b + 1)], out)
         np.testing.assert_array_equal(touched[0, b], cells_touched)
         assert met & UNKNOWN_BIT or not out.any()
-
-
-@settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 100_000))
-def test_changed_blocks_against_a_slow_version(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    before = rng.integers(0, 64, rng.integers(1, 40, 2), np.uint8)
-    after = before.copy()
-    after[rng.random(before.shape) < 0.02] ^= 4
-    changed = changed_blocks(before, after)
-    expected = np.zeros_like(changed, np.bool_)
-    for r, c in np.argwhere(before != after):
-        expected[r // BLOCK, c // BLOCK] = True
-    assert changed.shape == tuple(-(-n // BLOCK) for n in before.shape) and ((changed > 0) == expected).all()
 
 
 def test_the_home_of_a_frontier() -> None:
