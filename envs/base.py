@@ -23,7 +23,7 @@ from layoutexplore.envs.plans import PlanSource, PlanSpec, load
 from layoutexplore.envs.rewards import Reward, Transition, reads_foresight, reads_rooms, reward
 from layoutexplore.envs.room_progress import RoomLedger
 from layoutexplore.envs.viewer import RENDER_MODES, Viewer
-from layoutexplore.errors import ConfigError, StartError
+from layoutexplore.errors import ConfigError, StartError, shortened
 from layoutexplore.frontiers.decision import Predictor
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import Pose
@@ -225,7 +225,7 @@ def whole_action(action: Any) -> int:
             raise TypeError
         return operator.index(action)
     except TypeError:
-        raise ConfigError(f"an action is a whole number, got {action!r}") from None
+        raise ConfigError(f"an action is a whole number, got {shortened(action)}") from None
 
 
 def configure(simulation: SimulationConfig | None, **overrides: Any) -> SimulationConfig:
@@ -250,5 +250,5 @@ def _start(value: Any) -> Pose | None:
     except (TypeError, ValueError):
         numbers = ()
     if len(numbers) not in (2, 3):
-        raise StartError(f"a start is (x, y) or (x, y, theta), got {value!r}")
+        raise StartError(f"a start is (x, y) or (x, y, theta), got {shortened(value)}")
     return Pose(*numbers)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from layoutexplore.envs.plans import load
-from layoutexplore.errors import ConfigError, checks_calls, unknown_name
+from layoutexplore.errors import ConfigError, checks_calls, shortened, unknown_name
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.options import NON_NEGATIVE, SHARE, Rule, check, check_kind
 from layoutexplore.sensing.lidar import sensor
@@ -91,7 +91,7 @@ class PlanSampler:
         for name in ranges:
             least, greatest = getattr(self, name)
             if least > greatest:
-                raise ConfigError(f"{name}: the least value comes first, got {(least, greatest)!r}")
+                raise ConfigError(f"{name}: the least value comes first, got {shortened((least, greatest))}")
         seeds = Rule(kind=int, low=0, high=2**31)
         first_area, names = Rule(low=0.0, high=1e6), Rule(kind=str, count=-1)
         check(self, seeds=seeds, shipped_share=SHARE, first_area=first_area, growth=SHARE, shipped=names)

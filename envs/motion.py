@@ -17,7 +17,7 @@ from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.envs.viewer import Viewer
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, shortened
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.options import Rule, check, check_kind
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
@@ -205,7 +205,7 @@ class MotionEnv(ExplorationEnv[Any]):
         )
         check_kind("motion", motion, MotionConfig, optional=True)
         if not isinstance(actions, str) or actions not in ACTIONS:
-            raise ConfigError(f"actions must be one of {', '.join(ACTIONS)}, got {actions!r}")
+            raise ConfigError(f"actions must be one of {', '.join(ACTIONS)}, got {shortened(actions)}")
         self.motion = motion or MotionConfig()
         self._max_steps = Rule(kind=int, low=1, optional=True).convert("max_steps", max_steps)
         self.observation_space = self.motion.space
@@ -325,4 +325,4 @@ def _pair(action: Any) -> tuple[float, float]:
             raise ValueError
         return float(numbers[0]), float(numbers[1])
     except (ValueError, TypeError):
-        raise ConfigError(f"an action is two numbers from -1 to 1, got {action!r}") from None
+        raise ConfigError(f"an action is two numbers from -1 to 1, got {shortened(action)}") from None

@@ -8,7 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, shortened
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import cached_plan
 from layoutexplore.options import check_kind
@@ -47,7 +47,7 @@ class PlanSource:
         self._function: Any = spec if callable(spec) else None
         self._plans: list[FloorPlan | str] = [] if callable(spec) else _expand(spec)
         if self._function is None and not self._plans:
-            raise ConfigError(f"no floor plan to explore in {spec!r}")
+            raise ConfigError(f"no floor plan to explore in {shortened(spec)}")
 
     def draw(self, rng: np.random.Generator, progress: float = 1.0) -> tuple[int, FloorPlan]:
         """A plan, and its index among those given (0 of a callable); a `Curriculum` gets the progress."""
@@ -74,6 +74,6 @@ def _expand(spec: OnePlan | Sequence[OnePlan]) -> list[FloorPlan | str]:
         return list(expand_plans(str(spec)))
     if not isinstance(spec, Iterable) or isinstance(spec, (bytes, Mapping)):
         raise ConfigError(
-            f"a plan is a FloorPlan, a name, a path, a sequence of these or a function, got {spec!r}"
+            f"a plan is a FloorPlan, a name, a path, a sequence of these or a function, got {shortened(spec)}"
         )
     return [plan for one in spec for plan in _expand(one)]

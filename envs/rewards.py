@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.errors import ConfigError, shortened, unknown_name
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 
 
@@ -190,6 +190,6 @@ def reward(name_or_callable: str | Reward) -> Reward:
         return REWARDS[name_or_callable]
     if not callable(name_or_callable):
         raise ConfigError(
-            f"a reward is a name or a callable that takes a Transition, got {name_or_callable!r}"
+            f"a reward is a name or a callable that takes a Transition, got {shortened(name_or_callable)}"
         )
     return name_or_callable

@@ -20,7 +20,7 @@ from layoutexplore.envs.motion import MotionEnv
 from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.vector_buffers import Arrays
 from layoutexplore.envs.vector_workers import LocalWorkers, ProcessWorkers, Workers, WorkerSetup
-from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.errors import ConfigError, shortened, unknown_name
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.options import COUNT, Rule
 from layoutexplore.processes import usable_cores
@@ -278,7 +278,8 @@ def _checked_mask(mask: Any, count: int) -> Mask:
         return np.ones(count, np.bool_)
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (count,) or not mask.any():
         raise ConfigError(
-            f"reset_mask is a bool array ({count},) that chooses at least one environment, got {mask!r}"
+            f"reset_mask is a bool array ({count},) that chooses at least one environment, "
+            f"got {shortened(mask)}"
         )
     return mask
 

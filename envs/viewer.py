@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 
 from layoutexplore.drawing.pictures import draw_state
-from layoutexplore.errors import ConfigError, MissingExtraError, require
+from layoutexplore.errors import ConfigError, MissingExtraError, require, shortened
 from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.options import Rule
@@ -41,7 +41,9 @@ class Viewer:
 
     def __init__(self, mode: str | None, size: tuple[int, int], fps: int, *, frontiers: bool) -> None:
         if mode is not None and (not isinstance(mode, str) or mode not in RENDER_MODES):
-            raise ConfigError(f"render_mode must be one of {', '.join(RENDER_MODES)} or None, got {mode!r}")
+            raise ConfigError(
+                f"render_mode must be one of {', '.join(RENDER_MODES)} or None, got {shortened(mode)}"
+            )
         size = Rule(kind=int, low=1, high=16_384, count=2).convert("render_size", size)
         self.mode, self.size, self._fps, self._frontiers = mode, size, fps, frontiers
         self._window: Any = None

@@ -7,6 +7,7 @@ keeps working.
 
 from __future__ import annotations
 
+import builtins
 import difflib
 import functools
 import importlib
@@ -14,7 +15,9 @@ import inspect
 import reprlib
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
+from pathlib import PurePath
 from types import ModuleType
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -130,12 +133,12 @@ def cause(error: BaseException) -> str:
     return text if len(text) <= _LONGEST_CAUSE else f"{text[:_LONGEST_CAUSE]}..."
 
 
-def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownNameError:
+def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameError:
     """The error for a name that does not exist, with the closest known names.
 
     Args:
         kind: What was looked up, in the singular: "agent", "sensor".
-        name: The name that was given.
+        name: The name that was given; whatever it is.
         known: All names that exist.
 
     Example:
@@ -143,7 +146,8 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownNameError
         "unknown sensor 'stagee': did you mean 'stage'? Known: indoor, stage"
     """
     names = sorted(known)
-    close = difflib.get_close_matches(name[:100], [n for n in names if len(n) <= 100], n=3, cutoff=0.5)
+    text = name if type(name) is str else shortened(name)
+    close = difflib.get_close_matches(text[:100], [n for n in names if len(n) <= 100], n=3, cutoff=0.5)
     hint = f": did you mean {' or '.join(repr(c) for c in close)}? Known" if close else "; known"
     listed = [n if len(n) <= _LONGEST_NAME else f"{n[:_LONGEST_NAME]}..." for n in names[:_MOST_NAMES]]
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
@@ -227,26 +231,87 @@ def _named(
     error: Exception, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> Exception:
     """An error that names the argument which explains it; the error itself where none does."""
-    if isinstance(error, LayoutExploreError) or not (wrong := _wrong_argument(function, args, kwargs)):
+    if isinstance(error, LayoutExploreError):
         return error
-    return ConfigError(f"{function.__qualname__}: {wrong}")
+    given = _given(function, args, kwargs)
+    for name, (value, meant, annotation) in given.items():
+        if not _can_be(value, meant):
+            return ConfigError(f"{function.__qualname__}: {name} must be {annotation}, got {_shown(value)}")
+    for name, (value, meant, _) in given.items():
+        if odd := _oddity(value, meant):
+            return ConfigError(f"{function.__qualname__}: {name} {odd}, which leads nowhere: {cause(error)}")
+    return error
 
 
-def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> str:
-    """What is wrong with one of the arguments; empty where nothing is, or they do not fit the signature."""
+def _given(
+    function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
+) -> dict[str, tuple[Any, Any, str]]:
+    """Value, kind and annotation of the arguments; none where they do not fit the signature."""
     try:
         given = inspect.signature(function).bind(*args, **kwargs).arguments
     except TypeError:
-        return ""
+        return {}
+    found = {}
     for name, value in given.items():
         annotation = function.__annotations__.get(name, Any)
         try:
-            meant = eval(annotation, function.__globals__) if isinstance(annotation, str) else annotation
-        except NameError:  # imported for type checkers alone
+            names = _Names(function.__globals__)
+            meant = eval(annotation, {}, names) if isinstance(annotation, str) else annotation
+        except (AttributeError, TypeError):  # of a module imported for type checkers alone
             continue
-        if not _fits(value, meant):
-            return f"{name} must be {annotation}, got {shortened(value)}"
-    return ""
+        found[name] = (value, meant, annotation)
+    return found
+
+
+class _Names(dict[str, Any]):
+    """What names in annotations mean; those imported for type checkers alone are kinds without a class."""
+
+    def __missing__(self, name: str) -> Any:
+        return getattr(builtins, name, None) or type(name, (_Elsewhere,), {})
+
+
+class _Elsewhere:
+    """A class that is not loaded: nothing of Python's own or NumPy's is of it."""
+
+
+def _shown(value: Any) -> str:
+    """A value for a message; of an array its kind and shape."""
+    if isinstance(value, np.ndarray) and value.size > 8:
+        return f"{value.dtype} {value.shape}"
+    return shortened(value)
+
+
+def _oddity(value: Any, meant: Any) -> str:
+    """What is unusual about a value that is of the right kind; empty where nothing is."""
+    if isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
+        size = abs(float(value))
+        usual = size < 1e5 and value >= 0 and (size >= 1e-6 or (size == 0 and meant is not float))
+        return "" if usual else f"is {shortened(value)}"
+    if isinstance(value, PurePath) and ("\0" in str(value) or max(map(len, value.parts), default=0) > 255):
+        return f"is {shortened(str(value))}"
+    if isinstance(value, Iterator):
+        return "is a generator"
+    if isinstance(value, (str, bytes, bytearray, list, tuple, dict)):
+        return "" if value else "is empty"
+    if not isinstance(value, np.ndarray):
+        return ""
+    wanted = typing.get_args(typing.get_args(meant)[-1:][0])[:1] if typing.get_args(meant) else ()
+    if wanted and isinstance(wanted[0], type) and not issubclass(value.dtype.type, wanted[0]):
+        return f"has values of type {value.dtype}, not {wanted[0].__name__},"
+    finite = value.dtype.kind not in "fc" or bool(np.isfinite(value).all())
+    return (
+        ""
+        if value.ndim == 2 and value.size and finite
+        else f"has the shape {value.shape}" + ("" if finite else " and values that are no numbers")
+    )
+
+
+def _can_be(value: Any, meant: Any) -> bool:
+    """As `_fits`; an object that raises when it is looked at fits nowhere."""
+    try:
+        return _fits(value, meant)
+    except Exception:
+        return False
 
 
 def _fits(value: Any, meant: Any) -> bool:
@@ -261,8 +326,16 @@ def _fits(value: Any, meant: Any) -> bool:
     if origin in (typing.Union, types.UnionType):
         return any(_fits(value, part) for part in parts)
     base = origin or meant
-    if base is Any or not isinstance(base, type) or getattr(base, "_is_protocol", False):
+    if origin is typing.Literal:
+        return value in parts
+    if base is Any or not isinstance(base, type):
         return meant is not None or value is None
+    if getattr(base, "_is_protocol", False):
+        return all(hasattr(value, name) for name in vars(base) if not name.startswith("_"))
+    if issubclass(base, _Elsewhere):
+        return type(value).__module__ not in ("builtins", "numpy", "pathlib")
+    if base is type and parts:
+        return isinstance(value, type) and issubclass(value, parts[0])
     if isinstance(value, np.ndarray) and value.ndim == 0:
         return False  # no number of Python's, and nothing to go through
     if issubclass(base, tuple) and hasattr(base, "_fields"):
@@ -273,8 +346,8 @@ def _fits(value: Any, meant: Any) -> bool:
         return parts[0] in (str, Any) and isinstance(value, str)
     if parts and base is Mapping and isinstance(value, Mapping):
         return all(_fits(key, parts[0]) and _fits(item, parts[1]) for key, item in value.items())
-    if parts and base in (Iterable, Sequence, list) and isinstance(value, (list, tuple, set, frozenset)):
-        return all(_fits(item, parts[0]) for item in value)
+    if parts and base in (Iterable, Sequence, list) and isinstance(value, Collection):
+        return isinstance(value, base) and all(_fits(item, parts[0]) for item in islice(value, 1000))
     return isinstance(value, base)
 
 

@@ -142,6 +142,7 @@ SHARE = Rule(low=0.0, high=1.0)
 FLAG = Rule(kind=bool)
 NATURAL = Rule(kind=int, low=0)
 SEED = NATURAL
+JOBS = Rule(kind=int, low=1, high=1024)
 
 
 def rule_like(default: Any) -> Rule:

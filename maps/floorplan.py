@@ -264,7 +264,7 @@ class FloorPlan:
         """
         check_resolution(resolution)
         if not math.isfinite(margin) or margin < 0:
-            raise MapError(f"the margin must be a number of metres, 0 or more, got {margin!r}")
+            raise MapError(f"the margin must be a number of metres, 0 or more, got {shortened(margin)}")
         key = (float(resolution), float(margin))
         if key not in self._cache:
             self._cache[key] = self._rasterize(*key)

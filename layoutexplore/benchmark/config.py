@@ -14,7 +14,7 @@ import layoutexplore
 from layoutexplore.agents import AGENTS
 from layoutexplore.errors import ConfigError, checks_arguments, checks_calls, shortened, unknown_name
 from layoutexplore.files import read_toml
-from layoutexplore.options import COUNT, FLAG, SEED, check, check_keys, check_kind, from_table
+from layoutexplore.options import COUNT, FLAG, SEED, Rule, check, check_keys, check_kind, from_table
 from layoutexplore.sensing.lidar import SENSORS, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise
@@ -32,6 +32,9 @@ QUICK_AGENTS = (
     "clairvoyant",
 )
 """What runs when no agent is named: one of each kind of strategy."""
+
+
+STARTS, LIMIT = Rule(kind=int, low=1, high=10_000), Rule(low=0.0, high=1e9)
 
 
 @checks_calls
@@ -94,10 +97,8 @@ class BenchmarkConfig:
             check_kind("the name of a lidar", name, str)
             check_kind(f"lidar {name!r}", lidar, LidarConfig)
         if not isinstance(self.baseline, str) or not self.baseline:
-            raise ConfigError(f"baseline must be the name of an agent, got {self.baseline!r}")
-        check(self, starts=COUNT, seed=SEED, explain=FLAG, tries=COUNT)
-        if not (self.cell_seconds >= 0 and self.cell_mb >= 0):
-            raise ConfigError("cell_seconds and cell_mb must be 0 (no limit) or more")
+            raise ConfigError(f"baseline must be the name of an agent, got {shortened(self.baseline)}")
+        check(self, starts=STARTS, seed=SEED, explain=FLAG, tries=COUNT, cell_seconds=LIMIT, cell_mb=LIMIT)
         for name in self.sensors:
             if name not in self.lidars and name not in SENSORS:
                 raise unknown_name("sensor", name, [*SENSORS, *self.lidars])

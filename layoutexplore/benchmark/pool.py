@@ -96,6 +96,7 @@ def run_all(
     initializer: Callable[..., None],
     arguments: tuple[Any, ...] = (),
     tries: int = TRIES,
+    apart: bool = False,
 ) -> Iterator[R]:
     """Results of `function` over the tasks, in the order in which they end.
 
@@ -107,8 +108,9 @@ def run_all(
         initializer: Called once in every worker (and here, with one job).
         arguments: For the initializer.
         tries: How often such a task is run by itself.
+        apart: Whether one job, too, has a process of its own: one that may end its process.
     """
-    if jobs == 1:
+    if jobs == 1 and not apart:
         initializer(*arguments)
         yield from map(function, tasks)
         return

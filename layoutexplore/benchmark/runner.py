@@ -24,10 +24,10 @@ from layoutexplore.benchmark.recording import Recorder
 from layoutexplore.benchmark.rows import Row, fingerprints, prepare, score_run
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.drawing.beliefs import SUFFIX, BeliefNotes
-from layoutexplore.errors import WriteError, checks_arguments, counted
+from layoutexplore.errors import ConfigError, WriteError, checks_arguments, counted
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.maps.tracing import floorplan_from_ascii
-from layoutexplore.options import COUNT, check_kind
+from layoutexplore.options import JOBS, check_kind
 from layoutexplore.plugins.transport import NO_CODE, OwnCode, pack_own_code
 from layoutexplore.processes import asked_to_stop
 from layoutexplore.simulation.episode import play, run_seed, start_pose
@@ -46,6 +46,10 @@ WARM_UP_PLAN = """
 #eeeeeee##ffffffff##
 ####################
 """
+
+
+MOST_RUNS = 1_000_000
+"""So many runs a benchmark may have: the list of them must fit into memory."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +148,7 @@ def run_benchmark(
             A run that fails raises nothing: its row says what went wrong.
     """
     check_kind("config", config, BenchmarkConfig)
-    COUNT.convert("--jobs", jobs)
+    JOBS.convert("--jobs", jobs)
     if cluster:
         check_cluster(cluster)
     make_agent(config.baseline)
@@ -268,6 +272,9 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
 
 def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[PlanEntry]:
     sources = find_plans(config.plans)
+    count = len(sources) * config.starts * len(config.sensors) * len(config.agents)
+    if count > MOST_RUNS:
+        raise ConfigError(f"{count} runs are more than {MOST_RUNS}: give fewer plans, starts or agents")
     report(f"reading {counted(len(sources), 'floor plan')}")
     plans = [entry(source, config.simulation) for source in sources]
     check_names(plans)
@@ -277,7 +284,7 @@ def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[Plan
 def _results(
     config: BenchmarkConfig, folder: ResultsFolder, tasks: list[Task], jobs: int, cluster: str
 ) -> Iterator[Row]:
-    code = pack_own_code(registered=jobs > 1 or bool(cluster))
+    code = pack_own_code(registered=jobs > 1 or config.cell_mb > 0 or bool(cluster))
     run = functools.partial(run_task, config=config, folder=folder, code=code)
     killed = f"WorkerDied: the process of this run was killed {config.tries} times (out of memory?)"
     late = f"CellTimeoutError: the run took longer than the {config.cell_seconds:g} s that it may"
@@ -286,9 +293,15 @@ def _results(
     function = Limited(run, too_late, config.cell_seconds, config.cell_mb)
     if cluster:
         return run_on_cluster(function, tasks, cluster=cluster, jobs=jobs, lost=lost, tries=config.tries)
-    begin = (config, code)
     return run_all(
-        function, tasks, jobs=jobs, lost=lost, initializer=warm_up, arguments=begin, tries=config.tries
+        function,
+        tasks,
+        jobs=jobs,
+        lost=lost,
+        initializer=warm_up,
+        arguments=(config, code),
+        tries=config.tries,
+        apart=config.cell_mb > 0,  # compiled code for which no memory is left ends its process
     )
 
 

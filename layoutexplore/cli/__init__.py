@@ -7,6 +7,7 @@ Nothing heavy is imported before a command runs, so that `--help` answers at onc
 
 from __future__ import annotations
 
+import io
 import sys
 import warnings
 from importlib import import_module
@@ -69,6 +70,8 @@ def _one_line(
 def main() -> None:
     """Run the command line; what goes wrong on purpose becomes one clear line and exit status 2."""
     warnings.formatwarning = _one_line
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # as stderr: names of files may be no text
     try:
         app()
     except LayoutExploreError as error:

@@ -123,8 +123,7 @@ def benchmark(
     extend: Extend = False,
 ) -> None:
     """Run a benchmark and write its report."""
-    from rich.console import Console
-
+    from layoutexplore.cli.progress import plain_console
     from layoutexplore.errors import require
 
     for module in ("pandas", "pyarrow", "jinja2"):
@@ -134,7 +133,7 @@ def benchmark(
     given |= {name: values and tuple(values) for name, values in lists.items()}
     limits = {"cell_seconds": cell_seconds, "cell_mb": cell_mb, "tries": tries}
     settings = _settings(config, suite, noise, given, limits)
-    console = Console(highlight=False)
+    console = plain_console()
     outcome = run_with_progress(
         console, settings, out, jobs=jobs, cluster=cluster, force=force, extend=extend
     )
@@ -176,10 +175,9 @@ def report(
     ] = False,
 ) -> None:
     """Write the report of a results folder again."""
-    from rich.console import Console
-
     from layoutexplore.benchmark.analysis import agents_of
     from layoutexplore.benchmark.store import ResultsFolder
+    from layoutexplore.cli.progress import plain_console
     from layoutexplore.errors import require, unknown_name
     from layoutexplore.report.benchmark import write_benchmark_report
 
@@ -188,7 +186,7 @@ def report(
     results = ResultsFolder(folder)
     if baseline is not None and baseline not in (known := agents_of(results.rows())):
         raise unknown_name(f"agent of the results in {folder}", baseline, known)
-    console = Console(highlight=False)
+    console = plain_console()
     written = write_benchmark_report(results, baseline=baseline)
     if paper:
         from layoutexplore.report.paper import write_paper

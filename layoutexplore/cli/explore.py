@@ -131,17 +131,15 @@ def explore(
     prior_scale: PriorScale = None,
 ) -> None:
     """Explore one floor plan."""
-    from rich.console import Console
-
     from layoutexplore.benchmark.rows import Row, prepare, score_run
     from layoutexplore.cli.exploration import RunWatcher, film_of, save_run, summary, way_home
-    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.files import check_places
     from layoutexplore.simulation.episode import play
     from layoutexplore.simulation.saved_run import read_saved_run
 
     check_places(out, save_state, file="--save-state")
-    console = Console(highlight=False)
+    console = plain_console()
     saved = read_saved_run(saved_state) if saved_state else None
     settings = saved.config if saved else _settings(config, sensor, region, noise)
     if saved:
@@ -199,16 +197,18 @@ def with_prior(agent: str, prior: str | None, scale: float | None) -> str:
         'layout-tour:predictor=prior:plan.png;scale=0.02'
     """
     from layoutexplore.agents import make_agent
-    from layoutexplore.errors import ConfigError
+    from layoutexplore.errors import ConfigError, shortened
 
     if prior is None:
         if scale is not None:
             raise ConfigError("--prior-scale says how large the plan of --prior is: give that, too")
         return agent
     if "predictor=" in agent or not hasattr(make_agent(agent), "predictor"):
-        raise ConfigError(f"--prior needs an agent that takes a predictor and names none, got {agent!r}")
+        raise ConfigError(
+            f"--prior needs an agent that takes a predictor and names none, got {shortened(agent)}"
+        )
     if set(prior) & set(",;="):
-        raise ConfigError(f"--prior: the name {prior!r} must have none of , ; =")
+        raise ConfigError(f"--prior: the name {shortened(prior)} must have none of , ; =")
     hint = "" if scale is None else f";scale={scale:g}"
     return f"{agent}{',' if ':' in agent else ':'}predictor=prior:{prior}{hint}"
 
@@ -230,7 +230,7 @@ def parse_start(text: str | None) -> Pose | None:
         >>> parse_start("1.5,2,0.1")
         Pose(x=1.5, y=2.0, theta=0.1)
     """
-    from layoutexplore.errors import ConfigError
+    from layoutexplore.errors import ConfigError, shortened
     from layoutexplore.grids.grid import Pose
 
     if text is None:
@@ -240,5 +240,5 @@ def parse_start(text: str | None) -> Pose | None:
     except ValueError:
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
-        raise ConfigError(f"--start needs X,Y or X,Y,THETA in metres and radians, got {text!r}")
+        raise ConfigError(f"--start needs X,Y or X,Y,THETA in metres and radians, got {shortened(text)}")
     return Pose(*numbers)

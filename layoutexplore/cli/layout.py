@@ -63,6 +63,7 @@ def layout(
     from layoutexplore.files import check_places
     from layoutexplore.importing.pictures import picture_config
     from layoutexplore.layout.pipeline import layout_method
+    from layoutexplore.options import JOBS
 
     layout_method(method)
     config = picture_config(
@@ -81,10 +82,11 @@ def layout(
         )
     check_places(out)
     work = [(path, method, config, out) for path in maps]
-    if jobs == 1 or len(work) == 1:
+    jobs = min(JOBS.convert("--jobs", jobs), len(work))
+    if jobs == 1:
         failed = [_say(_attempt(item), as_json) for item in work]
     else:
-        with ProcessPoolExecutor(min(jobs, len(work)), get_context("spawn"), end_with_parent) as pool:
+        with ProcessPoolExecutor(jobs, get_context("spawn"), end_with_parent) as pool:
             failed = [_say(summary, as_json) for summary in pool.map(_attempt, work)]
     if any(failed):
         raise typer.Exit(2)

@@ -100,11 +100,11 @@ def import_plan(
 
 def _columns(words: list[str]) -> dict[str, str]:
     """What `--column` says: meaning -> name of the property."""
-    from layoutexplore.errors import ConfigError
+    from layoutexplore.errors import ConfigError, shortened
 
     pairs = [word.partition("=") for word in words]
     if wrong := [word for word, (key, _, name) in zip(words, pairs, strict=True) if not (key and name)]:
-        raise ConfigError(f"--column needs room=NAME, kind=NAME or width=NAME, got {wrong[0]!r}")
+        raise ConfigError(f"--column needs room=NAME, kind=NAME or width=NAME, got {shortened(wrong[0])}")
     return {key: name for key, _, name in pairs}
 
 

@@ -34,9 +34,9 @@ def list_plans(
     ] = None,
 ) -> None:
     """List the floor plans that ship, with their split and size."""
-    from rich.console import Console
     from rich.table import Table
 
+    from layoutexplore.cli.progress import plain_console
     from layoutexplore.maps import load_plan, plan_names, splits
     from layoutexplore.maps.generator import FAMILIES
 
@@ -53,7 +53,7 @@ def list_plans(
             f"{plan.area:.0f}",
             f"{x1 - x0:.0f} x {y1 - y0:.0f}",
         )
-    console = Console()
+    console = plain_console()
     console.print(table)
     console.print(f"Any number more from the generator: FAMILY:SEED with FAMILY one of {', '.join(FAMILIES)}")
 

@@ -57,17 +57,19 @@ def _show(rows: Sequence[Description], own: str, as_json: bool) -> None:
         ]
         typer.echo(json.dumps(found, indent=1))
         return
-    from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
+
+    from layoutexplore.cli.progress import plain_console
 
     table = Table(box=None, header_style="bold", pad_edge=False)
     for heading in ("name", "parameter", "default", "what it does"):
         table.add_column(heading, overflow="fold", no_wrap=heading == "name")
     for row in rows:
-        table.add_row(f"[bold]{row.name}[/bold]", "", "", row.summary)
+        table.add_row(Text(row.name, "bold"), "", "", row.summary)
         for name, default, meaning in row.parameters:
-            table.add_row("", name, default, f"[dim]{meaning}[/dim]" if meaning else "")
-    console = Console(highlight=False)
+            table.add_row("", name, default, Text(meaning, "dim"))
+    console = plain_console()
     console.print(table)
     console.print(
         f"\nParameters are written NAME:key=value,key=value. One of your own: {own}:key=value", soft_wrap=True

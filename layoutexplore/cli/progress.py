@@ -5,12 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from types import TracebackType
+from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
 
 PLAIN_EVERY = 10.0
 """Seconds between plain lines."""
+
+
+def plain_console(**options: Any) -> Console:
+    """A console that writes texts as they are: names of floor plans and files may look like markup."""
+    return Console(highlight=False, markup=False, emoji=False, **options)
 
 
 class ProgressLine:
@@ -71,10 +78,8 @@ class ProgressLine:
             self._bar = Progress(*columns, console=self.console, transient=True)
             self._bar.start()
             self._bar.add_task("", total=1.0, count="", left="", note="")
-        count = f"{done}/{total} {self.unit}"
-        self._bar.update(
-            self._bar.task_ids[0], completed=share, count=count, left=f"{clock(elapsed)}  {left}", note=note
-        )
+        texts = {"count": f"{done}/{total} {self.unit}", "left": f"{clock(elapsed)}  {left}"}
+        self._bar.update(self._bar.task_ids[0], completed=share, note=escape(note), **texts)
 
     def say_plain(self, text: str) -> None:
         """A line that does not disturb the estimate."""
@@ -95,7 +100,7 @@ def clock(seconds: float) -> str:
 
 def progress_lines() -> Callable[[str, int, int], None]:
     """Shows on the error stream what takes long before and between the scores."""
-    console = Console(stderr=True)
+    console = plain_console(stderr=True)
     lines: dict[str, ProgressLine] = {}  # one for each thing that is done
 
     def show(what: str, done: int, total: int) -> None:

@@ -84,11 +84,9 @@ def train(
     ] = False,
 ) -> None:
     """Train a policy."""
-    from rich.console import Console
-
     from layoutexplore.agents.rl.hyperparameters import read_config
-    from layoutexplore.cli.progress import ProgressLine
-    from layoutexplore.errors import ConfigError, require
+    from layoutexplore.cli.progress import ProgressLine, plain_console
+    from layoutexplore.errors import ConfigError, require, shortened
     from layoutexplore.files import check_places
 
     if curve:
@@ -105,13 +103,13 @@ def train(
         "plans": plans or None,
     }
     if device not in ("auto", "cpu", "cuda"):
-        raise ConfigError(f"--device must be auto, cpu or cuda, got {device!r}")
+        raise ConfigError(f"--device must be auto, cpu or cuda, got {shortened(device)}")
     if resume:
         config = _kept_config(out, config, flags)
     settings = read_config(config, flags)
     for module in ("torch", "stable_baselines3", "sb3_contrib", "safetensors", "tensorboard"):
         require(module, "rl")
-    with ProgressLine(Console(highlight=False), "steps") as line:
+    with ProgressLine(plain_console(), "steps") as line:
         _run(settings, out, device, resume, line)
 
 

@@ -28,14 +28,12 @@ def warm_up_kernels() -> None:
     """Compile all kernels now instead of at their first use; they are kept for the next time."""
     import time
 
-    from rich.console import Console
-
-    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.processes.compilation import LISTENER
 
     began = time.monotonic()
     steps = list(warm_up_steps())
-    console = Console(highlight=False)
+    console = plain_console()
     LISTENER.is_silent = True  # the bar says it
     with ProgressLine(console, "steps") as line:
         for done, (name, step) in enumerate(steps):

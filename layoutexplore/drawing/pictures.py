@@ -18,7 +18,7 @@ import numpy as np
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.dashboard import draw_dashboard, put_text
 from layoutexplore.drawing.palette import Image
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, shortened
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.arrays import Bytes, Floats, Ints32, Mask
@@ -198,7 +198,9 @@ def _colours() -> Image:
 
 def _enlarge(cells: Image, scale: int) -> Image:
     if int(scale) != scale or scale < 1:
-        raise ConfigError(f"the scale is a whole number of pixels per cell, 1 or more, got {scale!r}")
+        raise ConfigError(
+            f"the scale is a whole number of pixels per cell, 1 or more, got {shortened(scale)}"
+        )
     return np.ascontiguousarray(cells[::-1].repeat(int(scale), axis=0).repeat(int(scale), axis=1))
 
 

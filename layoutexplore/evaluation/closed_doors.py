@@ -28,6 +28,7 @@ from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.closed_door_maps import FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY, Triple, read_cells
 from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_interquartile_mean, weighted_mean
+from layoutexplore.options import JOBS
 from layoutexplore.processes import end_with_parent
 
 if TYPE_CHECKING:
@@ -126,6 +127,7 @@ def evaluate(
     triples: Sequence[Triple], *, resolution: float, out: Path | None = None, jobs: int = 1
 ) -> Iterator[PairScore]:
     """Evaluate maps in order, in several processes where asked to."""
+    jobs = min(JOBS.convert("jobs", jobs), len(triples))
     if jobs <= 1:
         yield from (evaluate_triple(triple, resolution, out) for triple in triples)
         return

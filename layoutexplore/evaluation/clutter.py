@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from layoutexplore.errors import ConfigError, MapError, checks_arguments
+from layoutexplore.errors import ConfigError, MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.frame import angles_to_local
@@ -54,7 +54,7 @@ class ClutterConfig:
     def __post_init__(self) -> None:
         for shape in self.shapes:
             if shape not in SHAPES:
-                raise ConfigError(f"unknown shape {shape!r}: known are {', '.join(SHAPES)}")
+                raise ConfigError(f"unknown shape {shortened(shape)}: known are {', '.join(SHAPES)}")
         if min(self.counts, default=0) < 1 or min(self.sizes, default=0) < 1 or not self.shapes:
             raise ConfigError("shapes, counts and sizes must not be empty, counts and sizes at least 1")
 

@@ -23,6 +23,7 @@ from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case, read_case
 from layoutexplore.metrics.segmentation import MEASURES, score_segmentation
 from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_mean
+from layoutexplore.options import JOBS
 from layoutexplore.processes import end_with_parent
 
 COLUMNS = (*MEASURES, "segments", "rooms", "ms")
@@ -108,6 +109,7 @@ def evaluate_cases(
         jobs: Processes; times are only comparable with 1.
     """
     work = [(case, method, protocol, resolution) for case in cases for method in methods]
+    jobs = min(JOBS.convert("jobs", jobs), len(work))
     if jobs <= 1:
         _warm_up(methods)
         for item in work:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from layoutexplore.errors import MapError, checks_calls
+from layoutexplore.errors import MapError, checks_calls, shortened
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Mask
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
@@ -185,5 +185,6 @@ def check_resolution(resolution: float) -> None:
     low, high = CELL_SIZES
     if not isinstance(resolution, (int, float, np.number)) or not low <= resolution <= high:
         raise MapError(
-            f"the resolution must be a number of metres above 0, from {low:g} to {high:g}, got {resolution!r}"
+            f"the resolution must be a number of metres above 0, from {low:g} to {high:g}, "
+            f"got {shortened(resolution)}"
         )

@@ -79,7 +79,9 @@ def load_grid(
     if resolution is not None:
         check_resolution(resolution)
     if unknown_grey not in ("auto", "none") and unknown_grey not in range(256):
-        raise MapError(f"unknown_grey must be a level from 0 to 255, 'auto' or 'none', got {unknown_grey!r}")
+        raise MapError(
+            f"unknown_grey must be a level from 0 to 255, 'auto' or 'none', got {shortened(unknown_grey)}"
+        )
     if path.suffix.lower() in YAML_SUFFIXES:
         return _load_ros_map(path, unknown_grey, image_anywhere)
     grey, transparent = read_image(path, luma=True)
@@ -260,7 +262,7 @@ def save_grid(grid: OccupancyGrid, path: str | Path, *, mode: str = "trinary") -
     check_kind("grid", grid, OccupancyGrid)
     check_kind("path", path, str, Path)
     if not isinstance(mode, str) or mode not in MODES:
-        raise MapError(f"mode must be one of {', '.join(MODES)}, got {mode!r}")
+        raise MapError(f"mode must be one of {', '.join(MODES)}, got {shortened(mode)}")
     path = Path(path)
     if path.suffix.lower() not in YAML_SUFFIXES:
         path = path.with_name(path.name + ".yaml")

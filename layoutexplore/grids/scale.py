@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, shortened
 
 METRES = {
     "m": 1.0,
@@ -50,7 +50,9 @@ def metres_per_pixel(text: str) -> float:
             metres = number * METRES[unit]
     scale = metres / pixels if pixels > 0 and metres > 0 else math.nan
     if text.count("=") != 1 or not math.isfinite(scale):
-        raise ConfigError(f"a known length is said as '3.2 m = 118 px' (m, cm, mm, ft, in), got {text!r}")
+        raise ConfigError(
+            f"a known length is said as '3.2 m = 118 px' (m, cm, mm, ft, in), got {shortened(text)}"
+        )
     return scale
 
 

@@ -6,7 +6,14 @@ import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from layoutexplore.errors import ConfigError, MapError, MapWarning, MissingExtraError, checks_arguments
+from layoutexplore.errors import (
+    ConfigError,
+    MapError,
+    MapWarning,
+    MissingExtraError,
+    checks_arguments,
+    shortened,
+)
 from layoutexplore.grids.grid import OccupancyGrid, check_resolution
 from layoutexplore.grids.outside import without_outside
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, YAML_SUFFIXES, UnknownGrey, load_grid
@@ -77,7 +84,9 @@ def picture_config(
         check_resolution(resolution)
     words: dict[str, UnknownGrey] = {"auto": "auto", "none": "none", **{str(k): k for k in range(256)}}
     if unknown_grey not in words:
-        raise ConfigError(f"--unknown-grey must be auto, none or a level from 0 to 255, got {unknown_grey!r}")
+        raise ConfigError(
+            f"--unknown-grey must be auto, none or a level from 0 to 255, got {shortened(unknown_grey)}"
+        )
     return PictureConfig(
         resolution=resolution,
         blueprint=blueprint,

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from layoutexplore.errors import ConfigError, MapError, checks_arguments
+from layoutexplore.errors import ConfigError, MapError, checks_arguments, shortened
 
 PROTOCOLS: dict[str, int] = {"rose2": 0, "bormann": 100}
 """Segments and rooms of at most so many cells are dropped, by protocol."""
@@ -77,7 +77,7 @@ def score_segmentation(
         (0.75, 0.75, 0.5)
     """
     if protocol not in PROTOCOLS:
-        raise ConfigError(f"unknown protocol {protocol!r}: known are {', '.join(PROTOCOLS)}")
+        raise ConfigError(f"unknown protocol {shortened(protocol)}: known are {', '.join(PROTOCOLS)}")
     if not predicted.shape == truth.shape == free.shape:
         raise MapError(f"segments {predicted.shape}, truth {truth.shape} and map {free.shape} differ in size")
     found = np.where(free, predicted, 0)

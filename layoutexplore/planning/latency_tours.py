@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, shortened
 from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.planning.tours import move_stretch, open_tour
 
@@ -62,7 +62,7 @@ def latency_tour(
             f"a tour over {count} places needs as many finite weights of 0 or more, got shape {shares.shape}"
         )
     if not (np.isfinite(patience) and patience >= 0):
-        raise ConfigError(f"patience must be a finite number of 0 or more, got {patience!r}")
+        raise ConfigError(f"patience must be a finite number of 0 or more, got {shortened(patience)}")
     if count < 2:
         return shorter
     total = shares.sum()

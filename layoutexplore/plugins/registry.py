@@ -119,11 +119,13 @@ class Registry(Generic[T]):
                 f"{shortened(name)} cannot name an own {self.kind}: a text with no space and none of : , ; ="
             )
         if not isinstance(doc, str):
-            raise ConfigError(f"own {self.kind} {name!r}: a text says what it does, not {shortened(doc)}")
+            raise ConfigError(
+                f"own {self.kind} {shortened(name)}: a text says what it does, not {shortened(doc)}"
+            )
         self._check_code(build)
         if options is not None and (isinstance(options, type) or not dataclasses.is_dataclass(options)):
             raise ConfigError(
-                f"own {self.kind} {name!r}: options are an object of a frozen dataclass, "
+                f"own {self.kind} {shortened(name)}: options are an object of a frozen dataclass, "
                 f"not {shortened(options)}"
             )
         there = self._named(name)
@@ -138,7 +140,7 @@ class Registry(Generic[T]):
             )
 
     def _taken(self, name: str) -> ConfigError:
-        return ConfigError(f"there is an {self.kind} {name!r} already: give yours another name")
+        return ConfigError(f"there is an {self.kind} {shortened(name)} already: give yours another name")
 
     def register_object(self, thing: Any) -> str:
         """Register a class, function or object of the user's own under its name; the name.
@@ -231,7 +233,7 @@ class Registry(Generic[T]):
         digest = reference.digest() if reference else digest_of((thing, options))
         if options is not None:
             return Entry(name, doc, thing, options, thing, given=True, digest=digest)
-        build, defaults = buildable(thing, f"{self.kind} {name!r}", inputs=self._inputs)
+        build, defaults = buildable(thing, f"{self.kind} {shortened(name)}", inputs=self._inputs)
         return Entry(name, doc, build, defaults, thing, digest=digest)
 
     def _named(self, name: str) -> Entry[T] | None:

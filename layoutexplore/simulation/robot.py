@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import ConfigError, StartError
+from layoutexplore.errors import ConfigError, StartError, shortened
 from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import disc_offsets
@@ -87,7 +87,7 @@ def check_start(raster: PlanRaster, robot_radius: float, start: Pose, region: Ma
             names the nearest cell where it fits), or outside of the region.
     """
     if not _is_pose(start):
-        raise StartError(f"a start is three finite numbers (x, y, theta), got {start!r}")
+        raise StartError(f"a start is three finite numbers (x, y, theta), got {shortened(start)}")
     x, y, theta = (float(v) for v in start)
     cell = raster.world_to_cell(x, y)
     free = np.argwhere(~raster.blocked(robot_radius))

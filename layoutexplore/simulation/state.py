@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, shortened
 from layoutexplore.frontiers.decision import CellPath, Choice, Decision, Predictor, Truth
 from layoutexplore.frontiers.detection import FrontierDetector
 from layoutexplore.frontiers.viewpoints import ViewpointSelector
@@ -188,7 +188,7 @@ def checked_config(config: SimulationConfig | None, predictor: Predictor | None)
     """
     check_kind("config", config, SimulationConfig, optional=True)
     if predictor is not None and not callable(getattr(predictor, "predict", None)):
-        raise ConfigError(f"predictor must have a method predict(decision), got {predictor!r}")
+        raise ConfigError(f"predictor must have a method predict(decision), got {shortened(predictor)}")
     return config or SimulationConfig()
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.errors import ConfigError, shortened, unknown_name
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator import corridor_buildings
 from layoutexplore.maps.generator.apartment import apartment
@@ -87,10 +87,12 @@ def generate(family: str, seed: int, config: PlanConfig | None = None, **paramet
     if not isinstance(family, str) or family not in _DRAW:
         raise unknown_name("family", str(family), FAMILIES)
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise ConfigError(f"the seed must be a whole number, 0 or more, got {seed!r}")
+        raise ConfigError(f"the seed must be a whole number, 0 or more, got {shortened(seed)}")
     wanted = (config or PlanConfig()).with_parameters(parameters)
     if wanted.topology is not None and family not in RIGHT_ANGLED:
-        raise ConfigError(f"the family {family!r} has no topology: only {', '.join(RIGHT_ANGLED)} have")
+        raise ConfigError(
+            f"the family {shortened(family)} has no topology: only {', '.join(RIGHT_ANGLED)} have"
+        )
     drawn = wanted.drawn(family, _stream(family, seed, 0))
     for attempt in _attempts(family, int(seed), drawn):
         try:

@@ -105,14 +105,12 @@ def _learn_from(
     folder: Path, plans: Sequence[str], cache: Path | None
 ) -> list[tuple[Source, ClosedDoorSamples]]:
     """The samples of all maps and plans."""
-    from rich.console import Console
-
-    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.maps import expand_plans
     from layoutexplore.training.closed_doors import collect_all, find_sources
 
     sources = find_sources(folder, [source for spec in plans for source in expand_plans(spec)])
-    with ProgressLine(Console(), "maps to learn from") as line:
+    with ProgressLine(plain_console(), "maps to learn from") as line:
         return list(
             collect_all(
                 sources, cache, lambda done, total, name: line.advance(done, total, done / total, name)

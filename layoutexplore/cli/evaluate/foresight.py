@@ -33,10 +33,9 @@ def foresight(
     """Measure what foresight is worth; `HELP` is what the command line says."""
     import dataclasses
 
-    from rich.console import Console
-
     from layoutexplore.benchmark.config import BenchmarkConfig
     from layoutexplore.cli.benchmark import run_with_progress
+    from layoutexplore.cli.progress import plain_console
     from layoutexplore.evaluation.foresight import (
         HORIZONS,
         REFERENCE,
@@ -59,7 +58,7 @@ def foresight(
         baseline=REFERENCE,
         explain=False,
     )
-    outcome = run_with_progress(Console(highlight=False), config, out / "runs", jobs=jobs)
+    outcome = run_with_progress(plain_console(), config, out / "runs", jobs=jobs)
     for row in outcome.failed:
         typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
     scores = score_foresight(outcome.rows, predictors)

@@ -54,10 +54,9 @@ def in_the_loop(
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
 ) -> None:
     """Compare predictors in the loop; `HELP` is what the command line says."""
-    from rich.console import Console
-
     from layoutexplore.benchmark.config import BenchmarkConfig
     from layoutexplore.cli.benchmark import run_with_progress
+    from layoutexplore.cli.progress import plain_console
     from layoutexplore.errors import require
     from layoutexplore.evaluation.in_the_loop import BASELINE, driver_of, score_in_the_loop
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
@@ -81,7 +80,7 @@ def in_the_loop(
         agents=(BASELINE, *map(driver_of, names)),
         explain=False,
     )
-    outcome = run_with_progress(Console(highlight=False), config, out / "runs", jobs=jobs)
+    outcome = run_with_progress(plain_console(), config, out / "runs", jobs=jobs)
     for row in outcome.failed:
         typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
     scores, buildings, pictures = _ask(sources, predictors, sensors, starts, out / "snapshots")
@@ -107,10 +106,8 @@ def _ask(
     store: Path,
 ) -> tuple[Scores, dict[str, str], list[BelievedRooms]]:
     """Scores on snapshots, the building of each plan by name, pictures of one exploration."""
-    from rich.console import Console
-
     from layoutexplore.agents import make_agent
-    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
     from layoutexplore.maps.library import load_plan
     from layoutexplore.training.explorations import PROTOCOL_AGENT, protocol_explorations
@@ -120,7 +117,7 @@ def _ask(
     buildings: dict[str, str] = {}
     pictures: list[BelievedRooms] = []
     done, total = 0, len(sources) * len(sensors) * starts
-    with ProgressLine(Console(highlight=False), "explorations judged") as line:
+    with ProgressLine(plain_console(), "explorations judged") as line:
         for source in sources:
             plan = load_plan(source)
             if not buildings:

@@ -76,9 +76,9 @@ def map_noise(
 
 def _print_statistics(real: Floats, simulated: dict[str, SimulatedMaps]) -> None:
     """Deciles 1, 5 and 9 of each statistic, and how much of the real maps the simulated ones cover."""
-    from rich.console import Console
     from rich.table import Table
 
+    from layoutexplore.cli.progress import plain_console
     from layoutexplore.training.map_noise.fit import covered
     from layoutexplore.training.map_noise.statistics import STATISTICS
 
@@ -91,8 +91,8 @@ def _print_statistics(real: Floats, simulated: dict[str, SimulatedMaps]) -> None
         for name, table in tables.items():
             cells += [_deciles(table[:, k]), f"{100 * shares[name][statistic]:.0f} %"]
         out.add_row(statistic, *cells)
-    console = Console()
-    (console if console.is_terminal else Console(width=140)).print(out)
+    console = plain_console()
+    (console if console.is_terminal else plain_console(width=140)).print(out)
 
 
 def _deciles(values: Floats) -> str:

@@ -129,13 +129,12 @@ def _rows(
     from concurrent.futures import ProcessPoolExecutor
     from functools import partial
 
-    from rich.console import Console
-
-    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.errors import unknown_name
     from layoutexplore.evaluation.registration import rows_of_source
     from layoutexplore.files import check_places
     from layoutexplore.maps.library import find_plans
+    from layoutexplore.options import JOBS
     from layoutexplore.priors.presets import PRESETS
     from layoutexplore.sensing.lidar import sensor as find_sensor
 
@@ -146,9 +145,10 @@ def _rows(
             raise unknown_name("prior plan", name, PRESETS)
     sensors = [find_sensor(name).name for name in sensor or ("stage", "indoor")]
     tasks = [(source, name) for source in find_plans(plans) for name in sensors]
+    jobs = min(JOBS.convert("--jobs", jobs), len(tasks))
     work = partial(rows_of_source, kinds=kinds, among=among, store=out)
     found: list[RegistrationRow] = []
-    with ProgressLine(Console(highlight=False), "explorations") as line, ProcessPoolExecutor(jobs) as pool:
+    with ProgressLine(plain_console(), "explorations") as line, ProcessPoolExecutor(jobs) as pool:
         spread = pool.map if jobs > 1 else map
         for k, rows in enumerate(spread(work, *zip(*tasks, strict=True))):
             found += rows

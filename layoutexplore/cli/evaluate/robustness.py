@@ -88,10 +88,9 @@ def _explore(
     jobs: int | None,
 ) -> list[Row]:
     """The runs at a level of noise."""
-    from rich.console import Console
-
     from layoutexplore.benchmark.config import BenchmarkConfig
     from layoutexplore.cli.benchmark import run_with_progress
+    from layoutexplore.cli.progress import plain_console
     from layoutexplore.evaluation.robustness import NOISELESS
     from layoutexplore.simulation.config import SimulationConfig
 
@@ -104,7 +103,7 @@ def _explore(
         explain=False,
         simulation=SimulationConfig(noise="" if level == NOISELESS else level),
     )
-    outcome = run_with_progress(Console(highlight=False), config, out / f"runs-{level}", jobs=jobs)
+    outcome = run_with_progress(plain_console(), config, out / f"runs-{level}", jobs=jobs)
     for row in outcome.failed:
         typer.echo(f"failed: {level} {row.plan} {row.sensor} {row.agent}: {row.error}")
     return outcome.rows
@@ -119,10 +118,8 @@ def _ask(
     out: Path,
 ) -> dict[str, Any]:
     """How right the predictors are on snapshots at a level of noise."""
-    from rich.console import Console
-
     from layoutexplore.agents import make_agent
-    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
     from layoutexplore.evaluation.robustness import NOISELESS
@@ -134,7 +131,7 @@ def _ask(
     scores = Scores([], [], {p.name: [] for p in asked})
     noise = "" if level == NOISELESS else level
     done, total = 0, len(sources) * len(sensors) * starts
-    with ProgressLine(Console(highlight=False), f"explorations judged, noise {level}") as line:
+    with ProgressLine(plain_console(), f"explorations judged, noise {level}") as line:
         for source in sources:
             plan = load_plan(source)
             store = out / "snapshots"

@@ -85,7 +85,7 @@ def segmentation(
     With --leave-out source, each source of maps is scored with a judge trained without it: the figure to
     expect of maps from elsewhere, and the one by which models are chosen.
     """
-    from layoutexplore.errors import ConfigError, require
+    from layoutexplore.errors import ConfigError, require, shortened
     from layoutexplore.evaluation.cross_validation import CrossValidationConfig
     from layoutexplore.evaluation.segmentation import evaluate_cases
     from layoutexplore.layout.pipeline import layout_method
@@ -93,7 +93,7 @@ def segmentation(
     from layoutexplore.metrics.segmentation import PROTOCOLS
 
     if protocol not in PROTOCOLS:
-        raise ConfigError(f"unknown protocol {protocol!r}: known are {', '.join(PROTOCOLS)}")
+        raise ConfigError(f"unknown protocol {shortened(protocol)}: known are {', '.join(PROTOCOLS)}")
     methods = list(dict.fromkeys(method or ["default"]))
     for name in methods:
         layout_method(name)
@@ -218,9 +218,9 @@ def _print_all(rows: Sequence[MapScore], *, by_source: bool) -> None:
 
 
 def _print_groups(heading: str, lines: Sequence[dict[str, Any]]) -> None:
-    from rich.console import Console
     from rich.table import Table
 
+    from layoutexplore.cli.progress import plain_console
     from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
 
     table = Table(heading, "maps", "buildings", *HEADINGS.values(), box=None)
@@ -228,14 +228,14 @@ def _print_groups(heading: str, lines: Sequence[dict[str, Any]]) -> None:
         name = f"{line['folder']}: {line['building']}" if "building" in line else line["source"]
         values = [f"{100 * line[m]:.1f}" for m in MEASURES]
         table.add_row(name, str(line["maps"]), str(line["buildings"]), *values)
-    console = Console()
-    (console if console.is_terminal else Console(width=200)).print(table)
+    console = plain_console()
+    (console if console.is_terminal else plain_console(width=200)).print(table)
 
 
 def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
-    from rich.console import Console
     from rich.table import Table
 
+    from layoutexplore.cli.progress import plain_console
     from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
 
     columns = "set", "method", "maps", "buildings", *HEADINGS.values(), "interval", "segments/rooms", "ms"
@@ -254,8 +254,8 @@ def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
             counts,
             f"{line['ms']:.0f}±{line['ms_std']:.0f}",
         )
-    console = Console()
-    (console if console.is_terminal else Console(width=200)).print(table)
+    console = plain_console()
+    (console if console.is_terminal else plain_console(width=200)).print(table)
 
 
 def _print_spread(lines: Sequence[dict[str, Any]]) -> None:

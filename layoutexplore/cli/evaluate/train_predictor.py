@@ -137,14 +137,12 @@ def _explore(
     plans: Sequence[str], config: ExplorationConfig, *, forests: bool, network: bool, rooms: bool
 ) -> Explored:
     """Explore plans under a progress line."""
-    from rich.console import Console
-
-    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.maps.library import find_plans
     from layoutexplore.training.predictor import explore_plans
 
     sources = find_plans(plans)
-    with ProgressLine(Console(), "plans") as line:
+    with ProgressLine(plain_console(), "plans") as line:
 
         def advance(done: int, total: int, name: str) -> None:
             line.advance(done, total, done / total, name)
@@ -198,25 +196,21 @@ def _train_parts(
 @contextlib.contextmanager
 def _steps_line(what: str) -> Iterator[Callable[[int, int, float], None]]:
     """A progress line over steps, with the loss."""
-    from rich.console import Console
+    from layoutexplore.cli.progress import ProgressLine, plain_console
 
-    from layoutexplore.cli.progress import ProgressLine
-
-    with ProgressLine(Console(), "steps") as line:
+    with ProgressLine(plain_console(), "steps") as line:
         yield lambda done, total, loss: line.advance(done, total, done / total, f"{what}, loss {loss:.3f}")
 
 
 def _test(asked: Mapping[str, Sequence[Snapshot]], models: Mapping[str, Path]) -> Scores:
     """How each plan's rooms and frontiers are predicted by the model that never saw its building."""
-    from rich.console import Console
-
-    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
     from layoutexplore.predictors import make_room_predictor
     from layoutexplore.predictors.learned import LearnedPredictor
 
     merged = Scores([], [], {})
-    with ProgressLine(Console(), "plans tested") as progress:
+    with ProgressLine(plain_console(), "plans tested") as progress:
         for k, (name, snapshots) in enumerate(asked.items()):
             layout = LearnedPredictor(models[name])
             layout.name = "layout"
