@@ -15,7 +15,7 @@ import numpy as np
 from layoutexplore.agents.base import register
 from layoutexplore.agents.rl.card import PolicySpec, find_policy, read_spec
 from layoutexplore.agents.rl.linear import LinearPolicy, PolicyAgent
-from layoutexplore.errors import require
+from layoutexplore.errors import checks_arguments, require
 from layoutexplore.files import fingerprint
 from layoutexplore.files.tensors import read_tensors
 from layoutexplore.frontiers.decision import Agent
@@ -23,6 +23,7 @@ from layoutexplore.grids.arrays import Floats32
 from layoutexplore.options import Options, option
 
 
+@checks_arguments
 def load_policy(name: str, policy: str) -> PolicyAgent:
     """The agent of a policy: a file, a training folder, or a name that ships.
 

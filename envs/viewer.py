@@ -9,10 +9,10 @@ import numpy as np
 from gymnasium.error import DependencyNotInstalled
 
 from layoutexplore.drawing.pictures import draw_state
-from layoutexplore.errors import ConfigError, MissingExtraError, require, shortened
+from layoutexplore.errors import ConfigError, MissingExtraError, checks_arguments, require, shortened
 from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.grid import FREE, OCCUPIED
-from layoutexplore.options import Rule
+from layoutexplore.options import COUNT, Rule
 from layoutexplore.simulation.simulation import Simulation
 
 RENDER_MODES = ("human", "rgb_array", "ansi")
@@ -86,6 +86,7 @@ class Viewer:
         return state
 
 
+@checks_arguments
 def draw_text(simulation: Simulation, *, columns: int = 100, frontiers: bool = True) -> str:
     """What is known, in letters: `#` wall, `.` free, `?` frontier, an arrow the robot, blank the unknown.
 
@@ -94,6 +95,7 @@ def draw_text(simulation: Simulation, *, columns: int = 100, frontiers: bool = T
         columns: Greatest width; a letter stands for a block of cells twice as high as wide.
         frontiers: Whether to show frontiers.
     """
+    COUNT.convert("columns", columns)
     cells = simulation.mapper.grid.cells
     ranks: Bytes = np.full(cells.shape, _UNKNOWN, np.uint8)
     ranks[cells == FREE] = _FREE

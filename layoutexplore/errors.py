@@ -237,7 +237,8 @@ def _named(
     for name, (value, meant, annotation) in given.items():
         if not _can_be(value, meant):
             return ConfigError(f"{function.__qualname__}: {name} must be {annotation}, got {_shown(value)}")
-    for name, (value, meant, _) in given.items():
+    # What the system refuses says itself why.
+    for name, (value, meant, _) in given.items() if not isinstance(error, OSError) else ():
         if odd := _oddity(value, meant):
             return ConfigError(f"{function.__qualname__}: {name} {odd}, which leads nowhere: {cause(error)}")
     return error
@@ -284,13 +285,16 @@ def _shown(value: Any) -> str:
 def _oddity(value: Any, meant: Any) -> str:
     """What is unusual about a value that is of the right kind; empty where nothing is."""
     if isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
-        size = abs(float(value))
-        usual = size < 1e5 and value >= 0 and (size >= 1e-6 or (size == 0 and meant is not float))
+        usual = 1e-6 <= value < 1e5 or (value == 0 and meant is not float)
         return "" if usual else f"is {shortened(value)}"
-    if isinstance(value, PurePath) and ("\0" in str(value) or max(map(len, value.parts), default=0) > 255):
+    if isinstance(value, PurePath) and "\0" in str(value):
         return f"is {shortened(str(value))}"
     if isinstance(value, Iterator):
         return "is a generator"
+    if isinstance(value, range):
+        return f"is {value}" if len(value) > 1e6 else ""
+    if isinstance(value, (bytearray, list, tuple)) and typing.get_origin(meant) is np.ndarray:
+        return "is no array"
     if isinstance(value, (str, bytes, bytearray, list, tuple, dict)):
         return "" if value else "is empty"
     if not isinstance(value, np.ndarray):
@@ -331,7 +335,8 @@ def _fits(value: Any, meant: Any) -> bool:
     if base is Any or not isinstance(base, type):
         return meant is not None or value is None
     if getattr(base, "_is_protocol", False):
-        return all(hasattr(value, name) for name in vars(base) if not name.startswith("_"))
+        names = [*vars(base), *getattr(base, "__annotations__", ())]
+        return all(hasattr(value, name) for name in names if not name.startswith("_"))
     if issubclass(base, _Elsewhere):
         return type(value).__module__ not in ("builtins", "numpy", "pathlib")
     if base is type and parts:

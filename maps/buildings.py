@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.maps.floorplan import FloorPlan
 
 NameKind = Literal["closed doors", "kth", "painted rooms", "school"]
@@ -21,6 +22,7 @@ _FLOOR = {
 _FILLERS = {"scan", "map", "lab", "building", "plan", "floor", "furnitures", "furniture"}
 
 
+@checks_arguments
 def building_of(name: str, kind: NameKind) -> str:
     """The building that the name of a floor or map tells of; "" where it tells of none.
 

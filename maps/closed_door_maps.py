@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.ros_map import read_image
@@ -33,6 +33,7 @@ class Triple:
         return f"{self.building}_{self.doors}_doors"
 
 
+@checks_arguments
 def find_triples(folder: Path) -> list[Triple]:
     """The maps of a folder, by building and number of doors.
 
@@ -60,6 +61,7 @@ def find_triples(folder: Path) -> list[Triple]:
     return sorted(triples, key=lambda t: (t.building, t.doors))
 
 
+@checks_arguments
 def read_cells(path: Path, shape: tuple[int, int] | None = None) -> Cells:
     """The cells int8 (rows, cols) of an image, its rows from the top.
 

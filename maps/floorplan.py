@@ -169,7 +169,8 @@ class FloorPlan:
         Raises:
             MapError: There is no such door.
         """
-        chosen = set(ids)
+        count = len(self.doors)
+        chosen = set(ids[: count + 1] if isinstance(ids, range) else ids)
         if missing := sorted(chosen - set(range(len(self.doors)))):
             raise MapError(f"{self._shown} has doors 0..{len(self.doors) - 1}: no door {missing[0]}")
         doors = (

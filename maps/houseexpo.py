@@ -15,7 +15,7 @@ from typing import Any
 import shapely
 from shapely import LineString, Point, Polygon
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.files import read_json
 from layoutexplore.files.schema import Items, Number, Record, TableOf
 from layoutexplore.grids.polygons import polygons_of
@@ -36,12 +36,15 @@ _BESIDE = Record({}, {"areas": Items(_OUTLINE), "door": Items(Items(_POINT, 2, 2
 """What a plan must hold, and a file beside it."""
 
 
+@checks_arguments
 def load_houseexpo(path: Path) -> FloorPlan:
     """Read one plan, from its own file or from one of the files beside it.
 
     Raises:
         MapError: Not JSON, no contour, or a contour that is not a polygon of finite points.
     """
+    if not path.name:
+        raise MapError(f"{path}: is a folder: name one of the floor plans inside it")
     stem = path.stem
     for part in SIDECARS:
         stem = stem.removesuffix(f".{part}")

@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.files.images import read_levels
 from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.ros_map import read_image
@@ -30,12 +30,15 @@ HOLLOW_RADIUS = 0.2
 _FREE_ABOVE = 128
 
 
+@checks_arguments
 def load_kth(path: Path) -> FloorPlan:
     """Read one floor from its ID_occ.png (or ID_rooms.png; both are needed).
 
     Raises:
         MapError: One of the images is missing or damaged, or they do not fit together.
     """
+    if not path.name:
+        raise MapError(f"{path}: is a folder: name one of the images inside it")
     stem = re.sub(r"_(occ|rooms)$", "", path.stem)
     occ_path, rooms_path = (path.with_name(f"{stem}_{part}{path.suffix}") for part in ("occ", "rooms"))
     grey, _ = read_image(occ_path)
@@ -56,6 +59,7 @@ def load_kth(path: Path) -> FloorPlan:
     )
 
 
+@checks_arguments
 def read_room_ids(path: Path) -> Ints32:
     """Room numbers int32 (h, w) of an image with a level of 8 or 16 bits or a colour a room; 0 is none."""
     pixels = read_levels(path)

@@ -45,6 +45,7 @@ MOST_SEEDS = 100_000
 _SEEDS = re.compile(r"([a-z_]+):(\d+)(?:-(\d+))?")
 
 
+@checks_arguments
 def load_plan(
     path_or_name: str | Path, *, resolution: float | None = None, columns: Mapping[str, str] | None = None
 ) -> FloorPlan:
@@ -179,6 +180,7 @@ def plan_names(split: str | None = None) -> list[str]:
     return list(splits()[split])
 
 
+@checks_arguments
 def expand_plans(spec: str | Path) -> list[str]:
     """What `load_plan` can read, for one word of a command line.
 

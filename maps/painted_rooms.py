@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.files.images import read_pixels
 from layoutexplore.grids.arrays import Bytes, Ints32, Mask
 from layoutexplore.grids.grid import OccupancyGrid
@@ -42,6 +42,7 @@ class Case:
     building: str
 
 
+@checks_arguments
 def find_cases(folders: Iterable[str | Path], buildings: dict[str, str] | None = None) -> list[Case]:
     """The maps of folders that have a truth, by name.
 
@@ -74,6 +75,7 @@ def find_cases(folders: Iterable[str | Path], buildings: dict[str, str] | None =
     return cases
 
 
+@checks_arguments
 def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, Ints32, Mask]:
     """The grid, the true rooms and the free cells of a map, rows from the lowest y.
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator.generate import generate
 from layoutexplore.maps.geojson import save_plan
@@ -84,6 +85,7 @@ def shipped_splits() -> dict[str, list[str]]:
     return {**table, "quick": list(QUICK)}
 
 
+@checks_arguments
 def write_shipped(folder: Path = PLAN_FOLDER) -> list[Path]:
     """Write all plans and the splits into a folder; returns the files."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -17,7 +17,7 @@ import layoutexplore
 from layoutexplore.agents.rl.hyperparameters import NetworkConfig, TrainingConfig
 from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
-from layoutexplore.errors import ConfigError, ResultsError, cause, shortened, unknown_name
+from layoutexplore.errors import ConfigError, ResultsError, cause, checks_arguments, shortened, unknown_name
 from layoutexplore.files import is_there, parse_toml
 from layoutexplore.files.schema import Anything, Items, Record, TableOf, Text
 from layoutexplore.files.tensors import read_metadata
@@ -97,6 +97,7 @@ def spec_of(config: TrainingConfig) -> PolicySpec:
     )
 
 
+@checks_arguments
 def find_policy(name: str) -> Path:
     """The file of a policy by its path, the folder of its training run (the best one), or a shipped name.
 
@@ -142,6 +143,7 @@ _CARD = Record(
 """What the table [policy] of a card must hold."""
 
 
+@checks_arguments
 def read_card(path: Path) -> dict[str, Any]:
     """The card in the header of a policy's file, as nested values.
 
@@ -154,6 +156,7 @@ def read_card(path: Path) -> dict[str, Any]:
     return parse_toml(metadata["card"], f"{path}: its card", error=ResultsError)
 
 
+@checks_arguments
 def read_spec(path: Path) -> PolicySpec:
     """The spec of a policy's file, checked against what this version can feed it.
 

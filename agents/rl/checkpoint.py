@@ -16,7 +16,7 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from layoutexplore.agents.rl.torch_policy_files import save_tensors
-from layoutexplore.errors import ResultsError, cause, shortened
+from layoutexplore.errors import ResultsError, cause, checks_arguments, shortened
 from layoutexplore.files import parse_json
 from layoutexplore.files.schema import Anything, Items, Number, Record, TableOf, Text
 from layoutexplore.files.tensors import read_tensors
@@ -48,6 +48,7 @@ class Progress:
     format: int = FORMAT
 
 
+@checks_arguments
 def save_checkpoint(folder: Path, model: BaseAlgorithm, progress: Progress) -> None:
     """Write the state of a run."""
     tensors = {f"policy.{name}": tensor for name, tensor in model.policy.state_dict().items()}
@@ -56,6 +57,7 @@ def save_checkpoint(folder: Path, model: BaseAlgorithm, progress: Progress) -> N
     save_tensors(folder / FILE, tensors, {"progress": json.dumps(asdict(progress))})
 
 
+@checks_arguments
 def load_checkpoint(folder: Path, model: BaseAlgorithm) -> Progress:
     """Put the state of a run into a model that was built from the same configuration.
 

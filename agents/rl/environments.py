@@ -13,12 +13,14 @@ from layoutexplore.envs.curriculum import PlanSampler, Randomisation
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.rewards import PathToMarks
+from layoutexplore.errors import checks_arguments
 from layoutexplore.options import from_table
 
 GENERATED = "generated"
 """The word for plans without end, drawn by a `PlanSampler`."""
 
 
+@checks_arguments
 def make_envs(config: TrainingConfig) -> VectorAdapter:
     """The environments of a run, side by side, as stable-baselines3 takes them."""
     arguments = environment_arguments(config)

@@ -13,7 +13,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
-from layoutexplore.errors import ResultsError, shortened
+from layoutexplore.errors import ResultsError, checks_arguments, shortened
 from layoutexplore.files import read_csv
 from layoutexplore.frontiers.decision import Agent
 from layoutexplore.maps.library import cached_plan, find_plans
@@ -118,6 +118,7 @@ def score(scores: dict[str, float], references: tuple[str, ...]) -> float:
     return float(np.sqrt(scores[f"d95_ratio.{name}"] * scores[f"d99_ratio.{name}"]))
 
 
+@checks_arguments
 def read_evaluations(path: Path, steps: float = np.inf) -> list[dict[str, float]]:
     """What evaluations found up to a step, oldest first; nothing where there is no such file.
 

@@ -13,15 +13,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.errors import ConfigError, checks_arguments, unknown_name
 from layoutexplore.files import read_toml
 from layoutexplore.frontiers.tour_features import TourConfig
-from layoutexplore.options import COUNT, NATURAL, POSITIVE, SEED, Rule, check, rule_like
+from layoutexplore.options import COUNT, NATURAL, POSITIVE, Rule, check, rule_like
 
 DEFAULTS = Path(__file__).resolve().parent.parent / "hyperparameters.toml"
 """The shipped hyper-parameters."""
 
 DEFAULT_ALGORITHM = "tour-search"
+
+SEED = Rule(kind=int, low=0, high=4e9)
+"""NumPy's and torch's generators take 32 bits."""
 
 ENCODERS = ("pooled", "attention", "deep-sets", "none")
 
@@ -210,6 +213,7 @@ def algorithms() -> list[str]:
     return list(_defaults())
 
 
+@checks_arguments
 def read_config(path: Path | None = None, flags: Mapping[str, Any] | None = None) -> TrainingConfig:
     """The configuration of a run.
 

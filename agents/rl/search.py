@@ -36,7 +36,7 @@ from layoutexplore.agents.rl.response_surface import fit_surface, lowest
 from layoutexplore.agents.rl.run import EVALUATIONS, TrainingRun, Watcher
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.plans import PlanSource
-from layoutexplore.errors import ResultsError, shortened
+from layoutexplore.errors import ResultsError, checks_arguments, shortened
 from layoutexplore.files import atomic, parse_csv, read_text
 from layoutexplore.frontiers.decision import Decision, Predictor
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
@@ -204,6 +204,7 @@ class SearchRun(TrainingRun):
             writer.writerows(self.explorations)
 
 
+@checks_arguments
 def read_explorations(path: Path, members: int) -> list[Exploration]:
     """The explorations of a search, whole groups only.
 

@@ -11,11 +11,12 @@ import torch
 
 from layoutexplore.agents.rl.card import PolicySpec, read_spec
 from layoutexplore.agents.rl.networks.actor_critic import Actor
-from layoutexplore.errors import ResultsError
+from layoutexplore.errors import ResultsError, checks_arguments
 from layoutexplore.files import atomic, to_toml, write_atomically
 from layoutexplore.files.tensors import read_tensors
 
 
+@checks_arguments
 def save_policy(path: Path, state: Mapping[str, torch.Tensor], card: Mapping[str, Any]) -> None:
     """Write weights and card to a file, and the card beside it; a kill leaves the old file or the new one."""
     text = to_toml(dict(card))
@@ -23,6 +24,7 @@ def save_policy(path: Path, state: Mapping[str, torch.Tensor], card: Mapping[str
     write_atomically(path.with_suffix(".toml"), text)
 
 
+@checks_arguments
 def save_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: dict[str, str]) -> None:
     """A safetensors file, written beside its place and then moved there."""
     plain = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
@@ -30,6 +32,7 @@ def save_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: dict
         safetensors.torch.save_file(plain, temporary, metadata=metadata)
 
 
+@checks_arguments
 def load_actor(path: Path) -> tuple[Actor, PolicySpec]:
     """The network of a policy's file, and its spec.
 

@@ -16,7 +16,14 @@ from pathlib import Path
 from layoutexplore.agents import AGENTS
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.store import ResultsFolder, format_row, parse_row
-from layoutexplore.errors import LayoutExploreError, OwnCodeError, ResultsError, cause, shortened
+from layoutexplore.errors import (
+    LayoutExploreError,
+    OwnCodeError,
+    ResultsError,
+    cause,
+    checks_arguments,
+    shortened,
+)
 from layoutexplore.files import parse_csv, write_atomically
 from layoutexplore.grids.grid import Pose
 from layoutexplore.plugins.tracebacks import own_frames, told
@@ -137,6 +144,7 @@ def _rows_of_runs(folder: ResultsFolder, say: Callable[[str], None]) -> list[Row
     return rows
 
 
+@checks_arguments
 def saved_row(folder: ResultsFolder, path: Path, table: Row | None = None) -> Row:
     """The row that the file of a run holds.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
 from layoutexplore.benchmark.plans import PlanEntry
-from layoutexplore.errors import ConfigError, ResultsError, cause
+from layoutexplore.errors import ConfigError, ResultsError, cause, checks_arguments
 from layoutexplore.files import is_there, read_toml, to_toml
 from layoutexplore.files.reading import shown_path
 from layoutexplore.files.schema import Items, Number, Record, TableOf, Text
@@ -46,6 +46,7 @@ _ADVICE = (
 )
 
 
+@checks_arguments
 def read_manifest(folder: Path) -> dict[str, Any]:
     """What the run.toml of a folder says.
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from layoutexplore.agents import AGENTS, make_agent
-from layoutexplore.errors import LayoutExploreError
+from layoutexplore.errors import LayoutExploreError, checks_arguments
 from layoutexplore.frontiers.decision import Agent, Privileged, predictor_of
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.metrics.exploration import revisit_share, rooms_finished, score_curve
@@ -188,6 +188,7 @@ def knows_the_plan(agent: str) -> bool:
         return False
 
 
+@checks_arguments
 def score_run(row: Row, simulation: Simulation, episode: Episode) -> Row:
     """The row completed with the scores of a run that has ended."""
     budget, area = simulation.max_distance, simulation.target_area

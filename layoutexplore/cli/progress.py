@@ -78,8 +78,8 @@ class ProgressLine:
             self._bar = Progress(*columns, console=self.console, transient=True)
             self._bar.start()
             self._bar.add_task("", total=1.0, count="", left="", note="")
-        texts = {"count": f"{done}/{total} {self.unit}", "left": f"{clock(elapsed)}  {left}"}
-        self._bar.update(self._bar.task_ids[0], completed=share, note=escape(note), **texts)
+        count, left, note = f"{done}/{total} {self.unit}", f"{clock(elapsed)}  {left}", escape(note)
+        self._bar.update(self._bar.task_ids[0], completed=share, count=count, left=left, note=note)
 
     def say_plain(self, text: str) -> None:
         """A line that does not disturb the estimate."""

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
+from layoutexplore.errors import checks_arguments
+
 MARKUP = re.compile(r"\[/?(?:bold|italic|dim|red|green|blue|yellow)\]")
 
 
@@ -19,6 +21,7 @@ class Command(Protocol):
     params: list[Any]
 
 
+@checks_arguments
 def command_page(command: Command) -> str:
     """All commands below `command` as one Markdown page: what each does, its arguments and options."""
     parts = ["# Commands", "", "What `layoutexplore COMMAND --help` prints, on one page.", ""]
@@ -32,6 +35,7 @@ def command_page(command: Command) -> str:
     return "\n".join(parts)
 
 
+@checks_arguments
 def module_pages(package: Path) -> dict[str, str]:
     """A page a room: `NAME -> Markdown`, with a mkdocstrings entry for each of its modules.
 

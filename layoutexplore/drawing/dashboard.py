@@ -10,12 +10,16 @@ import cv2
 import numpy as np
 
 from layoutexplore.drawing import palette
+from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Bytes, Floats
 
 if TYPE_CHECKING:
     from layoutexplore.simulation.simulation import Simulation
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
+_LONGEST = 200
+"""Characters of a name of which as many are drawn as there is room for."""
+
 _REASONS = {
     "": "exploring",
     "coverage": "explored",
@@ -25,6 +29,7 @@ _REASONS = {
 }
 
 
+@checks_arguments
 def draw_dashboard(simulation: Simulation, size: tuple[int, int], agent: str) -> Bytes:
     """The bar as uint8 (height, width, 3) RGB.
 
@@ -40,8 +45,10 @@ def draw_dashboard(simulation: Simulation, size: tuple[int, int], agent: str) ->
     pad = round(0.02 * width)
     left = [pad, round(0.36 * width), round(0.50 * width), round(0.645 * width)]
     state = _REASONS[simulation.stop_reason]
-    subtitle = ", ".join(part for part in (agent, f"{simulation.lidar.config.name} lidar", state) if part)
-    _field(image, left[0], simulation.plan.name, subtitle, left[1] - left[0] - pad)
+    subtitle = ", ".join(
+        part for part in (agent[:_LONGEST], f"{simulation.lidar.config.name} lidar", state) if part
+    )
+    _field(image, left[0], simulation.plan.name[:_LONGEST], subtitle, left[1] - left[0] - pad)
     room = left[2] - left[1] - pad // 2
     _field(image, left[1], f"{100 * simulation.coverage:.1f} %", "coverage", room)
     room = left[3] - left[2] - pad // 2

@@ -11,6 +11,7 @@ from layoutexplore.drawing import palette
 from layoutexplore.drawing.dashboard import put_text, text_width
 from layoutexplore.drawing.palette import Image
 from layoutexplore.drawing.pictures import draw_plan
+from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.polygons import Point
 from layoutexplore.importing.findings import Finding
 from layoutexplore.maps.floorplan import FloorPlan
@@ -19,6 +20,7 @@ from layoutexplore.maps.raster import PlanRaster
 LONGEST_SIDE = 1600
 
 
+@checks_arguments
 def draw_findings(plan: FloorPlan, findings: Sequence[Finding] = ()) -> Image:
     """The plan, a line on every door, and a number at every finding's place.
 

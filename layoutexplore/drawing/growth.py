@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from layoutexplore.drawing.palette import QUALITATIVE, Colour
+from layoutexplore.errors import checks_arguments
 
 WIDTH, HEIGHT = 640, 400
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 150, 24, 48
@@ -14,6 +15,7 @@ Line = Sequence[tuple[float, float]]
 """Points (x, y), both above 0."""
 
 
+@checks_arguments
 def draw_growth(lines: Mapping[str, tuple[Line, Line]], x_title: str, y_title: str) -> str:
     """A picture with logarithmic axes, as SVG.
 

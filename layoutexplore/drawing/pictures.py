@@ -18,17 +18,21 @@ import numpy as np
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.dashboard import draw_dashboard, put_text
 from layoutexplore.drawing.palette import Image
-from layoutexplore.errors import ConfigError, shortened
+from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.arrays import Bytes, Floats, Ints32, Mask
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.options import Rule
 from layoutexplore.planning.shortest_paths import descend
 from layoutexplore.sensing.lidar import Lidar
 
 if TYPE_CHECKING:
     from layoutexplore.simulation.simulation import Simulation
+
+_SCALE, _SIZE = Rule(kind=int, low=1, high=1000), Rule(kind=int, low=1, high=16_384, count=2)
+_MOST_PIXELS = 300_000_000
 
 _SHIFT = 4
 """OpenCV's fixed-point bits: shapes are placed to a sixteenth of a pixel."""
@@ -44,6 +48,7 @@ _CLASSES = (palette.FRONTIER, palette.CLOSED, palette.OPEN)
 """Colours of frontiers without a class, closed ones and open ones."""
 
 
+@checks_arguments
 def draw_grid(grid: OccupancyGrid, *, scale: int = 1) -> Image:
     """A grid as a picture: white free, dark occupied, pale grey unknown; cells in between are shaded.
 
@@ -57,6 +62,7 @@ def draw_grid(grid: OccupancyGrid, *, scale: int = 1) -> Image:
     return _enlarge(_colours().take(grid.cells.view(np.uint8), axis=0), scale)
 
 
+@checks_arguments
 def draw_plan(raster: PlanRaster, *, scale: int = 1) -> Image:
     """A floor plan with its rooms in pale colours and its walls dark.
 
@@ -76,6 +82,7 @@ def draw_plan(raster: PlanRaster, *, scale: int = 1) -> Image:
     return _enlarge(image, scale)
 
 
+@checks_arguments
 def draw_state(
     simulation: Simulation,
     *,
@@ -107,6 +114,8 @@ def draw_state(
     Raises:
         ConfigError: The size is too small.
     """
+    if size is not None:
+        _SIZE.convert("the size of a frame", size)
     width, height = size or _suitable_size(simulation.raster.shape)
     if width < 320 or height < 240:
         raise ConfigError(f"a frame is at least 320 x 240 pixels, got {width} x {height}")
@@ -197,11 +206,10 @@ def _colours() -> Image:
 
 
 def _enlarge(cells: Image, scale: int) -> Image:
-    if int(scale) != scale or scale < 1:
-        raise ConfigError(
-            f"the scale is a whole number of pixels per cell, 1 or more, got {shortened(scale)}"
-        )
-    return np.ascontiguousarray(cells[::-1].repeat(int(scale), axis=0).repeat(int(scale), axis=1))
+    scale = _SCALE.convert("the scale, pixels a cell,", scale)
+    if cells.size * scale**2 > _MOST_PIXELS:
+        raise ConfigError(f"{cells.shape[1]} x {cells.shape[0]} cells are too many for a scale of {scale}")
+    return np.ascontiguousarray(cells[::-1].repeat(scale, axis=0).repeat(scale, axis=1))
 
 
 def _walls(raster: PlanRaster) -> Mask:

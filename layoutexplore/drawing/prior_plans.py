@@ -8,7 +8,7 @@ import numpy as np
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.dashboard import put_text
 from layoutexplore.drawing.palette import Image
-from layoutexplore.errors import checks_arguments
+from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Bytes, Floats
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.grids.ros_map import check_picture
@@ -67,6 +67,8 @@ def draw_comparison(codes: Bytes, confidence: float) -> Image:
         uint8 (rows, cols, 3) RGB; the top row is the highest y.
     """
     SHARE.convert("confidence", confidence)
+    if codes.ndim != 2 or not np.isin(codes, list(Compared)).all():
+        raise MapError(f"codes are a table of values of Compared, got {codes.dtype} {codes.shape}")
     colours = np.empty((len(Compared), 3), np.float64)
     colours[Compared.SILENT] = palette.CANVAS
     colours[Compared.FLOOR] = palette.FREE

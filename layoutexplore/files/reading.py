@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import os
 import stat
 from collections.abc import Iterable
 from pathlib import Path
 
-from layoutexplore.errors import LayoutExploreError, checks_arguments, shortened
+from layoutexplore.errors import LayoutExploreError, checks_arguments, shortened, unknown_name
 from layoutexplore.files.limits import limits, raise_it
 
 MEGA = 1_000_000
@@ -41,7 +42,10 @@ def read_bytes(path: Path, error: Kind, what: str = "file", *, limit: str = "fil
         LayoutExploreError: Of the kind `error`: there is no such file, it may not be read, is a folder, pipe
             or device, or is larger than the limit.
     """
-    most = int(getattr(limits(), limit) * MEGA)
+    allowed = dataclasses.asdict(limits())
+    if limit not in allowed:
+        raise unknown_name("limit", limit, allowed)
+    most = int(allowed[limit] * MEGA)
     try:
         _check_regular(path.stat().st_mode, path, error, what)  # before it is opened: that can do something
         # A pipe that took the file's place meanwhile must not make us wait for a writer.

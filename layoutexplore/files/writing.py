@@ -14,8 +14,8 @@ from typing import Any
 
 import tomli_w
 
-from layoutexplore.errors import ConfigError, WriteError, checks_arguments, shortened
-from layoutexplore.files.reading import is_there
+from layoutexplore.errors import ConfigError, WriteError, cause, checks_arguments, shortened
+from layoutexplore.files.reading import is_there, shown_path
 
 HALF = ".part"
 """How the names of files end that are being written."""
@@ -31,6 +31,8 @@ def atomic(path: Path) -> Iterator[Path]:
         WriteError: The file cannot be written.
     """
     temporary = None
+    if not isinstance(path, Path):
+        raise WriteError(f"cannot write: a file is named by a Path, got {shortened(path)}")
     if "\0" in str(path):
         raise WriteError(f"{shortened(str(path))}: cannot write: a name cannot hold a null character")
     try:
@@ -85,13 +87,20 @@ def write_atomically(path: Path, data: bytes | str) -> None:
         WriteError: It cannot be written.
     """
     with atomic(path) as temporary:
-        temporary.write_bytes(data.encode() if isinstance(data, str) else data)
+        # Half a character, of a file's name that is no text, is written as Python shows it.
+        temporary.write_bytes(data.encode(errors="backslashreplace") if isinstance(data, str) else data)
 
 
 @checks_arguments
 def write_json(path: Path, data: Mapping[str, Any], *, indent: int | None = 1) -> None:
     """Write numbers; what is not a finite number becomes null, as JSON has no other word for it."""
-    write_atomically(path, json.dumps(_finite(data), indent=indent, allow_nan=False) + "\n")
+    try:
+        text = json.dumps(_finite(data), indent=indent, allow_nan=False)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise WriteError(
+            f"{shown_path(path)}: cannot write what is no plain value: {cause(error)}"
+        ) from error
+    write_atomically(path, text + "\n")
 
 
 def _finite(value: Any) -> Any:
@@ -117,7 +126,10 @@ def to_toml(table: Mapping[str, Any]) -> str:
         c = true
         <BLANKLINE>
     """
-    return tomli_w.dumps(_without_none(table))
+    try:
+        return tomli_w.dumps(_without_none(table))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ConfigError(f"cannot write what is no plain value as TOML: {cause(error)}") from error
 
 
 def _without_none(table: Mapping[str, Any]) -> dict[str, Any]:

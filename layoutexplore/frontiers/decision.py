@@ -223,7 +223,7 @@ class Decision:
         Returns:
             float32 (k + 1, k + 1) in metres, symmetric; index 0 is the robot.
         """
-        numbers = np.asarray(chosen, np.int64)
+        numbers = self._indices(chosen)
         lengths = np.zeros((len(numbers) + 1, len(numbers) + 1), np.float32)
         lengths[0, 1:] = lengths[1:, 0] = self.table.path_length[numbers]
         lengths[1:, 1:] = self.field.between(self.viewpoints[numbers], self.grid.resolution)
@@ -231,9 +231,22 @@ class Decision:
 
     def path_lengths_from(self, index: int, chosen: Sequence[int] | Ints) -> Floats32:
         """Path lengths float32 (k,) in metres from one frontier's viewpoint to those of others, by index."""
-        cells = self.viewpoints[np.asarray(chosen, np.int64)]
+        cells = self.viewpoints[self._indices(chosen)]
         source = Cell(*self.viewpoints[index].tolist())
         return self.field.lengths_from(source, cells, self.grid.resolution)
+
+    def _indices(self, chosen: Sequence[int] | Ints) -> Ints:
+        """Indices of frontiers as an array."""
+        count = len(self.viewpoints)
+        if isinstance(chosen, range) and len(chosen) > count:
+            chosen = chosen[: count + 1]
+        numbers = np.asarray(chosen)
+        good = numbers.ndim == 1 and (numbers.dtype.kind in "iu" or not numbers.size)
+        if not good or (numbers.size and not -count <= numbers.min() <= numbers.max() < count):
+            raise ConfigError(
+                f"frontiers are chosen by numbers from 0 to {count - 1}, got {shortened(chosen)}"
+            )
+        return numbers.astype(np.int64, copy=False)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32, Mask
 from layoutexplore.grids.components import root_of
 
@@ -58,6 +58,7 @@ class FrontierClusters:
         return FrontierClusters(self.cells[kept], ends[np.concatenate([[True], np.diff(ends) > 0])])
 
 
+@checks_arguments
 def find_frontiers(cells: Cells) -> FrontierClusters:
     """All frontier clusters of a grid.
 

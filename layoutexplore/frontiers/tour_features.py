@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
@@ -102,6 +103,7 @@ def sizeable_frontiers(decision: Decision, min_size: float = TOUR_SIZE) -> Ints:
     return large if len(large) else np.arange(len(sizes))
 
 
+@checks_arguments
 def ready_frontiers(decision: Decision, min_size: float = TOUR_SIZE, area: float = LITTLE_LEFT) -> Ints:
     """Indices int64 (k,) of the sizeable frontiers that need not wait; of all sizeable ones when all would.
 

@@ -25,7 +25,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.components import split_labels
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
@@ -66,6 +66,7 @@ def is_from_map_saver(grey: Bytes) -> bool:
     return bool(counts[SAVED_LEVELS[1]] and counts[254] and painted >= SAVED_SHARE * grey.size)
 
 
+@checks_arguments
 def grid_from_image(
     grey: Bytes,
     resolution: float,
@@ -96,6 +97,8 @@ def grid_from_image(
         [-1, 0, 100]
     """
     check_resolution(resolution)
+    if transparent is not None and transparent.shape != grey.shape:
+        raise MapError(f"transparent pixels {transparent.shape} are not those of the image {grey.shape}")
     if grey.ndim != 2 or grey.dtype != np.uint8 or grey.size == 0:
         raise MapError(f"a grey image must be a non-empty uint8 array (h, w), got {grey.dtype} {grey.shape}")
     hidden = np.zeros(grey.shape, np.bool_) if transparent is None else transparent

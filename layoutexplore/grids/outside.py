@@ -10,6 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 
@@ -24,6 +25,7 @@ MARGIN_SHARE, INSIDE_SHARE, UNKNOWN_SHARE = 0.4, 0.05, 0.2
 of its free area at least; with more unknown on its border than this, it is a robot's map."""
 
 
+@checks_arguments
 def find_outside(walls: Mask, resolution: float, *, opening: float = OPENING) -> Mask:
     """The cells, bool (rows, cols), that the border of a picture reaches past its walls.
 

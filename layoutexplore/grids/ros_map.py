@@ -78,7 +78,11 @@ def load_grid(
     path = Path(path)
     if resolution is not None:
         check_resolution(resolution)
-    if unknown_grey not in ("auto", "none") and unknown_grey not in range(256):
+    if not isinstance(unknown_grey, (str, int, np.integer)) or unknown_grey not in (
+        "auto",
+        "none",
+        *range(256),
+    ):
         raise MapError(
             f"unknown_grey must be a level from 0 to 255, 'auto' or 'none', got {shortened(unknown_grey)}"
         )
@@ -245,6 +249,7 @@ def _number(value: Any, name: str, path: Path) -> float:
     return number
 
 
+@checks_arguments
 def save_grid(grid: OccupancyGrid, path: str | Path, *, mode: str = "trinary") -> None:
     """Write a ROS map: NAME.yaml beside NAME.pgm (trinary) or NAME.png (scale, raw).
 
@@ -264,6 +269,8 @@ def save_grid(grid: OccupancyGrid, path: str | Path, *, mode: str = "trinary") -
     if not isinstance(mode, str) or mode not in MODES:
         raise MapError(f"mode must be one of {', '.join(MODES)}, got {shortened(mode)}")
     path = Path(path)
+    if not path.name:
+        raise MapError(f"{path}: cannot write a map there: name a file")
     if path.suffix.lower() not in YAML_SUFFIXES:
         path = path.with_name(path.name + ".yaml")
     image = path.with_suffix(".pgm" if mode == "trinary" else ".png")

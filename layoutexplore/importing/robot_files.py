@@ -15,6 +15,7 @@ import shapely
 from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.files import write_atomically, write_json
 from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.grid import Pose
@@ -91,6 +92,7 @@ def room_graph(building: Building, *, radius: float = 0.25) -> dict[str, Any]:
     return {"frame": "map", "robot_radius": radius, "nodes": nodes, "edges": edges}
 
 
+@checks_arguments
 def write_robot_files(building: Building, folder: Path, *, radius: float = 0.25) -> list[Path]:
     """Write map.yaml with map.pgm, rooms.geojson (outlines, doors, goals) and graph.json; the files written.
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from layoutexplore.errors import ConfigError, MapError, MissingExtraError, require
+from layoutexplore.errors import ConfigError, MapError, MissingExtraError, checks_arguments, require
 from layoutexplore.files.images import read_pixels
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
@@ -71,6 +71,7 @@ class BlueprintConfig:
             raise ConfigError("wall_width, symbol_size and opening must not be negative")
 
 
+@checks_arguments
 def load_blueprint(
     path: str | Path,
     *,
@@ -144,6 +145,7 @@ def grid_from_blueprint(
     return OccupancyGrid(np.ascontiguousarray(cells[::-1]), resolution, Pose(0.0, 0.0, 0.0))
 
 
+@checks_arguments
 def find_words(image: Bytes, config: BlueprintConfig) -> list[tuple[int, int, int, int]]:
     """Boxes (top, left, height, width) in pixels of the words of a picture, by Tesseract.
 

@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from numba import njit
 
+from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.outlines import cut_where_touching, trace_rings
@@ -17,6 +18,7 @@ MANY_HOLES = 1000
 """A room with more holes is mended ring by ring: the time of the general way grows with their square."""
 
 
+@checks_arguments
 def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
     """The outline of each label, in cells: x = column, y = row, cell (r, c) covering [c, c + 1] x [r, r + 1].
 
@@ -33,6 +35,8 @@ def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
         2.0
     """
     labels = np.ascontiguousarray(labels, np.int32)
+    if labels.ndim != 2 or labels.min(initial=0) < 0:
+        raise MapError(f"labels of cells are numbers (rows, cols) from 0 on, got {shortened(labels)}")
     corners, starts, owners, touching = trace_rings(labels)
     points = corners[:, ::-1].astype(np.float64)
     twice = np.cumsum(points[:, 0] * np.roll(points[:, 1], -1) - points[:, 1] * np.roll(points[:, 0], -1))
@@ -132,6 +136,7 @@ def number_rooms(labels: Ints32) -> Ints32:
     return renumber(np.asarray(labels, np.int32).ravel(), 1).reshape(labels.shape)
 
 
+@checks_arguments
 def rooms_of_labels(
     labels: Ints32, grid: OccupancyGrid, footprint: Ints32 | None = None, details: Details | None = None
 ) -> tuple[LayoutRoom, ...]:

@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, cause
+from layoutexplore.errors import ConfigError, cause, checks_arguments
 from layoutexplore.files import read_json, write_atomically
 from layoutexplore.files.schema import Items, Number, Record, TableOf, Text
 from layoutexplore.models.forest import Forest
 
 
+@checks_arguments
 def save_forests(
     path: Path, forests: dict[str, Forest], features: Sequence[str], note: str = "", *, double: bool = False
 ) -> None:
@@ -60,6 +61,7 @@ def _tree(forest: Forest, begin: int, end: int, double: bool) -> list[list[float
     ]
 
 
+@checks_arguments
 def load_forests(
     path: Path, features: tuple[str, ...], names: Sequence[str] = (), *, double: bool = False
 ) -> dict[str, Forest]:

@@ -11,7 +11,7 @@ import numpy as np
 import safetensors.numpy
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.files import write_atomically
 from layoutexplore.files.tensors import read_tensors
 
@@ -35,6 +35,7 @@ def shapes_of(layers: Layers) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
+@checks_arguments
 def save_weights(path: Path, weights: Mapping[str, NDArray[np.generic]], note: str) -> None:
     """Write weights.
 
@@ -50,6 +51,7 @@ def save_weights(path: Path, weights: Mapping[str, NDArray[np.generic]], note: s
     write_atomically(path, safetensors.numpy.save(arrays, metadata={"note": note}))
 
 
+@checks_arguments
 def load_weights(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Weights:
     """Read weights; a file that has been read is kept until it changes.
 

@@ -7,6 +7,7 @@ from enum import IntEnum
 import cv2
 import numpy as np
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Bytes, Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -94,6 +95,7 @@ def trusted_reach(registration: Registration, hypothesis: Hypothesis) -> float:
     return TRUST * (count + DOUBT) / (off + DOUBT)
 
 
+@checks_arguments
 def drawn_on(registration: Registration, hypothesis: Hypothesis, grid: OccupancyGrid) -> tuple[Cells, Ints32]:
     """The plan on a grid's cells: int8 (rows, cols) as of `Foresight`, and rooms int32 (rows, cols)."""
     fields = registration.fields

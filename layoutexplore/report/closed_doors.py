@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from layoutexplore.drawing import palette
+from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.closed_doors import PairScore, Score
 from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes, Cells, Mask
@@ -41,6 +42,7 @@ class Card:
     panels: tuple[Panel, ...]
 
 
+@checks_arguments
 def draw_map(cells: Cells, new: Mask, truth: Mask) -> Bytes:
     """A map with a prediction, uint8 (rows, cols, 3) RGB.
 
@@ -60,6 +62,7 @@ def draw_map(cells: Cells, new: Mask, truth: Mask) -> Bytes:
     return image
 
 
+@checks_arguments
 def draw_panels(triple: Triple, folder: Path) -> list[tuple[str, Bytes]]:
     """What was seen, the reference's answer, ours and the truth, each with its name.
 
@@ -87,6 +90,7 @@ def draw_panels(triple: Triple, folder: Path) -> list[tuple[str, Bytes]]:
     return [(name, np.ascontiguousarray(image[part])) for name, image in panels]
 
 
+@checks_arguments
 def write_closed_doors_report(
     out: Path,
     triples: Sequence[Triple],

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from layoutexplore.drawing import palette
+from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.in_the_loop import BASELINE, DRIVER, LoopScore
 from layoutexplore.files import safe_name, write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes, Ints32, Mask
@@ -53,6 +54,7 @@ class BelievedRooms:
         return png_uri(self.image)
 
 
+@checks_arguments
 def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
     """The known map with the predicted rooms, seen parts strong, hidden ones pale; frontiers are purple.
 
@@ -96,6 +98,7 @@ def _beside(mask: Mask) -> Mask:
     return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
 
 
+@checks_arguments
 def write_in_the_loop_report(
     out: Path, scores: Sequence[LoopScore], pictures: Sequence[BelievedRooms], *, facts: dict[str, Any]
 ) -> list[Path]:

@@ -8,11 +8,13 @@ from typing import Any
 import layoutexplore
 from layoutexplore.benchmark.analysis import METRICS
 from layoutexplore.benchmark.leaderboard import Leaderboard, Standing
+from layoutexplore.errors import checks_arguments
 from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.report.plots import forest
 from layoutexplore.report.templates import render
 
 
+@checks_arguments
 def write_leaderboard(board: Leaderboard, out: Path) -> list[Path]:
     """Write leaderboard.html, leaderboard.md and leaderboard.csv.
 

@@ -14,7 +14,7 @@ from typing import Any
 from layoutexplore.benchmark.analysis import METRICS, Comparison, compare, groups, pooled_curves
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
-from layoutexplore.errors import require
+from layoutexplore.errors import checks_arguments, require
 from layoutexplore.files import atomic, safe_name, write_atomically
 from layoutexplore.report.benchmark import report_view
 from layoutexplore.report.plots import Look, label_places
@@ -48,6 +48,7 @@ class Table:
     rows: Sequence[tuple[str, ...]]
 
 
+@checks_arguments
 def write_paper(folder: ResultsFolder, out: Path, *, baseline: str | None = None) -> list[Path]:
     """Write charts and tables.
 

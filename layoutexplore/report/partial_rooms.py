@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from layoutexplore.drawing import palette
+from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.partial_rooms import Item, RoomScore, Scores, predicted_hidden
 from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes
@@ -96,6 +97,7 @@ class Gallery:
         return [p for p in self._worst if (p.score.plan, p.score.room) not in taken]
 
 
+@checks_arguments
 def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> Bytes:
     """A half-seen room with its prediction, uint8 (h, w, 3) RGB, y up.
 
@@ -134,6 +136,7 @@ def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> Bytes:
     return np.ascontiguousarray(large[::-1])
 
 
+@checks_arguments
 def write_partial_rooms_report(
     out: Path, scores: Scores, summary: Mapping[str, Any], gallery: Gallery, *, command: str
 ) -> list[Path]:

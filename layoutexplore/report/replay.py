@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from layoutexplore.benchmark.recording import ROOMS_AT, Recording
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.store import ResultsFolder
-from layoutexplore.errors import ResultsError, counted
+from layoutexplore.errors import ResultsError, checks_arguments, counted
 from layoutexplore.files import write_atomically
 from layoutexplore.report.templates import TEMPLATES, map_colours, render
 
@@ -49,6 +49,7 @@ class ReplayView:
         return "" if number is None else f"#replay={number}@{metres:.2f}"
 
 
+@checks_arguments
 def write_replay(folder: ResultsFolder, rows: Sequence[Row], path: Path) -> int:
     """Write a page with the replays of some runs.
 

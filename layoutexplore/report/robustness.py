@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.robustness import AgentUnderNoise, PredictorUnderNoise
 from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.metrics.statistics import Interval
@@ -16,6 +17,7 @@ from layoutexplore.simulation.config import NOISE
 NOTHING = Interval(float("nan"), float("nan"), float("nan"))
 
 
+@checks_arguments
 def write_robustness_report(
     out: Path,
     agents: Sequence[AgentUnderNoise],

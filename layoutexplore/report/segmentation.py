@@ -11,6 +11,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.drawing import palette
+from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.segmentation import MapScore, in_percent, summarise_segmentation
 from layoutexplore.files import safe_name, write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes, Ints, Ints32
@@ -72,6 +73,7 @@ def _matched(found: Ints32, truth: Ints32) -> Ints:
     return names
 
 
+@checks_arguments
 def write_segmentation_report(
     out: Path,
     results: Sequence[tuple[Case, MapScore, Ints32]],

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from layoutexplore.errors import ConfigError, shortened
+from layoutexplore.errors import ConfigError, checks_arguments, shortened
 from layoutexplore.files import read_json
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Mask
@@ -44,6 +44,7 @@ def check_region(value: Any) -> Region | None:
     return tuple((float(x), float(y)) for x, y in corners)
 
 
+@checks_arguments
 def read_region(text: str) -> Region:
     """A region from a text "X,Y X,Y X,Y ..." or from a GeoJSON file that holds one polygon.
 

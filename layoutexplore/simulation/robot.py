@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import ConfigError, StartError, shortened
+from layoutexplore.errors import ConfigError, StartError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import disc_offsets
@@ -53,6 +53,7 @@ class Motion(NamedTuple):
 _POSE = Rule(count=3, low=-1e9, high=1e9)
 
 
+@checks_arguments
 def draw_start(
     raster: PlanRaster, robot_radius: float, rng: np.random.Generator, region: Mask | None = None
 ) -> Pose:

@@ -24,6 +24,7 @@ from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError, cause, checks_arguments, require
 from layoutexplore.files import read_bytes, read_json
+from layoutexplore.files.reading import shown_path
 from layoutexplore.files.schema import Items, Number, Record, Text
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import FloorPlan
@@ -116,7 +117,10 @@ def load_ifc(path: Path, level: str = "") -> FloorPlan:
 
 def _levels(path: Path) -> tuple[dict[str, Mapping[str, Any]], int]:
     """The storeys by name, and how many spaces have no shape."""
-    status = path.stat()
+    try:
+        status = path.stat()
+    except (OSError, ValueError) as error:
+        raise MapError(f"{shown_path(path)}: cannot read the model: {cause(error)}") from error
     found = _extracted(path.resolve(), status.st_mtime_ns, status.st_size)
     floors = found["floors"]
     several = len({floor["building"] for floor in floors}) > 1

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from layoutexplore.errors import ConfigError, shortened, unknown_name
+from layoutexplore.errors import ConfigError, checks_arguments, shortened, unknown_name
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator import corridor_buildings
 from layoutexplore.maps.generator.apartment import apartment
@@ -67,6 +67,7 @@ class _Attempt:
     error: float
 
 
+@checks_arguments
 def generate(family: str, seed: int, config: PlanConfig | None = None, **parameters: Any) -> FloorPlan:
     """A floor plan; the same arguments always give the same plan, bit by bit.
 
