@@ -28,7 +28,7 @@ from layoutexplore.frontiers.decision import Predictor
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import Pose
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN, distance_to_coverage
-from layoutexplore.options import check_kind
+from layoutexplore.options import SEED, check_keys, check_kind
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 
@@ -114,10 +114,9 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
 
     def _begin(self, seed: int | None, options: Mapping[str, Any] | None) -> None:
         """Start an episode: draw the plan and the simulation's seed, and reset it."""
-        super().reset(seed=seed)
-        options = options or {}
-        if unknown := set(options) - _OPTIONS:
-            raise ConfigError(f"unknown reset options {sorted(unknown)}: known are {sorted(_OPTIONS)}")
+        options = {} if options is None else options
+        check_keys(options, _OPTIONS, "the options of reset")
+        super().reset(seed=None if seed is None else SEED.convert("seed", seed))
         self._plan_index, plan = self._plans.draw(self.np_random, self.progress)
         if options.get("plan") is not None:
             self._plan_index, plan = -1, load(options["plan"])
@@ -246,8 +245,8 @@ def _start(value: Any) -> Pose | None:
     if value is None:
         return None
     try:
-        numbers = tuple(float(v) for v in value)
-    except (TypeError, ValueError):
+        numbers = tuple(float(v) for v in value) if len(value) in (2, 3) else ()
+    except Exception:  # whatever an object raises that is asked for its numbers
         numbers = ()
     if len(numbers) not in (2, 3):
         raise StartError(f"a start is (x, y) or (x, y, theta), got {shortened(value)}")

@@ -72,8 +72,11 @@ def _expand(spec: OnePlan | Sequence[OnePlan]) -> list[FloorPlan | str]:
         from layoutexplore.maps import expand_plans
 
         return list(expand_plans(str(spec)))
-    if not isinstance(spec, Iterable) or isinstance(spec, (bytes, Mapping)):
-        raise ConfigError(
-            f"a plan is a FloorPlan, a name, a path, a sequence of these or a function, got {shortened(spec)}"
-        )
-    return [plan for one in spec for plan in _expand(one)]
+    try:
+        if isinstance(spec, Iterable) and not isinstance(spec, (bytes, Mapping)):
+            return [plan for one in spec for plan in _expand(one)]
+    except (TypeError, RecursionError):  # an array without elements, a list that is in itself
+        pass
+    raise ConfigError(
+        f"a plan is a FloorPlan, a name, a path, a sequence of these or a function, got {shortened(spec)}"
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from functools import partial
 from itertools import pairwise
@@ -20,9 +20,9 @@ from layoutexplore.envs.motion import MotionEnv
 from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.vector_buffers import Arrays
 from layoutexplore.envs.vector_workers import LocalWorkers, ProcessWorkers, Workers, WorkerSetup
-from layoutexplore.errors import ConfigError, shortened, unknown_name
+from layoutexplore.errors import ConfigError, cause, shortened, unknown_name
 from layoutexplore.grids.arrays import Floats, Mask
-from layoutexplore.options import COUNT, Rule
+from layoutexplore.options import COUNT, SEED, Rule, check_kind
 from layoutexplore.processes import usable_cores
 
 MOST_ENVIRONMENTS = 65_536
@@ -105,12 +105,13 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         """
         if seed is None:
             seeds: list[int | None] = [None] * self.num_envs
-        elif isinstance(seed, (int, np.integer)):
-            seeds = [int(seed) + k for k in range(self.num_envs)]
+        elif isinstance(seed, (list, tuple)) or (isinstance(seed, np.ndarray) and seed.ndim == 1):
+            seeds = [None if one is None else SEED.convert("seed", one) for one in seed]
         else:
-            seeds = list(seed)
+            seeds = [SEED.convert("seed", seed) + k for k in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise ConfigError(f"{self.num_envs} environments need as many seeds, got {len(seeds)}")
+        check_kind("options", options, Mapping, optional=True)
         options = dict(options or {})
         chosen = _checked_mask(options.pop("reset_mask", None), self.num_envs)
         self._command("reset", [(seeds[a:b], options, chosen[a:b]) for a, b in self.groups])
@@ -136,13 +137,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             raise ResetNeeded(
                 "an episode is over and nothing resets it by itself: reset(options={'reset_mask': ...})"
             )
-        given = np.asarray(actions)
-        if given.shape != buffers.actions.shape:
-            wanted = buffers.actions.shape
-            raise ConfigError(
-                f"the actions of {self.num_envs} environments have shape {wanted}, got {given.shape}"
-            )
-        buffers.actions[...] = given
+        _put_actions(buffers.actions, actions)
         self._workers.start("step", [()] * len(self.groups))
 
     def step_wait(self) -> Step:
@@ -163,7 +158,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             group: Which of `groups`; it must have been received since it was sent last.
         """
         begin, end = self.groups[group]
-        self._workers.buffers.actions[begin:end] = actions
+        _put_actions(self._workers.buffers.actions[begin:end], actions)
         self._workers.start_one(group, "step", ())
 
     def receive(self) -> tuple[int, Step]:
@@ -197,6 +192,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """An attribute of each environment, or the result of calling it."""
+        check_kind("the name of an attribute", name, str)
         answers = self._command("call", [(name, args, kwargs)] * len(self.groups))
         return tuple(value for answer in answers for value in answer)
 
@@ -206,6 +202,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
 
     def set_attr(self, name: str, values: Any) -> None:
         """Set an attribute: a list or tuple holds a value for each environment, anything else is for all."""
+        check_kind("the name of an attribute", name, str)
         each = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
         if len(each) != self.num_envs:
             raise ConfigError(f"{self.num_envs} environments need as many values, got {len(each)}")
@@ -270,6 +267,21 @@ def _checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
         return AutoresetMode(mode)
     except ValueError:
         raise unknown_name("autoreset mode", str(mode), [known.value for known in AutoresetMode]) from None
+
+
+def _put_actions(buffer: NDArray[Any], actions: Any) -> None:
+    """Fill a buffer (k, ...) with the actions of k environments; a fraction or a flag is no whole number."""
+    try:
+        given = np.asarray(actions)
+    except Exception as error:  # whatever an object raises that is asked for its numbers
+        raise ConfigError(f"actions are an array {buffer.shape} of numbers: {cause(error)}") from error
+    if given.shape != buffer.shape:
+        raise ConfigError(
+            f"the actions of {len(buffer)} environments have shape {buffer.shape}, got {given.shape}"
+        )
+    if given.dtype.kind not in ("iu" if buffer.dtype.kind in "iu" else "iuf"):
+        raise ConfigError(f"actions are numbers of type {buffer.dtype}, got {shortened(actions)}")
+    buffer[...] = given
 
 
 def _checked_mask(mask: Any, count: int) -> Mask:

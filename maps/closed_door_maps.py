@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments
+from layoutexplore.files.reading import is_file
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.ros_map import read_image
@@ -48,13 +49,11 @@ def find_triples(folder: Path) -> list[Triple]:
         if not match:
             raise MapError(f"{seen}: the name must be NAME_k_doors_IN.png with a number k")
         truth = seen.with_name(f"{match['building']}_GT.png")
-        if not truth.is_file():
+        if not is_file(truth):
             raise MapError(f"{seen}: its truth {truth.name} is missing")
         reference = seen.with_name(seen.name.replace("_IN.png", "_OUT.png"))
         triples.append(
-            Triple(
-                match["building"], int(match["k"]), seen, truth, reference if reference.is_file() else None
-            )
+            Triple(match["building"], int(match["k"]), seen, truth, reference if is_file(reference) else None)
         )
     if not triples:
         raise MapError(f"{folder}: no map NAME_k_doors_IN.png with its truth NAME_GT.png")

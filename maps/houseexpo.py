@@ -17,6 +17,7 @@ from shapely import LineString, Point, Polygon
 
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.files import read_json
+from layoutexplore.files.reading import is_file
 from layoutexplore.files.schema import Items, Number, Record, TableOf
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
@@ -49,10 +50,10 @@ def load_houseexpo(path: Path) -> FloorPlan:
     for part in SIDECARS:
         stem = stem.removesuffix(f".{part}")
     main = path.with_name(f"{stem}.json")
-    source = main if main.is_file() else path
+    source = main if is_file(main) else path
     data = read_json(source, _PLAN)
     sides = (main.with_name(f"{stem}.{part}.json") for part in SIDECARS)
-    beside = next((side for side in sides if side.is_file()), None)
+    beside = next((side for side in sides if is_file(side)), None)
     extra = read_json(beside, _BESIDE) if beside else {}
     areas, doors = extra.get("areas", []), extra.get("door", [])
     boxes = _label_boxes(data.get("room_category", {}))

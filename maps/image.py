@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments
+from layoutexplore.files.reading import is_file
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.outside import without_outside
@@ -85,7 +86,7 @@ def rooms_beside(path: Path) -> Path | None:
     """The image of the rooms of a map, or None: the map may be one itself."""
     for ending in ROOM_ENDINGS:
         beside = path.with_name(f"{path.stem}{ending}.png")
-        if beside.is_file():
+        if is_file(beside):
             return beside
     return None
 

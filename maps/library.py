@@ -20,7 +20,7 @@ from shapely.errors import GEOSException
 from layoutexplore.errors import MapError, MapWarning, cause, checks_arguments, unknown_name
 from layoutexplore.files import is_there, read_json
 from layoutexplore.files.limits import VARIABLE, limits
-from layoutexplore.files.reading import shown_path
+from layoutexplore.files.reading import is_file, shown_path
 from layoutexplore.files.schema import Items, TableOf, Text
 from layoutexplore.grids.grid import check_resolution
 from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, YAML_SUFFIXES
@@ -139,7 +139,7 @@ def _json_loader(path: Path, columns: Mapping[str, str] | None) -> Callable[[Pat
 def _is_kth(path: Path) -> bool:
     stem, _, part = path.stem.rpartition("_")
     return part in ("occ", "rooms") and all(
-        path.with_name(f"{stem}_{each}{path.suffix}").is_file() for each in ("occ", "rooms")
+        is_file(path.with_name(f"{stem}_{each}{path.suffix}")) for each in ("occ", "rooms")
     )
 
 
@@ -277,8 +277,8 @@ def _is_plan(path: Path) -> bool:
     if suffix == ".json":
         return not path.stem.endswith(SIDECARS) and _is_json_plan(path)
     if suffix in IMAGE_SUFFIXES:
-        part_of_another = any(path.with_suffix(ending).is_file() for ending in (".geojson", *YAML_SUFFIXES))
-        of_layout = path.with_name(f"{path.stem.rpartition('_')[0]}_layout.geojson").is_file()
+        part_of_another = any(is_file(path.with_suffix(ending)) for ending in (".geojson", *YAML_SUFFIXES))
+        of_layout = is_file(path.with_name(f"{path.stem.rpartition('_')[0]}_layout.geojson"))
         return not (path.stem.endswith(("_rooms", "_gt")) or part_of_another or of_layout)
     return not (suffix == ".xml" and path.stem.endswith("_gt"))
 
@@ -296,7 +296,7 @@ def find_plans(specs: Iterable[str]) -> list[str]:
         for source in expand_plans(spec):
             path, level = split_level(source)
             here = f"{path.resolve()}#{level}" if level else str(path.resolve())
-            found[here if path.exists() else source] = None
+            found[here if is_there(path) else source] = None
     return list(found)
 
 
@@ -304,7 +304,7 @@ def find_plans(specs: Iterable[str]) -> list[str]:
 def cached_plan(source: str | Path) -> FloorPlan:
     """Like `load_plan`; the last plans stay in memory, and a file that has changed since is read again."""
     path, _ = split_level(str(source))
-    return _cached(str(source), path.stat().st_mtime_ns if path.exists() else 0)
+    return _cached(str(source), path.stat().st_mtime_ns if is_there(path) else 0)
 
 
 @functools.lru_cache(maxsize=64)

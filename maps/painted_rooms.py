@@ -10,6 +10,7 @@ import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.files.images import read_pixels
+from layoutexplore.files.reading import is_file
 from layoutexplore.grids.arrays import Bytes, Ints32, Mask
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.grids.ros_map import load_grid, read_image
@@ -61,7 +62,7 @@ def find_cases(folders: Iterable[str | Path], buildings: dict[str, str] | None =
         pairs = []
         for truth in sorted(folder.glob(f"*{TRUTH_SUFFIX}.png")):
             image = truth.with_name(truth.name.replace(f"{TRUTH_SUFFIX}.png", ".png"))
-            if image.is_file():
+            if is_file(image):
                 pairs.append((image, truth))
         if not pairs:
             raise MapError(f"{folder}: no map NAME.png with its rooms NAME{TRUTH_SUFFIX}.png")

@@ -18,6 +18,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from layoutexplore.agents.rl.torch_policy_files import save_tensors
 from layoutexplore.errors import ResultsError, cause, checks_arguments, shortened
 from layoutexplore.files import parse_json
+from layoutexplore.files.reading import is_there
 from layoutexplore.files.schema import Anything, Items, Number, Record, TableOf, Text
 from layoutexplore.files.tensors import read_tensors
 
@@ -66,7 +67,7 @@ def load_checkpoint(folder: Path, model: BaseAlgorithm) -> Progress:
             version.
     """
     path = folder / FILE
-    if not path.exists():
+    if not is_there(path):
         raise ResultsError(f"no checkpoint {path}: leave out --resume to start a run there")
     arrays, metadata = read_tensors(path, what="checkpoint")
     progress = _progress(metadata, path)

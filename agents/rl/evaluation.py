@@ -15,6 +15,7 @@ from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.errors import ResultsError, checks_arguments, shortened
 from layoutexplore.files import read_csv
+from layoutexplore.files.reading import is_there
 from layoutexplore.frontiers.decision import Agent
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.metrics.exploration import score_curve
@@ -125,7 +126,7 @@ def read_evaluations(path: Path, steps: float = np.inf) -> list[dict[str, float]
     Raises:
         ResultsError: The file is something else.
     """
-    if not path.exists():
+    if not is_there(path):
         return []
     header, *lines = read_csv(path, what="table of evaluations") or [[]]
     try:

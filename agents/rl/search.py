@@ -38,6 +38,7 @@ from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.plans import PlanSource
 from layoutexplore.errors import ResultsError, checks_arguments, shortened
 from layoutexplore.files import atomic, parse_csv, read_text
+from layoutexplore.files.reading import is_there
 from layoutexplore.frontiers.decision import Decision, Predictor
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
 from layoutexplore.grids.arrays import Floats
@@ -211,7 +212,7 @@ def read_explorations(path: Path, members: int) -> list[Exploration]:
     Raises:
         ResultsError: There is no such file, or it is something else.
     """
-    if not path.exists():
+    if not is_there(path):
         raise ResultsError(f"no checkpoint {path}: leave out --resume to start a run there")
     text = read_text(path, ResultsError, "file of explorations")
     # What follows the last line break was cut off, or is nothing.

@@ -24,7 +24,8 @@ from layoutexplore.errors import (
     checks_arguments,
     shortened,
 )
-from layoutexplore.files import parse_csv, write_atomically
+from layoutexplore.files import parse_csv, read_bytes, write_atomically
+from layoutexplore.files.reading import is_there
 from layoutexplore.grids.grid import Pose
 from layoutexplore.plugins.tracebacks import own_frames, told
 from layoutexplore.simulation.config import SimulationConfig
@@ -95,7 +96,7 @@ def finished_rows(folder: ResultsFolder, say: Callable[[str], None]) -> list[Row
     good: dict[tuple[str, int, str, str], Row] = {}
     for row in rows:
         path = folder.curve_path(row)
-        if row.error or not path.exists():
+        if row.error or not is_there(path):
             continue
         try:
             saved = saved_row(folder, path, row)
@@ -121,7 +122,7 @@ def _rows_of_table(folder: ResultsFolder) -> tuple[list[Row], ResultsError | Non
     """The rows, and what is wrong with the table; a last line that was cut off is dropped."""
     if not folder.table.exists() or not folder.table.stat().st_size:
         return [], None
-    written = folder.table.read_bytes()
+    written = read_bytes(folder.table, ResultsError, "table")
     if not written.endswith(b"\n"):
         write_atomically(folder.table, written[: written.rfind(b"\n") + 1])
     try:

@@ -14,6 +14,7 @@ import numpy as np
 from layoutexplore.agents import make_agent
 from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.files import atomic, read_json, safe_name
+from layoutexplore.files.reading import is_there
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.maps.floorplan import FloorPlan
@@ -93,7 +94,7 @@ def registration_rows(
     """
     path = store and store / f"{safe_name(plan.name)}_{plan.content_hash[:8]}_{sensor}_{seed}.json"
     kept: dict[str, list[RegistrationRow]] = {}
-    if path and path.exists():
+    if path and is_there(path):
         known = _read(path)
         stale = {row.kind for row in known if len(row.features) not in (0, len(FEATURES))}
         for row in known:

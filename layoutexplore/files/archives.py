@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from layoutexplore.errors import ResultsError, checks_arguments, shortened
 from layoutexplore.files.limits import limits, raise_it
-from layoutexplore.files.reading import MEGA, Kind, read_bytes
+from layoutexplore.files.reading import MEGA, Kind, is_file, is_there, read_bytes, shown_path
 from layoutexplore.files.writing import atomic
 
 CHECKSUM, FORMAT, COMMENT = "checksum", 1, b"layoutexplore"
@@ -122,8 +122,8 @@ def read_arrays(
         LayoutExploreError: Of the kind `error`: it is missing, cut off, damaged, of a later format, larger
             than the limits, or an array is missing or none of its rule.
     """
-    if not path.exists():
-        raise error(f"{path} is missing")
+    if not is_there(path):
+        raise error(f"{shown_path(path)} is missing: there is no such file")
     data = read_bytes(path, error, "archive")
     try:
         arrays = _unpack(data, tuple(beginnings), path, error)
@@ -223,7 +223,7 @@ def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
 @checks_arguments
 def is_whole(path: Path) -> bool:
     """Whether an archive is there and was written to its end: its table of contents comes last."""
-    return path.is_file() and zipfile.is_zipfile(path)
+    return is_file(path) and zipfile.is_zipfile(path)
 
 
 @checks_arguments

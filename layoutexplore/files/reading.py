@@ -78,6 +78,12 @@ def is_there(path: Path) -> bool:
         return False
 
 
+@checks_arguments
+def is_file(path: Path) -> bool:
+    """Whether there is such a file: none of a name that no file can have."""
+    return is_there(path) and path.is_file()
+
+
 def _check_regular(mode: int, path: Path, error: Kind, what: str) -> None:
     if not stat.S_ISREG(mode):
         kind = next((name for test, name in _KINDS if test(mode)), "no file")

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import MapError, MapWarning, checks_arguments, shortened
 from layoutexplore.files import read_yaml, write_atomically
 from layoutexplore.files.images import read_pixels
+from layoutexplore.files.reading import is_file
 from layoutexplore.grids.arrays import Bytes, Cells, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.image_map import grid_from_image, is_from_map_saver
@@ -188,10 +189,10 @@ def _find_image(path: Path, named: str, anywhere: bool) -> Path:
     image = path.parent / named
     home = Path(os.path.abspath(path.parent))  # noqa: PTH100 - links are followed by those who set them
     inside = Path(os.path.abspath(image)).is_relative_to(home)  # noqa: PTH100
-    if (inside or anywhere) and image.is_file():
+    if (inside or anywhere) and is_file(image):
         return image
     beside = path.parent / Path(named.replace("\\", "/")).name
-    if beside != image and beside.is_file():
+    if beside != image and is_file(beside):
         warnings.warn(f"{path}: reads {beside.name} beside it instead of {named}", MapWarning, stacklevel=5)
         return beside
     if inside or anywhere:

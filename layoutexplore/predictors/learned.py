@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import checks_calls
 from layoutexplore.files import fingerprint
+from layoutexplore.files.reading import is_there
 from layoutexplore.frontiers.classes import LITTLE_LEFT, FrontierClasses
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Floats, Floats32, Ints32
@@ -170,7 +171,7 @@ class LearnedPredictor:
         self._frontiers = load_forests(paths[0], FEATURES, ("closed", "leftover", "area"))
         self._cells = load_forests(paths[1], cell_features.FEATURES, ("first", "inside"))
         of_cells, of_frontiers = ((folder or FOLDER) / path.name for path in (CELL_NETWORK, FRONTIER_NETWORK))
-        networks = [path for path in (of_cells, of_frontiers) if network and path.exists()]
+        networks = [path for path in (of_cells, of_frontiers) if network and is_there(path)]
         self._room_network = (
             CellNetwork(load_weights(of_cells, shapes_of(LAYERS))) if of_cells in networks else None
         )

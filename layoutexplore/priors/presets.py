@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import ConfigError, MapError, unknown_name
+from layoutexplore.files.reading import is_there
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import find_plans, load_plan, plan_names
@@ -150,7 +151,7 @@ def _index(sources: tuple[str, ...]) -> tuple[tuple[str, str, str, float], ...]:
     found = []
     for source in sources:
         try:
-            plan = load_plan(Path(source) if Path(source).exists() else source)
+            plan = load_plan(Path(source) if is_there(Path(source)) else source)
         except MapError:
             continue
         found.append((source, plan.name, plan.building, max(plan.area, 1.0)))

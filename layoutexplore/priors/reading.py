@@ -13,6 +13,7 @@ import numpy as np
 
 from layoutexplore.errors import MapError, MissingExtraError, checks_arguments
 from layoutexplore.files.images import read_pixels
+from layoutexplore.files.reading import is_file, is_there
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.ros_map import IMAGE_SUFFIXES
@@ -81,7 +82,7 @@ def read_prior(path: str | Path, hints: PriorHints | None = None) -> PriorPlan:
     """
     hints = hints or PriorHints()
     place, _ = split_level(str(path))
-    if place.suffix.lower() in IMAGE_SUFFIXES and place.is_file() and not shows_rooms(path):
+    if place.suffix.lower() in IMAGE_SUFFIXES and is_file(place) and not shows_rooms(path):
         image = on_paper(read_pixels(place))
         try:
             return prior_of_picture(image, name=place.name, hints=hints).prior
@@ -89,7 +90,7 @@ def read_prior(path: str | Path, hints: PriorHints | None = None) -> PriorPlan:
             raise MapError(f"{place}: {error}") from error
     plan = load_plan(path)
     prior = prior_of_plan(plan, hints)
-    return dataclasses.replace(prior, name=str(path) if place.exists() else plan.name)
+    return dataclasses.replace(prior, name=str(path) if is_there(place) else plan.name)
 
 
 @checks_arguments
