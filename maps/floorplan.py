@@ -26,7 +26,7 @@ from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError, checks_calls, shortened
 from layoutexplore.files.limits import limits
-from layoutexplore.grids.arrays import Floats, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Floats, Labels, Mask, label_type
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.polygons import Point, fill, polygons_of, seal_diagonals
 from layoutexplore.maps.raster import MOST_CELLS, PlanRaster, check_stretch, resample
@@ -296,25 +296,28 @@ class FloorPlan:
 
 def _draw_shapes(
     plan: FloorPlan, shape: tuple[int, int], resolution: float, origin: Pose
-) -> tuple[Mask, Ints32]:
+) -> tuple[Mask, Labels]:
     """Occupied cells and room ids from the polygons."""
     corner = (origin.x, origin.y)
-    room_ids, floor, solid = (np.zeros(shape, np.int32) for _ in range(3))
+    highest = max((room.id for room in plan.rooms), default=0)
+    room_ids: Labels = np.zeros(shape, label_type(highest))
     for room in sorted(plan.rooms, key=lambda room: -room.polygon.area):
         fill(room_ids, room.polygon, room.id, resolution, corner)
-    fill(floor, plan.passages, 1, resolution, corner)
+    occupied = room_ids == 0
+    solid = occupied.view(np.uint8)
+    fill(solid, plan.passages, 0, resolution, corner)
     for door in plan.doors:
         if door.is_open:
-            fill(floor, plan.opening(door), 1, resolution, corner)
+            fill(solid, plan.opening(door), 0, resolution, corner)
     fill(solid, plan.walls, 1, resolution, corner, sealed=True)
     fill(solid, plan.furniture, 1, resolution, corner, sealed=True)
     _close_doors(plan, solid, resolution, corner)
-    return ((room_ids == 0) & (floor == 0)) | (solid != 0), room_ids
+    return occupied, room_ids
 
 
 def _draw_source(
     plan: FloorPlan, shape: tuple[int, int], resolution: float, origin: Pose
-) -> tuple[Mask, Ints32]:
+) -> tuple[Mask, Labels]:
     """Occupied cells and room ids from the image that the plan was born as."""
     assert plan.source is not None
     source, corner = plan.source, (origin.x, origin.y)
@@ -322,12 +325,12 @@ def _draw_source(
     right, up = origin.x - source.origin.x, origin.y - source.origin.y
     offset = (right / source.resolution, up / source.resolution)
     occupied, room_ids = resample(source, (ratio, ratio), offset, shape)
-    solid = np.zeros(shape, np.int32)
-    _close_doors(plan, solid, resolution, corner)
-    return occupied | (solid != 0), room_ids
+    _close_doors(plan, occupied.view(np.uint8), resolution, corner)
+    return occupied, room_ids
 
 
-def _close_doors(plan: FloorPlan, solid: Ints32, resolution: float, corner: Point) -> None:
+def _close_doors(plan: FloorPlan, solid: Bytes, resolution: float, corner: Point) -> None:
+    """Write 1 into the cells uint8 (rows, cols) of all doors that are closed."""
     for door in plan.doors:
         if not door.is_open:
             fill(solid, plan.opening(door), 1, resolution, corner, sealed=True)

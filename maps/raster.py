@@ -9,24 +9,21 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import cv2
 import numpy as np
 
 from layoutexplore.errors import MapError, checks_calls, shortened
-from layoutexplore.grids.arrays import Ints32, Labels, Mask, small_labels
+from layoutexplore.grids.arrays import Ints, Ints32, Labels, Mask, small_labels
+from layoutexplore.grids.components import join_runs
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.morphology import grow, inflate
 from layoutexplore.grids.polygons import Point, resample_solid
+from layoutexplore.grids.runs import runs_of, write_runs
 
 SIGHT_BEYOND_REACH = 0.8
 """Metres of free space beyond the reachable cells that an exploration is asked to see."""
 
 LARGEST_ROBOT = 100.0
 """Metres: a greater radius of a robot is a mistake, and would take much memory."""
-
-_COUNTED = 1 << 20
-"""Cells that are counted at once."""
-
 
 MOST_CELLS = 400_000_000
 """A raster with more takes more memory than most computers have."""
@@ -155,9 +152,9 @@ class PlanRaster:
         key = ("target", robot_radius, area)
         if key not in self._cache:
             reachable = self._reachable(robot_radius, area)
-            self._cache[key] = grow(reachable, self.free, SIGHT_BEYOND_REACH / self.resolution)
-        target: Mask = self._cache[key]
-        return target
+            target = grow(reachable, self.free, SIGHT_BEYOND_REACH / self.resolution)
+            self._cache[key] = runs_of(target.view(np.uint8), 1)
+        return self._painted(self._cache[key])
 
     @property
     def _frame(self) -> OccupancyGrid:
@@ -168,24 +165,31 @@ class PlanRaster:
         frame: OccupancyGrid = self._cache["frame"]
         return frame
 
-    def _areas(self, robot_radius: float) -> list[Mask]:
-        """Connected areas that were asked for, bool (rows, cols); the first is the largest, if any is."""
+    def _areas(self, robot_radius: float) -> list[Ints32]:
+        """Connected areas that were asked for, as the runs of their cells int32 (n, 3).
+
+        The first is the largest, if any is.
+        """
         key = ("areas", robot_radius)
         if key not in self._cache:
-            count, labels = self._label(robot_radius)
-            sizes = np.zeros(count, np.int64)
-            for begin in range(0, labels.size, _COUNTED):  # counting takes eight bytes a cell
-                sizes += np.bincount(labels.reshape(-1)[begin : begin + _COUNTED], minlength=count)
-            sizes[0] = 0
-            self._cache[key] = [labels == sizes.argmax()] if sizes.any() else []
-        areas: list[Mask] = self._cache[key]
+            runs, number = self._parts(robot_radius)
+            sizes = np.zeros(number.max(initial=-1) + 1, np.int64)
+            np.add.at(sizes, number, runs[:, 2] - runs[:, 1])
+            self._cache[key] = [runs[number == sizes.argmax()]] if len(sizes) else []
+        areas: list[Ints32] = self._cache[key]
         return areas
 
-    def _label(self, robot_radius: float) -> tuple[int, Ints32]:
-        """How many connected areas there are, blocked cells being number 0, and the area of each cell."""
-        open_cells = (~self.blocked(robot_radius)).view(np.uint8)
-        count, labels = cv2.connectedComponents(open_cells, connectivity=4, ltype=cv2.CV_32S)
-        return count, np.asarray(labels, np.int32)
+    def _parts(self, robot_radius: float) -> tuple[Ints32, Ints]:
+        """The runs int32 (n, 3) of cells that are not blocked, and the connected area int64 (n,) of each."""
+        blocked = self.blocked(robot_radius).view(np.uint8)
+        runs = runs_of(blocked, 0)
+        return runs, join_runs(runs, blocked, 0)
+
+    def _painted(self, runs: Ints32) -> Mask:
+        """Bool (rows, cols): the cells of some runs."""
+        mask = np.zeros(self.shape, np.bool_)
+        write_runs(runs, np.ones(len(runs), np.int64), mask.view(np.int8))
+        return mask
 
     def _area(self, robot_radius: float, start: Cell | None) -> int:
         """Which of the `_areas` holds the start, or is the largest without one; -1 where it cannot stand."""
@@ -198,14 +202,19 @@ class PlanRaster:
         inside = 0 <= row < self.shape[0] and 0 <= col < self.shape[1]
         if not inside or self.blocked(robot_radius)[row, col]:
             return -1
-        found = next((k for k, area in enumerate(areas) if area[row, col]), len(areas))
+        found = next((k for k, area in enumerate(areas) if _holds(area, row, col).any()), len(areas))
         if found == len(areas):
-            labels = self._label(robot_radius)[1]
-            areas.append(labels == labels[row, col])
+            runs, number = self._parts(robot_radius)
+            areas.append(runs[number == number[_holds(runs, row, col)]])
         return found
 
     def _reachable(self, robot_radius: float, area: int) -> Mask:
-        return self._areas(robot_radius)[area] if area >= 0 else np.zeros(self.shape, np.bool_)
+        return self._painted(self._areas(robot_radius)[area] if area >= 0 else np.empty((0, 3), np.int32))
+
+
+def _holds(runs: Ints32, row: int, col: int) -> Mask:
+    """Bool (n,): which of some runs int32 (n, 3) holds a cell."""
+    return (runs[:, 0] == row) & (runs[:, 1] <= col) & (col < runs[:, 2])
 
 
 def resample(source: PlanRaster, ratios: Point, offset: Point, shape: tuple[int, int]) -> tuple[Mask, Labels]:

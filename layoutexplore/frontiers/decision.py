@@ -256,20 +256,31 @@ class Truth:
     Attributes:
         plan: The floor plan.
         raster: The plan at the simulation's resolution, in the frame of the robot's grid.
-        target: bool (rows, cols), the free cells that have to be seen.
-        reachable: bool (rows, cols), the cells the robot's centre can reach.
+        start: The cell where the robot begins.
         sensor: The lidar's configuration.
         robot_radius: In metres.
+        region: bool (rows, cols), the cells that count; None for all.
         seed: Of the run.
     """
 
     plan: FloorPlan
     raster: PlanRaster
-    target: Mask
-    reachable: Mask
+    start: Cell
     sensor: LidarConfig
     robot_radius: float
+    region: Mask | None = None
     seed: int = 0
+
+    @property
+    def target(self) -> Mask:
+        """Bool (rows, cols): the free cells that have to be seen, painted anew at every call."""
+        target = self.raster.coverage_target(self.robot_radius, self.start)
+        return target if self.region is None else target & self.region
+
+    @property
+    def reachable(self) -> Mask:
+        """Bool (rows, cols): the cells the robot's centre can reach, painted anew at every call."""
+        return self.raster.reachable(self.robot_radius, self.start)
 
 
 @runtime_checkable

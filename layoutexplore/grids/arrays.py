@@ -35,6 +35,16 @@ Words = NDArray[np.uint64]
 """Sets as bits, 64 a word."""
 
 
+def label_type(highest: int) -> type[np.signedinteger[Any]]:
+    """The type of labels that are at most so far from 0: int16 where that holds them, else int32.
+
+    Example:
+        >>> label_type(40_000)
+        <class 'numpy.int32'>
+    """
+    return np.int16 if highest <= np.iinfo(np.int16).max else np.int32
+
+
 def small_labels(labels: NDArray[np.integer[Any]], highest: int) -> Labels:
     """Labels that are at most so far from 0, C-contiguous, as int16 where that holds them, else as int32.
 
@@ -44,4 +54,4 @@ def small_labels(labels: NDArray[np.integer[Any]], highest: int) -> Labels:
         >>> small_labels(np.array([[1, 2]]), 2).dtype, small_labels(np.array([[1, 40_000]]), 40_000).dtype
         (dtype('int16'), dtype('int32'))
     """
-    return np.ascontiguousarray(labels, np.int16 if highest <= np.iinfo(np.int16).max else np.int32)
+    return np.ascontiguousarray(labels, label_type(highest))

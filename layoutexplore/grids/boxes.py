@@ -64,3 +64,15 @@ def union(a: Box, b: Box) -> Box:
     if b[0] >= b[1]:
         return a
     return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])
+
+
+def grown_box(box: Box, margin: int, shape: tuple[int, ...]) -> Box:
+    """A half-open box with a margin around it, inside of a grid of (rows, cols).
+
+    Example:
+        >>> grown_box((2, 3, 4, 5), 3, (10, 6))
+        (0, 6, 1, 6)
+    """
+    row0, row1, col0, col1 = box
+    rows, cols = shape
+    return max(row0 - margin, 0), min(row1 + margin, rows), max(col0 - margin, 0), min(col1 + margin, cols)

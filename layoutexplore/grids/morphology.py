@@ -89,6 +89,25 @@ def disc_offsets(radius: float, *, closed: bool = False) -> Ints32:
     return np.ascontiguousarray(np.argwhere(near) - near.shape[0] // 2, np.int32)
 
 
+@njit(cache=True, nogil=True)
+def measure_clearance(field: Bytes) -> None:
+    """Turn what is not 0 into the Chebyshev distance to the nearest 0, at most 255; the border is 0."""
+    rows, cols = field.shape
+    # Down from the cells before, then up from those behind (Rosenfeld and Pfaltz, "Sequential operations in
+    # digital picture processing", JACM 1966): a step is one, also aslant, so that two passes do.
+    for r in range(1, rows - 1):
+        before, here = field[r - 1], field[r]
+        for c in range(1, cols - 1):
+            if here[c]:
+                nearest = min(before[c - 1], before[c], before[c + 1], here[c - 1])
+                here[c] = min(nearest, 254) + 1
+    for r in range(rows - 2, 0, -1):
+        behind, here = field[r + 1], field[r]
+        for c in range(cols - 2, 0, -1):
+            nearest = min(behind[c - 1], behind[c], behind[c + 1], here[c + 1])
+            here[c] = min(here[c], min(nearest, 254) + 1)
+
+
 def grow(seeds: Mask, free: Mask, steps: float) -> Mask:
     """Free cells within an octile geodesic distance of the seeds, the free seeds included.
 

@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 import shapely
 from numba import njit
+from numpy.typing import NDArray
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.grids.arrays import Floats, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Mask
 
 Point = tuple[float, float]
 """World point (x, y) in metres."""
@@ -58,7 +59,7 @@ def valid_polygons(polygons: Any) -> list[Polygon]:
 
 
 def fill(
-    target: Ints32,
+    target: NDArray[np.integer[Any]],
     geometry: BaseGeometry,
     value: int,
     resolution: float,
@@ -69,7 +70,7 @@ def fill(
     """Write `value` into the cells whose centre lies in the geometry's polygons, in place.
 
     Args:
-        target: int32 (rows, cols), C-contiguous.
+        target: Integers (rows, cols), C-contiguous.
         geometry: Valid polygons in metres; overlapping parts are fine.
         value: What to write.
         resolution: Side of a cell in metres.
@@ -107,7 +108,7 @@ def _edges(polygon: Polygon, resolution: float, origin: Point) -> Floats:
 
 
 @njit(cache=True, nogil=True)
-def _fill(edges: Floats, target: Ints32, value: int, transposed: bool, thin: bool) -> None:
+def _fill(edges: Floats, target: NDArray[Any], value: int, transposed: bool, thin: bool) -> None:
     """Even-odd scan along the lines v = 0, 1, ...; transposed: only the thin crossings, of the columns."""
     lines, cells = target.shape
     if transposed:

@@ -64,6 +64,37 @@ def find_runs(cells: NDArray[Any], background: Any) -> Ints32:
     return runs[:n]
 
 
+@njit(cache=True, nogil=True)
+def runs_of(cells: NDArray[Any], value: int) -> Ints32:
+    """The runs of one value along the rows, as of `find_runs`.
+
+    Args:
+        cells: Integers (rows, cols).
+        value: Of the runs.
+    """
+    runs = np.empty((256, 3), np.int32)
+    n = 0
+    for r in range(cells.shape[0]):
+        row, c = cells[r], 0
+        while c < row.size:
+            here, first = row[c], c
+            c = run_end(row, c, here)
+            if here != value:
+                continue
+            if n == len(runs):
+                runs = np.concatenate((runs, np.empty_like(runs)))
+            runs[n, 0], runs[n, 1], runs[n, 2] = r, first, c
+            n += 1
+    return runs[:n].copy()
+
+
+@njit(cache=True, nogil=True)
+def write_runs(runs: Ints32, number: Ints, labels: NDArray[Any]) -> None:
+    """Write the number int64 (n,) of each run int32 (n, 3) into its cells."""
+    for k in range(len(runs)):
+        labels[runs[k, 0], runs[k, 1] : runs[k, 2]] = np.int32(number[k])
+
+
 def run_lengths(mask: Mask) -> Ints:
     """The lengths int64 (n,) in cells of the runs of true cells along the rows of a mask, in raster order.
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Bytes, Cells, Ints32
-from layoutexplore.grids.boxes import Box, union
+from layoutexplore.grids.boxes import Box, grown_box, union
 from layoutexplore.grids.connected_tiles import ConnectedTiles
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
 from layoutexplore.grids.morphology import inflate
@@ -165,7 +165,7 @@ class Traversability:
             box = (0, rows, 0, cols)
         # The inflation reaches so far from the changes, moves a cell farther; and they hang on the cells
         # beside.
-        changed = _grown(box, self._margin + 1, self._shape)
+        changed = grown_box(box, self._margin + 1, self._shape)
         window = self._window(cells, changed)
         if self.corners is None:
             find_moves(window, self._search.moves, changed[0], changed[2])
@@ -173,8 +173,8 @@ class Traversability:
 
     def _window(self, cells: Cells, changed: Box) -> Bytes:
         """uint8 (n + 2, m + 2): where a robot can plan through in a box of the grid and a cell around it."""
-        beside = _grown(changed, 1, self._shape)
-        around = _grown(beside, self._margin, self._shape)
+        beside = grown_box(changed, 1, self._shape)
+        around = grown_box(beside, self._margin, self._shape)
         seen = cells[around[0] : around[1], around[2] : around[3]]
         free = (seen == FREE) & ~inflate(seen == OCCUPIED, self._radius, self._resolution)
         window = np.zeros((changed[1] - changed[0] + 2, changed[3] - changed[2] + 2), np.uint8)
@@ -193,14 +193,3 @@ class Traversability:
 def _size(box: Box) -> int:
     """Cells in a box."""
     return max(box[1] - box[0], 0) * max(box[3] - box[2], 0)
-
-
-def _grown(box: Box, margin: int, shape: tuple[int, int]) -> Box:
-    """A box with a margin around it, inside of a grid."""
-    row0, row1, col0, col1 = box
-    return (
-        max(row0 - margin, 0),
-        min(row1 + margin, shape[0]),
-        max(col0 - margin, 0),
-        min(col1 + margin, shape[1]),
-    )

@@ -13,11 +13,11 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Cells
-from layoutexplore.grids.boxes import Box
+from layoutexplore.grids.boxes import Box, grown_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
-from layoutexplore.grids.grown_components import SEED, GrownComponents, grown_box
 from layoutexplore.grids.morphology import disc
 from layoutexplore.layout.doorways import SHIPPED, Regions, find_doors, gap_type
+from layoutexplore.layout.grown_components import SEED, GrownComponents
 
 _REACH = 2.0 * SHIPPED.door_max + SHIPPED.widening
 """Metres: a cell farther away than this has no say in whether a cell is of a door."""

@@ -23,7 +23,6 @@ import weakref
 from dataclasses import dataclass
 from functools import lru_cache
 
-import cv2
 import numpy as np
 from numba import njit
 
@@ -37,10 +36,10 @@ from layoutexplore.errors import (
 )
 from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Mask
 from layoutexplore.grids.grid import Pose, check_resolution
+from layoutexplore.grids.morphology import measure_clearance
 from layoutexplore.grids.rays import ray_frame, steps
 from layoutexplore.options import Rule, check, check_kind
 
-_MAX_CLEARANCE = 255
 _SKIP_FROM = 3
 """A jump is cheaper than single steps from this clearance on."""
 
@@ -279,10 +278,9 @@ _shared_fields: dict[int, tuple[weakref.ref[Mask], Bytes]] = {}
 
 
 def _clearance(occupied: Mask) -> Bytes:
-    free = np.zeros((occupied.shape[0] + 2, occupied.shape[1] + 2), np.uint8)
-    free[1:-1, 1:-1] = occupied == 0
-    distance = cv2.distanceTransform(free, cv2.DIST_C, 3)
-    field = np.minimum(distance, _MAX_CLEARANCE).astype(np.uint8)
+    field = np.zeros((occupied.shape[0] + 2, occupied.shape[1] + 2), np.uint8)
+    np.equal(occupied, 0, out=field[1:-1, 1:-1])
+    measure_clearance(field)
     field.setflags(write=False)
     return field
 

@@ -236,7 +236,8 @@ def begin_run(
         pose = draw_start(raster, radius, start_rng, region)
     else:
         pose = check_start(raster, radius, start, region)
-    truth = dataclasses.replace(_truth(plan, raster, config, pose, region), seed=seed)
+    cell = raster.world_to_cell(pose.x, pose.y)
+    truth = Truth(plan, raster, cell, config.lidar, radius, region, seed)
     shape, resolution, origin = raster.shape, raster.resolution, raster.origin
     coverage = TargetCoverage(truth.target, raster.room_ids)
     mapper = Mapper(shape, resolution, origin)
@@ -270,22 +271,6 @@ def begin_run(
         second_look=SecondLook(config.frontier_min_size),
         region=region,
         localiser=Localiser(mapper.grid, config.odometry_noise) if corrects(config) else None,
-    )
-
-
-def _truth(
-    plan: FloorPlan, raster: PlanRaster, config: SimulationConfig, pose: Pose, region: Mask | None
-) -> Truth:
-    """The ground truth of a run that begins at a pose."""
-    radius, cell = config.robot_radius, raster.world_to_cell(pose.x, pose.y)
-    target = raster.coverage_target(radius, cell)
-    return Truth(
-        plan=plan,
-        raster=raster,
-        target=target if region is None else target & region,
-        reachable=raster.reachable(radius, cell),
-        sensor=config.lidar,
-        robot_radius=radius,
     )
 
 

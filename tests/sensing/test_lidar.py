@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -143,6 +144,15 @@ def test_clearance_is_the_chebyshev_distance() -> None:
     for r, c in np.ndindex(padded.shape):
         assert clearance_field(world)[r, c] == np.maximum(abs(rows - r), abs(cols - c)).min()
     assert Lidar(SENSORS["short"], world, 0.1, ORIGIN).clearance.shape == world.shape
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-5, 0.001, 0.3])
+def test_clearance_is_that_of_the_distance_transform(share: float) -> None:
+    """In halls too that are wider than a byte can say."""
+    world = np.random.default_rng(4).random((600, 700)) < share
+    free = np.pad(~world, 1).astype(np.uint8)
+    expected = np.minimum(cv2.distanceTransform(free, cv2.DIST_C, 3), 255)
+    np.testing.assert_array_equal(clearance_field(world), expected)
 
 
 def test_lidars_over_one_read_only_world_share_their_clearance() -> None:

@@ -6,8 +6,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Cells
-from layoutexplore.grids.boxes import Box
-from layoutexplore.grids.grown_components import grown_box
+from layoutexplore.grids.boxes import Box, grown_box
 from layoutexplore.layout.doorways import Gaps, Regions
 from layoutexplore.predictors.bit_map import (
     ALONG_COLS,

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from layoutexplore.grids.arrays import Cells, Ints
-from layoutexplore.grids.grown_components import BARE, SEED, GrownComponents, runs_of
+from layoutexplore.grids.runs import runs_of
+from layoutexplore.layout.grown_components import BARE, SEED, GrownComponents
 
 OTHER = 100
 

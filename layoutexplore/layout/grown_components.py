@@ -9,16 +9,14 @@ may have another number now. Seeds are kept as runs, which are few.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Cells, Ints, Ints32, Labels, Mask
-from layoutexplore.grids.boxes import Box, union
+from layoutexplore.grids.boxes import Box, grown_box, union
 from layoutexplore.grids.components import join_runs
-from layoutexplore.grids.runs import run_end
+from layoutexplore.grids.runs import run_end, runs_of, write_runs
 
 SEED, BARE = -128, 0
 """What a cell can be; all other values stand for cells without a label."""
@@ -26,7 +24,7 @@ SEED, BARE = -128, 0
 _NO_RUNS = np.empty((0, 3), np.int32)
 
 _LEAST_CONTEXT = 8
-"""Cells around the part that is grown anew, at least: so far paths are followed from outside."""
+"""Least margin of the part that is grown anew, whatever a cell measures: paths are followed from outside."""
 
 LARGE = 0.5
 """Where more than this share of the grid would be grown anew, all of it is, which needs no copy."""
@@ -164,44 +162,6 @@ def _touching(runs: Ints32, box: Box) -> Mask:
 
 def _size(box: Box) -> int:
     return (box[1] - box[0]) * (box[3] - box[2])
-
-
-def grown_box(box: Box, margin: int, shape: tuple[int, ...]) -> Box:
-    """A half-open box with a margin around it, inside of a grid of (rows, cols)."""
-    row0, row1, col0, col1 = box
-    rows, cols = shape
-    return max(row0 - margin, 0), min(row1 + margin, rows), max(col0 - margin, 0), min(col1 + margin, cols)
-
-
-@njit(cache=True, nogil=True)
-def runs_of(cells: NDArray[Any], value: int) -> Ints32:
-    """The runs of one value along the rows, as of `layoutexplore.grids.runs.find_runs`.
-
-    Args:
-        cells: Integers (rows, cols).
-        value: Of the runs.
-    """
-    runs = np.empty((256, 3), np.int32)
-    n = 0
-    for r in range(cells.shape[0]):
-        row, c = cells[r], 0
-        while c < row.size:
-            here, first = row[c], c
-            c = run_end(row, c, here)
-            if here != value:
-                continue
-            if n == len(runs):
-                runs = np.concatenate((runs, np.empty_like(runs)))
-            runs[n, 0], runs[n, 1], runs[n, 2] = r, first, c
-            n += 1
-    return runs[:n].copy()
-
-
-@njit(cache=True, nogil=True)
-def write_runs(runs: Ints32, number: Ints, labels: Labels) -> None:
-    """Write the number int64 (n,) of each run int32 (n, 3) into its cells."""
-    for k in range(len(runs)):
-        labels[runs[k, 0], runs[k, 1] : runs[k, 2]] = np.int32(number[k])
 
 
 @njit(cache=True, nogil=True)
