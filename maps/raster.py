@@ -214,7 +214,7 @@ class PlanRaster:
 
 def _holds(runs: Ints32, row: int, col: int) -> Mask:
     """Bool (n,): which of some runs int32 (n, 3) holds a cell."""
-    return (runs[:, 0] == row) & (runs[:, 1] <= col) & (col < runs[:, 2])
+    return np.asarray((runs[:, 0] == row) & (runs[:, 1] <= col) & (col < runs[:, 2]))
 
 
 def resample(source: PlanRaster, ratios: Point, offset: Point, shape: tuple[int, int]) -> tuple[Mask, Labels]:
