@@ -282,12 +282,14 @@ def _ranked(
     ]
     ratios = _by_agent(compare(rows, baseline))
     bounds = {agent for agent in entrants if knows_the_plan(agent)}
-    order = sorted(entrants, key=lambda agent: (agent not in bounds, _estimate(ratios[agent], "d95"), agent))
+    order = sorted(
+        entrants, key=lambda agent: (agent not in bounds, _at_95(ratios, agent).ratio.estimate, agent)
+    )
     best = next((agent for agent in order if agent not in bounds), baseline)
     against_best = _by_agent(compare(rows, best))
     for k, agent in enumerate(order):
         mine = ratios[agent]
-        lead = against_best[agent][_group(against_best[agent]), "d95"].ratio
+        lead = _at_95(against_best, agent).ratio
         yield Standing(
             rank=0 if agent in bounds else k + 1 - len(bounds),
             entrant=entrants[agent],
@@ -313,5 +315,9 @@ def _group(comparisons: Mapping[tuple[str, str], Comparison]) -> str:
     return POOLED if POOLED in groups else min(groups)
 
 
-def _estimate(comparisons: Mapping[tuple[str, str], Comparison], metric: str) -> float:
-    return comparisons[_group(comparisons), metric].ratio.estimate
+def _at_95(comparisons: Mapping[str, Mapping[tuple[str, str], Comparison]], agent: str) -> Comparison:
+    """An agent's metres to 95 %, over all sensors."""
+    mine = comparisons.get(agent, {})
+    if not mine or (_group(mine), "d95") not in mine:
+        raise ResultsError(f"no run of {agent} can be compared at 95 %: results.csv is damaged; run it again")
+    return mine[_group(mine), "d95"]

@@ -15,7 +15,7 @@ from typing import Any
 
 import layoutexplore
 from layoutexplore.documentation.reference import Command, command_page, module_pages
-from layoutexplore.errors import LayoutExploreError, require
+from layoutexplore.errors import LayoutExploreError, ResultsError, require
 
 PAGES = Path(__file__).resolve().parent / "pages"
 FIRST = ("start", "own-agent", "own-predictor", "own-building", "reading-results")
@@ -36,10 +36,12 @@ def build_site(out: Path, command: Command, *, reference: bool = True) -> Path:
         reference: With the pages of all public names (they take most of the time).
 
     Raises:
-        LayoutExploreError: A page has a broken link, a name in it does not exist, or MkDocs is missing.
+        LayoutExploreError: A page has a broken link, a name in it does not exist, MkDocs is missing, or the
+            folder holds something else than a site of a former build.
     """
     for module in ("mkdocs", "material", "mkdocstrings"):
         require(module, "docs")
+    _check_place(out)
     from mkdocs.commands.build import build
     from mkdocs.config import load_config
 
@@ -54,7 +56,8 @@ def build_site(out: Path, command: Command, *, reference: bool = True) -> Path:
             for name, text in module_pages(source / "layoutexplore").items():
                 (pages / "reference" / "modules").mkdir(exist_ok=True)
                 (pages / "reference" / "modules" / f"{name}.md").write_text(text, encoding="utf-8")
-        settings = _settings(pages, source, out)
+        built = Path(folder) / "site"
+        settings = _settings(pages, source, built)
         empty = Path(folder) / "mkdocs.yml"
         empty.write_text("site_name: layoutexplore\n", encoding="utf-8")
         complaints = _Complaints()
@@ -66,9 +69,19 @@ def build_site(out: Path, command: Command, *, reference: bool = True) -> Path:
             config.plugins.run_event("shutdown")
         finally:
             logging.getLogger("mkdocs").removeHandler(complaints)
-    if complaints.lines:
-        raise LayoutExploreError("the documentation has faults:\n" + "\n".join(complaints.lines))
+        if complaints.lines:
+            raise LayoutExploreError("the documentation has faults:\n" + "\n".join(complaints.lines))
+        if out.is_dir():
+            for old in out.iterdir():
+                shutil.rmtree(old) if old.is_dir() and not old.is_symlink() else old.unlink()
+        shutil.copytree(built, out, dirs_exist_ok=True)
     return out / "index.html"
+
+
+def _check_place(out: Path) -> None:
+    """See that nobody else's files lie where the site is to be."""
+    if out.is_dir() and any(out.iterdir()) and not (out / "reference" / "commands.html").is_file():
+        raise ResultsError(f"{out} holds other files, which a site would replace: give an empty folder")
 
 
 class _Complaints(logging.Handler):
@@ -100,7 +113,7 @@ def _copy_source(source: Path) -> None:
         (home / inside).write_text(text, encoding="utf-8")
 
 
-def _settings(pages: Path, source: Path, out: Path) -> dict[str, Any]:
+def _settings(pages: Path, source: Path, site: Path) -> dict[str, Any]:
     """What MkDocs is told; fonts and scripts stay on this machine."""
     options = {
         "docstring_style": "google",
@@ -115,7 +128,7 @@ def _settings(pages: Path, source: Path, out: Path) -> dict[str, Any]:
     handler = {"paths": [str(source)], "options": options}
     return {
         "docs_dir": str(pages),
-        "site_dir": str(out.resolve()),
+        "site_dir": str(site),
         "nav": _navigation(pages),
         "use_directory_urls": False,
         "theme": {

@@ -30,6 +30,14 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     assert (tmp_path / "site" / "reference" / "commands.html").is_file()
 
 
+def test_a_folder_with_other_files_is_left_as_it_is(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocs")
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(LayoutExploreError, match="other files"):
+        site.build_site(tmp_path, typer.main.get_command(app))
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
 def test_a_broken_link_stops_the_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mkdocs")
     shutil.copytree(site.PAGES, tmp_path / "pages")
