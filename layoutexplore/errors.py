@@ -154,24 +154,6 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameEr
     return UnknownNameError(f"unknown {kind} {shortened(name)}{hint}: {', '.join(listed)}{more}")
 
 
-def require(module: str, extra: str) -> ModuleType:
-    """Import an optional dependency, or say which extra brings it.
-
-    Args:
-        module: The module's import name.
-        extra: The extra of this package that installs it.
-
-    Raises:
-        MissingExtraError: The module is not installed.
-    """
-    try:
-        return importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        raise MissingExtraError(
-            f"{error.name} is not installed: pip install 'layoutexplore[{extra}]'"
-        ) from error
-
-
 _NUMBERS: dict[Any, tuple[type, ...]] = {
     float: (float, int, np.floating, np.integer),
     int: (int, np.integer),
@@ -227,6 +209,25 @@ def checks_arguments(function: Callable[P, R]) -> Callable[P, R]:
     return cast(Callable[P, R], walked) if inspect.isgeneratorfunction(function) else checked
 
 
+@checks_arguments
+def require(module: str, extra: str) -> ModuleType:
+    """Import an optional dependency, or say which extra brings it.
+
+    Args:
+        module: The module's import name.
+        extra: The extra of this package that installs it.
+
+    Raises:
+        MissingExtraError: The module is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(
+            f"{error.name} is not installed: pip install 'layoutexplore[{extra}]'"
+        ) from error
+
+
 def _named(
     error: Exception, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> Exception:
@@ -235,7 +236,8 @@ def _named(
         return error
     given = _given(function, args, kwargs)
     for name, (value, meant, annotation) in given.items():
-        if not _can_be(value, meant):
+        unlike = getattr(error, "obj", None) is value and type(value).__name__ not in annotation
+        if unlike or not _can_be(value, meant):
             return ConfigError(f"{function.__qualname__}: {name} must be {annotation}, got {_shown(value)}")
     # What the system refuses says itself why.
     for name, (value, meant, _) in given.items() if not isinstance(error, OSError) else ():
@@ -254,13 +256,13 @@ def _given(
         return {}
     found = {}
     for name, value in given.items():
-        annotation = function.__annotations__.get(name, Any)
+        annotation = function.__annotations__.get(name, "Any")
         try:
             names = _Names(function.__globals__)
             meant = eval(annotation, {}, names) if isinstance(annotation, str) else annotation
         except (AttributeError, TypeError):  # of a module imported for type checkers alone
             continue
-        found[name] = (value, meant, annotation)
+        found[name] = (value, meant, str(annotation))
     return found
 
 

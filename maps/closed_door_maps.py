@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments
-from layoutexplore.files.reading import is_file
+from layoutexplore.files.reading import is_file, is_there
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.ros_map import read_image
@@ -41,7 +41,7 @@ def find_triples(folder: Path) -> list[Triple]:
     Raises:
         MapError: No such folder, no maps in it, or a map without its truth.
     """
-    if not folder.is_dir():
+    if not (is_there(folder) and folder.is_dir()):
         raise MapError(f"{folder}: no such folder")
     triples = []
     for seen in folder.glob("*_doors_IN.png"):

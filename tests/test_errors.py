@@ -21,13 +21,26 @@ from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.suite import load_suite
 from layoutexplore.closed_doors import predict_closed_rooms
+from layoutexplore.drawing.pictures import draw_grid, draw_plan, draw_state
 from layoutexplore.drawing.prior_plans import side_by_side
-from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, checks_arguments, checks_calls
+from layoutexplore.envs.viewer import draw_text
+from layoutexplore.errors import (
+    ConfigError,
+    LayoutExploreError,
+    MapError,
+    checks_arguments,
+    checks_calls,
+    shortened,
+    unknown_name,
+)
 from layoutexplore.files import read_json, safe_name
-from layoutexplore.grids.arrays import Mask
+from layoutexplore.grids.arrays import Cells, Mask
+from layoutexplore.grids.image_map import grid_from_image
 from layoutexplore.importing.building import building_from_grid, building_of_plan
 from layoutexplore.importing.findings import find_faults
 from layoutexplore.layout.doorways import DoorwaysConfig, doorway_regions
+from layoutexplore.layout.outlines import label_polygons
+from layoutexplore.maps.generator import generate
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.exploration import auc_horizon, revisit_share
@@ -47,12 +60,21 @@ from layoutexplore.report.benchmark import write_benchmark_report
 from layoutexplore.sensing.lidar import Lidar, sensor
 from layoutexplore.sensing.mapper import Mapper
 from layoutexplore.simulation.episode import play, run_seed, start_pose
+from layoutexplore.simulation.region import read_region
 from layoutexplore.simulation.way_back import return_to_start
 from tests.plans import HOUSE
 
+
+class Shy:
+    """An object that cannot show itself."""
+
+    def __repr__(self) -> str:
+        raise RuntimeError
+
+
 KINDS: tuple[Any, ...] = (
     None, "nonsense", b"x", 1j, [], {}, (), [None], {"a": 1}, [[1, 2], [3]], np.array("x"), object(), int,
-    10**400, math.nan, math.inf, 1e300,
+    10**400, math.nan, math.inf, 1e300, Shy(), [Shy()],
 )  # fmt: skip
 """Values of kinds that hardly any argument can be."""
 
@@ -103,7 +125,7 @@ def test_no_wrong_call_ends_in_an_error_of_python(kind: type, name: str, argumen
         except LayoutExploreError:
             continue
         except Exception as error:
-            failures[repr(value)] = f"{type(error).__name__}: {error}"
+            failures[shortened(value)] = f"{type(error).__name__}: {error}"
     assert not failures
 
 
@@ -146,7 +168,16 @@ def functions() -> dict[str, tuple[Callable[[str, Any], Any], tuple[str, ...]]]:
         (load_suite, {"name": "v1"}),
         (write_benchmark_report, {"folder": None}),
         (predict_closed_rooms, {"grid": grid}),
-        (read_json, {"path": Path("nowhere.json")}),
+        (read_json, {"path": Path("nowhere.json"), "schema": None, "error": MapError}),
+        (draw_grid, {"grid": grid, "scale": 1}),
+        (draw_plan, {"raster": raster(), "scale": 1}),
+        (draw_state, {"simulation": simulation(), "size": (640, 480), "target": 0, "agent": "x"}),
+        (draw_text, {"simulation": simulation(), "columns": 80}),
+        (label_polygons, {"labels": rooms}),
+        (grid_from_image, {"grey": np.zeros((9, 9), np.uint8), "resolution": 0.1, "unknown_grey": "auto"}),
+        (generate, {"family": "office", "seed": 1, "config": None}),
+        (read_region, {"text": "0,0 1,0 1,1"}),
+        (simulation().decision.path_lengths, {"chosen": [0]}),
         (safe_name, {"name": "x"}),
         (BenchmarkConfig, {"plans": ("office:1",), "cell_mb": 900, "cell_seconds": 9}),
         (floorplan_from_ascii, {"text": HOUSE, "resolution": 0.6}),
@@ -166,7 +197,7 @@ def test_no_wrong_call_of_a_function_ends_in_an_error_of_python(name: str) -> No
             except LayoutExploreError:
                 continue
             except Exception as error:
-                failures[argument, repr(value)[:30]] = f"{type(error).__name__}: {error}"
+                failures[argument, shortened(value)[:30]] = f"{type(error).__name__}: {error}"
     assert not failures
 
 
@@ -207,7 +238,7 @@ def test_nonsense_alone_ends_in_an_error_of_ours(function: Callable[..., Any]) -
         except LayoutExploreError:
             continue
         except Exception as error:
-            failures[repr(value)[:30]] = f"{type(error).__name__}: {error}"
+            failures[shortened(value)[:30]] = f"{type(error).__name__}: {error}"
     assert not failures
 
 
@@ -283,3 +314,39 @@ def test_alternatives_and_arrays_are_kinds() -> None:
             total(values, pose)  # type: ignore[arg-type]
     with pytest.raises(IndexError):
         total([1], Pose(0.0, 0.0, 0.0))  # type: ignore[arg-type]
+
+
+def test_what_is_unusual_about_an_argument_is_told() -> None:
+    """An argument of the right kind explains an error, too: an empty list, another type of array, a zero."""
+
+    @checks_arguments
+    def first(cells: Cells, resolution: float = 1.0, parts: Sequence[int] = (1,)) -> float:
+        return float(cells[0, 0]) / resolution + parts[0]
+
+    good = np.zeros((2, 2), np.int8)
+    assert first(good) == 1.0
+    for told, given in {
+        r"cells has the shape \(3,\)": {"cells": np.zeros(3, np.int8)},
+        "cells has values of type float64": {"cells": np.zeros(3)},
+        "resolution is 0.0": {"cells": good, "resolution": 0.0},
+        "parts is empty": {"cells": good, "parts": []},
+    }.items():
+        with pytest.raises(ConfigError, match=f"first: {told}"):
+            first(**given)  # type: ignore[arg-type]
+    with pytest.raises(IndexError):
+        first(good, parts=Empty())
+
+
+class Empty(Sequence[int]):
+    """A list of a user's own whose errors are theirs."""
+
+    def __len__(self) -> int:
+        return 1
+
+    def __getitem__(self, index: Any) -> Any:
+        raise IndexError
+
+
+def test_names_that_are_no_texts_are_unknown() -> None:
+    for name in KINDS:
+        assert "unknown thing" in str(unknown_name("thing", name, ["a", "b"]))

@@ -162,7 +162,10 @@ def check_places(
     for option, folder in (places | {f"--{name}": place for name, place in folders.items()}).items():
         if folder is None:
             continue
-        there = next(place for place in (folder, *folder.absolute().parents) if is_there(place))
+        places = (folder, *folder.absolute().parents)
+        there = next(place for place in places if is_there(place) or place.is_symlink())
+        if not is_there(there):
+            raise ConfigError(f"{there} is a link that leads nowhere: {option} cannot name a folder there")
         if not there.is_dir():
             raise ConfigError(f"{there} is a file: {option} cannot name a folder there")
         if not os.access(there, os.W_OK | os.X_OK):

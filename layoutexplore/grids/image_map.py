@@ -97,7 +97,7 @@ def grid_from_image(
         [-1, 0, 100]
     """
     check_resolution(resolution)
-    if transparent is not None and transparent.shape != grey.shape:
+    if transparent is not None and np.shape(transparent) != grey.shape:
         raise MapError(f"transparent pixels {transparent.shape} are not those of the image {grey.shape}")
     if grey.ndim != 2 or grey.dtype != np.uint8 or grey.size == 0:
         raise MapError(f"a grey image must be a non-empty uint8 array (h, w), got {grey.dtype} {grey.shape}")

@@ -150,6 +150,8 @@ def rooms_of_labels(
         details: Of the layout, to know the rooms' faces.
     """
     details = details or Details()
+    if labels.shape != grid.shape or labels.max(initial=0) > labels.size:
+        raise MapError(f"labels {labels.shape} number the rooms of a grid {grid.shape} from 1 on")
     shapes = label_polygons(labels if footprint is None else footprint)
     total, seen, frontier, touching = (
         counts.tolist()

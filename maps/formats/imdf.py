@@ -14,6 +14,7 @@ from shapely import Polygon
 
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.files import read_json
+from layoutexplore.files.reading import is_file
 from layoutexplore.files.schema import Anything, Items, Number, Record, Schema, TableOf
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.geographic import LocalFrame
@@ -35,7 +36,7 @@ _FLOORS = Record({"features": Items(Record({"properties": _FLOOR}))})
 @checks_arguments
 def is_imdf(path: Path) -> bool:
     """Whether a folder is one of IMDF."""
-    return all((path / f"{part}.geojson").is_file() for part in ("level", "unit"))
+    return all(is_file(path / f"{part}.geojson") for part in ("level", "unit"))
 
 
 @checks_arguments

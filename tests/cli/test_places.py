@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -73,6 +74,23 @@ def test_places_are_named_by_their_options(tmp_path: Path) -> None:
             call(tmp_path / "file" / "x")
         call(tmp_path / "new" / "x")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_link_that_leads_nowhere_is_no_place(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    for name in ("link", "loop", "loop/x"):
+        with pytest.raises(ConfigError, match="leads nowhere"):
+            check_places(tmp_path / name)
+
+
+def test_names_that_are_no_text_are_printed(tmp_path: Path) -> None:
+    """A name of bytes that are no characters, and one that looks like a colour, end no command."""
+    for name in (b"\xff", b"[red]x[/b]"):
+        out = os.fsencode(tmp_path) + b"/" + name + b".geojson"
+        command = [sys.executable, "-m", "layoutexplore", "maps", "generate", "apartment", "--out", out]
+        told = subprocess.run(command, capture_output=True, check=False, timeout=300)
+        assert told.returncode == 0 and b".geojson" in told.stdout, told.stderr
 
 
 LIMITED = """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from layoutexplore.files import (
     atomic,
     is_whole,
     read_arrays,
+    read_bytes,
     read_toml,
     to_toml,
     write_arrays,
@@ -21,6 +23,7 @@ from layoutexplore.files import (
     write_csv,
     write_json,
 )
+from layoutexplore.files.reading import is_file
 
 
 def test_a_file_is_whole_or_as_it_was(tmp_path: Path) -> None:
@@ -85,3 +88,35 @@ def test_every_text_and_number_is_valid_toml(tmp_path: Path) -> None:
     write_atomically(tmp_path / "t.toml", to_toml({**table, "nan": math.nan}))
     read = read_toml(tmp_path / "t.toml")
     assert math.isnan(read.pop("nan")) and read == table
+
+
+class Shy:
+    """An object that is no plain value and cannot show itself."""
+
+    def __repr__(self) -> str:
+        raise RuntimeError
+
+
+def test_what_is_no_plain_value_is_not_written(tmp_path: Path) -> None:
+    endless: dict[str, Any] = {}
+    endless["self"] = endless
+    for value in ({"a": Shy()}, {"a": 1j}, endless):
+        with pytest.raises(WriteError, match="plain values"):
+            write_json(tmp_path / "a.json", value)
+        with pytest.raises(ConfigError, match="plain values"):
+            to_toml(value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_name_that_is_no_text_is_written_as_python_shows_it(tmp_path: Path) -> None:
+    write_atomically(tmp_path / "a.txt", "made by \udcff")
+    assert (tmp_path / "a.txt").read_text() == "made by \\udcff"
+
+
+def test_a_file_is_named_by_a_path_and_its_limit_by_a_known_name(tmp_path: Path) -> None:
+    for path in (None, "a.txt", Shy()):
+        with pytest.raises(WriteError, match="named by a Path"), atomic(path):  # type: ignore[arg-type]
+            pass
+    with pytest.raises(ConfigError, match="did you mean 'text_mb'"):
+        read_bytes(tmp_path / "a.txt", MapError, limit="txt_mb")
+    assert not is_file(tmp_path / ("x" * 300)) and not is_file(tmp_path)

@@ -27,7 +27,7 @@ def foresight(
     sensor: Annotated[
         list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
     ] = None,
-    starts: Annotated[int, typer.Option(min=1, help="Starts on each floor plan.")] = 1,
+    starts: Annotated[int, typer.Option(min=1, max=10_000, help="Starts on each floor plan.")] = 1,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
 ) -> None:
     """Measure what foresight is worth; `HELP` is what the command line says."""

@@ -50,7 +50,7 @@ def in_the_loop(
     sensor: Annotated[
         list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
     ] = None,
-    starts: Annotated[int, typer.Option(min=1, help="Starts on each floor plan.")] = 2,
+    starts: Annotated[int, typer.Option(min=1, max=10_000, help="Starts on each floor plan.")] = 2,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
 ) -> None:
     """Compare predictors in the loop; `HELP` is what the command line says."""

@@ -55,7 +55,7 @@ def partial_rooms(
     sensor: Annotated[
         list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
     ] = None,
-    starts: Annotated[int, typer.Option(min=1, help="Explorations per floor plan and sensor.")] = 1,
+    starts: Annotated[int, typer.Option(min=1, max=10_000, help="Explorations per plan and sensor.")] = 1,
     snapshots: Annotated[
         Path | None, typer.Option(help="Folder that keeps the explorations, to ask again later.")
     ] = None,

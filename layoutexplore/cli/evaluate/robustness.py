@@ -41,7 +41,7 @@ def robustness(
         typer.Option("--level", "-l", help="Level of noise: low, middle, high; all without. Repeatable."),
     ] = None,
     agents_only: Annotated[bool, typer.Option("--agents-only", help="Leave the predictors out.")] = False,
-    starts: Annotated[int, typer.Option(min=1, help="Starts on each floor plan.")] = 1,
+    starts: Annotated[int, typer.Option(min=1, max=10_000, help="Starts on each floor plan.")] = 1,
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
 ) -> None:
     """Measure robustness; `HELP` is what the command line says."""
