@@ -101,9 +101,9 @@ def test_what_is_no_plain_value_is_not_written(tmp_path: Path) -> None:
     endless: dict[str, Any] = {}
     endless["self"] = endless
     for value in ({"a": Shy()}, {"a": 1j}, endless):
-        with pytest.raises(WriteError, match="plain values"):
+        with pytest.raises(WriteError, match="plain value"):
             write_json(tmp_path / "a.json", value)
-        with pytest.raises(ConfigError, match="plain values"):
+        with pytest.raises(ConfigError, match="plain value"):
             to_toml(value)
     assert not list(tmp_path.iterdir())
 
