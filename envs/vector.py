@@ -103,9 +103,10 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
             seed: One for each environment, or the first of consecutive ones.
             options: For each environment; `reset_mask`, bool (num_envs,), chooses the environments to reset.
         """
+        seed = seed.tolist() if isinstance(seed, np.ndarray) else seed
         if seed is None:
             seeds: list[int | None] = [None] * self.num_envs
-        elif isinstance(seed, (list, tuple)) or (isinstance(seed, np.ndarray) and seed.ndim == 1):
+        elif isinstance(seed, (list, tuple)):
             seeds = [None if one is None else SEED.convert("seed", one) for one in seed]
         else:
             seeds = [SEED.convert("seed", seed) + k for k in range(self.num_envs)]

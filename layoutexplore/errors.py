@@ -148,6 +148,8 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameEr
     names = sorted(known)
     text = name if type(name) is str else shortened(name)
     close = difflib.get_close_matches(text[:100], [n for n in names if len(n) <= 100], n=3, cutoff=0.5)
+    if not names:
+        return UnknownNameError(f"unknown {kind} {shortened(name)}: there is none at all")
     hint = f": did you mean {' or '.join(repr(c) for c in close)}? Known" if close else "; known"
     listed = [n if len(n) <= _LONGEST_NAME else f"{n[:_LONGEST_NAME]}..." for n in names[:_MOST_NAMES]]
     more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""

@@ -14,6 +14,9 @@ from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.rewards import PathToMarks
 from layoutexplore.errors import checks_arguments
+from layoutexplore.files import is_there
+from layoutexplore.maps.formats.building_files import split_level
+from layoutexplore.maps.library import find_plans, load_plan
 from layoutexplore.options import from_table
 
 GENERATED = "generated"
@@ -52,3 +55,16 @@ def plan_source(config: TrainingConfig) -> PlanSpec:
         if config.plans == (GENERATED,)
         else config.plans
     )
+
+
+def check_plans(config: TrainingConfig) -> None:
+    """See that the floor plans from files can be read, before hours of training meet the first that cannot.
+
+    Raises:
+        MapError: One is missing, broken, or of no known format.
+    """
+    if config.plans == (GENERATED,):
+        return
+    for source in find_plans(config.plans):
+        if is_there(split_level(source)[0]):
+            load_plan(source)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.files import write_atomically, write_json
+from layoutexplore.files import check_places, write_atomically, write_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -49,6 +49,8 @@ def speed(
         raise ConfigError(
             "--picture shows the measurement decisions, which was left out: add --only decisions"
         )
+    check_places(None, json_file)
+    check_places(None, picture, file="--picture")
     console = Console()
     rows: list[SpeedRow] = []
     with console.status("Measuring") as status:

@@ -162,8 +162,8 @@ def check_places(
     for option, folder in (places | {f"--{name}": place for name, place in folders.items()}).items():
         if folder is None:
             continue
-        places = (folder, *folder.absolute().parents)
-        there = next(place for place in places if is_there(place) or place.is_symlink())
+        above = (folder, *folder.absolute().parents)
+        there = next(place for place in above if is_there(place) or place.is_symlink())
         if not is_there(there):
             raise ConfigError(f"{there} is a link that leads nowhere: {option} cannot name a folder there")
         if not there.is_dir():
