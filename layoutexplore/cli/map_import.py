@@ -75,8 +75,10 @@ def import_plan(
     from layoutexplore.importing.pictures import picture_config
     from layoutexplore.importing.robot_files import write_robot_files
     from layoutexplore.maps.geojson import save_plan
+    from layoutexplore.options import Rule
 
-    check_places(robot)
+    check_places(robot, out, file="--out")
+    Rule(low=0.0, high=100.0).convert("--robot-radius", robot_radius)
     config = picture_config(
         resolution=resolution,
         scale_by=scale_by,
@@ -101,15 +103,20 @@ def import_plan(
 def _columns(words: list[str]) -> dict[str, str]:
     """What `--column` says: meaning -> name of the property."""
     from layoutexplore.errors import ConfigError, shortened
+    from layoutexplore.maps.formats.foreign_geojson import COLUMNS
+    from layoutexplore.options import check_keys, split_pairs
 
     pairs = [word.partition("=") for word in words]
     if wrong := [word for word, (key, _, name) in zip(words, pairs, strict=True) if not (key and name)]:
         raise ConfigError(f"--column needs room=NAME, kind=NAME or width=NAME, got {shortened(wrong[0])}")
-    return {key: name for key, _, name in pairs}
+    columns = split_pairs("--column", words)
+    check_keys(columns, COLUMNS, "--column")
+    return columns
 
 
 def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str, str]) -> Building:
     """The building of a map or image with rooms found in it, or of a floor plan as it is."""
+    from layoutexplore.errors import ConfigError
     from layoutexplore.importing.building import building_of_plan, import_building
     from layoutexplore.maps import load_plan
     from layoutexplore.maps.library import shows_rooms
@@ -120,6 +127,8 @@ def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str
         if config.resolution is not None and plan.source is None:
             plan = plan.stretched(config.resolution, config.resolution)
         return building_of_plan(plan)
+    if columns:
+        raise ConfigError(f"{source} is a picture: --column is for GeoJSON")
     return import_building(source, config, method=rooms)
 
 

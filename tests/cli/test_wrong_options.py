@@ -1,0 +1,56 @@
+"""Options that make no sense are refused before anything runs: status 2, one line that says what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_cli import run
+
+WRONG: dict[str, str] = {
+    "benchmark --plans apartment-01 --jobs 2147483648": "--jobs must be a whole number from 1 to 1024",
+    "benchmark --plans apartment-01 --jobs -1": "--jobs must be a whole number",
+    "benchmark --plans apartment-01 --starts 2147483648": "starts must be a whole number from 1 to 10000",
+    "benchmark --plans apartment-01 --starts 0": "starts must be",
+    "benchmark --plans office:1-99999 --starts 9999": "runs are more than 1000000",
+    "benchmark --plans apartment-01 --cell-seconds inf": "cell_seconds must be a number from 0",
+    "benchmark --plans apartment-01 --cell-mb nan": "cell_mb must be a number from 0",
+    "benchmark --plans apartment-01 --agents nearset": "did you mean 'nearest'",
+    "maps import {file} --out a.geojson --robot-radius nan": "--robot-radius must be a number from 0 to 100",
+    "maps import {file} --out a.geojson --column rom=x": "did you mean 'room'",
+    "maps import {file} --out a.geojson --column room=x --column room=y": "is given twice",
+    "maps import {file} --out a.geojson --column room=x": "is a picture: --column is for GeoJSON",
+    "maps import {file} --out folder": "is a folder: --out must name a file",
+    "evaluate registration apartment-01 --out a --jobs 9999": "--jobs must be a whole number from 1 to 1024",
+    "layout {file} --jobs 9999": "--jobs must be a whole number from 1 to 1024",
+    "speed --only import --json folder": "is a folder: --json must name a file",
+    "speed --only ryas": "did you mean 'rays'",
+    "explore apartment-01 --continue nowhere.npz": "there is no such file",
+}
+
+
+@pytest.mark.parametrize("words", WRONG)
+def test_it_is_told_in_one_line_and_nothing_is_made(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "floor.png").write_bytes(b"no picture")
+    monkeypatch.chdir(tmp_path)
+    assert run(monkeypatch, *words.format(file="floor.png").split()) == 2
+    told = capsys.readouterr().err.strip()
+    assert told.startswith("layoutexplore: ") and WRONG[words] in told and "\n" not in told, told
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["floor.png", "folder"]
+
+
+def test_a_plan_to_train_on_is_read_before_training_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("sb3_contrib")
+    (tmp_path / "plan.txt").write_text("a house")
+    out = tmp_path / "out"
+    words = ("train", "--plans", str(tmp_path / "plan.txt"), "--out", str(out), "--seed", "1")
+    assert run(monkeypatch, *words) == 2
+    assert "no known format of floor plans" in capsys.readouterr().err
+    assert run(monkeypatch, "train", "--out", str(out), "--seed", "99999999999") == 2
+    assert "seed must be a whole number from 0" in capsys.readouterr().err and not out.exists()
