@@ -7,7 +7,20 @@ them little; what is compared takes turns.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from layoutexplore.speed.measurement import Measurement as Measurement
 from layoutexplore.speed.measurement import SpeedRow as SpeedRow
-from layoutexplore.speed.suite import measure as measure
-from layoutexplore.speed.suite import measurements as measurements
+
+if TYPE_CHECKING:
+    from layoutexplore.speed.suite import measure as measure
+    from layoutexplore.speed.suite import measurements as measurements
+
+
+def __getattr__(name: str) -> Any:
+    """What imports all measurements, when it is asked for: a run measured alone is to hold none of them."""
+    if name not in ("measure", "measurements"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from layoutexplore.speed import suite
+
+    return getattr(suite, name)
