@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 import shapely
+from scipy import ndimage
 
 from layoutexplore.errors import MapError
 from layoutexplore.grids.grid import Cell, Pose
@@ -115,3 +116,18 @@ def test_areas_that_are_not_connected() -> None:
         assert np.flatnonzero(reached.any(axis=0)).tolist() == list(range(first, last))
         target = raster.coverage_target(0.1, None if col is None else Cell(4, col))
         assert np.flatnonzero(target.any(axis=0)).tolist() == list(range(first, last))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_areas_are_those_of_the_connected_cells(seed: int) -> None:
+    """From starts in any order, in open halls and in a maze of specks; what is handed out may be changed."""
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((int(rng.integers(5, 60)), int(rng.integers(5, 60)))) < rng.choice([0.1, 0.4, 0.6])
+    raster = PlanRaster(occupied, np.zeros(occupied.shape, np.int32), 0.1)
+    parts, _ = ndimage.label(~raster.blocked(0.05))
+    sizes = np.bincount(parts.ravel())[1:]
+    np.testing.assert_array_equal(raster.reachable(0.05), parts == sizes.argmax() + 1)
+    for row, col in zip(*(rng.integers(size, size=20).tolist() for size in occupied.shape), strict=True):
+        reached = raster.reachable(0.05, Cell(row, col))
+        np.testing.assert_array_equal(reached, (parts == parts[row, col]) & (parts[row, col] > 0))
+        reached[:] = True
