@@ -96,7 +96,8 @@ class GrownComponents:
         """Label what may have changed; False, with nothing said of the labels, where that is too much."""
         now, split = _renumbered(self._seed_runs, number, self.labels, box, self._seeds)
         shape, depth = self.labels.shape, self._depth
-        part = grown_box(box, depth, shape)
+        # Components that no seed had reached may touch the box, however short paths are.
+        part = grown_box(box, max(depth, 1), shape)
         if split.any():
             part = union(part, grown_box(_box_of(self._seed_runs, self.labels, split, box), depth, shape))
         part = self._with_left_over(part)

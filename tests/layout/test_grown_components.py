@@ -47,7 +47,7 @@ def change(cells: Cells, rng: np.random.Generator, most: int) -> tuple[int, int,
     return row, row + part.shape[0], col, col + part.shape[1]
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     seed=st.integers(0, 2**32),
     large=st.sampled_from([0.0, 0.5, 1.0]),
@@ -87,6 +87,17 @@ def test_a_wall_that_splits_a_room_far_from_where_it_is_closed(wall: tuple[int |
         labels, count = anew(cells)
         assert grown.count == count
         np.testing.assert_array_equal(grown.labels, labels)
+
+
+def test_a_seed_beside_what_no_seed_had_reached() -> None:
+    """The changed cell is the seed alone: its neighbours, and theirs, have a label of their own before."""
+    cells = np.array([[OTHER, BARE, BARE, OTHER, OTHER], [OTHER] * 4 + [SEED]], np.int8)
+    grown = GrownComponents((2, 5), large=1.0)
+    grown.update(cells, (0, 2, 0, 5))
+    assert grown.labels.tolist() == [[0, 2, 2, 0, 0], [0, 0, 0, 0, 1]]
+    cells[1, 1] = SEED
+    grown.update(cells, (1, 2, 1, 2))
+    assert grown.labels.tolist() == [[0, 1, 1, 0, 0], [0, 1, 0, 0, 2]]
 
 
 def test_more_components_than_small_labels_can_number() -> None:
