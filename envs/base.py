@@ -223,7 +223,7 @@ def whole_action(action: Any) -> int:
         if isinstance(action, (bool, np.bool_)) or getattr(action, "dtype", None) == np.bool_:
             raise TypeError
         return operator.index(action)
-    except TypeError:
+    except Exception:  # whatever an object raises that is asked for its number
         raise ConfigError(f"an action is a whole number, got {shortened(action)}") from None
 
 

@@ -324,5 +324,5 @@ def _pair(action: Any) -> tuple[float, float]:
         if numbers.shape != (2,) or numbers.dtype.kind not in "fiu":
             raise ValueError
         return float(numbers[0]), float(numbers[1])
-    except (ValueError, TypeError):
+    except Exception:  # whatever an object raises that is asked for its numbers
         raise ConfigError(f"an action is two numbers from -1 to 1, got {shortened(action)}") from None

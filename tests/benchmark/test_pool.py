@@ -35,6 +35,12 @@ def test_a_dying_worker_costs_its_task_alone() -> None:
     assert sorted(map(str, results)) == ["2", "4", "6", "lost __impo"]
 
 
+def test_one_job_that_may_end_its_process_has_one_of_its_own() -> None:
+    tasks = ["__import__('os')._exit(1)", "2 + 2"]
+    found = run_all(eval, tasks, jobs=1, lost=lambda task: "lost", initializer=int, tries=1, apart=True)
+    assert sorted(map(str, found)) == ["4", "lost"]
+
+
 def test_a_task_whose_worker_dies_once_runs_again(tmp_path: Path) -> None:
     mark = str(tmp_path / "mark")
     tasks = [
