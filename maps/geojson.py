@@ -21,8 +21,9 @@ import shapely
 from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import MapError, checks_arguments, shortened
+from layoutexplore.errors import MapError, cause, checks_arguments, shortened
 from layoutexplore.files import read_json, write_atomically
+from layoutexplore.files.reading import shown_path
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines
@@ -65,7 +66,12 @@ def save_plan(plan: FloorPlan, path: str | Path) -> None:
     }
     lines = ",\n".join("    " + json.dumps(feature, ensure_ascii=False) for feature in features)
     opening = json.dumps(head, ensure_ascii=False, indent=2).removesuffix("\n}")
-    write_atomically(Path(path), f'{opening},\n  "features": [\n{lines}\n  ]\n}}\n'.encode())
+    text = f'{opening},\n  "features": [\n{lines}\n  ]\n}}\n'
+    try:
+        data = text.encode()
+    except UnicodeEncodeError as error:
+        raise MapError(f"{shown_path(Path(path))}: a name in the plan is no text: {cause(error)}") from error
+    write_atomically(Path(path), data)
 
 
 def _feature(geometry: BaseGeometry, **properties: Any) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.morphology import disc
 from layoutexplore.grids.runs import run_end
 from layoutexplore.layout.canonical import in_canonical_orientation
-from layoutexplore.layout.merging.door_gaps import GAP, DoorGapConfig, list_gaps
+from layoutexplore.layout.merging.door_gaps import GAP, LONGEST, DoorGapConfig, list_gaps
 from layoutexplore.layout.outlines import layout_of_labels
 from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
@@ -53,8 +53,8 @@ class DoorwaysConfig(DoorGapConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.core <= 0 or self.room_area < 0:
-            raise ConfigError("core must be above 0, and room_area at least 0")
+        if not 0 < self.core <= LONGEST or self.room_area < 0:
+            raise ConfigError(f"core must be above 0 and at most {LONGEST:g} m, and room_area at least 0")
 
 
 Gaps: TypeAlias = NDArray[np.unsignedinteger[Any]]

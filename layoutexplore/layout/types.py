@@ -280,8 +280,12 @@ class Layout:
                 raise MapError(
                     f"{name} must be a {ndim}-dimensional array of {numbers}, got {shortened(array)}"
                 )
-        for name in ("rooms", "walls", "warnings"):
-            check_kind(name, getattr(self, name), Sequence)
+        parts: tuple[tuple[str, type], ...] = (("rooms", LayoutRoom), ("walls", Wall), ("warnings", str))
+        for name, part in parts:
+            given = getattr(self, name)
+            check_kind(name, given, Sequence)
+            for one in given if isinstance(given, (tuple, list)) else ():  # others make theirs when asked
+                check_kind(f"each of {name}", one, part)
         check_kind("method", self.method, str)
         check_kind("structure_score", self.structure_score, float, int, np.floating)
         check_kind("timings", self.timings, Mapping)

@@ -81,7 +81,7 @@ def test_help_loads_nothing_heavy() -> None:
         (["benchmark", "--plans", "atlantis"], "unknown plan 'atlantis'"),
         (["benchmark", "--agents", "nearst"], "did you mean 'nearest'"),
         (["benchmark", "--sensor", "stge"], "did you mean 'stage'"),
-        (["benchmark", "--starts", "0"], "starts must be a whole number, 1 or more"),
+        (["benchmark", "--starts", "0"], "starts must be a whole number from 1 to 10000"),
         (["benchmark", "--config", "none.toml"], "none.toml: cannot read the configuration"),
         (["report", "nowhere"], "nowhere holds no benchmark"),
         (["explore", "PLAN", "--start", "1"], "--start needs X,Y or X,Y,THETA"),

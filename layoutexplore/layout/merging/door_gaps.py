@@ -31,6 +31,10 @@ ASKEW_RUN, ASKEW_SLACK = 1.2, 0.05
 another wall at 18 degrees or more (as a pentagon's do) is a wall so long."""
 
 
+LONGEST = 100.0
+"""Metres: no opening is wider; what is looked at around one grows with the square."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class DoorGapConfig:
     """What counts as a candidate; lengths in metres.
@@ -57,6 +61,8 @@ class DoorGapConfig:
             raise ConfigError("door_min must be above 0 and at most door_max")
         if min(self.door_run, self.widening, self.reach) <= 0 or self.slack < 0:
             raise ConfigError("lengths of openings must be above 0 (slack may be 0)")
+        if max(self.door_max, self.door_run, self.widening, self.reach, self.slack) > LONGEST:
+            raise ConfigError(f"lengths of openings are {LONGEST:g} m at most")
 
 
 class GapColumns(NamedTuple):
