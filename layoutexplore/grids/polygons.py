@@ -150,6 +150,9 @@ def _fill(edges: Floats, target: NDArray[Any], value: int, transposed: bool, thi
                             target[line, middle] = value
             elif not transposed:
                 target[line, max(first, 0) : max(min(last, cells - 1) + 1, 0)] = value
+            elif 0 <= last < cells and not (target[max(first, 0) : last + 1, line] == value).any():
+                # a centre on the edge lies inside along the columns, and along the rows it did not
+                target[last, line] = value
 
 
 def seal_diagonals(occupied: Mask) -> Mask:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 import shapely
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
@@ -80,6 +80,7 @@ def test_fill_knows_its_origin() -> None:
     st.floats(0.004, 0.3),
     st.sampled_from([0.1, 0.2, 0.37]),
 )
+@example((1.0, 0.0, 0.0, 1.0), 0.25, 0.1)  # a corner's edge runs through a centre
 def test_no_step_crosses_a_sealed_wall(
     ends: tuple[float, float, float, float], thickness: float, resolution: float
 ) -> None:
