@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 import shapely
 
 from layoutexplore.closed_doors.prediction import predict_closed_rooms
+from layoutexplore.errors import ConfigError
 from layoutexplore.grids.grid import OccupancyGrid
+from layoutexplore.layout.doorways import DoorwaysConfig
 from layoutexplore.layout.limits import cells_at_most, most_lines
 from layoutexplore.layout.lines.face_clusters import MANY, FaceGraph, merge_small
 from layoutexplore.layout.outlines import MANY_HOLES, label_polygons
@@ -159,3 +162,27 @@ def test_many_small_rooms_merge_at_once() -> None:
     assert (np.bincount(room) >= 5).all() and room.min() == 0
     apart = FaceGraph(first=chain, second=chain + 1, length=np.ones(count - 1), covered=np.ones(count - 1))
     assert (merge_small(np.arange(count), apart, np.ones(count), 5.0) == -1).all()
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "default:basin_wide=1e300", "rose2:level_step=1e-300", "rose2:wall_gap=1e300", "ias15:wall_gap=1e300",
+        "voronoi:neighbourhood=99999999999999999999", "voronoi:iterations=99999999999999999999",
+        "doorways:core=1e6", "doorways:door_max=1e6", "doorways:widening=1e9",
+    ],
+)  # fmt: skip
+def test_options_for_which_no_memory_or_time_is_enough_are_refused(spec: str) -> None:
+    name, _, option = spec.partition(":")
+    with pytest.raises(ConfigError, match=r"at most|or more"):
+        if name == "doorways":
+            key, _, value = option.partition("=")
+            DoorwaysConfig(**{key: float(value)})
+        reconstruct(OccupancyGrid(np.zeros((9, 9), np.int8), 0.1), spec)
+
+
+@pytest.mark.parametrize("name", ["rooms", "walls", "warnings"])
+def test_a_layout_holds_rooms_and_walls_alone(name: str) -> None:
+    whole = reconstruct(OccupancyGrid(np.zeros((9, 9), np.int8), 0.1), "morphological")
+    with pytest.raises(ConfigError, match=f"each of {name} must be"):
+        dataclasses.replace(whole, **{name: [None]})  # type: ignore[arg-type]

@@ -90,7 +90,7 @@ class Ias15Config(SegmentConfig, FaceConfig):
     def __post_init__(self) -> None:
         SegmentConfig.__post_init__(self)
         FaceConfig.__post_init__(self)
-        check(self, canny=Rule(kind=int, low=0, high=255, count=2))
+        check(self, canny=Rule(kind=int, low=0, high=255, count=2), wall_gap=Rule(high=1e6))
         if self.bandwidth <= 0 or self.merge_angle < 0 or self.line_distance < 0 or self.wall_gap < 0:
             raise ConfigError(
                 "bandwidth must be above 0; merge_angle, line_distance and wall_gap must not be negative"

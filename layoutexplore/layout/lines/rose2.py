@@ -33,6 +33,7 @@ from layoutexplore.layout.lines.walls import WallGroups, find_walls, merge_walls
 from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, ScoreDetails, empty_layout, has_free_space
+from layoutexplore.options import Rule, check
 
 S = TypeVar("S", bound=Directions)
 
@@ -65,11 +66,12 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
     def __post_init__(self) -> None:
         for parent in (DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
             parent.__post_init__(self)  # the first checks every field's kind
-        if not 0 < self.level <= self.level_max < 1 or self.level_step <= 0:
+        if not 0 < self.level <= self.level_max < 1 or self.level_step < 1e-3:
             raise ConfigError(
-                "levels must rise from above 0 to below 1, "
+                "levels must rise from above 0 to below 1 by 0.001 or more, "
                 f"got {self.level} to {self.level_max} by {self.level_step}"
             )
+        check(self, wall_gap=Rule(high=1e6))
         if self.wall_gap < 0 or self.line_distance < 0 or self.deviation <= 0:
             raise ConfigError("wall_gap and line_distance must not be negative, deviation must be above 0")
 

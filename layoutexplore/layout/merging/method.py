@@ -68,7 +68,7 @@ from layoutexplore.layout.outlines import rooms_of_labels
 from layoutexplore.layout.pipeline import register_method
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Deferred, Layout, empty_layout, has_free_space
-from layoutexplore.options import Rule
+from layoutexplore.options import Rule, check
 
 WALLS = Rose2Config(twice=False)
 """How walls, lines and faces are made; the rooms do not depend on them."""
@@ -119,6 +119,7 @@ class MergingConfig(AlignedMapConfig):
         for name in ("basin_share", "room_pass"):
             if not 0 < getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must lie in (0, 1], got {getattr(self, name)}")
+        check(self, basin_wide=Rule(high=1e6))
         positive = min(self.clutter_area, self.clutter_length, self.basin_wide)
         if positive <= 0 or min(self.chink, self.clutter_gap, self.room_area, self.nook_area) < 0:
             raise ConfigError(

@@ -17,7 +17,7 @@ from layoutexplore.grids.flood import grow_labels
 from layoutexplore.layout.survey.border_merging import merge_by_borders
 from layoutexplore.layout.survey.critical_lines import critical_lines
 from layoutexplore.layout.survey.voronoi_graph import contour_cells, critical_points, voronoi_graph
-from layoutexplore.options import check_fields
+from layoutexplore.options import Rule, check, check_fields
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +41,7 @@ class VoronoiConfig:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        check(self, neighbourhood=Rule(kind=int, high=1e9), iterations=Rule(kind=int, high=1e9))
         least = min(self.spacing, self.area_min, self.merge_area)
         if min(self.neighbourhood, self.iterations) < 1 or least < 0:
             raise ConfigError(
