@@ -17,7 +17,7 @@ from typing import Annotated
 import typer
 
 import layoutexplore
-from layoutexplore.errors import LayoutExploreError, MapWarning
+from layoutexplore.errors import LayoutExploreError, MapWarning, shortened
 
 GROUPS = (
     *("benchmark", "replay", "leaderboard", "explore", "train"),
@@ -83,10 +83,9 @@ def main() -> None:
         sys.stdout = None
         sys.exit(0)
     except OSError as error:  # a full disk, a folder that is not ours
-        print(
-            f"layoutexplore: {f'{error.filename}: ' if error.filename else ''}{error.strerror or error}",
-            file=sys.stderr,
-        )
+        where = f"{shortened(str(error.filename))}: " if len(str(error.filename)) > 500 else ""
+        where = where or (f"{error.filename}: " if error.filename else "")
+        print(f"layoutexplore: {where}{error.strerror or error}", file=sys.stderr)
         sys.exit(2)
     except Exception as error:  # in a user's own code: told without the frames around it
         from layoutexplore.plugins.tracebacks import own_frames, told
