@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any, TypeAlias
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Labels, Mask
 from layoutexplore.grids.bitsets import true_cells
+
+Row: TypeAlias = NDArray[np.integer[Any]]
 
 
 @njit("void(int32[:,::1], boolean[:,::1], int64[::1])", cache=True, nogil=True)
@@ -113,19 +118,48 @@ def spread_in_place(
 
 
 @njit(cache=True, nogil=True)
-def _mark_border(labels: Labels, bare: Bytes, r: int, mark: Bytes) -> None:
-    """Mark the labelled cells of a row that have a bare neighbour."""
-    cols = labels.shape[1]
-    # Outside of the grid a cell stands in for its neighbour: it is labelled, hence not bare.
-    here, label = bare[r], labels[r]
-    below, above = bare[max(r - 1, 0)], bare[min(r + 1, labels.shape[0] - 1)]
-    for c in range(cols):
-        mark[c] = (label[c] != 0) & ((below[c] | above[c]) != 0)
+def mark_border(label: Row, here: Row, below: Row, above: Row, mark: Bytes) -> None:
+    """Mark the labelled cells of a row that have a bare neighbour.
+
+    Args:
+        label: Integers (cols,), above 0 where a cell is labelled.
+        here: Integers (cols,), not 0 where a cell of the row is bare; none of these is labelled.
+        below: The same of the row before; of the first row itself.
+        above: The same of the next row; of the last row itself.
+        mark: uint8 (cols or more,), written: 1 or 0.
+    """
+    for c in range(label.size):
+        mark[c] = (label[c] > 0) & ((below[c] | above[c]) != 0)
     # One side after the other: a loop that reads again what it has written is not vectorised.
-    for c in range(cols - 1):
-        mark[c] |= (label[c] != 0) & (here[c + 1] != 0)
-    for c in range(1, cols):
-        mark[c] |= (label[c] != 0) & (here[c - 1] != 0)
+    for c in range(label.size - 1):
+        mark[c] |= (label[c] > 0) & (here[c + 1] != 0)
+    for c in range(1, label.size):
+        mark[c] |= (label[c] > 0) & (here[c - 1] != 0)
+
+
+@njit(cache=True, nogil=True)
+def list_marked(mark: Bytes, first: int, border: Ints32, n: int) -> tuple[Ints32, int]:
+    """Write the marked cells of a row, flat, to a list from n on.
+
+    Args:
+        mark: uint8 of a multiple of 8, not 0 where a cell is marked.
+        first: Flat index of the row's first cell.
+        border: int32, the list.
+        n: Cells in it.
+
+    Returns:
+        The list, a longer copy where it was too short, and the cells in it.
+    """
+    if n + mark.size > border.size:
+        border = np.concatenate((border, np.empty(border.size + mark.size, np.int32)))
+    words = mark.view(np.uint64)
+    for w in range(words.size):
+        if words[w] != 0:
+            for c in range(8 * w, 8 * w + 8):
+                if mark[c]:
+                    border[n] = first + c
+                    n += 1
+    return border, n
 
 
 @njit(cache=True, nogil=True)
@@ -144,17 +178,9 @@ def _spread(labels: Labels, mask: Mask, bare: Bytes, steps: int, sign: int) -> i
     border = np.empty(left // 4 + 1024, np.int32)
     last = 0
     mark = np.zeros(8 * (cols // 8 + 1), np.uint8)
-    words = mark.view(np.uint64)
     for r in range(rows):
-        _mark_border(labels, bare, r, mark)
-        if last + cols > border.size:
-            border = np.concatenate((border, np.empty(border.size + cols, np.int32)))
-        for w in range(words.size):
-            if words[w] != 0:
-                for c in range(8 * w, 8 * w + 8):
-                    if mark[c]:
-                        border[last] = r * cols + c
-                        last += 1
+        mark_border(labels[r], bare[r], bare[max(r - 1, 0)], bare[min(r + 1, rows - 1)], mark)
+        border, last = list_marked(mark, r * cols, border, last)
     # A cell is queued when it is labelled, hence once; queue[first:end] is the ring that is `step` deep.
     queue = np.empty(last + left, np.int32)
     queue[:last] = border[:last]

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from layoutexplore.grids.arrays import Cells, Ints, Ints32, Labels, Mask
+from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32, Labels, Mask
 from layoutexplore.grids.boxes import Box, grown_box, union
 from layoutexplore.grids.components import join_runs
+from layoutexplore.grids.flood import Row, list_marked, mark_border
 from layoutexplore.grids.runs import run_end, runs_of, write_runs
 
 SEED, BARE = -128, 0
@@ -189,39 +189,26 @@ def write_marks(cells: Cells, runs: Ints32, number: Ints, corner: tuple[int, int
 
 
 @njit(cache=True, nogil=True)
-def _mark_front(labels: Labels, r: int, mark: NDArray[np.uint8]) -> None:
-    """Mark the labelled cells of a row that have a neighbour of -1."""
-    cols = labels.shape[1]
-    # Outside of the grid a cell stands in for its neighbour: it is labelled, hence not -1.
-    here = labels[r]
-    below, above = labels[max(r - 1, 0)], labels[min(r + 1, labels.shape[0] - 1)]
-    for c in range(cols):
-        mark[c] = (here[c] > 0) & ((below[c] == -1) | (above[c] == -1))
-    # One side after the other: a loop that reads again what it has written is not vectorised.
-    for c in range(cols - 1):
-        mark[c] |= (here[c] > 0) & (here[c + 1] == -1)
-    for c in range(1, cols):
-        mark[c] |= (here[c] > 0) & (here[c - 1] == -1)
-
-
-@njit(cache=True, nogil=True)
 def _find_front(labels: Labels) -> tuple[Ints32, int]:
     """The labelled cells with a neighbour of -1, flat and in raster order, and how many they are."""
     rows, cols = labels.shape
     front, n = np.empty(4096, np.int32), 0
     mark = np.zeros(8 * (cols // 8 + 1), np.uint8)
-    words = mark.view(np.uint64)
+    below, here, above = np.empty(cols, np.uint8), np.empty(cols, np.uint8), np.empty(cols, np.uint8)
     for r in range(rows):
-        _mark_front(labels, r, mark)
-        if n + cols > front.size:
-            front = np.concatenate((front, np.empty(front.size + cols, np.int32)))
-        for w in range(words.size):
-            if words[w] != 0:
-                for c in range(8 * w, 8 * w + 8):
-                    if mark[c]:
-                        front[n] = r * cols + c
-                        n += 1
+        _find_bare(labels[max(r - 1, 0)], below)
+        _find_bare(labels[r], here)
+        _find_bare(labels[min(r + 1, rows - 1)], above)
+        mark_border(labels[r], here, below, above, mark)
+        front, n = list_marked(mark, r * cols, front, n)
     return front, n
+
+
+@njit(cache=True, nogil=True)
+def _find_bare(label: Row, bare: Bytes) -> None:
+    """Write which cells of a row are -1."""
+    for c in range(label.size):
+        bare[c] = label[c] == -1
 
 
 @njit(cache=True, nogil=True)
