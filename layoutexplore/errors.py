@@ -165,6 +165,10 @@ _LARGEST = 1e18
 """A number beyond it is no length, index or count."""
 
 
+_SPEAKS_FOR_ITSELF = (OSError, AssertionError, NameError, ImportError, NotImplementedError)
+"""What the system refuses says why, and the others are faults of code: no unusual value explains them."""
+
+
 def checks_calls(cls: C) -> C:
     """A class whose public methods, and whose making, do what `checks_arguments` does."""
     for name, method in list(vars(cls).items()):
@@ -241,8 +245,7 @@ def _named(
         unlike = getattr(error, "obj", None) is value and type(value).__name__ not in annotation
         if unlike or not _can_be(value, meant):
             return ConfigError(f"{function.__qualname__}: {name} must be {annotation}, got {_shown(value)}")
-    # What the system refuses says itself why.
-    for name, (value, meant, _) in given.items() if not isinstance(error, OSError) else ():
+    for name, (value, meant, _) in given.items() if not isinstance(error, _SPEAKS_FOR_ITSELF) else ():
         if odd := _oddity(value, meant):
             return ConfigError(f"{function.__qualname__}: {name} {odd}, which leads nowhere: {cause(error)}")
     return error

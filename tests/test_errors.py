@@ -350,3 +350,12 @@ class Empty(Sequence[int]):
 def test_names_that_are_no_texts_are_unknown() -> None:
     for name in KINDS:
         assert "unknown thing" in str(unknown_name("thing", name, ["a", "b"]))
+
+
+def test_a_fault_of_code_is_not_blamed_on_an_unusual_argument() -> None:
+    @checks_arguments
+    def broken(parts: Sequence[int]) -> None:
+        raise AssertionError("never so")
+
+    with pytest.raises(AssertionError, match="never so"):
+        broken([])
