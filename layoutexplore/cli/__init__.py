@@ -83,8 +83,8 @@ def main() -> None:
         sys.stdout = None
         sys.exit(0)
     except OSError as error:  # a full disk, a folder that is not ours
-        where = f"{shortened(str(error.filename))}: " if len(str(error.filename)) > 500 else ""
-        where = where or (f"{error.filename}: " if error.filename else "")
+        name = str(error.filename or "")
+        where = f"{shortened(name) if len(name) > 500 else name}: " if name else ""
         print(f"layoutexplore: {where}{error.strerror or error}", file=sys.stderr)
         sys.exit(2)
     except Exception as error:  # in a user's own code: told without the frames around it
