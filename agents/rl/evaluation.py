@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.rl.environments import environment_arguments
+from layoutexplore.agents.rl.explorers import Stop, explore_all
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.errors import ResultsError, checks_arguments, shortened
 from layoutexplore.files import read_csv
@@ -23,8 +24,6 @@ from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play, run_seed, start_pose
 from layoutexplore.simulation.simulation import Simulation
-
-Stop = Callable[[], bool]
 
 
 class EvaluationCell(NamedTuple):
@@ -74,37 +73,36 @@ class Evaluation:
             reference: the geometric mean of the ratios over the cells, below 1 where the agent is better.
                 Empty when given up.
         """
-        for name in self.config.evaluation.references:
-            if name not in self._references and not stop():
-                self._references[name] = self._explore(make_agent(name), stop)
-        metres = [] if stop() else self._explore(agent, stop)
-        if stop():
+        references = self.config.evaluation.references
+        unknown = [name for name in references if name not in self._references]
+        agents: list[Agent | str] = [*unknown, agent]
+        jobs = [(who, cell) for who in agents for cell in self.cells]
+        found = explore_all(_explore, jobs, stop, self.config.workers)
+        if len(found) < len(jobs) or stop():
             return {}
+        parts = [found[k : k + len(self.cells)] for k in range(0, len(found), len(self.cells))]
+        self._references |= dict(zip(unknown, parts, strict=False))
+        metres = parts[-1]
         scores = {"d95": _mean(m.d95 for m in metres), "d99": _mean(m.d99 for m in metres)}
         scores["coverage"] = _mean(m.coverage for m in metres)
-        for name in self.config.evaluation.references:
+        for name in references:
             pairs = list(zip(metres, self._references[name], strict=True))
             scores[f"d95_ratio.{name}"] = float(np.exp(_mean(np.log(a.d95 / b.d95) for a, b in pairs)))
             scores[f"d99_ratio.{name}"] = float(np.exp(_mean(np.log(a.d99 / b.d99) for a, b in pairs)))
         return scores
 
-    def _explore(self, agent: Agent, stop: Stop) -> list[Metres]:
-        metres = []
-        for cell in self.cells:
-            plan, simulation_config = cached_plan(cell.plan), SimulationConfig(sensor=cell.sensor)
-            simulation = Simulation(
-                plan, simulation_config, make_predictor(getattr(agent, "predictor", "none"))
-            )
-            start = start_pose(plan, simulation_config, 0, cell.start)
-            seed = run_seed(0, plan.name, cell.start)
-            episode = play(simulation, agent, seed=seed, start=start, until=lambda _: stop())
-            if stop():
-                break
-            curve = score_curve(
-                episode.curve, budget=simulation.max_distance, target_area=simulation.target_area
-            )
-            metres.append(Metres(max(curve.d95, 0.1), max(curve.d99, 0.1), simulation.coverage))
-        return metres
+
+def _explore(job: tuple[Agent | str, EvaluationCell], stop: Stop) -> Metres:
+    """Explore a cell as an agent, or as one of a name; of what is given up, the metres mean nothing."""
+    agent, cell = job
+    if isinstance(agent, str):
+        agent = make_agent(agent)
+    plan, config = cached_plan(cell.plan), SimulationConfig(sensor=cell.sensor)
+    simulation = Simulation(plan, config, make_predictor(getattr(agent, "predictor", "none")))
+    start, seed = start_pose(plan, config, 0, cell.start), run_seed(0, plan.name, cell.start)
+    episode = play(simulation, agent, seed=seed, start=start, until=lambda _: stop())
+    curve = score_curve(episode.curve, budget=simulation.max_distance, target_area=simulation.target_area)
+    return Metres(max(curve.d95, 0.1), max(curve.d99, 0.1), simulation.coverage)
 
 
 def score(scores: dict[str, float], references: tuple[str, ...]) -> float:

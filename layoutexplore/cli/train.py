@@ -160,7 +160,7 @@ def _curve(out: Path) -> str:
 
 
 def _run(settings: TrainingConfig, out: Path, device: str, resume: bool, line: ProgressLine) -> None:
-    from layoutexplore.agents.rl.search import SearchRun
+    from layoutexplore.agents.rl.tour_search.search import SearchRun
     from layoutexplore.agents.rl.training import Run
 
     make: Callable[..., TrainingRun] = SearchRun if settings.search else Run

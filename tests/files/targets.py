@@ -251,7 +251,7 @@ def write_resume(folder: Path) -> None:
 
 def read_resume(folder: Path) -> None:
     from layoutexplore.agents.rl.checkpoint import load_checkpoint
-    from layoutexplore.agents.rl.search import read_explorations
+    from layoutexplore.agents.rl.tour_search.search import read_explorations
 
     progress = load_checkpoint(folder, model())
     assert isinstance(progress.steps, int) and json.dumps(dataclasses.asdict(progress))

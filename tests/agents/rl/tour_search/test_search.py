@@ -20,7 +20,8 @@ from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.card import read_card  # noqa: E402
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
 from layoutexplore.agents.rl.run import EVALUATIONS  # noqa: E402
-from layoutexplore.agents.rl.search import (  # noqa: E402
+from layoutexplore.agents.rl.torch_policy_files import load_actor  # noqa: E402
+from layoutexplore.agents.rl.tour_search.search import (  # noqa: E402
     EXPLORATIONS,
     LINEAR,
     PARAMETERS,
@@ -29,7 +30,6 @@ from layoutexplore.agents.rl.search import (  # noqa: E402
     explore_group,
     read_explorations,
 )
-from layoutexplore.agents.rl.torch_policy_files import load_actor  # noqa: E402
 from layoutexplore.errors import ConfigError, LayoutExploreError, ResultsError  # noqa: E402
 from layoutexplore.files import to_toml  # noqa: E402
 from layoutexplore.frontiers.tour_features import TourConfig  # noqa: E402

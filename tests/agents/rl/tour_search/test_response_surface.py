@@ -8,7 +8,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutexplore.agents.rl.response_surface import RELUCTANCE, ResponseSurface, fit_surface, lowest
+from layoutexplore.agents.rl.tour_search.response_surface import (
+    RELUCTANCE,
+    ResponseSurface,
+    fit_surface,
+    lowest,
+)
 
 
 @settings(max_examples=20, deadline=None)

@@ -11,14 +11,12 @@ The file of explorations is the checkpoint: everything else follows from it and 
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import dataclasses
 import math
-import multiprocessing
 import time
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -30,10 +28,11 @@ from layoutexplore.agents.base import Heuristic
 from layoutexplore.agents.rl.card import PolicySpec, spec_of
 from layoutexplore.agents.rl.environments import plan_source
 from layoutexplore.agents.rl.evaluation import read_evaluations
+from layoutexplore.agents.rl.explorers import explorers
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.networks.actor_critic import Actor
-from layoutexplore.agents.rl.response_surface import fit_surface, lowest
 from layoutexplore.agents.rl.run import EVALUATIONS, TrainingRun, Watcher
+from layoutexplore.agents.rl.tour_search.response_surface import fit_surface, lowest
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.plans import PlanSource
 from layoutexplore.errors import ResultsError, checks_arguments, shortened
@@ -45,7 +44,6 @@ from layoutexplore.grids.arrays import Floats
 from layoutexplore.metrics.exploration import score_curve
 from layoutexplore.options import Options
 from layoutexplore.predictors import make_predictor
-from layoutexplore.processes import end_with_parent, single_threaded, usable_cores
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play
 from layoutexplore.simulation.simulation import Simulation
@@ -132,7 +130,7 @@ class SearchRun(TrainingRun):
     def train(self) -> None:
         """Search until all explorations are done or somebody asks to stop."""
         began = time.monotonic()
-        with self.stop_on_signal(), _executor(self.config.workers) as executor:
+        with self.stop_on_signal(), explorers(self.config.workers) as executor:
             if not self.evaluations and not self.stopping:
                 self.evaluate()
             while self.steps < self.config.steps and not self.stopping:
@@ -300,17 +298,3 @@ def _explored(
     finally:
         for future in futures:
             future.cancel()
-
-
-@contextlib.contextmanager
-def _executor(workers: int) -> Iterator[Executor | None]:
-    """Worker processes, as many as there are cores for 0; none for 1."""
-    count = workers or usable_cores()
-    if count == 1:
-        yield None
-        return
-    with (
-        single_threaded(),
-        ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), end_with_parent) as executor,
-    ):
-        yield executor
