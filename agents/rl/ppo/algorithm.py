@@ -1,9 +1,9 @@
 """Masked PPO at the speed of the environments.
 
 It learns what sb3-contrib's `MaskablePPO` learns. What differs is the work: groups of environments do not
-wait for each other, the critic looks at a rollout once it is complete, the networks learn from the frontiers
-that exist, read once for all passes, and they do so while the next rollout is collected, by the actor of
-before (as in APPO; see `update` for what that takes).
+wait for each other, not even at the end of a rollout, the critic looks at a rollout once it is complete, the
+networks learn from the frontiers that exist, read once for all passes, and they do so while the next rollout
+is collected, by the actor of before (as in APPO; see `update` for what that takes).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from stable_baselines3.common.utils import explained_variance, obs_as_tensor
 from stable_baselines3.common.vec_env import VecEnv
 
 from layoutexplore.agents.rl.maskable_policy import FrontierPolicy
+from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.ppo.collector import Collector, Ends
 from layoutexplore.agents.rl.ppo.rollout import Rollout, parts_of
 from layoutexplore.agents.rl.ppo.update import Learnt, Update
@@ -47,14 +48,14 @@ class FrontierPPO(MaskablePPO):
         super().__init__(rollout_buffer_class=Rollout, **arguments)
         self.learning_seconds = 0.0
         self._averaging = averaging
-        self._acting = deepcopy(self.policy.actor).requires_grad_(False)
+        self._collector: Collector | None = None
         self._learner = ThreadPoolExecutor(1, thread_name_prefix="update")
         self._update: Future[Learnt] | None = None
 
     def learn(self, *arguments: Any, **named: Any) -> FrontierPPO:
         """See `MaskablePPO`; the last update is finished when it returns."""
         assert isinstance(self.env, VectorAdapter)
-        self._acting.load_state_dict(self.policy.actor.state_dict())
+        self._collector = None
         with _threads(usable_cores() - len(self.env.groups)):
             try:
                 super().learn(*arguments, **named)
@@ -82,18 +83,37 @@ class FrontierPPO(MaskablePPO):
             return callback.on_step()
 
         callback.on_rollout_start()
-        buffer = self.rollout_buffer
-        buffer.reset()
-        ends = Collector(
-            self._acting, env, buffer, self._last_obs, self._last_episode_starts, on_decisions
-        ).run()
+        if self._collector is None:
+            generator = torch.Generator().manual_seed(int(torch.randint(2**62, ())))
+            self._collector = Collector(
+                env,
+                self.rollout_buffer,
+                self._next_actor,
+                self._last_obs,
+                self._last_episode_starts,
+                generator,
+            )
+        size = env.num_envs * n_rollout_steps
+        filling = self._collector.collect(
+            on_decisions, more=self.num_timesteps + size < self._total_timesteps
+        )
         self._finish_update()
-        if ends is None:
+        if filling is None:
             return False
+        self.rollout_buffer = filling.rollout
+        self._last_obs, self._last_episode_starts = filling.seen, filling.starts
+        ends = filling.ends
         self._update_info_buffer(list(ends.values()))
         self._judge(ends)
         callback.on_rollout_end()
         return True
+
+    def _next_actor(self, wait: bool) -> Actor | None:
+        """The actor as the last update left it; None while that goes on, unless to `wait`."""
+        if self._update is not None and not (wait or self._update.done()):
+            return None
+        self._finish_update()
+        return deepcopy(self.policy.actor).requires_grad_(False)
 
     def _judge(self, ends: Ends) -> None:
         """Values, returns and advantages of the rollout; where one is cut off, what was expected counts."""
@@ -117,7 +137,6 @@ class FrontierPPO(MaskablePPO):
     def train(self) -> None:
         """Begin to learn from the rollout; the next one is collected by the actor as it is now."""
         self._update_learning_rate(self.policy.optimizer)
-        self._acting.load_state_dict(self.policy.actor.state_dict())
         update = Update(
             batch_size=self.batch_size or len(self._batch.counts),
             clip_range=self.clip_range(self._current_progress_remaining),  # type: ignore[operator]
