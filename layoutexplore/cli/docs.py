@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -15,9 +16,12 @@ def register(app: typer.Typer) -> None:
     def docs(
         out: Annotated[Path, typer.Option(help="Folder of the site.")] = Path("layoutexplore-out/docs"),
     ) -> None:
-        """Build the documentation as a web site (needs pip install 'layoutexplore[docs]')."""
+        r"""Build the documentation as a web site (needs pip install 'layoutexplore\[docs]')."""
         from layoutexplore.documentation.site import build_site
         from layoutexplore.files import check_places
 
         check_places(out)
         typer.echo(f"written: {build_site(out, typer.main.get_command(app))}")
+        typer.echo(
+            f"browsers search only what is served: python -m http.server --directory {quote(str(out))}"
+        )

@@ -18,8 +18,15 @@ from layoutexplore.documentation.reference import Command, command_page, module_
 from layoutexplore.errors import LayoutExploreError, ResultsError, require
 
 PAGES = Path(__file__).resolve().parent / "pages"
-FIRST = ("start", "own-agent", "own-predictor", "own-building", "reading-results")
-"""Pages that stand first in their section; the others follow by name."""
+ORDER = (
+    *("exploration", "layouts", "strategies", "measures"),
+    *("benchmark", "reading-results", "leaderboard", "clusters-and-long-runs"),
+    *("own-building", "limits-and-safety", "prior-plans"),
+    *("layouts-of-maps", "layout-methods-in-exploration", "half-seen-rooms", "foresight"),
+    *("robot-behaviours", "noisy-robots", "environments", "training"),
+    *("own-agent", "own-predictor", "own-layout-method"),
+)
+"""Pages in the order in which they stand in their section; others follow by name."""
 
 MAPPED = ("envs", "agents", "maps")
 """Rooms that lie beside `layoutexplore/` in a checkout, inside it where it is installed."""
@@ -144,11 +151,11 @@ def _settings(pages: Path, source: Path, site: Path) -> dict[str, Any]:
 
 
 def _navigation(pages: Path) -> list[Any]:
-    """The pages by section, the first ones first, the pages of modules last."""
+    """The pages by section, in their order, the pages of modules last."""
     found: list[Any] = [{"Start": "index.md"}]
     for folder, title in SECTIONS.items():
         names = sorted(p.name for p in (pages / folder).glob("*.md"))
-        names.sort(key=lambda name: FIRST.index(name[:-3]) if name[:-3] in FIRST else len(FIRST))
+        names.sort(key=lambda name: ORDER.index(name[:-3]) if name[:-3] in ORDER else len(ORDER))
         entries: list[Any] = [f"{folder}/{name}" for name in names]
         modules = sorted((pages / folder / "modules").glob("*.md"))
         if modules:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from layoutexplore.drawing.labels import label_places
 from layoutexplore.drawing.palette import QUALITATIVE, Colour
 from layoutexplore.errors import checks_arguments
 
 WIDTH, HEIGHT = 640, 400
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 150, 24, 48
+_LABEL_HEIGHT = 14
 
 Line = Sequence[tuple[float, float]]
 """Points (x, y), both above 0."""
@@ -34,11 +36,12 @@ def draw_growth(lines: Mapping[str, tuple[Line, Line]], x_title: str, y_title: s
         f'<text x="{_LEFT}" y="{HEIGHT - 10}">{x_title}</text>',
         f'<text x="{_LEFT}" y="{_TOP - 8}">{y_title}</text>',
     ]
+    labels = label_places([frame.at(*solid[-1])[1] for solid, _ in lines.values()], _LABEL_HEIGHT)
     for k, (name, (solid, dashed)) in enumerate(lines.items()):
         colour = QUALITATIVE[k % len(QUALITATIVE)]
         parts += [frame.line(solid, colour, ""), frame.line(dashed, colour, ' stroke-dasharray="5 4"')]
-        x, y = frame.at(*solid[-1])
-        parts.append(f'<text x="{x + 8:.1f}" y="{y + 4:.1f}" fill="{_hex(colour)}">{name}</text>')
+        x, _ = frame.at(*solid[-1])
+        parts.append(f'<text x="{x + 8:.1f}" y="{labels[k] + 4:.1f}" fill="{_hex(colour)}">{name}</text>')
     return "\n".join([*parts, "</svg>", ""])
 
 

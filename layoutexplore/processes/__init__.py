@@ -30,7 +30,8 @@ THREAD_VARIABLES = (
 
 def command_line() -> str:
     """The command that started this process, as a shell takes it."""
-    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    name = Path(sys.argv[0]).name.replace("__main__.py", "layoutexplore")
+    return shlex.join([name, *sys.argv[1:]])
 
 
 def usable_cores() -> int:

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.drawing import palette
+from layoutexplore.drawing.labels import label_places
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import Interval
-from layoutexplore.report.plots import agent_look, label_places
+from layoutexplore.report.plots import agent_look
 
 MOST_DOTS = 1500
 """Dots of a scatter; of more, every n-th is drawn."""

@@ -21,11 +21,12 @@ from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
 from layoutexplore.benchmark.rows import Row, knows_the_plan
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing.beliefs import SUFFIX, BelievedPlan, believed_plan
+from layoutexplore.drawing.labels import LABEL_GAP, label_places
 from layoutexplore.drawing.prior_plans import draw_comparison
 from layoutexplore.grids.arrays import Bytes, Floats
 from layoutexplore.priors.completion import Compared
 from layoutexplore.report.decisive_decisions import DecisionPicture, decision_picture
-from layoutexplore.report.plots import LABEL_GAP, Look, agent_looks, label_places
+from layoutexplore.report.plots import Look, agent_looks
 from layoutexplore.report.templates import number, percent, png_uri
 
 DRAWN, WRONG_DRAWN = 6, 2

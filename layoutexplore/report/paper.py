@@ -14,10 +14,11 @@ from typing import Any
 from layoutexplore.benchmark.analysis import METRICS, Comparison, compare, groups, pooled_curves
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
+from layoutexplore.drawing.labels import label_places
 from layoutexplore.errors import checks_arguments, require
 from layoutexplore.files import atomic, safe_name, write_atomically
 from layoutexplore.report.benchmark import report_view
-from layoutexplore.report.plots import Look, label_places
+from layoutexplore.report.plots import Look
 from layoutexplore.report.profiles import FARTHEST, share_within
 from layoutexplore.report.templates import interval, number, percent
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from layoutexplore.benchmark.analysis import Comparison, PooledCurve
 from layoutexplore.drawing import palette
+from layoutexplore.drawing.labels import label_places
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.report.templates import png_uri
 
@@ -29,9 +30,6 @@ _TICKS = (1.0, 0.8, 0.9, 1.2, 0.6, 1.5, 0.5, 0.7, 2.0, 0.4, 1.1, 1.3)
 
 _TICK_GAP = 10.0
 """Least percent of the width between labels."""
-
-LABEL_GAP = 6.0
-"""Least percent of a chart's height between labels of lines."""
 
 _DASHES = ("", "7 3", "2 3", "9 3 2 3")
 
@@ -169,33 +167,6 @@ def agent_look(k: int) -> tuple[palette.Colour, str]:
     """Colour and dashes of the k-th agent."""
     colours = [colour for colour in palette.QUALITATIVE if colour != palette.BLACK]
     return colours[k % len(colours)], _DASHES[(k // len(colours)) % len(_DASHES)]
-
-
-def label_places(places: Sequence[float], gap: float = LABEL_GAP) -> list[float]:
-    """Places of labels, `gap` apart and as near as can be to where they belong, in the order given.
-
-    Labels that would overlap form a group around the mean of their places, as in isotonic regression; none
-    stands above the frame.
-
-    Args:
-        places: Percent of the frame from its top.
-        gap: Least percent between two labels.
-
-    Example:
-        >>> label_places([0.0, 1.0, 50.0], 6.0)
-        [0.0, 6.0, 50.0]
-    """
-    groups: list[tuple[float, list[int]]] = []  # mean of the places less the labels above, and who
-    for count, k in enumerate(sorted(range(len(places)), key=places.__getitem__)):
-        groups.append((places[k] - gap * count, [k]))
-        while len(groups) > 1 and groups[-2][0] > groups[-1][0]:
-            (upper, above), (lower, below) = groups[-2:]
-            mean = (upper * len(above) + lower * len(below)) / (len(above) + len(below))
-            groups[-2:] = [(mean, above + below)]
-    found = [0.0] * len(places)
-    for count, (start, k) in enumerate((start, k) for start, members in groups for k in members):
-        found[k] = max(start, 0.0) + gap * count
-    return found
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,9 @@ import numpy as np
 
 from layoutexplore.benchmark.analysis import SHORTEST, agents_of
 from layoutexplore.benchmark.rows import Row, knows_the_plan
+from layoutexplore.drawing.labels import label_places
 from layoutexplore.grids.arrays import Floats
-from layoutexplore.report.plots import Look, Tick, label_places
+from layoutexplore.report.plots import Look, Tick
 
 FARTHEST = 3.0
 """Factor at the right of the chart; its axis is logarithmic."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from typer.testing import CliRunner
 
 from layoutexplore.cli import app
 from layoutexplore.documentation import site
@@ -19,6 +20,12 @@ def test_every_command_is_on_the_page_of_commands() -> None:
     for command in ("benchmark", "explore", "maps import", "evaluate in-the-loop"):
         assert f"## `layoutexplore {command}`" in page
     assert "| `--plans` |" in page and "[bold]" not in page
+
+
+def test_help_names_extras() -> None:
+    for command, extra in (("docs", "docs"), ("train", "rl")):
+        told = CliRunner().invoke(app, [command, "--help"]).output
+        assert f"layoutexplore[{extra}]" in told
 
 
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:

@@ -29,3 +29,12 @@ def test_one_point_is_a_picture() -> None:
     svg = draw_growth({"a": ([(500.0, 3.0)], [(500.0, 3.0)])}, "area", "ms")
     ElementTree.fromstring(svg)
     assert "500" in svg and ">a<" in svg
+
+
+def test_labels_of_lines_that_meet_stand_below_each_other() -> None:
+    lines = {
+        name: ([(1.0, 2.0), (9.0, end)], [(1.0, 2.0)]) for name, end in (("a", 50.0), ("b", 51.0), ("c", 2.0))
+    }
+    svg = draw_growth(lines, "x", "y")
+    heights = {name: float(y) for y, name in re.findall(r'y="([\d.]+)" fill="#\w+">(\w)<', svg)}
+    assert heights["c"] > heights["a"] >= heights["b"] + 14

@@ -24,6 +24,7 @@ from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import COLUMNS, ResultsFolder
 from layoutexplore.documentation.site import PAGES
 from layoutexplore.drawing.film import Film
+from layoutexplore.drawing.labels import label_places
 from layoutexplore.errors import ConfigError, ResultsError
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.geojson import save_plan
@@ -31,7 +32,7 @@ from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.report.benchmark import headline, report_view, write_benchmark_report
 from layoutexplore.report.caveats import caveats
-from layoutexplore.report.plots import floor_picture, forest, heat, label_places, track_picture
+from layoutexplore.report.plots import floor_picture, forest, heat, track_picture
 from layoutexplore.report.templates import TEMPLATES, interval, png_uri, render
 from tests.plans import HOUSE
 from tests.report.cases import many_runs
