@@ -16,7 +16,7 @@ import numpy as np
 from layoutexplore.grids.arrays import Cells, Floats32, Ints32, Mask
 from layoutexplore.layout.limits import MOST_PLACES
 from layoutexplore.layout.merging.separator.planes import DEPTH, FINE, KINDS, PATCH, network_input
-from layoutexplore.models.convolution import convolve, small_products
+from layoutexplore.models.convolution import convolve
 from layoutexplore.models.network_files import Layers, load_weights, shapes_of
 
 NETWORK_PATH = Path(__file__).with_name("separator_network.safetensors")
@@ -119,12 +119,7 @@ class SeparatorNetwork:
     def _layer(self, name: str, values: Floats32, last: bool = False) -> Floats32:
         """One convolution of values (rows, cols, channels), padded with zeros."""
         _, _, side, stride = LAYERS[name]
-        weight = self.weights[f"{name}.weight"]
-        if side == 1:
-            flat = small_products(values.reshape(-1, values.shape[2]), weight)
-            found = flat.reshape(*values.shape[:2], -1)
-        else:
-            found = convolve(values, weight, side, stride)
+        found = convolve(values, self.weights[f"{name}.weight"], side, stride)
         found += self.weights[f"{name}.bias"]
         return found if last else np.maximum(found, 0.0, out=found)
 
