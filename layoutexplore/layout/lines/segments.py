@@ -9,17 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import product
 
-import cv2
 import numpy as np
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Bytes, Floats, Ints, Mask
 from layoutexplore.layout.frame import undirected
 from layoutexplore.layout.limits import most_segments
+from layoutexplore.layout.lines.hough import LONGEST_IMAGE, hough_segments
 from layoutexplore.options import check_fields
-
-LONGEST_IMAGE = 16_384
-"""Longer images are searched for segments in parts of so many rows and columns."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,12 +110,11 @@ def _hough(image: Bytes, resolution: float, config: SegmentConfig) -> Ints:
         round(min(metres / resolution, 2**30)) for metres in (config.votes, config.min_length, config.max_gap)
     )
     parts = [np.zeros((0, 4), np.int64)]
-    # the table of votes has a row for each distance from the corner: that of a very long image would not fit
+    # longer images are searched in parts of `LONGEST_IMAGE` rows and columns: votes are counted in 16 bits
     for row, col in product(*(range(0, n, LONGEST_IMAGE) for n in image.shape)):
         part = np.ascontiguousarray(image[row : row + LONGEST_IMAGE, col : col + LONGEST_IMAGE])
-        found = cv2.HoughLinesP(part, 1, np.pi / 180, max(votes, 2), minLineLength=length, maxLineGap=gap)
-        if found is not None:
-            parts.append(found.reshape(-1, 4) + np.array((col, row, col, row)))
+        found = hough_segments(part, max(votes, 2), length, gap)
+        parts.append(found + np.array((col, row, col, row)))
     return np.concatenate(parts)
 
 
