@@ -32,7 +32,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 
-import cv2
 import numpy as np
 from numba import njit
 
@@ -51,6 +50,7 @@ from layoutexplore.layout.lines.rose2 import Rose2Config, chain_walls, with_perp
 from layoutexplore.layout.lines.segments import find_segments
 from layoutexplore.layout.merging.adjacency_graph import GraphEvidence, region_graph, rooms_of_regions
 from layoutexplore.layout.merging.agglomeration import grow_tree, merge_within
+from layoutexplore.layout.merging.chamfer import edge_distances
 from layoutexplore.layout.merging.details import MergingDetails
 from layoutexplore.layout.merging.graph_tables import RegionGraph
 from layoutexplore.layout.merging.line_evidence import LineEvidence, find_evidence
@@ -181,15 +181,13 @@ def find_regions(
         network = load_separator() if asked or ragged else UNASKED
         separator = network.judge(turned.cells, wall, gaps.gap, resolution)
     with timer("graph"):
-        padded = cv2.copyMakeBorder(inside.view(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-        distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1] - np.float32(0.5)
         lines, free = find_evidence(turned.cells, wall, resolution), turned.cells == FREE
         graph = region_graph(
             labels,
             free=free,
             clutter=clutter,
             wall=wall,
-            distance=distance,
+            distance=edge_distances(inside),
             gaps=gaps,
             evidence=GraphEvidence(lines, separator),
             resolution=resolution,

@@ -7,10 +7,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
-from layoutexplore.grids.bitsets import true_cells
+from layoutexplore.grids.arrays import Cells, Floats32, Ints32, Mask
 from layoutexplore.grids.components import root_of
 from layoutexplore.grids.grid import FREE, UNKNOWN
+from layoutexplore.grids.runs import runs_of
+from layoutexplore.layout.merging.chamfer import BORDER, run_distances
 
 STEPS = 8
 """Heights a cell: distances are compared in eighths, so that equal ones stay equal wherever they are."""
@@ -23,20 +24,39 @@ LARGEST_DISC = 20
 
 
 @njit(cache=True, nogil=True)
-def _highest_first(levels: NDArray[np.uint16], inside: Ints) -> Ints32:
-    """The cells inside, the highest first, equal ones in raster order: a counting sort."""
-    top = 0
-    for i in inside:
-        top = max(top, int(levels[i]))
-    begin = np.zeros(top + 2, np.int32)
-    for i in inside:
-        begin[top - int(levels[i]) + 1] += 1
-    begin = np.cumsum(begin).astype(np.int32)
-    order = np.empty(len(inside), np.int32)
-    for i in inside:
-        k = top - int(levels[i])
-        order[begin[k]] = i
-        begin[k] += 1
+def _find_levels(far: Floats32, runs: Ints32) -> NDArray[np.uint16]:
+    """Heights of the cells of runs in `STEPS` a cell, flat, with the border of the distances; 0 elsewhere."""
+    levels = np.zeros(far.shape, np.uint16)
+    for k in range(len(runs)):
+        r, first, last = runs[k]
+        here, heights = levels[r + BORDER, first + BORDER : last + BORDER], far[r + BORDER, first + BORDER :]
+        for c in range(here.size):
+            here[c] = min(int(heights[c] * STEPS + np.float32(0.5)), HIGHEST)
+    return levels.reshape(-1)
+
+
+@njit(cache=True, nogil=True)
+def _highest_first(levels: NDArray[np.uint16], runs: Ints32, cols: int) -> Ints32:
+    """The cells of runs, the highest first, equal ones in raster order: a counting sort.
+
+    Cells and `cols` are of the levels, with their border.
+    """
+    count, total = np.zeros(int(levels.max()) + 1, np.int32), 0
+    for k in range(len(runs)):
+        r, first, last = runs[k]
+        for i in range((r + BORDER) * cols + first + BORDER, (r + BORDER) * cols + last + BORDER):
+            count[levels[i]] += 1
+        total += last - first
+    # where the next cell of a level goes: behind those of all higher ones
+    place = 0
+    for level in range(len(count) - 1, -1, -1):
+        place, count[level] = place + count[level], place
+    order = np.empty(total, np.int32)
+    for k in range(len(runs)):
+        r, first, last = runs[k]
+        for i in range((r + BORDER) * cols + first + BORDER, (r + BORDER) * cols + last + BORDER):
+            order[count[levels[i]]] = i
+            count[levels[i]] += 1
     return order
 
 
@@ -122,40 +142,43 @@ def _fill(
     return n
 
 
-@njit("int32[:,::1](float32[:,::1], int64[::1], float64, int64)", cache=True, nogil=True)
-def _flood(distance: Floats32, inside: Ints, share: float, wide: int) -> Ints32:
-    """Basins of distances with a border of zeros, flooded from the highest down, in `STEPS` a cell.
+@njit("int32[:,::1](float32[:,::1], int32[:,::1], float64, int64)", cache=True, nogil=True)
+def _flood(far: Floats32, runs: Ints32, share: float, wide: int) -> Ints32:
+    """Basins of distances with a `BORDER`, flooded from the highest down, in `STEPS` a cell.
 
     Where two basins meet at height h they become one if h is at least `wide`, or `share` of the lower peak.
 
     Args:
-        distance: float32 (rows + 2, cols + 2), in cells.
-        inside: int64 (n,), the flat indices of the distances above 0, rising.
+        far: float32 (rows + 2 `BORDER`, cols + 2 `BORDER`), in cells; its memory is used.
+        runs: int32 (n, 3), the runs of distances above 0.
         share: As a share of the lower peak.
         wide: As a height.
 
     Returns:
         int32 (rows, cols), labels without the border, numbered in raster order; 0 where the distance is.
     """
-    rows, cols = distance.shape
-    heights = distance.reshape(-1)
-    levels = np.zeros(len(heights), np.uint16)
-    for i in inside:
-        levels[i] = min(int(heights[i] * STEPS + np.float32(0.5)), HIGHEST)
-    labels = np.zeros(len(heights), np.int32)
+    rows, cols = far.shape
+    levels = _find_levels(far, runs)
+    order = _highest_first(levels, runs, cols)
+    # memory that is at hand is much cheaper than new one, and what is no distance is 0 already
+    labels = far.reshape(-1).view(np.int32)
+    labels[order] = 0
     # at most one label a cell; grown arrays would be counted references in the loop
-    parent, peak = np.empty(len(inside) + 1, np.int32), np.empty(len(inside) + 1, np.int32)
-    n = _fill(_highest_first(levels, inside), levels, cols, labels, parent, peak, share, wide)
-    number = np.zeros(n, np.int32)
+    parent, peak = np.empty(len(order) + 1, np.int32), np.empty(len(order) + 1, np.int32)
+    n = _fill(order, levels, cols, labels, parent, peak, share, wide)
+    out, number = np.zeros((rows - 2 * BORDER, cols - 2 * BORDER), np.int32), np.zeros(n, np.int32)
     count = 0
     # basins that others took in are gone: what is left is numbered as it comes
-    for i in inside:
-        root = root_of(parent, labels[i])
-        if number[root] == 0:
-            count += 1
-            number[root] = count
-        labels[i] = number[root]
-    return labels.reshape(rows, cols)[1:-1, 1:-1].copy()
+    for k in range(len(runs)):
+        r, first, last = runs[k]
+        here = labels[(r + BORDER) * cols + first + BORDER :]
+        for c in range(last - first):
+            root = root_of(parent, here[c])
+            if number[root] == 0:
+                count += 1
+                number[root] = count
+            out[r, first + c] = number[root]
+    return out
 
 
 def watershed_basins(blocked: Mask, resolution: float, *, share: float, wide: float) -> Ints32:
@@ -170,10 +193,9 @@ def watershed_basins(blocked: Mask, resolution: float, *, share: float, wide: fl
     Returns:
         int32 (rows, cols), numbered from 1 in raster order; 0 on obstacles.
     """
-    padded = cv2.copyMakeBorder((~blocked).view(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
-    distance = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_5)
-    inside = true_cells(padded.view(np.bool_))
-    return np.asarray(_flood(np.ascontiguousarray(distance), inside, share, round(wide / resolution * STEPS)))
+    runs = runs_of(np.ascontiguousarray(blocked).view(np.uint8), 0)
+    far = run_distances(runs, *blocked.shape)
+    return np.asarray(_flood(far, runs, share, round(wide / resolution * STEPS)))
 
 
 def _closed_by_distance(free: Mask, steps: int) -> Mask:
