@@ -10,6 +10,7 @@ from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.outlines import cut_where_touching, trace_rings
+from layoutexplore.grids.runs import find_runs
 from layoutexplore.layout.lines.face_clusters import renumber
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Details, Layout, LayoutRoom
@@ -178,32 +179,36 @@ def _count_cells(labels: Ints32, cells: Cells, count: int) -> tuple[Ints, Ints, 
     rows, cols = labels.shape
     total, seen = np.zeros(count, np.int64), np.zeros(count, np.int64)
     frontier, border = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
-    for r in range(rows):
-        last, begin, known = (
-            0,
-            0,
-            0,
-        )  # the label of the cell before, where its run began, and the known cells of it
-        for c in range(cols):
-            k = int(labels[r, c])
-            if k != last:
-                total[last] += c - begin
-                seen[last] += known
-                last, begin, known = k, c, 0
-            known += cells[r, c] != UNKNOWN
-            if k > 0 and cells[r, c] == FREE and not frontier[k]:
-                frontier[k] = (
-                    (r > 0 and cells[r - 1, c] == UNKNOWN)
-                    or (r + 1 < rows and cells[r + 1, c] == UNKNOWN)
-                    or (c > 0 and cells[r, c - 1] == UNKNOWN)
-                    or (c + 1 < cols and cells[r, c + 1] == UNKNOWN)
-                )
-        total[last] += cols - begin
-        seen[last] += known
-        border[labels[r, 0]] = border[labels[r, cols - 1]] = True
-    for c in range(cols):
-        border[labels[0, c]] = border[labels[rows - 1, c]] = True
+    runs = find_runs(labels, np.int32(0))
+    for k in range(len(runs)):
+        r, first, last = runs[k]
+        label, here, known = labels[r, first], cells[r, first:last], 0
+        for c in range(here.size):
+            known += here[c] != UNKNOWN
+        total[label] += last - first
+        seen[label] += known
+        # outside of the grid is what lies on its border: no free cell is beside an unknown one there
+        if not frontier[label]:
+            below, above = cells[max(r - 1, 0), first:last], cells[min(r + 1, rows - 1), first:last]
+            frontier[label] = _any_frontier(here, below, above) or (
+                (first > 0 and here[0] == FREE and cells[r, first - 1] == UNKNOWN)
+                or (last < cols and here[-1] == FREE and cells[r, last] == UNKNOWN)
+            )
+        border[label] |= r == 0 or r == rows - 1 or first == 0 or last == cols
     return total, seen, frontier, border
+
+
+@njit(cache=True, nogil=True)
+def _any_frontier(here: Cells, below: Cells, above: Cells) -> bool:
+    """Whether a free cell of a run (n,) is beside an unknown one, in it or in the rows beside it."""
+    found = False
+    # bitwise and to the end: the compiler takes many cells at once
+    for c in range(here.size):
+        found |= (here[c] == FREE) & ((below[c] == UNKNOWN) | (above[c] == UNKNOWN))
+    for c in range(here.size - 1):
+        found |= (here[c] == FREE) & (here[c + 1] == UNKNOWN)
+        found |= (here[c] == UNKNOWN) & (here[c + 1] == FREE)
+    return found
 
 
 def layout_of_labels(name: str, grid: OccupancyGrid, labels: Ints32, timer: StageTimer) -> Layout:

@@ -16,6 +16,7 @@ from numba import njit
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.components import join, number_sets
 from layoutexplore.grids.grid import UNKNOWN
+from layoutexplore.grids.runs import find_runs
 from layoutexplore.layout.lines.face_clusters import FaceGraph, cluster_faces
 from layoutexplore.layout.merging.axis_lines import AxisLineConfig, find_lines
 
@@ -84,9 +85,9 @@ def _known(cells: Cells, row_bounds: Ints, col_bounds: Ints) -> Ints:
     for n in range(len(row_bounds) - 1):
         for r in range(row_bounds[n], row_bounds[n + 1]):
             for m in range(len(col_bounds) - 1):
-                known = 0
-                for c in range(col_bounds[m], col_bounds[m + 1]):
-                    known += cells[r, c] != UNKNOWN
+                stretch, known = cells[r, col_bounds[m] : col_bounds[m + 1]], 0
+                for c in range(stretch.size):
+                    known += stretch[c] != UNKNOWN
                 out[n, m] += known
     return out
 
@@ -198,11 +199,22 @@ def _count(
     out: Floats,
 ) -> None:
     """Add to `out` what each region has in each room; of the weights of row and column the less counts."""
-    for r in range(labels.shape[0]):
-        of_row, weight = room[row_strip[r]], row_weight[r]
-        for c in range(labels.shape[1]):
-            if labels[r, c] > 0 and free[r, c]:
-                out[labels[r, c], of_row[col_strip[c]]] += min(weight, col_weight[c])
+    runs = find_runs(labels, np.int32(0))
+    for k in range(len(runs)):
+        r, first, last = runs[k]
+        mine, of_row, weight = out[labels[r, first]], room[row_strip[r]], row_weight[r]
+        # what a region has in a room is kept along a strip: sums of floats depend on their order
+        begin = first
+        while begin < last:
+            strip, end = col_strip[begin], begin + 1
+            while end < last and col_strip[end] == strip:
+                end += 1
+            total, here, weights = mine[of_row[strip]], free[r, begin:end], col_weight[begin:end]
+            for c in range(here.size):
+                if here[c]:
+                    total += min(weight, weights[c])
+            mine[of_row[strip]] = total
+            begin = end
 
 
 def _weights(strip: Ints32, beside: int) -> Floats:

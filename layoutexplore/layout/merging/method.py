@@ -40,6 +40,7 @@ from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.flood import grow_in_place, spread_in_place
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.runs import find_runs
 from layoutexplore.layout.alignment import Turned, surfaces, turn_back
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.limits import cells_at_most, left_out, most_lines, most_questions, most_regions
@@ -267,28 +268,23 @@ def merge_into_rooms(
 
 
 @njit(cache=True, nogil=True)
-def _meet_regions(regions: Ints32, cells: Cells, count: int) -> tuple[Ints32, Ints]:
+def _meet_regions(runs: Ints32, regions: Ints32, cells: Cells, count: int) -> tuple[Ints32, Ints]:
     """The regions as their first cells come in raster order; and the free cells of each, int64 (count,)."""
-    rows, cols = regions.shape
     order = np.empty(count, np.int32)
     free = np.zeros(count, np.int64)
     met = np.zeros(count, np.bool_)
-    met[0] = True
     n = 0
-    # the region of the cell before, and the free cells of its run: counted once a run, not once a cell
-    last, found = 0, 0
-    for r in range(rows):
-        for c in range(cols):
-            region = regions[r, c]
-            if region != last:
-                free[last] += found
-                last, found = region, 0
-                if not met[region]:
-                    met[region] = True
-                    order[n] = region
-                    n += 1
-            found += cells[r, c] == FREE
-    free[last] += found
+    for k in range(len(runs)):
+        r, first, last = runs[k]
+        region = regions[r, first]
+        if not met[region]:
+            met[region] = True
+            order[n] = region
+            n += 1
+        here, found = cells[r, first:last], 0
+        for c in range(here.size):
+            found += here[c] == FREE
+        free[region] += found
     return order[:n], free
 
 
@@ -298,7 +294,8 @@ def _number_large(regions: Ints32, into: Ints32, cells: Cells, cell_area: float,
 
     Returns the rooms without occupied cells.
     """
-    order, free = _meet_regions(regions, cells, len(into))
+    runs = find_runs(regions, np.int32(0))
+    order, free = _meet_regions(runs, regions, cells, len(into))
     known = np.zeros(len(into), np.int64)
     for k in range(len(into)):
         known[into[k]] += free[k]
@@ -313,13 +310,14 @@ def _number_large(regions: Ints32, into: Ints32, cells: Cells, cell_area: float,
             count += large
             number[whole] = count if large else 0
         room[region] = number[whole]
-    rows, cols = regions.shape
-    out = np.empty((rows, cols), np.int32)
-    for r in range(rows):
-        for c in range(cols):
-            k = room[regions[r, c]]
-            regions[r, c] = k
-            out[r, c] = 0 if cells[r, c] == OCCUPIED else k
+    out = np.zeros(regions.shape, np.int32)
+    for k in range(len(runs)):
+        r, first, last = runs[k]
+        found = room[regions[r, first]]
+        regions[r, first:last] = found
+        here, there = cells[r, first:last], out[r, first:last]
+        for c in range(here.size):
+            there[c] = 0 if here[c] == OCCUPIED else found
     return out
 
 
@@ -363,7 +361,7 @@ def reconstruct_with(grid: OccupancyGrid, config: MergingConfig, models: Merging
 
 
 def _doubts(labels: Ints32, structure: Directions) -> Iterator[str]:
-    if not labels.any():
+    if not labels.max(initial=0):
         yield "no room found: the free space is too small or too narrow"
     if not len(structure.directions):
         yield "no dominant direction: the map has no straight walls"

@@ -41,9 +41,10 @@ def label_changes(spread: Ints32, wall: Mask) -> Mask:
 def _add_run(node: Floats, free: Mask, clutter: Mask, r: int, begin: int, end: int) -> None:
     """Add the cells begin <= c < end of row r to a region."""
     known = furniture = 0
-    for c in range(begin, end):
-        known += free[r, c]
-        furniture += clutter[r, c]
+    free_here, clutter_here = free[r, begin:end], clutter[r, begin:end]
+    for c in range(free_here.size):
+        known += free_here[c]
+        furniture += clutter_here[c]
     node[NODE.space] += end - begin
     node[NODE.area] += known
     node[NODE.clutter] += furniture
@@ -91,9 +92,9 @@ def node_table(
             if a > 0:
                 _add_run(nodes[a], free, clutter, r, begin, end)
                 # bits of floats above 0 rise as the floats do: whole numbers are compared many at once
-                top = peak[a]
-                for c in range(begin, end):
-                    top = max(top, heights[r, c])
+                top, here = peak[a], heights[r, begin:end]
+                for c in range(here.size):
+                    top = max(top, here[c])
                 peak[a] = top
             begin = end
     nodes[:, NODE.peak] = peak.view(np.float32)

@@ -168,16 +168,20 @@ def _flood(far: Floats32, runs: Ints32, share: float, wide: int) -> Ints32:
     n = _fill(order, levels, cols, labels, parent, peak, share, wide)
     out, number = np.zeros((rows - 2 * BORDER, cols - 2 * BORDER), np.int32), np.zeros(n, np.int32)
     count = 0
-    # basins that others took in are gone: what is left is numbered as it comes
+    # basins that others took in are gone: what is left is numbered as it comes, most cells as the one before
     for k in range(len(runs)):
         r, first, last = runs[k]
-        here = labels[(r + BORDER) * cols + first + BORDER :]
-        for c in range(last - first):
-            root = root_of(parent, here[c])
-            if number[root] == 0:
-                count += 1
-                number[root] = count
-            out[r, first + c] = number[root]
+        here, there = labels[(r + BORDER) * cols + first + BORDER :], out[r, first:last]
+        label = found = 0
+        for c in range(there.size):
+            if here[c] != label:
+                label = here[c]
+                root = root_of(parent, label)
+                if number[root] == 0:
+                    count += 1
+                    number[root] = count
+                found = number[root]
+            there[c] = found
     return out
 
 

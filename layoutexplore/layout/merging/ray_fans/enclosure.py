@@ -9,6 +9,7 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
+from layoutexplore.grids.runs import find_runs
 from layoutexplore.layout.limits import cells_at_most
 
 SAMPLE = 0.1
@@ -98,19 +99,26 @@ def _add_up(labels: Ints32, free: Mask, part: Ints32, extents: WallExtents, step
     Column 0 counts them, 1 and 2 those with walls to four and to three sides, 3 is the distance outside.
     """
     row0, row1, col0, col1 = extents.box
-    rows, cols = labels.shape
-    for r in range(step // 2, rows, step):
-        for c in range(step // 2, cols, step):
-            if labels[r, c] == 0 or not free[r, c]:
-                continue
-            # a free cell is no wall itself: strictly between means beside
-            sides = int(c > extents.left[r]) + int(c < extents.right[r])
-            sides += int(r > extents.low[c]) + int(r < extents.high[c])
-            region = sums[part[labels[r, c]]]
-            region[0] += 1
-            region[1] += sides == 4
-            region[2] += sides >= 3
-            region[3] += max(row0 - r, r - row1, col0 - c, c - col1)
+    runs, begin = find_runs(labels, np.int32(0)), step // 2
+    for k in range(len(runs)):
+        r, first, last = runs[k]
+        if r % step != begin:
+            continue
+        left, right = extents.left[r], extents.right[r]
+        n, four, three, beyond = 0, 0, 0, 0
+        for c in range(first + (begin - first) % step, last, step):
+            if free[r, c]:
+                # a free cell is no wall itself: strictly between means beside
+                sides = int(c > left) + int(c < right) + int(r > extents.low[c]) + int(r < extents.high[c])
+                n += 1
+                four += sides == 4
+                three += sides >= 3
+                beyond += max(row0 - r, r - row1, col0 - c, c - col1)
+        region = sums[part[labels[r, first]]]
+        region[0] += n
+        region[1] += four
+        region[2] += three
+        region[3] += beyond
 
 
 def enclosure_of_regions(

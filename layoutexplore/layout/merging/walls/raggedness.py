@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Bytes, Cells, Mask
+from layoutexplore.grids.arrays import Cells, Ints
+from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.layout.alignment import surfaces
 from layoutexplore.layout.limits import cells_at_most
 
@@ -23,10 +24,9 @@ def straight_share(cells: Cells, resolution: float) -> float:
         cells: int8 (rows, cols), trinary, turned to its walls.
         resolution: Metres a cell.
     """
-    surface = surfaces(cells)
+    surface = true_cells(surfaces(cells))
     length = cells_at_most(LONG_RUN, resolution, max(cells.shape) + 1)
-    count = int(np.count_nonzero(surface))
-    return _in_runs(surface, length) / count if count else 1.0
+    return _in_runs(surface, cells.shape[1], length) / len(surface) if len(surface) else 1.0
 
 
 def is_ragged(cells: Cells, resolution: float) -> bool:
@@ -34,29 +34,36 @@ def is_ragged(cells: Cells, resolution: float) -> bool:
     return straight_share(cells, resolution) < RAGGED
 
 
-@njit("int64(boolean[:,::1], int64)", cache=True, nogil=True)
-def _in_runs(mask: Mask, length: int) -> int:
-    """How many cells lie in a run of at least `length` true cells along their row or column."""
-    rows, cols = mask.shape
-    found: Bytes = np.zeros((rows, cols), np.uint8)
-    for r in range(rows):
-        run = 0
-        for c in range(cols + 1):
-            # a run ends before the first cell that is not in it, the row's end included
-            if c < cols and mask[r, c]:
-                run += 1
-                continue
-            if run >= length:
-                found[r, c - run : c] = 1
-            run = 0
-    # all columns at once, row by row: each keeps the length of its run so far
-    runs = np.zeros(cols, np.int64)
-    for r in range(rows + 1):
-        for c in range(cols):
-            if r < rows and mask[r, c]:
-                runs[c] += 1
-                continue
-            if runs[c] >= length:
-                found[r - runs[c] : r, c] = 1
-            runs[c] = 0
-    return int(found.sum())
+@njit("int64(int64[::1], int64, int64)", cache=True, nogil=True)
+def _in_runs(cells: Ints, cols: int, length: int) -> int:
+    """How many cells lie in a run of at least `length` of them along their row or column.
+
+    `cells` (n,) are flat indices, rising, of a grid of so many columns.
+    """
+    long = np.zeros(len(cells), np.bool_)
+    # of each column its last cell so far; of each cell the one before it in its column's run, -1 for none,
+    # and how many the run has up to it
+    last, below = np.full(cols, -1, np.int64), np.full(len(cells), -1, np.int64)
+    height = np.ones(len(cells), np.int64)
+    first = 0
+    for k in range(len(cells)):
+        c = cells[k] % cols
+        # a run ends before a cell that does not follow, and before one of the next row
+        if c == 0 or (k > 0 and cells[k] != cells[k - 1] + 1):
+            if k - first >= length:
+                long[first:k] = True
+            first = k
+        before = last[c]
+        if before >= 0 and cells[before] == cells[k] - cols:
+            below[k], height[k] = before, height[before] + 1
+        last[c] = k
+    if len(cells) - first >= length:
+        long[first:] = True
+    # from its upper end on, all of a long run is
+    tall = height >= length
+    for k in range(len(cells) - 1, -1, -1):
+        if tall[k]:
+            long[k] = True
+            if below[k] >= 0:
+                tall[below[k]] = True
+    return int(long.sum())
