@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Cells
+from layoutexplore.grids.arrays import Cells, Mask
 from layoutexplore.grids.grid import UNKNOWN
 
 
@@ -20,7 +20,7 @@ def known_box(cells: Cells, margin: int = 0) -> tuple[int, int, int, int]:
         >>> known_box(np.array([[-1, -1, -1], [-1, 0, 100], [-1, -1, -1]], np.int8))
         (1, 2, 1, 3)
     """
-    row0, row1, col0, col1 = _known_box(np.ascontiguousarray(cells, np.int8))
+    row0, row1, col0, col1 = _box_without(np.ascontiguousarray(cells, np.int8), np.int8(UNKNOWN))
     if row1 == 0:
         return 0, 0, 0, 0
     return (
@@ -31,21 +31,35 @@ def known_box(cells: Cells, margin: int = 0) -> tuple[int, int, int, int]:
     )
 
 
-@njit(cache=True, nogil=True)
-def _known_box(cells: Cells) -> tuple[int, int, int, int]:
+def true_box(mask: Mask) -> tuple[int, int, int, int]:
+    """Half-open box (row0, row1, col0, col1) of the true cells; all 0 when none is.
+
+    Args:
+        mask: bool (rows, cols).
+
+    Example:
+        >>> true_box(np.array([[False, False, False], [False, True, True]]))
+        (1, 2, 1, 3)
+    """
+    return _box_without(np.ascontiguousarray(mask).view(np.int8), np.int8(0))
+
+
+@njit("UniTuple(int64, 4)(int8[:,::1], int8)", cache=True, nogil=True)
+def _box_without(cells: Cells, value: int) -> tuple[int, int, int, int]:
+    """The box of the cells that have not this value."""
     rows, cols = cells.shape
     row0, row1 = rows, 0
-    seen = np.zeros(cols, np.bool_)  # columns with a known cell
+    seen = np.zeros(cols, np.bool_)  # columns with such a cell
     for r in range(rows):
-        known = False
+        found = False
         for c in range(cols):
-            known |= cells[r, c] != UNKNOWN
-        if known:
+            found |= cells[r, c] != value
+        if found:
             row0, row1 = min(row0, r), r + 1
             for c in range(cols):
-                seen[c] |= cells[r, c] != UNKNOWN
-    found = np.flatnonzero(seen)
-    return (row0, row1, found[0], found[-1] + 1) if len(found) else (0, 0, 0, 0)
+                seen[c] |= cells[r, c] != value
+    at = np.flatnonzero(seen)
+    return (row0, row1, at[0], at[-1] + 1) if len(at) else (0, 0, 0, 0)
 
 
 Box = tuple[int, int, int, int]

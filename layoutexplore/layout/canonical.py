@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import cv2
 import numpy as np
 import shapely
+from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints
@@ -181,11 +182,6 @@ class InvertedDetails(Details):
         return self.oriented.faces_of(room)
 
 
-_TRINARY = np.full(256, UNKNOWN, np.int8)
-_TRINARY[FREE] = FREE
-_TRINARY[51:128] = OCCUPIED
-
-
 T = TypeVar("T", np.int8, np.int32, np.bool_, np.float32)
 
 
@@ -254,5 +250,16 @@ def trinary_part(cells: Cells) -> tuple[Cells, tuple[int, int]]:
         cells: int8 (rows, cols), -1 unknown, 0 free ... 100 occupied.
     """
     row0, row1, col0, col1 = known_box(cells, margin=2)
-    part = np.ascontiguousarray(cells[row0:row1, col0:col1])
-    return cv2.LUT(part.view(np.uint8), _TRINARY.view(np.uint8)).view(np.int8), (row0, col0)
+    return _trinary(np.ascontiguousarray(cells[row0:row1, col0:col1], np.int8)), (row0, col0)
+
+
+@njit("int8[:,::1](int8[:,::1])", cache=True, nogil=True)
+def _trinary(cells: Cells) -> Cells:
+    """Free, occupied and unknown cells: what is neither free nor above 50 is unknown."""
+    rows, cols = cells.shape
+    out = np.empty((rows, cols), np.int8)
+    for r in range(rows):
+        for c in range(cols):
+            known = np.int8(FREE) if cells[r, c] == FREE else np.int8(UNKNOWN)
+            out[r, c] = np.int8(OCCUPIED) if cells[r, c] > 50 else known
+    return out

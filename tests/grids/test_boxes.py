@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from layoutexplore.grids.boxes import known_box
+from layoutexplore.grids.boxes import known_box, true_box
 
 grids = hnp.arrays(
     np.int8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([-1, -1, -1, 0, 100])
@@ -25,3 +25,11 @@ def test_known_cells_lie_in_their_box(cells: np.ndarray, margin: int) -> None:
     high = min(rows.max() + 1 + margin, cells.shape[0]), min(cols.max() + 1 + margin, cells.shape[1])
     assert known_box(cells, margin) == (low[0], high[0], low[1], high[1])
     assert known_box(np.asfortranarray(cells), margin) == known_box(cells, margin)
+
+
+@settings(deadline=None)
+@given(grids)
+def test_true_cells_lie_in_their_box(cells: np.ndarray) -> None:
+    known = known_box(cells)
+    assert true_box(cells >= 0) == known
+    assert true_box(np.asfortranarray(cells >= 0)) == known

@@ -13,6 +13,7 @@ import numpy as np
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Bytes, Floats, Ints, Mask
+from layoutexplore.grids.boxes import true_box
 from layoutexplore.layout.frame import undirected
 from layoutexplore.layout.limits import most_segments
 from layoutexplore.layout.lines.hough import LONGEST_IMAGE, hough_segments
@@ -82,16 +83,16 @@ def find_segments(mask: Mask, resolution: float, config: SegmentConfig) -> Float
         resolution: Metres a cell.
         config: The lengths.
     """
-    rows, cols = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
+    _, rows, _, cols = true_box(mask)
+    if not rows:
         return np.zeros((0, 4))
     # nothing lies behind the last occupied row and column; the origin has to stay, for the rounding of the
     # lines
-    image = np.ascontiguousarray(mask[: rows[-1] + 1, : cols[-1] + 1]).view(np.uint8)
+    image = np.ascontiguousarray(mask[:rows, :cols]).view(np.uint8)
     found = _hough(image, resolution, config)
     if config.twice:
         mirrored = _hough(np.ascontiguousarray(image[::-1]), resolution, config)
-        mirrored[:, 1::2] = rows[-1] - mirrored[:, 1::2]
+        mirrored[:, 1::2] = rows - 1 - mirrored[:, 1::2]
         found = np.concatenate((found, mirrored))
     return np.asarray((_longest(found, most_segments(mask.shape)) + 0.5) * resolution, np.float64)
 
