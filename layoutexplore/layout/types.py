@@ -285,7 +285,8 @@ class Layout:
             given = getattr(self, name)
             check_kind(name, given, Sequence)
             for one in given if isinstance(given, (tuple, list)) else ():  # others make theirs when asked
-                check_kind(f"each of {name}", one, part)
+                if not isinstance(one, part):
+                    check_kind(f"each of {name}", one, part)
         check_kind("method", self.method, str)
         check_kind("structure_score", self.structure_score, float, int, np.floating)
         check_kind("timings", self.timings, Mapping)

@@ -182,8 +182,8 @@ def find_evidence(
         col_strip=np.repeat(np.arange(len(col_bounds) - 1, dtype=np.int32), np.diff(col_bounds)),
         face=face.astype(np.int32),
         room=room[face].astype(np.int32),
-        above=np.pad(above, ((0, 1), (0, 0))),
-        right=np.pad(right.T, ((0, 0), (0, 1))),
+        above=np.concatenate((above, np.zeros((1, above.shape[1])))),
+        right=np.concatenate((right, np.zeros((1, right.shape[1])))).T.copy(),
     )
 
 
@@ -219,7 +219,7 @@ def _count(
 
 def _weights(strip: Ints32, beside: int) -> Floats:
     """float64 (n,): 1, and `BESIDE_LINE` for rows or columns less than so many cells beside a line."""
-    padded = np.pad(strip, beside, mode="edge")
+    padded = np.concatenate((np.repeat(strip[:1], beside), strip, np.repeat(strip[-1:], beside)))
     return np.where(padded[: len(strip)] == padded[2 * beside :], 1.0, BESIDE_LINE)
 
 

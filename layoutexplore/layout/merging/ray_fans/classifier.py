@@ -9,10 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from layoutexplore.grids.arrays import Floats, Mask
+from layoutexplore.grids.components import components
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
 from layoutexplore.layout.merging.ray_fans.features import RegionFeatures
 from layoutexplore.models.forest import Forest
@@ -62,10 +61,8 @@ def outside_regions(
     probable = odds >= min(spread, level)
     # components of the probable regions that touch: those with a sure one lie outside as a whole
     touching = graph.ends[(graph.edges[:, EDGE.open] > 0) & probable[graph.ends].all(axis=1)]
-    ones = np.ones(len(touching), np.int8)
-    table = coo_array((ones, (touching[:, 0], touching[:, 1])), shape=(len(odds), len(odds)))
-    count, component = connected_components(table, directed=False)
-    sure = np.zeros(count, np.bool_)
+    component = components(touching[:, 0], touching[:, 1], len(odds))
+    sure = np.zeros(len(odds), np.bool_)
     sure[component[odds >= level]] = True
     return np.asarray(probable & sure[component])
 
