@@ -13,6 +13,8 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+
 from layoutexplore.agents import AGENTS
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.store import ResultsFolder, format_row, parse_row
@@ -33,6 +35,12 @@ from layoutexplore.simulation.config import SimulationConfig
 KEPT = "results.damaged.csv"
 """Name of a damaged table, which is kept beside the one that takes its place."""
 
+_CV2_NO_MEMORY = -4
+"""OpenCV's number of this error (`cv::Error::StsNoMem`)."""
+
+_NO_MEMORY = ("can't start new thread", "failed to map segment", "Cannot allocate memory")
+"""What threads, shared libraries and the system say then."""
+
 
 def described(error: Exception) -> str:
     """One line: the type, the message and, where the error is not one of ours, the place in the user's code.
@@ -47,6 +55,21 @@ def described(error: Exception) -> str:
         return f"{type(error).__name__}: {message}"
     frame = (own_frames(error) or traceback.extract_tb(error.__traceback__))[-1]
     return f"{type(error).__name__}: {message} ({Path(frame.filename).name}, line {frame.lineno})"
+
+
+def lacks_memory(error: BaseException) -> bool:
+    """Whether there was not enough memory: for Python, NumPy, a kernel, OpenCV, a thread or a library.
+
+    Example:
+        >>> lacks_memory(MemoryError()), lacks_memory(ValueError("no room"))
+        (True, False)
+    """
+    if isinstance(error, MemoryError) or (isinstance(error, cv2.error) and error.code == _CV2_NO_MEMORY):
+        return True
+    if any(text in str(error) for text in _NO_MEMORY):
+        return True
+    before = error.__cause__ or error.__context__
+    return before is not None and lacks_memory(before)
 
 
 def at_length(error: Exception, repeat: str) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import mmap
 import multiprocessing
 import os
 import signal
@@ -203,19 +204,23 @@ class Limited(Generic[T, R]):
         seconds: At most so many, 0 for as long as it takes.
         megabytes: At most so much more memory than the process has at the beginning, 0 for any; then
             MemoryError is raised (Linux only).
+        prepare: Called with the task before either limit counts; it must not raise.
     """
 
     function: Callable[[T], R]
     late: Callable[[T], R]
     seconds: float = 0.0
     megabytes: float = 0.0
+    prepare: Callable[[T], object] = lambda task: None
 
     def __call__(self, task: T) -> R:
         """The result of a task."""
+        self.prepare(task)
+        # A thread takes memory of its own: the deadline's is there before the limit is.
+        deadline = _Deadline(self.seconds) if self.seconds else None
         with _memory(self.megabytes):
-            if not self.seconds:
+            if deadline is None:
                 return self.function(task)
-            deadline = _Deadline(self.seconds)
             # In one frame, without a context manager in between: the error may come between any two steps.
             try:
                 try:
@@ -241,12 +246,12 @@ class _Deadline:
     def __init__(self, seconds: float) -> None:
         self.late = False
         self._seconds, self._thread = seconds, threading.get_ident()
-        self._lock, self._over, self._gate = threading.Lock(), threading.Event(), threading.Lock()
+        self._lock, self._over, self._begun = threading.Lock(), threading.Event(), threading.Event()
+        threading.Thread(target=self._watch, daemon=True).start()
 
     def begin(self) -> None:
         """The time runs from now on."""
-        with self._gate:  # the error must not come while the thread is being started
-            threading.Thread(target=self._watch, daemon=True).start()
+        self._begun.set()
 
     def settle(self) -> None:
         """Nothing is raised any more once this has returned."""
@@ -261,8 +266,7 @@ class _Deadline:
                         pass
 
     def _watch(self) -> None:
-        with self._gate:
-            pass
+        self._begun.wait()
         wait, end = self._seconds, time.monotonic() + self._seconds + STUCK
         while not self._over.wait(wait):
             with self._lock:
@@ -279,18 +283,26 @@ def _raise_in(thread: int, error: type[BaseException]) -> None:
     ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(error))
 
 
+def taken_megabytes() -> float:
+    """Memory of this process (its address space, which a limit counts) in MB; 0 where nobody can tell."""
+    statm = Path("/proc/self/statm")
+    return int(statm.read_text().split()[0]) * mmap.PAGESIZE / 2**20 if statm.exists() else 0.0
+
+
 @contextlib.contextmanager
 def _memory(megabytes: float) -> Iterator[None]:
     """The process may take so much more memory inside the block."""
-    statm = Path("/proc/self/statm")
-    if not megabytes or not statm.exists():
+    taken = taken_megabytes()
+    if not megabytes or not taken:
         yield
         return
     import resource
 
     before = resource.getrlimit(resource.RLIMIT_AS)
-    taken = int(statm.read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (taken + int(megabytes * 2**20), before[1]))
+    most = int((taken + megabytes) * 2**20)
+    if before[0] != resource.RLIM_INFINITY:
+        most = min(most, before[0])
+    resource.setrlimit(resource.RLIMIT_AS, (most, before[1]))
     try:
         yield
     finally:

@@ -17,9 +17,15 @@ from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.cluster import RUNS_CODE, check_cluster, run_on_cluster
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.counterfactual import CounterfactualRollouts
-from layoutexplore.benchmark.failures import at_length, described, finished_rows, repeating_command
+from layoutexplore.benchmark.failures import (
+    at_length,
+    described,
+    finished_rows,
+    lacks_memory,
+    repeating_command,
+)
 from layoutexplore.benchmark.plans import PlanEntry, check_names, entry
-from layoutexplore.benchmark.pool import Limited, run_all
+from layoutexplore.benchmark.pool import Limited, run_all, taken_megabytes
 from layoutexplore.benchmark.recording import Recorder
 from layoutexplore.benchmark.rows import Row, fingerprints, prepare, score_run
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
@@ -218,23 +224,41 @@ def all_tasks(config: BenchmarkConfig, plans: list[PlanEntry]) -> list[Task]:
     ]
 
 
-def warm_up(config: BenchmarkConfig, code: OwnCode = NO_CODE) -> None:
+def warm_up(config: BenchmarkConfig) -> None:
     """A few decisions of every agent and sensor on a tiny plan: kernels are compiled, or loaded."""
-    cv2.setNumThreads(1)
-    plan = floorplan_from_ascii(WARM_UP_PLAN, resolution=0.5, name="warm-up")
     for sensor in config.sensors:
         for agent in config.agents:
-            # An agent that fails here fails again in its runs, where the failure is recorded.
-            with contextlib.suppress(Exception), code.installed():
-                play(
-                    *prepare(plan, config.simulation_with(sensor), agent),
-                    probe=CounterfactualRollouts if config.explain else None,
-                )
+            _warm_up(config, NO_CODE, sensor, agent)
+
+
+_warm: set[tuple[str, str]] = set()
+"""Sensor and agent that this process has warmed up for."""
+
+
+def _warm_up_for(task: Task, config: BenchmarkConfig, code: OwnCode) -> None:
+    """As `warm_up`, of one task alone, unless it is done: a worker in a dead one's place begins soon."""
+    with contextlib.suppress(Exception):  # the run fails in the same way
+        cached_plan(task.plan.source)
+    pair = task.sensor, task.agent
+    if pair not in _warm:
+        _warm.add(pair)
+        _warm_up(config, code, *pair)
+
+
+def _warm_up(config: BenchmarkConfig, code: OwnCode, sensor: str, agent: str) -> None:
+    cv2.setNumThreads(1)
+    plan = floorplan_from_ascii(WARM_UP_PLAN, resolution=0.5, name="warm-up")
+    # An agent that fails here fails again in its runs, where the failure is recorded.
+    with contextlib.suppress(Exception), code.installed():
+        play(
+            *prepare(plan, config.simulation_with(sensor), agent),
+            probe=CounterfactualRollouts if config.explain else None,
+        )
 
 
 def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: OwnCode = NO_CODE) -> Row:
     """Make one run, keep its curve, and return its row; a failure becomes the row's error."""
-    row = _empty_row(task, config)
+    row, taken = _empty_row(task, config), taken_megabytes()
     repeat = "the same command"
     try:
         plan = cached_plan(task.plan.source)
@@ -266,8 +290,21 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
     except Exception as error:
         if asked_to_stop():  # compiled code turns the interruption into another error
             raise KeyboardInterrupt from error
+        if config.cell_mb and lacks_memory(error):
+            error.add_note(beyond := _beyond_memory(config, taken))
+            folder.save_failure(row, at_length(error, repeat))
+            return dataclasses.replace(row, error=f"CellMemoryError: {beyond}")
         folder.save_failure(row, at_length(error, repeat))
         return dataclasses.replace(row, error=described(error))
+
+
+def _beyond_memory(config: BenchmarkConfig, taken: float) -> str:
+    """What is said of a run that its limit of memory ended."""
+    return (
+        f"the run took more than the {config.cell_mb:g} MB (cell_mb) that it may "
+        f"beside the {taken:.0f} MB that its process has before it begins: "
+        "allow more, or 0 for any"
+    )
 
 
 def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[PlanEntry]:
@@ -287,10 +324,13 @@ def _results(
     code = pack_own_code(registered=jobs > 1 or config.cell_mb > 0 or bool(cluster))
     run = functools.partial(run_task, config=config, folder=folder, code=code)
     killed = f"WorkerDied: the process of this run was killed {config.tries} times (out of memory?)"
+    if config.cell_mb:
+        killed += f"; most likely {_beyond_memory(config, taken_megabytes())}"
     late = f"CellTimeoutError: the run took longer than the {config.cell_seconds:g} s that it may"
     lost = functools.partial(_failed_row, config=config, folder=folder, message=killed)
     too_late = functools.partial(_failed_row, config=config, folder=folder, message=late)
-    function = Limited(run, too_late, config.cell_seconds, config.cell_mb)
+    warm = functools.partial(_warm_up_for, config=config, code=code)
+    function = Limited(run, too_late, config.cell_seconds, config.cell_mb, warm)
     if cluster:
         return run_on_cluster(function, tasks, cluster=cluster, jobs=jobs, lost=lost, tries=config.tries)
     return run_all(
@@ -298,8 +338,8 @@ def _results(
         tasks,
         jobs=jobs,
         lost=lost,
-        initializer=warm_up,
-        arguments=(config, code),
+        initializer=cv2.setNumThreads,
+        arguments=(1,),
         tries=config.tries,
         apart=config.cell_mb > 0,  # compiled code for which no memory is left ends its process
     )

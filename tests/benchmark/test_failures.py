@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
 import shlex
 import subprocess
 import sys
@@ -106,6 +108,39 @@ def test_a_crash_names_the_command_that_repeats_it(
     assert f'File "{path}", line 16, in act' in trace and "runner" not in trace
     result = CliRunner().invoke(app, shlex.split(command)[1:])
     assert isinstance(result.exception, RuntimeError) and str(result.exception) in trace
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is limited on Linux alone")
+@pytest.mark.parametrize(
+    ("grasp", "said", "begun"),
+    [
+        (
+            "__import__('numpy').zeros(2**29)",
+            "CellMemoryError: the run took more than the 200 MB (cell_mb)",
+            1,
+        ),
+        ("__import__('os')._exit(1)", "WorkerDied: the process of this run was killed 2 times", 3),
+    ],
+)
+def test_a_run_beyond_its_memory_says_how_much_it_may_take(
+    plans: Path, tmp_path: Path, grasp: str, said: str, begun: int
+) -> None:
+    """One whose process dies is begun once among others, and alone as often as it may."""
+    mark = tmp_path / "begun"
+    lines = [
+        "import resource",
+        "        limit, _ = resource.getrlimit(resource.RLIMIT_AS)",
+        "        if decision.step == 2 and limit != resource.RLIM_INFINITY:  # not while it is warmed up",
+        f"            open({str(mark)!r}, 'a').write('x')",
+        f"            {grasp}",
+        "        return min(",
+    ]
+    path = write(tmp_path, AGENT.replace("return min(", "\n".join(lines)))
+    limited = dataclasses.replace(config(plans, f"{path}:Mine"), cell_mb=200, cell_seconds=60, tries=2)
+    done = run_benchmark(limited, tmp_path / "out")
+    (row,) = done.failed
+    assert row.error.startswith(said) and mark.read_text() == "x" * begun
+    assert re.search(r"beside the \d{3,} MB that its process has before it begins: allow more", row.error)
 
 
 def test_a_repaired_run_has_no_failure(plans: Path, tmp_path: Path) -> None:
