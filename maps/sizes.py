@@ -144,6 +144,7 @@ def check_raster(where: str, occupied: Mask, room_ids: Ints32) -> None:
     check_count(where, "cells", occupied.size, "image_pixels")
     ids = np.where(occupied, -1, room_ids)
     check_count(where, "corners between rooms and walls", _corners(ids), "vertices")
+    check_count(where, "rooms", int(np.count_nonzero(np.bincount(ids[ids > 0]))))
     windows(where, room_ids)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from layoutexplore.errors import MapError, checks_arguments, shortened
-from layoutexplore.grids.arrays import Floats, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.grids.outlines import trace_mask
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
@@ -152,10 +152,17 @@ def _widen(window: slice, size: int) -> slice:
 
 
 def _contacts(mask: Mask, ids: Ints32) -> list[tuple[int, Floats]]:
-    """Rooms that touch the mask, with the cells float64 (n, 2) of each room that do."""
+    """Rooms that touch the mask, by id, with the cells float64 (n, 2) of each room that do."""
     ring = cv2.dilate(mask.astype(np.uint8), np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)) > 0
     touched = np.where(ring & ~mask, ids, 0)
-    return [(int(i), _centres(touched == i)) for i in np.unique(touched[touched > 0])]
+    rooms, centres = touched[touched > 0], _centres(touched > 0)
+    return [(int(rooms[group[0]]), centres[group]) for group in _grouped(rooms)]
+
+
+def _grouped(keys: Ints32) -> list[Ints]:
+    """Indices, rising, of the entries of each key (n,), by rising key."""
+    order = np.argsort(keys, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(keys[order])) + 1) if len(order) else []
 
 
 def _centres(mask: Mask) -> Floats:
@@ -164,23 +171,26 @@ def _centres(mask: Mask) -> Floats:
 
 def _touching(source: PlanRaster, oblique: bool, where: str) -> list[Door]:
     """A door for every stretch along which two rooms share the borders of cells."""
-    found: dict[tuple[int, int], list[tuple[float, float, bool]]] = {}
     ids = np.where(source.occupied, 0, source.room_ids)
-    for lower, upper, dr, dc in ((ids[:-1], ids[1:], 1.0, 0.5), (ids[:, :-1], ids[:, 1:], 0.5, 1.0)):
+    borders, pairs = [], []
+    for lower, upper, step in ((ids[:-1], ids[1:], (1.0, 0.5)), (ids[:, :-1], ids[:, 1:], (0.5, 1.0))):
         meeting = np.argwhere((lower != upper) & (lower > 0) & (upper > 0))
         check_count(where, "cells where rooms touch", len(meeting), "vertices")
-        for r, c in meeting:
-            a, b = sorted((int(lower[r, c]), int(upper[r, c])))
-            found.setdefault((a, b), []).append((r + dr, c + dc, dr == 1.0))
+        place = tuple(meeting.T)
+        borders.append(meeting + step)
+        pairs.append(np.sort(np.stack([lower[place], upper[place]], axis=1).astype(np.int64), axis=1))
+    points, sides = np.concatenate(borders), np.concatenate(pairs)
+    level = np.arange(len(points)) < len(borders[0])
+    found = _grouped(sides[:, 0] << 32 | sides[:, 1])
+    check_count(where, "doors", len(found))
     whole = slice(0, source.shape[0]), slice(0, source.shape[1])
     doors: list[Door] = []
-    check_count(where, "doors", len(found))
-    for rooms, borders in sorted(found.items()):
+    for members in found:
         check_count(where, "doors", len(doors))
-        points = np.array([border[:2] for border in borders])
-        for group in _stretches(points):
-            horizontal = sum(borders[k][2] for k in group) * 2 >= len(group)
-            across = np.array([1.0, 0.0]) if horizontal else np.array([0.0, 1.0])
+        rooms = int(sides[members[0], 0]), int(sides[members[0], 1])
+        for stretch in _stretches(points[members]):
+            group = members[stretch]
+            across = np.array([1.0, 0.0]) if level[group].mean() >= 0.5 else np.array([0.0, 1.0])
             if oblique:
                 across = _across(points[group], across)
             doors.append(_door(source, whole, points[group], across, rooms))
@@ -194,14 +204,15 @@ def _across(points: Floats, straight: Floats) -> Floats:
     return np.asarray(axes[:, 0], np.float64) if values[1] > 4.0 * values[0] else straight
 
 
-def _stretches(points: Floats) -> list[list[int]]:
-    """Groups of points that lie within one cell of the next."""
+def _stretches(points: Floats) -> list[Ints]:
+    """Groups of points that lie within one cell of the next, as rising indices."""
+    from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(points)
-    count, member = connected_components(tree.sparse_distance_matrix(tree, 1.01), directed=False)
-    return [np.flatnonzero(member == k).tolist() for k in range(count)]
+    a, b = cKDTree(points).query_pairs(1.01, output_type="ndarray").T
+    near = coo_array((np.ones(len(a), np.bool_), (a, b)), shape=(len(points), len(points)))
+    return _grouped(connected_components(near, directed=False)[1])
 
 
 def _door(

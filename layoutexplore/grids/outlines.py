@@ -7,7 +7,6 @@ walk stays with its cell: what a ring encloses is four-connected.
 
 from __future__ import annotations
 
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,51 +69,87 @@ def trace_mask(mask: Mask, resolution: float, origin: Point) -> Polygon | MultiP
     """
     parts, count = label_components(mask)
     rings = trace_rings(parts)
-    walks = [
-        (_from_lowest(rings.corners[first:last].tolist()), int(owner))
-        for first, last, owner in zip(rings.starts[:-1], rings.starts[1:], rings.labels, strict=True)
-    ]
-    cut = [(corners, owner) for walk, owner in sorted(walks) for corners in cut_where_touching(walk)]
-    if not cut:
+    if not len(rings.labels):
         return Polygon()
+    corners, sizes = _from_lowest(rings.corners, rings.starts)
+    starts = np.cumsum(sizes) - sizes
+    # No two rings leave a corner to the right: their first corners tell them apart.
+    order = np.lexsort(corners[starts].T[::-1])
+    cut: list[Any] = []
+    owners: list[int] = []
+    for ring in order.tolist():
+        walk = corners[starts[ring] : starts[ring] + sizes[ring]]
+        pieces = cut_where_touching(walk.tolist()) if rings.touching[ring] else [walk]
+        cut += pieces
+        owners += [int(rings.labels[ring])] * len(pieces)
     polygons = _polygons(
-        [corners for corners, _ in cut], np.array([owner for _, owner in cut]), resolution, origin
+        np.concatenate(cut), np.array([len(c) for c in cut]), np.array(owners), resolution, origin
     )
     return polygons[0] if count == 1 else shapely.multipolygons(polygons)
 
 
 def _polygons(
-    rings: list[list[list[int]]], owners: Ints, resolution: float, origin: Point
+    corners: Ints32, sizes: Ints, owners: Ints, resolution: float, origin: Point
 ) -> NDArray[np.object_]:
     """A polygon for each of the parts 1, 2, ... in metres, all at once: noise has tens of thousands.
 
     Args:
-        rings: The corners (row, col) of each ring; a part has one shell, counter-clockwise, and holes.
+        corners: int (n, 2) as (row, col), ring after ring: of a part a shell, counter-clockwise, and holes.
+        sizes: int (k,), how many corners each ring has.
         owners: int (k,), the part of each ring.
         resolution: Side of a cell in metres.
         origin: World point of the corner (0, 0).
     """
-    corners = np.array(list(chain.from_iterable(rings)), np.int64)
-    sizes = np.array([len(ring) for ring in rings])
     starts = np.cumsum(sizes) - sizes
     following = np.arange(1, len(corners) + 1)
     following[starts + sizes - 1] = starts
-    y, x = corners.T
+    y, x = corners.T.astype(np.int64)
     turned = np.add.reduceat(x * y[following] - x[following] * y, starts)
     points = np.round(np.asarray(origin) + corners[:, ::-1] * resolution, 6)
-    lines = shapely.linearrings(points, indices=np.repeat(np.arange(len(rings)), sizes))
+    lines = shapely.linearrings(points, indices=np.repeat(np.arange(len(sizes)), sizes))
     # Of a polygon's rings the first is its shell.
     order = np.lexsort((turned <= 0, owners))
     return np.asarray(shapely.polygons(lines[order], indices=owners[order] - 1))
 
 
-def _from_lowest(ring: list[list[int]]) -> list[list[int]]:
-    """A ring from its first corner, in raster order, that a side leaves to the right."""
-    if (ring[-1][0] == ring[0][0]) == (ring[0][0] == ring[1][0]):
-        ring = ring[1:]
-    following = [*ring[1:], ring[0]]
-    _, k = min((a, k) for k, (a, b) in enumerate(zip(ring, following, strict=True)) if b[1] > a[1])
-    return ring[k:] + ring[:k]
+@njit(cache=True, nogil=True)
+def _from_lowest(corners: Ints32, starts: Ints) -> tuple[Ints32, Ints]:
+    """Each ring from its first corner, in raster order, that a side leaves to the right.
+
+    Args:
+        corners: As `Rings.corners`.
+        starts: As `Rings.starts`.
+
+    Returns:
+        The corners int32 (n, 2), ring after ring, less those in the middle of a straight line, and how many
+        each ring has, int64 (k,).
+    """
+    turned, sizes = np.empty_like(corners), np.empty(len(starts) - 1, np.int64)
+    n = 0
+    for k in range(len(sizes)):
+        first, last = starts[k], starts[k + 1] - 1
+        # Only the corner that a walk begins at may lie in the middle of a line.
+        comes_level = corners[last, 0] == corners[first, 0]
+        if comes_level == (corners[first, 0] == corners[first + 1, 0]):
+            first += 1
+        size = last + 1 - first
+        lowest = -1
+        for i in range(size):
+            a, b = first + i, first + (i + 1) % size
+            right = corners[b, 1] > corners[a, 1]
+            if right and (lowest < 0 or _before(corners[a], corners[first + lowest])):
+                lowest = i
+        for i in range(size):
+            turned[n + i] = corners[first + (lowest + i) % size]
+        sizes[k] = size
+        n += size
+    return turned[:n], sizes
+
+
+@njit("boolean(int32[:], int32[:])", cache=True, nogil=True)
+def _before(a: Ints32, b: Ints32) -> bool:
+    """Whether a corner comes before another in raster order."""
+    return bool(a[0] < b[0] or (a[0] == b[0] and a[1] < b[1]))
 
 
 def cut_where_touching(ring: list[list[Any]]) -> list[list[list[Any]]]:
