@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
@@ -57,6 +58,7 @@ class MapFrame(NamedTuple):
     cells_per_pixel: float
 
 
+@checks_making
 class Trail:
     """Where the robot believes it has been, as a mark in each cell that it passed.
 

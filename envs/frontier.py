@@ -16,7 +16,7 @@ from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.privileged import PrivilegedView
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.envs.viewer import Viewer
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_making
 from layoutexplore.frontiers.decision import STOP, Predictor
 from layoutexplore.grids.arrays import Cells, Mask
 from layoutexplore.options import COUNT, NON_NEGATIVE, check_kind
@@ -24,6 +24,7 @@ from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 
 
+@checks_making
 class FrontierEnv(ExplorationEnv[np.int64]):
     r"""Explore an unknown building by choosing, again and again, the frontier to look at next.
 

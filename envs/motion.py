@@ -17,7 +17,7 @@ from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.envs.viewer import Viewer
-from layoutexplore.errors import ConfigError, shortened
+from layoutexplore.errors import ConfigError, checks_making, shortened
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.options import Rule, check, check_kind
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
@@ -91,6 +91,7 @@ class MotionConfig:
         return cast(spaces.Space[Observation], space)
 
 
+@checks_making
 class MotionEnv(ExplorationEnv[Any]):
     r"""Explore an unknown building by driving: forward, left, right.
 

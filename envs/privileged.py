@@ -11,6 +11,7 @@ from numba import njit
 
 from layoutexplore.envs.observation import PRIVILEGED_FEATURES, ObservationConfig, bounds
 from layoutexplore.envs.room_progress import RoomLedger, room_distances
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats, Floats32, Ints, Mask
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.planning.tours import construct, improve
@@ -22,6 +23,7 @@ _UNSEEN_SHARES = np.round(1.0 - np.array([NEARLY_SEEN, FULLY_SEEN]), 6)
 """What is still unseen at the two coverage thresholds, 0..1."""
 
 
+@checks_making
 class PrivilegedView:
     """Describes one episode to a critic.
 

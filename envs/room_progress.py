@@ -9,6 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import Truth
 from layoutexplore.grids.arrays import Floats, Ints, Mask
@@ -20,6 +21,7 @@ _BLOCK = 0.4
 """Side in metres of the squares of the plan for each of which one path length to a room is kept."""
 
 
+@checks_making
 class RoomLedger:
     """What is left to see in each room of an episode's floor plan, and how often the robot has been in it.
 
@@ -79,6 +81,7 @@ class RoomLedger:
         self._walked = len(track)
 
 
+@checks_making
 class RoomDistances:
     """How far it is to the rooms of a floor plan, for one connected area of it.
 

@@ -20,7 +20,7 @@ from layoutexplore.envs.motion import MotionEnv
 from layoutexplore.envs.observation import Observation
 from layoutexplore.envs.vector_buffers import Arrays
 from layoutexplore.envs.vector_workers import LocalWorkers, ProcessWorkers, Workers, WorkerSetup
-from layoutexplore.errors import ConfigError, cause, shortened, unknown_name
+from layoutexplore.errors import ConfigError, cause, checks_making, shortened, unknown_name
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.options import COUNT, SEED, Rule, check_kind
 from layoutexplore.processes import usable_cores
@@ -231,12 +231,14 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         return {key: array.copy() if self._copy else array for key, array in observation.items()}
 
 
+@checks_making
 class FrontierVectorEnv(ExplorationVectorEnv):
     """Many `FrontierEnv`; see `ExplorationVectorEnv`."""
 
     environment = FrontierEnv
 
 
+@checks_making
 class MotionVectorEnv(ExplorationVectorEnv):
     """Many `MotionEnv`; see `ExplorationVectorEnv`."""
 
@@ -257,7 +259,7 @@ def _grouped(count: int, backend: str | None, workers: int | None) -> tuple[Sequ
     available = usable_cores() if workers is None else workers
     if backend is None:
         backend = "processes" if count > 1 and available > 1 else "serial"
-    if backend not in BACKENDS:
+    if not isinstance(backend, str) or backend not in BACKENDS:
         raise unknown_name("backend", backend, BACKENDS)
     bounds = np.linspace(0, count, 1 + (1 if backend == "serial" else min(count, available)))
     return list(pairwise(bounds.round().astype(int).tolist())), backend

@@ -13,6 +13,7 @@ import functools
 import importlib
 import inspect
 import reprlib
+import sys
 import types
 import typing
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -163,8 +164,6 @@ _NUMBERS: dict[Any, tuple[type, ...]] = {
 }
 _LARGEST = 1e18
 """A number beyond it is no length, index or count."""
-
-
 _SPEAKS_FOR_ITSELF = (OSError, AssertionError, NameError, ImportError, NotImplementedError)
 """What the system refuses says why, and the others are faults of code: no unusual value explains them."""
 
@@ -177,10 +176,17 @@ def checks_calls(cls: C) -> C:
     return cls
 
 
+def checks_making(cls: C) -> C:
+    """A class whose making does what `checks_arguments` does; its methods, called all the time, do not."""
+    cls.__init__ = checks_arguments(cls.__init__)  # type: ignore[misc]
+    return cls
+
+
 def checks_arguments(function: Callable[P, R]) -> Callable[P, R]:
     """A function whose plain errors name the argument that is of another kind than it is annotated with.
 
-    Calls that succeed cost nothing, and an error that no argument explains stays what it was.
+    Called from outside of the package, also one that can hardly be meant: no number, far too large, empty.
+    Calls that succeed cost nothing; an error that no argument explains stays: it is a fault of the package.
 
     Example:
         >>> @checks_arguments
@@ -197,7 +203,7 @@ def checks_arguments(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **kwargs)
         except Exception as error:  # also those of Numba, OpenCV and Shapely
-            named = _named(error, function, args, kwargs)
+            named = _named(error, function, args, kwargs, outside=_from_outside())
             if named is error:
                 raise
             raise named from error
@@ -207,7 +213,7 @@ def checks_arguments(function: Callable[P, R]) -> Callable[P, R]:
         try:
             yield from cast(Iterable[Any], function(*args, **kwargs))
         except Exception as error:
-            named = _named(error, function, args, kwargs)
+            named = _named(error, function, args, kwargs, outside=_from_outside())
             if named is error:
                 raise
             raise named from error
@@ -234,8 +240,19 @@ def require(module: str, extra: str) -> ModuleType:
         ) from error
 
 
+def _from_outside() -> bool:
+    """Whether a checked function is not called by this package; its commands count as users."""
+    package, _, room = str(sys._getframe(2).f_globals.get("__name__", "")).partition(".")
+    return package != __name__.partition(".")[0] or room.startswith("cli")
+
+
 def _named(
-    error: Exception, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
+    error: Exception,
+    function: Callable[..., Any],
+    args: tuple[Any, ...],
+    kwargs: dict[str, Any],
+    *,
+    outside: bool,
 ) -> Exception:
     """An error that names the argument which explains it; the error itself where none does."""
     if isinstance(error, LayoutExploreError):
@@ -245,8 +262,11 @@ def _named(
         unlike = getattr(error, "obj", None) is value and type(value).__name__ not in annotation
         if unlike or not _can_be(value, meant):
             return ConfigError(f"{function.__qualname__}: {name} must be {annotation}, got {_shown(value)}")
-    for name, (value, meant, _) in given.items() if not isinstance(error, _SPEAKS_FOR_ITSELF) else ():
-        if odd := _oddity(value, meant):
+    # What this package itself has passed on explains nothing: the fault may be here.
+    for name, (value, meant, _) in (
+        given.items() if outside and not isinstance(error, _SPEAKS_FOR_ITSELF) else ()
+    ):
+        if odd := _oddity(value, meant, error):
             return ConfigError(f"{function.__qualname__}: {name} {odd}, which leads nowhere: {cause(error)}")
     return error
 
@@ -254,13 +274,20 @@ def _named(
 def _given(
     function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> dict[str, tuple[Any, Any, str]]:
-    """Value, kind and annotation of the arguments; none where they do not fit the signature."""
+    """Value, kind and annotation of the arguments; none where they do not fit the signature.
+
+    Those that are the default explain nothing.
+    """
+    signature = inspect.signature(function)
     try:
-        given = inspect.signature(function).bind(*args, **kwargs).arguments
+        given = signature.bind(*args, **kwargs).arguments
     except TypeError:
         return {}
     found = {}
     for name, value in given.items():
+        default = signature.parameters[name].default
+        if value is default or (isinstance(value, (str, int, float)) and repr(value) == repr(default)):
+            continue
         annotation = function.__annotations__.get(name, "Any")
         try:
             names = _Names(function.__globals__)
@@ -289,11 +316,11 @@ def _shown(value: Any) -> str:
     return shortened(value)
 
 
-def _oddity(value: Any, meant: Any) -> str:
-    """What is unusual about a value that is of the right kind; empty where nothing is."""
-    if isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
-        usual = 1e-6 <= value < 1e5 or (value == 0 and meant is not float)
-        return "" if usual else f"is {shortened(value)}"
+def _oddity(value: Any, meant: Any, error: Exception) -> str:
+    """What can hardly be meant of a value that is of the right kind; empty where nothing is."""
+    if isinstance(value, (int, float, np.integer, np.floating)):
+        most = 1e5 if isinstance(error, (MemoryError, OverflowError)) else 1e12
+        return "" if abs(cast(Any, value)) <= most else f"is {shortened(value)}"
     if isinstance(value, PurePath) and "\0" in str(value):
         return f"is {shortened(str(value))}"
     if isinstance(value, Iterator):
@@ -309,12 +336,9 @@ def _oddity(value: Any, meant: Any) -> str:
     wanted = typing.get_args(typing.get_args(meant)[-1:][0])[:1] if typing.get_args(meant) else ()
     if wanted and isinstance(wanted[0], type) and not issubclass(value.dtype.type, wanted[0]):
         return f"has values of type {value.dtype}, not {wanted[0].__name__},"
-    finite = value.dtype.kind not in "fc" or bool(np.isfinite(value).all())
-    return (
-        ""
-        if value.ndim == 2 and value.size and finite
-        else f"has the shape {value.shape}" + ("" if finite else " and values that are no numbers")
-    )
+    if value.dtype.kind in "fc" and not np.isfinite(value).all():
+        return "has values that are no numbers"
+    return "" if value.size else f"has the shape {value.shape}"
 
 
 def _can_be(value: Any, meant: Any) -> bool:
@@ -351,7 +375,8 @@ def _fits(value: Any, meant: Any) -> bool:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         return False  # no number of Python's, and nothing to go through
     if issubclass(base, tuple) and hasattr(base, "_fields"):
-        return isinstance(value, tuple) and len(value) == len(base._fields) and _is_array(value)
+        alike = isinstance(value, tuple) and len(value) == len(base._fields) and _is_array(value)
+        return isinstance(value, base) or alike
     if base is tuple and Ellipsis not in parts and isinstance(value, tuple):
         return len(value) == len(parts) and all(map(_fits, value, parts))
     if parts and base in (Iterable, Sequence) and isinstance(value, (str, bytes)):

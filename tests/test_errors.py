@@ -316,25 +316,50 @@ def test_alternatives_and_arrays_are_kinds() -> None:
         total([1], Pose(0.0, 0.0, 0.0))  # type: ignore[arg-type]
 
 
-def test_what_is_unusual_about_an_argument_is_told() -> None:
-    """An argument of the right kind explains an error, too: an empty list, another type of array, a zero."""
+@checks_arguments
+def first(cells: Cells, resolution: float = 1.0, parts: Sequence[int] = (1,)) -> float:
+    return float(cells[0, 0]) / resolution + parts[round(resolution) - 1]
 
-    @checks_arguments
-    def first(cells: Cells, resolution: float = 1.0, parts: Sequence[int] = (1,)) -> float:
-        return float(cells[0, 0]) / resolution + parts[0]
 
-    good = np.zeros((2, 2), np.int8)
-    assert first(good) == 1.0
+GRID = np.zeros((2, 2), np.int8)
+
+
+def test_what_can_hardly_be_meant_is_told() -> None:
+    """An argument of the right kind explains an error, too: an empty list, another type of array, a NaN."""
+    assert first(GRID) == 1.0
     for told, given in {
-        r"cells has the shape \(3,\)": {"cells": np.zeros(3, np.int8)},
+        r"cells has the shape \(0, 2\)": {"cells": np.zeros((0, 2), np.int8)},
         "cells has values of type float64": {"cells": np.zeros(3)},
-        "resolution is 0.0": {"cells": good, "resolution": 0.0},
-        "parts is empty": {"cells": good, "parts": []},
+        "resolution is 1000000": {"cells": GRID, "resolution": 1e15},
+        "parts is empty": {"cells": GRID, "parts": []},
     }.items():
         with pytest.raises(ConfigError, match=f"first: {told}"):
             first(**given)  # type: ignore[arg-type]
     with pytest.raises(IndexError):
-        first(good, parts=Empty())
+        first(GRID, parts=Empty())
+
+
+def test_a_fault_of_ours_at_an_ordinary_argument_stays_one() -> None:
+    """Zeros, negative numbers, arrays of any dimension, defaults: the function itself has to refuse them."""
+    for fault, given in (
+        (ZeroDivisionError, {"cells": GRID, "resolution": 0.0}),
+        (IndexError, {"cells": GRID, "resolution": -7.0}),
+        (IndexError, {"cells": np.zeros(3, np.int8)}),
+        (IndexError, {"cells": GRID, "resolution": 7.0, "parts": (1,)}),
+    ):
+        with pytest.raises(fault):
+            first(**given)  # type: ignore[arg-type]
+
+    def inner() -> float:
+        return first(GRID, parts=[])
+
+    with pytest.raises(ConfigError, match="parts is empty"):
+        inner()
+    ours: Callable[[], float] = eval(
+        "lambda: first(GRID, parts=[])", {**globals(), "__name__": "layoutexplore.maps"}
+    )
+    with pytest.raises(IndexError):  # what the package itself has passed on
+        ours()
 
 
 class Empty(Sequence[int]):

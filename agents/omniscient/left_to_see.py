@@ -10,10 +10,12 @@ import numpy as np
 from layoutexplore.agents.omniscient.places import Places
 from layoutexplore.agents.omniscient.route import Leg, Stop
 from layoutexplore.agents.omniscient.visibility import Bits, added_sizes
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats32, Ints32, Words
 from layoutexplore.grids.grid import Cell
 
 
+@checks_making
 class LeftToSee:
     """The places of a floor from which something is left to see, and what that is.
 

@@ -15,6 +15,7 @@ from numba import njit
 
 from layoutexplore.agents.omniscient.route import Stop
 from layoutexplore.agents.omniscient.visibility import Bits, FloorInView, Visibility
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats32, Ints, Ints32, Mask, Words
 from layoutexplore.grids.grid import Cell
 from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Workspace
@@ -32,6 +33,7 @@ class _Way(NamedTuple):
     seen: Bits
 
 
+@checks_making
 class Places:
     """A lattice of places on a floor.
 

@@ -29,6 +29,7 @@ from layoutexplore.agents.omniscient.visibility import (
     size,
     size_of_union,
 )
+from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.decision import Truth
 from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Words
 from layoutexplore.grids.grid import Cell
@@ -96,6 +97,7 @@ class Quota(NamedTuple):
     least: int
 
 
+@checks_making
 class RoutePlanner:
     """Plans routes on a known floor plan.
 

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.decision import CellPath, Truth
 from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask, Words
 from layoutexplore.grids.bitsets import ones
@@ -58,6 +59,7 @@ class FloorInView(NamedTuple):
         return FloorInView(raster.occupied, truth.target, truth.reachable, raster.resolution, truth.sensor)
 
 
+@checks_making
 class Visibility:
     """What a robot sees on a known floor plan.
 

@@ -14,7 +14,7 @@ from layoutexplore.agents import make_agent
 from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.explorers import Stop, explore_all
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
-from layoutexplore.errors import ResultsError, checks_arguments, shortened
+from layoutexplore.errors import ResultsError, checks_arguments, checks_making, shortened
 from layoutexplore.files import read_csv
 from layoutexplore.files.reading import is_there
 from layoutexplore.frontiers.decision import Agent
@@ -42,6 +42,7 @@ class Metres(NamedTuple):
     coverage: float
 
 
+@checks_making
 class Evaluation:
     """Explores the cells of a configuration; what the reference agents do is found once.
 

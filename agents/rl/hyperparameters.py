@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from layoutexplore.errors import ConfigError, checks_arguments, unknown_name
+from layoutexplore.errors import ConfigError, checks_arguments, checks_making, unknown_name
 from layoutexplore.files import read_toml
 from layoutexplore.frontiers.tour_features import TourConfig
-from layoutexplore.options import COUNT, NATURAL, POSITIVE, Rule, check, rule_like
+from layoutexplore.options import COUNT, NATURAL, POSITIVE, Rule, check, check_kind, rule_like
 
 DEFAULTS = Path(__file__).resolve().parent.parent / "hyperparameters.toml"
 """The shipped hyper-parameters."""
@@ -134,6 +134,7 @@ class EvaluationConfig:
         check(self, "evaluation.", every=COUNT, starts=COUNT)
 
 
+@checks_making
 @dataclass(frozen=True, kw_only=True)
 class TrainingConfig:
     """Everything that decides a training run.
@@ -193,6 +194,8 @@ class TrainingConfig:
         check(self, steps=COUNT, envs=COUNT, checkpoint_every=COUNT, averaging=Rule(low=0.0, below=1.0))
         check(self, workers=NATURAL, seed=SEED, critic_steps=NATURAL, max_steps=NATURAL)
         check(self, final_learning_rate=Rule(low=0.0, high=1.0))
+        for name in ("plans", "sensors"):
+            check_kind(name, getattr(self, name), tuple, list)
         if not self.plans or not self.sensors:
             raise ConfigError("training needs at least one of plans and of sensors")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.envs.observation import ObservationConfig, encode_frontiers
-from layoutexplore.errors import ResultsError
+from layoutexplore.errors import ResultsError, checks_making
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.options import SEED, check_kind
@@ -66,6 +66,7 @@ class PolicyAgent:
         return f"<{type(self).__name__} {self.name}>"
 
 
+@checks_making
 class LinearPolicy(PolicyAgent):
     """A policy without encoder: the logit of a frontier is a weighted sum of its own features.
 

@@ -22,7 +22,7 @@ from layoutexplore.agents.rl.evaluation import Evaluation, score
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.torch_policy_files import save_policy
-from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.errors import ConfigError, ResultsError, checks_making
 from layoutexplore.files import atomic, to_toml, write_atomically
 from layoutexplore.processes import command_line, more_time
 
@@ -46,6 +46,7 @@ class Watcher(Protocol):
         """Steps done of all."""
 
 
+@checks_making
 class TrainingRun:
     """One training run in its folder; a subclass trains.
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import PATHS, STOP, Agent, Choice, Decision, path_of
 from layoutexplore.frontiers.table import Frontier
@@ -131,6 +132,7 @@ class _Pursued:
     cells: Ints32 = field(repr=False)
 
 
+@checks_making
 class CounterfactualRollouts:
     """Asks the agent again beside a run.
 

@@ -14,7 +14,7 @@ from typing import Any
 from layoutexplore.benchmark.config import BenchmarkConfig, read_benchmark_config
 from layoutexplore.benchmark.manifest import manifest_of
 from layoutexplore.benchmark.plans import PlanEntry, entry
-from layoutexplore.errors import ConfigError, checks_arguments, unknown_name
+from layoutexplore.errors import ConfigError, ResultsError, checks_arguments, unknown_name
 from layoutexplore.files import read_toml, to_toml
 from layoutexplore.maps.library import find_plans
 
@@ -115,6 +115,8 @@ def load_suite(name: str) -> Suite:
 @checks_arguments
 def cells_of(manifest: Mapping[str, Any]) -> dict[str, Any]:
     """What decides the cells of a benchmark, as its run.toml says: plans by content, starts, settings."""
+    if missing := {"settings", "plans", "starts"} - set(manifest):
+        raise ResultsError(f"a benchmark's run.toml says nothing of {', '.join(sorted(missing))}")
     settings = manifest["settings"]
     return {
         "plans": {name: plan["content_hash"] for name, plan in manifest["plans"].items()},

@@ -7,9 +7,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from layoutexplore.errors import ConfigError, require
+from layoutexplore.errors import ConfigError, checks_making, require
 from layoutexplore.files import put_in_place
 from layoutexplore.grids.arrays import Bytes
+from layoutexplore.options import Rule, check_kind
 
 SUFFIXES = (".mp4", ".gif")
 
@@ -17,6 +18,7 @@ HOLD_SECONDS = 1.5
 """How long the last frame stays."""
 
 
+@checks_making
 class Film:
     """A film that is being written, used as a context manager; the file appears when the block ends well.
 
@@ -31,10 +33,10 @@ class Film:
     """
 
     def __init__(self, path: Path, *, fps: float = 12.0) -> None:
+        check_kind("path", path, Path)
         if path.suffix.lower() not in SUFFIXES:
             raise ConfigError(f"a film is an {' or '.join(SUFFIXES)} file, got {path.name!r}")
-        if not 0 < fps <= 120:
-            raise ConfigError(f"frames per second must be above 0 and at most 120, got {fps}")
+        Rule(above=0.0, high=120.0).convert("frames per second", fps)
         self.path = path
         self.fps = fps
         self._imageio: Any = require("imageio.v2", "bench")

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from layoutexplore.drawing.labels import label_places
 from layoutexplore.drawing.palette import QUALITATIVE, Colour
-from layoutexplore.errors import checks_arguments
+from layoutexplore.errors import ConfigError, checks_arguments
 
 WIDTH, HEIGHT = 640, 400
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 150, 24, 48
@@ -26,6 +26,8 @@ def draw_growth(lines: Mapping[str, tuple[Line, Line]], x_title: str, y_title: s
         x_title: What x is, with its unit.
         y_title: What y is, with its unit.
     """
+    if not lines or not all(line for pair in lines.values() for line in pair):
+        raise ConfigError("draw_growth: there must be a line, each with one point at least")
     points = [point for pair in lines.values() for line in pair for point in line]
     xs, ys = ([point[axis] for point in points] for axis in (0, 1))
     frame = _Frame(min(xs), max(xs), min(ys) / 1.2, max(ys) * 1.2)

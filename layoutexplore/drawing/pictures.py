@@ -129,6 +129,7 @@ def draw_state(
     _draw_track(image, view, simulation.track)
     if decision is not None and decision.frontiers:
         if target is not None:
+            Rule(kind=int, low=0, high=len(decision.frontiers) - 1).convert("target", target)
             _draw_path(image, view, decision, target)
         _draw_viewpoints(image, view, decision, target)
     _draw_robot(image, view, simulation.pose, simulation.config.robot_radius)

@@ -22,7 +22,7 @@ import numpy as np
 from layoutexplore.closed_doors.prediction import predict_closed_rooms
 from layoutexplore.errors import checks_arguments
 from layoutexplore.files import write_atomically
-from layoutexplore.grids.arrays import Bytes, Mask
+from layoutexplore.grids.arrays import Bytes, Mask, check_alike
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.buildings import building_of
@@ -76,6 +76,7 @@ def score_prediction(predicted: Mask, seen: Mask, truth: Mask, *, kept: bool = T
         truth: Bool (rows, cols), free in truth.
         kept: Whether the prediction keeps what was seen; only the free space's IoU depends on it.
     """
+    check_alike("score_prediction", predicted=predicted, seen=seen, truth=truth)
     new, hidden = predicted & ~seen, truth & ~seen
     free = predicted | seen if kept else predicted
     hit = int((new & hidden).sum())

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from layoutexplore.errors import ConfigError, MapError, checks_arguments, shortened
+from layoutexplore.errors import ConfigError, MapError, checks_arguments, checks_making, shortened
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.frame import angles_to_local
@@ -26,11 +26,13 @@ from layoutexplore.layout.lines.ias15 import Ias15Config, mean_shift_directions
 from layoutexplore.layout.lines.rose import RoseConfig, rose
 from layoutexplore.layout.lines.segments import align, angle_between, find_segments, segment_angles
 from layoutexplore.layout.lines.walls import find_walls
+from layoutexplore.options import COUNT, FLAG, NATURAL, SEED, check, check_kind
 
 SHAPES = ("square", "rectangle", "circle", "diamond", "star")
 """Shapes of clutter that can be added."""
 
 
+@checks_making
 @dataclass(frozen=True, kw_only=True)
 class ClutterConfig:
     """Which clutter is added.
@@ -52,11 +54,16 @@ class ClutterConfig:
     rose: RoseConfig = field(default_factory=RoseConfig)
 
     def __post_init__(self) -> None:
+        for name in ("shapes", "counts", "sizes"):
+            check_kind(name, getattr(self, name), tuple, list)
+        for number in (*self.counts, *self.sizes):
+            COUNT.convert("counts and sizes", number)
+        check(self, seed=SEED, lines=FLAG)
         for shape in self.shapes:
             if shape not in SHAPES:
                 raise ConfigError(f"unknown shape {shortened(shape)}: known are {', '.join(SHAPES)}")
-        if min(self.counts, default=0) < 1 or min(self.sizes, default=0) < 1 or not self.shapes:
-            raise ConfigError("shapes, counts and sizes must not be empty, counts and sizes at least 1")
+        if not self.counts or not self.sizes or not self.shapes:
+            raise ConfigError("shapes, counts and sizes must not be empty")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,8 +220,12 @@ def add_clutter(
         size: Largest extent, in cells.
         rng: Where they lie.
     """
+    NATURAL.convert("count", count)
+    COUNT.convert("size", size)
     image = np.zeros(grid.shape, np.uint8)
     places = np.argwhere(grid.free)
+    if not len(places):
+        raise MapError("there is no free cell for clutter to lie on")
     for row, col in places[rng.integers(0, len(places), count)]:
         corners = _corners(shape, size, rng) + np.array((col, row))
         cv2.fillPoly(image, [np.rint(corners * 16).astype(np.int32)], 1, cv2.LINE_8, 4)
@@ -255,6 +266,8 @@ def wall_lines(grid: OccupancyGrid, directions: Floats | None = None) -> Floats:
         directions: float64 (k,), of the walls, in the grid's frame; without them, or where there are none,
             the modes of the segments' own directions by mean shift.
     """
+    if directions is not None and (directions.ndim != 1 or not np.isfinite(directions).all()):
+        raise ConfigError(f"wall_lines: directions are finite numbers (k,), got {directions.shape}")
     config = Ias15Config()
     segments = find_segments(grid.occupied, grid.resolution, config)
     if not len(segments):

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from layoutexplore.errors import checks_arguments
+from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.frontiers.classes import LITTLE_LEFT, true_classes
 from layoutexplore.frontiers.decision import Decision, Privileged
-from layoutexplore.grids.arrays import Cells, Ints32, Mask
+from layoutexplore.grids.arrays import Cells, Ints32, Mask, check_alike
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor
 from layoutexplore.predictors.snapshot import Snapshot
@@ -222,6 +222,9 @@ def boundary_distance(a: Mask, b: Mask) -> float:
         >>> boundary_distance(a, a), 0.3 < boundary_distance(a, b) < 1.0
         (0.0, True)
     """
+    check_alike("boundary_distance", a=a, b=b)
+    if a.ndim != 2 or not a.any() or not b.any():
+        raise ConfigError(f"boundary_distance: each mask is 2-d with a cell at least, got {a.shape}")
     rows, cols = np.nonzero(a | b)
     window = np.s_[max(rows.min() - 1, 0) : rows.max() + 2, max(cols.min() - 1, 0) : cols.max() + 2]
     edges = [m & ~ndimage.binary_erosion(m) for m in (a[window], b[window])]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
-from layoutexplore.errors import checks_arguments
+from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.evaluation.partial_rooms import FrontierScore, RoomScore, Scores
-from layoutexplore.grids.arrays import Floats, Mask
+from layoutexplore.grids.arrays import Floats, Mask, check_alike
 from layoutexplore.metrics.statistics import cluster_bootstrap
 
 EXPLORED = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -117,6 +117,7 @@ def matthews(found: Mask, truth: Mask) -> float:
         >>> round(matthews(np.array([True, False, True]), np.array([True, False, True])), 6)
         1.0
     """
+    check_alike("matthews", found=found, truth=truth)
     if found.all() or truth.all() or not found.any() or not truth.any():
         return 0.0
     return float(np.corrcoef(found, truth)[0, 1])
@@ -125,6 +126,7 @@ def matthews(found: Mask, truth: Mask) -> float:
 @checks_arguments
 def f1(found: Mask, truth: Mask) -> float:
     """Harmonic mean of precision and recall of the class True; 0 where it is neither found nor there."""
+    check_alike("f1", found=found, truth=truth)
     return float(2 * (found & truth).sum() / max(int(found.sum() + truth.sum()), 1))
 
 
@@ -134,6 +136,11 @@ def calibration_error(confidence: Floats, right: Mask) -> float:
 
     Mean distance of stated and observed probability over bins of equal width.
     """
+    check_alike("calibration_error", confidence=confidence, right=right)
+    if confidence.ndim != 1 or not len(right) or not (confidence >= 0.0).all():
+        raise ConfigError(
+            f"calibration_error: confidence is 0..1, (n,), of one at least, got {confidence.shape}"
+        )
     which = np.minimum((confidence * BINS).astype(int), BINS - 1)
     gaps = np.bincount(which, weights=confidence - right, minlength=BINS)
     return float(np.abs(gaps).sum() / len(right))

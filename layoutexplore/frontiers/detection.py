@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import MapError, checks_arguments
+from layoutexplore.errors import MapError, checks_arguments, checks_making
 from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32, Mask
 from layoutexplore.grids.components import root_of
 
@@ -75,6 +75,7 @@ def find_frontiers(cells: Cells) -> FrontierClusters:
     return FrontierClusters(*_cluster(flat, cells.shape[1]))
 
 
+@checks_making
 class FrontierDetector:
     """Frontier clusters of a grid that changes, at the cost of what changed.
 

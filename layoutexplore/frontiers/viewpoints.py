@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.table import FrontierList, FrontierTable
 from layoutexplore.frontiers.visible_area import VisibleUnknownArea
@@ -37,6 +38,7 @@ Units = NDArray[np.integer]
 _MIX = np.uint64(0x9E3779B97F4A7C15)
 
 
+@checks_making
 class ViewpointSelector:
     """Selects, for each frontier of a run, the viewpoint that the robot is offered.
 

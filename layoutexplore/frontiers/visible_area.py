@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_making
 from layoutexplore.frontiers.detection import check_grid
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32
 from layoutexplore.grids.boxes import Box
@@ -56,6 +56,7 @@ def visible_unknown_area(
     return view.areas(cells, points, (0, 0, 0, 0))
 
 
+@checks_making
 class VisibleUnknownArea:
     """The visible unknown area of places, as `visible_unknown_area` has it, on a grid that changes.
 

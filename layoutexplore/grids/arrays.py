@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.errors import ConfigError
+
 Cells = NDArray[np.int8]
 """Cells of an occupancy grid: -1 unknown, 0 free ... 100 occupied; and other int8 arrays."""
 
@@ -33,6 +35,25 @@ Bytes = NDArray[np.uint8]
 
 Words = NDArray[np.uint64]
 """Sets as bits, 64 a word."""
+
+
+def check_alike(what: str, **arrays: NDArray[Any]) -> None:
+    """Raise `ConfigError` unless arrays have one shape.
+
+    Args:
+        what: Whose arguments they are.
+        arrays: By their names.
+
+    Example:
+        >>> check_alike("f1", found=np.zeros(2), truth=np.zeros(3))
+        Traceback (most recent call last):
+        ...
+        layoutexplore.errors.ConfigError: f1: found (2,) and truth (3,) must have one shape
+    """
+    shapes = {name: array.shape for name, array in arrays.items()}
+    if len(set(shapes.values())) > 1:
+        told = " and ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ConfigError(f"{what}: {told} must have one shape")
 
 
 def label_type(highest: int) -> type[np.signedinteger[Any]]:

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Mask, Words
 from layoutexplore.grids.components import root_of
 
@@ -61,6 +62,7 @@ class _Scratch(NamedTuple):
     queue: Ints
 
 
+@checks_making
 class ConnectedTiles:
     """The cells connected with a source on a grid that changes, nowhere traversable at first.
 

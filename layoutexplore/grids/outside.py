@@ -10,12 +10,15 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from layoutexplore.errors import checks_arguments
+from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Mask
-from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid, check_resolution
 
 OPENING = 3.0
 """Metres; gaps of outer walls up to this width are closed."""
+
+_MOST_OPENING = 100.0
+"""Metres: nothing wider is an opening, and closing it would take much memory."""
 
 MOSTLY = 0.9
 """Share of what the widest closing encloses that a narrower one must enclose to be chosen."""
@@ -43,6 +46,12 @@ def find_outside(walls: Mask, resolution: float, *, opening: float = OPENING) ->
         >>> [int((~find_outside(walls, 1.0, opening=o) & ~walls).sum()) for o in (0.0, 2.0)]
         [0, 10]
     """
+    check_resolution(resolution)
+    if walls.ndim != 2 or not walls.size or not 0.0 <= opening <= _MOST_OPENING:
+        raise MapError(
+            f"walls are 2-d and not empty, the opening from 0 to {_MOST_OPENING:g} m, "
+            f"got {walls.shape} and {shortened(opening)}"
+        )
     widest = _outside(walls, round(opening / resolution / 2))
     enough = MOSTLY * np.count_nonzero(~widest & ~walls)
     for share in (0.0, 0.25, 0.5):

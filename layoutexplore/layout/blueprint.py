@@ -153,6 +153,8 @@ def find_words(image: Bytes, config: BlueprintConfig) -> list[tuple[int, int, in
         MissingExtraError: pytesseract or the program tesseract is not installed, or the program fails
             (without its language data, say).
     """
+    if image.ndim not in (2, 3) or not image.size:
+        raise MapError(f"a picture has the shape (h, w) or (h, w, 3), got {image.shape}")
     tesseract = require("pytesseract", "blueprint")
     scale = config.magnification
     large = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)

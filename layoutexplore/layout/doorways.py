@@ -22,7 +22,7 @@ from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, La
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.flood import spread_in_place
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, check_resolution
 from layoutexplore.grids.morphology import disc
 from layoutexplore.grids.runs import run_end
 from layoutexplore.layout.canonical import in_canonical_orientation
@@ -145,6 +145,7 @@ def doorway_regions(cells: Cells, resolution: float, config: DoorwaysConfig = SH
 @checks_arguments
 def gap_type(resolution: float, config: DoorGapConfig = SHIPPED) -> np.dtype[np.unsignedinteger[Any]]:
     """The smallest type that holds the width of a door in cells."""
+    check_resolution(resolution)
     return np.min_scalar_type(int(config.door_max / resolution) + 2)
 
 
@@ -154,6 +155,7 @@ def find_doors(occupied: Mask, resolution: float, config: DoorGapConfig = SHIPPE
 
     Where two gaps cross, the narrower one counts.
     """
+    check_resolution(resolution)
     along_rows, along_cols = list_gaps(occupied, resolution, config, longest=config.door_run)
     width = np.zeros(occupied.shape, gap_type(resolution, config))
     _paint(along_rows, width)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32, Labels, Mask
 from layoutexplore.grids.boxes import Box, grown_box, union
 from layoutexplore.grids.components import join_runs
@@ -30,6 +31,7 @@ LARGE = 0.5
 """Where more than this share of the grid would be grown anew, all of it is, which needs no copy."""
 
 
+@checks_making
 class GrownComponents:
     """The labels of a grid that changes, which has neither seeds nor bare cells at first.
 

@@ -7,7 +7,7 @@ import shapely
 from numba import njit
 
 from layoutexplore.errors import MapError, checks_arguments, shortened
-from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, check_alike
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.outlines import cut_where_touching, trace_rings
 from layoutexplore.grids.runs import find_runs
@@ -153,6 +153,10 @@ def rooms_of_labels(
     details = details or Details()
     if labels.shape != grid.shape or labels.max(initial=0) > labels.size:
         raise MapError(f"labels {labels.shape} number the rooms of a grid {grid.shape} from 1 on")
+    if footprint is not None:
+        check_alike("rooms_of_labels", labels=labels, footprint=footprint)
+        if footprint.max(initial=0) > labels.size:
+            raise MapError("footprints have the numbers of the labels")
     shapes = label_polygons(labels if footprint is None else footprint)
     total, seen, frontier, touching = (
         counts.tolist()

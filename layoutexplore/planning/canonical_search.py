@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
 
 STRAIGHT = 5741
@@ -93,6 +94,7 @@ class _Memory:
         self.plain_queue = tuple(self.queue)
 
 
+@checks_making
 class Search:
     """Searches on one grid, one after the other.
 
@@ -181,6 +183,7 @@ class Search:
             self.distance[:] = FAR
 
 
+@checks_making
 class Workspace(Search):
     """A search on masks of one shape.
 

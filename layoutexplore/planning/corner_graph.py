@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Mask
 from layoutexplore.planning.corner_search import Edges, Nodes, spread_from
 from layoutexplore.planning.corner_sight import (
@@ -49,6 +50,7 @@ class GraphChange(NamedTuple):
     new: Ints | None = None
 
 
+@checks_making
 class CornerGraph:
     """Corners of a grid that changes, nowhere traversable at first.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Bytes, Ints, Ints32
 from layoutexplore.planning.canonical_search import FAR
 from layoutexplore.planning.corner_graph import CornerGraph, outdated
@@ -20,6 +21,7 @@ _MOST_PLACES = 512
 """Places that are kept; beyond it only those that are asked for are."""
 
 
+@checks_making
 class CornerPaths:
     """Shortest path lengths on a grid that changes, nowhere traversable at first.
 

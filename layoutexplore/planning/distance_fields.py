@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_making
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import Cell
@@ -33,6 +33,7 @@ class Turn:
         self.number = 0
 
 
+@checks_making
 class DistanceField:
     """Lengths of the shortest paths from one cell: a view of their search, which the next search takes away.
 
@@ -118,6 +119,7 @@ class DistanceField:
             )
 
 
+@checks_making
 class CornerField(DistanceField):
     """The same by the corners of the map.
 

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_making
 from layoutexplore.grids.arrays import Bytes, Cells, Ints32
 from layoutexplore.grids.boxes import Box, grown_box, union
 from layoutexplore.grids.connected_tiles import ConnectedTiles
@@ -34,6 +34,7 @@ Below, one search over all cells costs less than following the changes of the co
 _NOTHING: Box = (0, 0, 0, 0)
 
 
+@checks_making
 class Traversability:
     """The cells that a robot can plan through, on a grid that changes.
 

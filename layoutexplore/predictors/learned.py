@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import checks_calls
+from layoutexplore.errors import checks_calls, checks_making
 from layoutexplore.files import fingerprint
 from layoutexplore.files.reading import is_there
 from layoutexplore.frontiers.classes import LITTLE_LEFT, FrontierClasses
@@ -77,6 +77,7 @@ DOUBT = 1.0
 """The network scores frontiers whose log-odds by the trees are as near as this to a change of class."""
 
 
+@checks_making
 class LearnedRooms(RoomsOnGrid):
     """The rooms that are predicted at a decision, completed when they are first asked for.
 

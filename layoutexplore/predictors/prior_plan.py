@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, checks_calls, unknown_name
+from layoutexplore.errors import ConfigError, checks_calls, checks_making, unknown_name
 from layoutexplore.frontiers.classes import classify_frontiers
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.foresight import Foresight
@@ -172,6 +172,7 @@ def _completed(shipped: Decision, foreseen: Foresight) -> Decision:
     return dataclasses.replace(completed, foresee=lambda: foreseen)
 
 
+@checks_making
 class ForeseenRooms(RoomsOnGrid):
     """Rooms of the shipped predictor and of the plan, joined when somebody looks at them.
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import ConfigError, UnknownNameError, checks_calls, unknown_name
+from layoutexplore.errors import ConfigError, UnknownNameError, checks_calls, checks_making, unknown_name
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
@@ -37,6 +37,7 @@ GROWTH = 0.01
 """Lines are kept until the known walls have changed by this share of them."""
 
 
+@checks_making
 class ReconstructedRooms(RoomsOnGrid):
     """The rooms of a layout on the grid of a decision, completed when they are first asked for.
 

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell
 from layoutexplore.maps.raster import PlanRaster
@@ -21,6 +22,7 @@ SEEN_SHARE = 0.1
 """A room of which a smaller share is seen has not been looked into: the share of an open frontier's room."""
 
 
+@checks_making
 class RoomGraph:
     """Rooms, passages and gaps of doors of a floor plan, and which of them touch.
 

@@ -159,6 +159,8 @@ def paper_share(image: Bytes) -> float:
         >>> paper_share(np.full((40, 40, 3), 200, np.uint8))
         1.0
     """
+    if image.ndim != 3 or not image.size:
+        raise MapError(f"a picture has the shape (h, w, 3), got {image.shape}")
     bright = image.max(axis=2)
     shrink = max(1.0, math.sqrt(bright.size / PAPER_PIXELS))
     small = cv2.resize(bright, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)

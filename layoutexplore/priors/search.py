@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from scipy import fft
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats, Floats32, Ints
 from layoutexplore.priors.evidence import Evidence
 from layoutexplore.priors.fields import PlanFields
@@ -115,6 +116,7 @@ def make_gains(fields: PlanFields) -> tuple[Floats32, Floats32]:
     return first, second
 
 
+@checks_making
 class CoarseSearch:
     """A search for one state of the map.
 

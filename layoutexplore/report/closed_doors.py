@@ -14,7 +14,7 @@ from layoutexplore.drawing import palette
 from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.closed_doors import PairScore, Score
 from layoutexplore.files import write_atomically, write_csv
-from layoutexplore.grids.arrays import Bytes, Cells, Mask
+from layoutexplore.grids.arrays import Bytes, Cells, Mask, check_alike
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.closed_door_maps import Triple, read_cells
@@ -51,6 +51,7 @@ def draw_map(cells: Cells, new: Mask, truth: Mask) -> Bytes:
         new: bool (rows, cols), cells that are predicted to be free, beyond what was seen.
         truth: bool (rows, cols), cells that are free.
     """
+    check_alike("draw_map", cells=cells, new=new, truth=truth)
     image = np.empty((*cells.shape, 3), np.uint8)
     image[:] = palette.CANVAS
     hidden = truth & (cells != FREE)

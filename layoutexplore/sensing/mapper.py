@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from layoutexplore.errors import ConfigError, MapError, checks_calls
+from layoutexplore.errors import ConfigError, MapError, checks_calls, checks_making
 from layoutexplore.grids.arrays import Bytes, Floats32
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
@@ -32,6 +32,7 @@ from layoutexplore.sensing.log_odds import EvidenceGrid, LogOddsRule, update_log
 from layoutexplore.sensing.scan_kernels import Changes, FieldOfView, update_occupancy
 
 
+@checks_making
 @dataclass(frozen=True, kw_only=True)
 class MapperConfig:
     """How evidence is weighed where ranges may be wrong. All values are log odds (natural logarithm).

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Cells, Ints, Labels, Mask
 from layoutexplore.grids.boxes import Box
 
 
+@checks_making
 class TargetCoverage:
     """The share of a target area that is known; it only grows.
 

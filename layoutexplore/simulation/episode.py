@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, LayoutExploreError, shortened
+from layoutexplore.errors import ConfigError, LayoutExploreError, checks_making, shortened
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import Pose
@@ -64,6 +64,7 @@ class Probe(Protocol):
         """What was noted."""
 
 
+@checks_making
 class TimedPredictor:
     """A predictor whose time is measured: predicting is part of deciding."""
 

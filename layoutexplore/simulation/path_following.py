@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.decision import CellPath
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Labels, Mask
 from layoutexplore.grids.boxes import Box
@@ -101,6 +102,7 @@ class PathSegment(NamedTuple):
     box: Box
 
 
+@checks_making
 class PathFollower:
     """Drives one robot along paths on one floor plan.
 

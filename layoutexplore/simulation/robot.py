@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import ConfigError, StartError, checks_arguments, shortened
-from layoutexplore.grids.arrays import Floats, Ints32, Mask
+from layoutexplore.errors import ConfigError, StartError, checks_arguments, checks_making, shortened
+from layoutexplore.grids.arrays import Floats, Ints32, Mask, check_alike
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.maps.floorplan import PlanRaster
@@ -69,6 +69,8 @@ def draw_start(
         StartError: The robot fits nowhere in the region.
     """
     reachable = raster.reachable(robot_radius)
+    if region is not None:
+        check_alike("draw_start", reachable=reachable, region=region)
     cells = reachable if region is None else reachable & region
     in_rows = np.cumsum(np.count_nonzero(cells, axis=1))
     if in_rows[-1] == 0:
@@ -159,6 +161,7 @@ class _Track:
         self._count = end
 
 
+@checks_making
 class Robot:
     """A disc that turns and translates on a floor plan.
 

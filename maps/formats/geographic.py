@@ -9,13 +9,14 @@ import numpy as np
 from shapely import get_coordinates, transform
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import checks_arguments
+from layoutexplore.errors import checks_arguments, checks_making
 from layoutexplore.grids.arrays import Floats
 
 METRES_PER_DEGREE = 111_320.0
 """Of latitude, and of longitude at the equator."""
 
 
+@checks_making
 class LocalFrame:
     """Metres east (x) and north (y) of a place on the earth.
 

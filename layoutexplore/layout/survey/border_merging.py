@@ -7,9 +7,11 @@ import heapq
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Ints, Ints32
 
 
+@checks_making
 class Borders:
     """Who borders on whom: cells along each region's border by the label they belong to.
 

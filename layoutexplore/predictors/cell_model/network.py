@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.models.convolution import convolve
 from layoutexplore.models.network_files import Layers, Weights
@@ -29,6 +30,7 @@ LAYERS: Layers = {
 """All but the last are followed by a ReLU."""
 
 
+@checks_making
 class CellNetwork:
     """A trained network.
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Bytes, Floats32
 from layoutexplore.models.convolution import neighbourhoods, small_products
 from layoutexplore.models.network_files import Layers, Weights, shapes_of
@@ -46,6 +47,7 @@ AT_ONCE = 8
 """Crops that are scored at once: each takes 0.5 MB meanwhile."""
 
 
+@checks_making
 class FrontierNetwork:
     """A trained network, which keeps the scores of the crops that it saw the last time.
 
