@@ -15,9 +15,6 @@ from layoutexplore.layout.lines.face_clusters import renumber
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Details, Layout, LayoutRoom
 
-MANY_HOLES = 1000
-"""A room with more holes is mended ring by ring: the time of the general way grows with their square."""
-
 
 @checks_arguments
 def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
@@ -69,10 +66,7 @@ def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
     nested = several & holes.keys()
     doubtful = np.flatnonzero(np.isin(names, [*owners[touching].tolist(), *nested]))
     for k in doubtful[~shapely.is_valid(outlines[doubtful])].tolist():
-        if shapely.get_num_interior_rings(outlines[k]) > MANY_HOLES:
-            outlines[k] = _cut_apart(outlines[k])
-        else:
-            outlines[k] = _largest(shapely.make_valid(outlines[k]))
+        outlines[k] = _cut_apart(outlines[k])
     return dict(zip(names, outlines.tolist(), strict=True))
 
 
@@ -85,9 +79,11 @@ def _with_holes(outer: shapely.Polygon, holes: list[Floats]) -> shapely.Polygon:
 
 
 def _cut_apart(outline: shapely.Polygon) -> shapely.Polygon:
-    """The same polygon with rings that touch none of their own corners, in a time that follows its corners.
+    """The same polygon with rings that touch none of their own corners.
 
     What a ring of cells encloses is four-connected: cut where it touches itself, its parts bound one polygon.
+    The time follows the corners, where that of `make_valid`, which is left what is still wrong then, grows
+    with the square of the holes.
     """
     pieces = [
         np.array(piece, np.float64)
