@@ -44,8 +44,8 @@ def true_box(mask: Mask) -> tuple[int, int, int, int]:
     return _box_without(np.ascontiguousarray(mask).view(np.int8), np.int8(0))
 
 
-@njit("UniTuple(int64, 4)(int8[:,::1], int8)", cache=True, nogil=True)
-def _box_without(cells: Cells, value: int) -> tuple[int, int, int, int]:
+@njit(cache=True, nogil=True)
+def _box_without(cells: Cells, value: np.int8) -> tuple[int, int, int, int]:
     """The box of the cells that have not this value."""
     rows, cols = cells.shape
     row0, row1 = rows, 0

@@ -253,7 +253,7 @@ def trinary_part(cells: Cells) -> tuple[Cells, tuple[int, int]]:
     return _trinary(np.ascontiguousarray(cells[row0:row1, col0:col1], np.int8)), (row0, col0)
 
 
-@njit("int8[:,::1](int8[:,::1])", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _trinary(cells: Cells) -> Cells:
     """Free, occupied and unknown cells: what is neither free nor above 50 is unknown."""
     rows, cols = cells.shape

@@ -26,7 +26,7 @@ _FAR = np.float32(np.inf)
 
 
 @njit(cache=True, nogil=True)
-def _less(a: float, b: float) -> float:
+def _less(a: np.float32, b: np.float32) -> np.float32:
     """The lesser of two numbers, one instruction: `min` looks for NaN as well."""
     return a if a < b else b
 

@@ -61,7 +61,8 @@ def outside_regions(
     probable = odds >= min(spread, level)
     # components of the probable regions that touch: those with a sure one lie outside as a whole
     touching = graph.ends[(graph.edges[:, EDGE.open] > 0) & probable[graph.ends].all(axis=1)]
-    component = components(touching[:, 0], touching[:, 1], len(odds))
+    first, second = touching.astype(np.int64).T
+    component = components(first, second, len(odds))
     sure = np.zeros(len(odds), np.bool_)
     sure[component[odds >= level]] = True
     return np.asarray(probable & sure[component])
