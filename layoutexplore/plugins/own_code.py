@@ -9,6 +9,7 @@ import contextlib
 import hashlib
 import importlib
 import linecache
+import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -18,6 +19,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from layoutexplore.errors import ConfigError, OwnCodeError, unknown_name
+from layoutexplore.files.reading import read_bytes
 from layoutexplore.plugins.code_digest import digest_of_files, files_of
 from layoutexplore.plugins.tracebacks import told
 
@@ -144,16 +146,14 @@ def pinned(places: Mapping[str, Pin]) -> Iterator[None]:
 
 
 def _absolute(place: str) -> Path:
-    return Path(place).expanduser().resolve()
+    # Links that lead to themselves, and homes of nobody, are left as they are: no file is there.
+    return Path(os.path.realpath(os.path.expanduser(place)))  # noqa: PTH111
 
 
 def _execute(place: str, before: Loaded | None) -> Loaded:
     """Run a Python file as a module of its own; modules beside it can be imported."""
     path = Path(place)
-    try:
-        source = path.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot read it: {error.strerror}") from error
+    source = read_bytes(path, ConfigError, "code", limit="text_mb")
     for changed in before.files if before else ():
         _forget(changed)
     if str(path.parent) not in sys.path:

@@ -1,8 +1,9 @@
 """Fuzzing of every reader: damaged files are read, and each is taken or refused with an error of ours.
 
 `python -m tests.files.fuzzing --inputs 60000 --seed 1` prints how many were tried, refused, accepted and
-failed, by reader. A failure is any other exception, more than ten seconds of computing, or more than a
-gibibyte of memory; the files that failed are kept in `--keep`.
+failed, by reader; with `--crafted`, files made by hand take the place of random damage. A failure is any
+other exception, more than ten seconds of computing, or more than a gibibyte of memory; the files that failed
+are kept in `--keep`.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ import time
 import traceback
 import warnings
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from layoutexplore.errors import LayoutExploreError
 from tests.files.command_targets import READERS
+from tests.files.crafted import craft
 from tests.files.mutators import mutate
 from tests.files.targets import Target
 
@@ -46,7 +49,17 @@ class Figures:
     faults: Counter[str] = field(default_factory=Counter)
 
 
-def fuzz(name: str, inputs: int, seed: int, keep: Path | None = None) -> Figures:
+How = Callable[[Path, str, random.Random], str]
+"""Damages a file of a kind; says which, or how."""
+
+
+def at_random(path: Path, kind: str, rng: random.Random) -> str:
+    """Damage a file by its structure or byte by byte."""
+    path.write_bytes(mutate(path.read_bytes(), kind, rng))
+    return path.name
+
+
+def fuzz(name: str, inputs: int, seed: int, keep: Path | None = None, *, how: How = at_random) -> Figures:
     """Read so many damaged files of a reader."""
     target, figures, rng = READERS[name], Figures(), random.Random(f"{name} {seed}")
     with tempfile.TemporaryDirectory() as folder:
@@ -57,12 +70,12 @@ def fuzz(name: str, inputs: int, seed: int, keep: Path | None = None) -> Figures
             warnings.simplefilter("ignore")
             target.read(copied(whole, place))  # compiles; and what is whole is accepted
         for number in range(inputs):
-            damaged = damage(target, copied(whole, place), rng)
+            damaged = damage(target, copied(whole, place), rng, how)
             fault = attempt(target, place, figures)
             if fault and keep:
                 figures.faults[fault] += 1
                 kept = keep / f"{name.replace(' ', '-')}-{seed}-{number}"
-                shutil.copytree(place, kept, dirs_exist_ok=True)
+                shutil.copytree(place, kept, dirs_exist_ok=True, symlinks=True)
                 (kept / "fault.txt").write_text(f"{damaged}\n{fault}\n{LAST[0]}")
             elif fault:
                 figures.faults[fault] += 1
@@ -78,12 +91,10 @@ def copied(whole: Path, place: Path) -> Path:
     return place
 
 
-def damage(target: Target, folder: Path, rng: random.Random) -> str:
+def damage(target: Target, folder: Path, rng: random.Random, how: How) -> str:
     """Damage one of the files of a folder."""
     pattern, kind = rng.choice(list(target.files.items()))
-    path = rng.choice(sorted(folder.glob(pattern)))
-    path.write_bytes(mutate(path.read_bytes(), kind, rng))
-    return path.name
+    return how(rng.choice(sorted(folder.glob(pattern))), kind, rng)
 
 
 def attempt(target: Target, folder: Path, figures: Figures) -> str:
@@ -140,6 +151,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--readers", nargs="*", default=list(READERS), choices=list(READERS))
     parser.add_argument("--keep", type=Path)
+    parser.add_argument("--crafted", action="store_true", help="files made by hand instead")
     options = parser.parse_args()
     signal.signal(signal.SIGPROF, stop)
     for name in options.readers:  # everything is loaded and compiled before memory is limited
@@ -148,7 +160,9 @@ def main() -> int:
     total = 0
     print(f"{'reader':16} {'tried':>7} {'refused':>8} {'accepted':>9} {'failed':>7} {'slowest':>8}")
     for name in options.readers:
-        found = fuzz(name, inputs_of(name, options.inputs, options.readers), options.seed, options.keep)
+        inputs = inputs_of(name, options.inputs, options.readers)
+        how = craft if options.crafted else at_random
+        found = fuzz(name, inputs, options.seed, options.keep, how=how)
         total += found.failed
         numbers = f"{found.tried:7} {found.refused:8} {found.accepted:9} {found.failed:7}"
         print(f"{name:16} {numbers} {found.slowest:6.1f} s", flush=True)

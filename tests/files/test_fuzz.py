@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from tests.files.command_targets import READERS
+from tests.files.crafted import craft
 from tests.files.fuzzing import fuzz
 
 QUICK = [name for name in READERS if name not in ("network policy", "resume", "report")]
@@ -18,6 +19,14 @@ QUICK = [name for name in READERS if name not in ("network policy", "resume", "r
 @pytest.mark.parametrize("name", QUICK)
 def test_damaged_files_are_taken_or_refused(name: str) -> None:
     found = fuzz(name, round(40 * READERS[name].share), seed=1)
+    assert found.failed == 0, found.faults
+    assert found.refused + found.accepted == found.tried > 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs pipes and Linux's devices")
+@pytest.mark.parametrize("name", QUICK)
+def test_crafted_files_are_taken_or_refused(name: str) -> None:
+    found = fuzz(name, round(30 * READERS[name].share), seed=2, how=craft)
     assert found.failed == 0, found.faults
     assert found.refused + found.accepted == found.tried > 0
 

@@ -343,8 +343,9 @@ def train_merging(
     from layoutexplore.training.map_noise.examples import POLYGONAL
     from layoutexplore.training.merge_trees.models import train_classifiers
 
-    cut_out = cut_out or out.with_name(CUT_MODEL.name)
-    check_places(out.parent, cut_out, file="--cut-out")
+    cut_out = cut_out or out.parent / CUT_MODEL.name
+    check_places(out.parent, out, file="--out")
+    check_places(cut_out.parent, cut_out, file="--cut-out")
     cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
     weights = _weights(weight, cases)
     models = train_classifiers(
