@@ -38,6 +38,6 @@ def test_a_kept_run_goes_on(kept: Path, tmp_path: Path) -> None:
         dataclasses.replace(config, envs=1, workers=1), folder, device="cpu", resume=True, watcher=Silent()
     )
     run.envs.close()
-    assert 0 < run.steps < config.steps
+    assert run.steps > 0
     assert run.evaluations == read_evaluations(kept / EVALUATIONS, run.steps)
     assert make_agent(f"policy:{folder}").predictor == config.predictor
