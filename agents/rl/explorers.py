@@ -60,15 +60,16 @@ def explore_all(
     unwanted = spawn.Event()
     begin = (unwanted, pack_own_code())
     with single_threaded(), ProcessPoolExecutor(count, spawn, _begin, begin) as pool:
-        with deaf_children():
-            waiting = futures = [pool.submit(_explore, explore, job) for job in jobs]
-        while waiting and not unwanted.is_set():
-            done, left = wait(waiting, ASKED_EVERY, FIRST_EXCEPTION)
-            waiting = list(left)
-            if stop() or any(future.exception() for future in done):
-                unwanted.set()
-        pool.shutdown(cancel_futures=True)
         try:
+            try:
+                with deaf_children():
+                    waiting = futures = [pool.submit(_explore, explore, job) for job in jobs]
+                while waiting and not stop():
+                    done, left = wait(waiting, ASKED_EVERY, FIRST_EXCEPTION)
+                    waiting = [] if any(future.exception() for future in done) else list(left)
+            finally:  # an interruption, too, must not wait until all jobs are done
+                unwanted.set()
+                pool.shutdown(cancel_futures=True)
             return [future.result() for future in futures if not future.cancelled()]
         except BrokenProcessPool as error:
             raise WorkerError(

@@ -70,6 +70,21 @@ def test_it_stops_within_a_job() -> None:
     assert time.monotonic() - began < LONG
 
 
+def test_an_interruption_does_not_wait_for_jobs() -> None:
+    began = time.monotonic()
+    asked: list[bool] = []
+
+    def stop() -> bool:
+        asked.append(True)
+        if len(asked) > 2:
+            raise KeyboardInterrupt
+        return False
+
+    with pytest.raises(KeyboardInterrupt):
+        explore_all(wait_for_stop, [LONG] * 4, stop, 2)
+    assert time.monotonic() - began < LONG
+
+
 def test_a_failure_is_told_as_it_was() -> None:
     with pytest.raises(ValueError, match="this one"):
         explore_all(fail, ["this one", "that one"], nobody_asks, 2)
