@@ -1,4 +1,4 @@
-"""The probabilistic Hough transform of a mask: the same segments as OpenCV's, in half the time.
+"""The probabilistic Hough transform of a mask: the same segments as OpenCV's, in less time.
 
 The cells come in a random order. Each votes for the lines through it, one for every degree; as soon as a line
 has enough votes it is followed from the cell to both sides, and the cells of what is found leave the map,
@@ -39,7 +39,7 @@ _SIN = np.array([math.sin(turn) for turn in _TURNS], np.float32)
 
 
 LONGEST_IMAGE = 16_384
-"""An image has at most so many rows and columns."""
+"""An image has at most so many rows and columns, so that the votes of a line fit in 16 bits."""
 
 Votes = NDArray[np.int16]
 
@@ -48,7 +48,8 @@ class VoteTable(NamedTuple):
     """The votes of the lines, angle after angle.
 
     Attributes:
-        votes: int16 (n,): no line meets more than 23,171 cells of an image of `LONGEST_IMAGE`, its diagonal.
+        votes: int16 (n,): a line of an image of `LONGEST_IMAGE` rows and columns meets 32,767 cells at most,
+            those of its diagonal and of the one beside it.
         origin: int32 (ANGLES,), where the line of each angle stands that passes through the first cell.
         cos: float32 (ANGLES,), of the normals of the lines.
         sin: float32 (ANGLES,).
