@@ -147,7 +147,8 @@ def rooms_of_labels(
         details: Of the layout, to know the rooms' faces.
     """
     details = details or Details()
-    if labels.shape != grid.shape or labels.max(initial=0) > labels.size:
+    most = int(labels.max(initial=0))
+    if labels.shape != grid.shape or labels.min(initial=0) < 0 or most > labels.size:
         raise MapError(f"labels {labels.shape} number the rooms of a grid {grid.shape} from 1 on")
     if footprint is not None:
         check_alike("rooms_of_labels", labels=labels, footprint=footprint)
@@ -157,7 +158,7 @@ def rooms_of_labels(
     total, seen, frontier, touching = (
         counts.tolist()
         for counts in _count_cells(
-            np.ascontiguousarray(labels), np.ascontiguousarray(grid.cells), max(shapes, default=0) + 1
+            np.ascontiguousarray(labels), np.ascontiguousarray(grid.cells), max(most, *shapes, 0) + 1
         )
     )
     return tuple(
