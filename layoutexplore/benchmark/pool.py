@@ -204,18 +204,19 @@ class Limited(Generic[T, R]):
         seconds: At most so many, 0 for as long as it takes.
         megabytes: At most so much more memory than the process has at the beginning, 0 for any; then
             MemoryError is raised (Linux only).
-        prepare: Called with the task before either limit counts; it must not raise.
+        prepare: Called with the task before either limit counts, if given; it must not raise.
     """
 
     function: Callable[[T], R]
     late: Callable[[T], R]
     seconds: float = 0.0
     megabytes: float = 0.0
-    prepare: Callable[[T], object] = lambda task: None
+    prepare: Callable[[T], object] | None = None
 
     def __call__(self, task: T) -> R:
         """The result of a task."""
-        self.prepare(task)
+        if self.prepare:
+            self.prepare(task)
         # A thread takes memory of its own: the deadline's is there before the limit is.
         deadline = _Deadline(self.seconds) if self.seconds else None
         with _memory(self.megabytes):
