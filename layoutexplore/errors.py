@@ -263,9 +263,9 @@ def _named(
         if unlike or not _can_be(value, meant):
             return ConfigError(f"{function.__qualname__}: {name} must be {annotation}, got {_shown(value)}")
     # What this package itself has passed on explains nothing: the fault may be here.
-    for name, (value, meant, _) in (
-        given.items() if outside and not isinstance(error, _SPEAKS_FOR_ITSELF) else ()
-    ):
+    if not outside or isinstance(error, _SPEAKS_FOR_ITSELF):
+        return error
+    for name, (value, meant, _) in given.items():
         if odd := _oddity(value, meant, error):
             return ConfigError(f"{function.__qualname__}: {name} {odd}, which leads nowhere: {cause(error)}")
     return error

@@ -84,7 +84,7 @@ def _load_labels(path: Path, resolution: float | None) -> FloorPlan:
 @checks_arguments
 def rooms_beside(path: Path) -> Path | None:
     """The image of the rooms of a map, or None: the map may be one itself."""
-    for ending in () if not path.name else ROOM_ENDINGS:
+    for ending in ROOM_ENDINGS if path.name else ():
         beside = path.with_name(f"{path.stem}{ending}.png")
         if is_file(beside):
             return beside

@@ -159,7 +159,7 @@ def _contacts(mask: Mask, ids: Ints32) -> list[tuple[int, Floats]]:
     return [(int(rooms[group[0]]), centres[group]) for group in _grouped(rooms)]
 
 
-def _grouped(keys: Ints32) -> list[Ints]:
+def _grouped(keys: Ints | Ints32) -> list[Ints]:
     """Indices, rising, of the entries of each key (n,), by rising key."""
     order = np.argsort(keys, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(keys[order])) + 1) if len(order) else []

@@ -89,7 +89,7 @@ class ImitationConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchConfig:
-    """Search for the parameters of a tour by whole explorations; see `agents.rl.tour_search`.
+    """Search for the parameters of a tour by whole explorations; see `layoutexplore.agents.rl.tour_search`.
 
     Attributes:
         round: Explorations between two moves of the centre.

@@ -15,8 +15,8 @@ def label_places(places: Sequence[float], gap: float = LABEL_GAP) -> list[float]
     stands above the frame.
 
     Args:
-        places: Percent of the frame from its top.
-        gap: Least percent between two labels.
+        places: From the top of the frame, in percent of it or pixels.
+        gap: Least distance of two labels, in the same unit.
 
     Example:
         >>> label_places([0.0, 1.0, 50.0], 6.0)
