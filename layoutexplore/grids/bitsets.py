@@ -106,7 +106,8 @@ def true_cells(mask: Mask) -> Ints:
         >>> true_cells(np.array([[False, True], [True, True]])).tolist()
         [1, 2, 3]
     """
-    cells = np.ascontiguousarray(mask).reshape(-1).view(np.uint8)
+    # the kernel takes no array that may only be read
+    cells = np.require(mask, requirements=("C", "W")).reshape(-1).view(np.uint8)
     return np.asarray(
         _true_cells(cells, cells[: len(cells) // 8 * 8].view(np.uint64), int(np.count_nonzero(cells)))
     )

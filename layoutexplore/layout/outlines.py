@@ -32,7 +32,8 @@ def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
         >>> label_polygons(np.array([[1, 1], [0, 2]], np.int32))[1].area
         2.0
     """
-    labels = np.ascontiguousarray(labels, np.int32)
+    # the kernel takes no array that may only be read
+    labels = np.require(labels, np.int32, ("C", "W"))
     if labels.ndim != 2 or labels.min(initial=0) < 0:
         raise MapError(f"labels of cells are numbers (rows, cols) from 0 on, got {shortened(labels)}")
     corners, starts, owners, touching = trace_rings(labels)

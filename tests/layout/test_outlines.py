@@ -18,6 +18,7 @@ from layoutexplore.layout.outlines import label_polygons, number_rooms, rooms_of
 def test_outlines_cover_the_largest_part_of_each_label(labels: np.ndarray) -> None:
     import cv2
 
+    labels.flags.writeable = False
     shapes = label_polygons(labels)
     assert sorted(shapes) == sorted(set(labels.ravel().tolist()) - {0})
     for label, shape in shapes.items():

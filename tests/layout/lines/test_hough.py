@@ -40,11 +40,10 @@ def test_segments_are_those_of_opencv(seed, rows, cols, votes, length, gap):
 def test_segments_of_large_images_are_those_of_opencv(shape):
     # far from the corner the least difference of an angle is a whole cell
     image = _lines(np.random.default_rng(7), *shape, 200)
-    before = image.copy()
+    image.flags.writeable = False
     found = hough_segments(image, 25, 5, 0)
     assert len(found) >= 3
     assert found.tolist() == _expected(image, 25, 5, 0)
-    assert (image == before).all()
 
 
 def test_an_empty_image_has_no_segments():
