@@ -239,13 +239,12 @@ def _warm_up_for(task: Task, config: BenchmarkConfig, code: OwnCode) -> None:
     """As `warm_up`, of one task alone, unless it is done: a worker in a dead one's place begins soon."""
     with contextlib.suppress(Exception):  # the run fails in the same way
         cached_plan(task.plan.source)
-    pair = task.sensor, task.agent
-    if pair not in _warm:
-        _warm.add(pair)
-        _warm_up(config, code, *pair)
+    if (task.sensor, task.agent) not in _warm:
+        _warm_up(config, code, task.sensor, task.agent)
 
 
 def _warm_up(config: BenchmarkConfig, code: OwnCode, sensor: str, agent: str) -> None:
+    _warm.add((sensor, agent))
     cv2.setNumThreads(1)
     plan = floorplan_from_ascii(WARM_UP_PLAN, resolution=0.5, name="warm-up")
     # An agent that fails here fails again in its runs, where the failure is recorded.
