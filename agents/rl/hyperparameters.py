@@ -144,7 +144,8 @@ class TrainingConfig:
         environment: Id of the environment.
         steps: Steps of all environments together; of "tour-search", explorations.
         envs: Environments side by side; not of "tour-search".
-        workers: Processes that step them; 0 for as many as there are cores, 1 for none but this one.
+        workers: Processes that step them, and as many that explore in an evaluation; 0 for as many as there
+            are cores, 1 for none but this one.
         seed: Of everything.
         plans: Where episodes take place.
         sensors: Names of lidars; each episode draws one.
