@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from layoutexplore.agents.rl.hyperparameters import TrainingConfig
     from layoutexplore.agents.rl.vector import VectorAdapter
 
-_ROLLOUTS, _STOCK_ROLLOUTS = 8, 2
-"""Ours: so many that every environment comes to the end of an episode; the slow stock learner does fewer."""
+_ROLLOUTS = 8
+"""So many that every environment comes to the end of an episode: decisions cost more as maps grow."""
 
 _SETTINGS: tuple[tuple[str, str, bool, float], ...] = (
     ("no tour, no prediction", "none", False, 1000.0),
@@ -55,7 +55,7 @@ def _row(name: str, predictor: str, detour: bool, goal: float) -> SpeedRow:
     config = read_config(None, {"algorithm": "maskable-ppo", "predictor": predictor})
     plans = {"families": {"office": 1.0}, "area": (AREAS[0], AREAS[-1]), "seeds": 4, "shipped_share": 0.0}
     config = replace(config, observation={**config.observation, "detour": detour}, generator=plans)
-    ours, stock = _learn(config, _ROLLOUTS), _learn(config, _STOCK_ROLLOUTS, stock=True)
+    ours, stock = _learn(config), _learn(config, stock=True)
     rate, reference = (spent.decisions / spent.total for spent in (ours, stock))
     shares = {
         "environments": ours.waiting,
@@ -76,8 +76,8 @@ def _row(name: str, predictor: str, detour: bool, goal: float) -> SpeedRow:
     )
 
 
-def _learn(config: TrainingConfig, rollouts: int, *, stock: bool = False) -> Spent:
-    """What some rollouts take, after one in which the plans are drawn and everything is compiled."""
+def _learn(config: TrainingConfig, *, stock: bool = False) -> Spent:
+    """What the rollouts take, after one in which the plans are drawn and everything is compiled."""
     from stable_baselines3.common.logger import configure
 
     from layoutexplore.agents.rl.environments import make_envs
@@ -92,10 +92,10 @@ def _learn(config: TrainingConfig, rollouts: int, *, stock: bool = False) -> Spe
         model._last_obs, envs.waiting_seconds = None, 0.0
         learnt = getattr(model, "learning_seconds", 0.0)
         start = time.perf_counter()
-        model.learn(rollouts * rollout, reset_num_timesteps=False)
+        model.learn(_ROLLOUTS * rollout, reset_num_timesteps=False)
         total = time.perf_counter() - start
         learning = getattr(model, "learning_seconds", 0.0) - learnt
-        return Spent(rollouts * rollout, total, envs.waiting_seconds, learning)
+        return Spent(_ROLLOUTS * rollout, total, envs.waiting_seconds, learning)
     finally:
         envs.close()
 
