@@ -2,7 +2,8 @@
 
 Where `layout-tour` walks to a frontier until that is gone, this robot makes a few steps, looks all around and
 plans its tour anew with what it has seen. A lidar that looks ahead sees so into the rooms that are passed,
-and with any the robot does not walk on to what no longer begins its tour. It pays where turning is free.
+and with any the robot does not walk on to what no longer begins its tour. Where turning costs, it decides where
+it arrives.
 
 In its tour a closed frontier weighs no more than what is left behind it: rays that cross walls which nobody
 has seen yet promise more. So small remains come later, and the length of the tour has to count for more, or
@@ -17,15 +18,13 @@ import numpy as np
 
 from layoutexplore.agents.base import register
 from layoutexplore.agents.room_aware import LayoutTourOptions, RoomAwareHeuristic
-from layoutexplore.frontiers.decision import CellPath, Choice, Decision
+from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.tour_features import ready_frontiers, tour_weights
 from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.grids.grid import UNKNOWN, Cell
 from layoutexplore.options import option
+from layoutexplore.planning.first_steps import first_steps
 from layoutexplore.planning.latency_tours import latency_tour
-
-LAST_STEPS = 0.3
-"""Metres: no stop is made so near to a frontier's viewpoint, where the robot looks around in any case."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,12 +53,14 @@ class WatchfulTour(RoomAwareHeuristic[WatchfulTourOptions]):
         self._known = 0
 
     def choose(self, decision: Decision) -> Choice:
-        """The first steps to the tour's first frontier, or that frontier where it is near."""
+        """The first steps to the tour's first frontier, or that frontier where it is near or turning costs."""
         known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
         chosen = self._held(decision) if known == self._known else None
         if chosen is None:
             chosen = self._first_of_tour(decision)
         self._known = known
+        if decision.turn_cost:
+            return chosen
         viewpoint = Cell(*decision.viewpoints[chosen].tolist())
         steps = first_steps(decision.field.path_to(viewpoint), decision.grid.resolution, self.options.step)
         self._goal = None if steps is None else viewpoint
@@ -93,27 +94,6 @@ def promised_areas(decision: Decision, chosen: Ints) -> Floats:
     left = np.minimum(in_view, table.expected_area[chosen])
     areas: Floats = np.where(table.closed[chosen] > 0.0, left, in_view)
     return areas
-
-
-def first_steps(path: CellPath, resolution: float, step: float) -> CellPath | None:
-    """The beginning of a path, as long as a step; None when hardly more than a step is left of it.
-
-    Args:
-        path: int32 (k, 2), neighbouring cells.
-        resolution: Metres per cell.
-        step: Metres.
-
-    Example:
-        >>> path = np.array([[0, 0], [1, 1], [1, 2], [1, 3], [1, 4]], np.int32)
-        >>> first_steps(path, 0.5, 1.2).tolist()
-        [[0, 0], [1, 1], [1, 2]]
-        >>> first_steps(path[:4], 0.5, 1.5) is None
-        True
-    """
-    walked = np.cumsum(np.hypot(*np.diff(path, axis=0).T)) * resolution
-    if len(walked) == 0 or walked[-1] <= step + LAST_STEPS:
-        return None
-    return path[: int(np.searchsorted(walked, step - 1e-6)) + 2]
 
 
 register(

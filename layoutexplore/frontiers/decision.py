@@ -152,6 +152,7 @@ class Decision:
         goal: World point (x, y) in the middle of the frontier that the robot was last sent to; None before
             that.
         foresee: Called once, when `foresight` is first asked for; None where nothing is foreseen.
+        turn_cost: Metres charged for turning by one radian; 0 where turning is free.
     """
 
     step: int
@@ -166,6 +167,7 @@ class Decision:
     track: Floats = dataclasses.field(default_factory=lambda: np.empty((0, 3)))
     goal: tuple[float, float] | None = None
     foresee: Callable[[], Foresight | None] | None = None
+    turn_cost: float = 0.0
 
     @cached_property
     def foresight(self) -> Foresight | None:

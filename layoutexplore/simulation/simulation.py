@@ -297,6 +297,7 @@ class Simulation:
             robot_radius=self.config.robot_radius,
             track=self.robot.believed_track,
             goal=state.goal,
+            turn_cost=self.config.turn_cost,
         )
         return self.predictor.predict(decision) if self.predictor and decision.frontiers else decision
 

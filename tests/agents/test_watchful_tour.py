@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from layoutexplore.agents import make_agent
-from layoutexplore.agents.watchful_tour import first_steps, promised_areas
+from layoutexplore.agents.watchful_tour import promised_areas
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.planning.first_steps import first_steps
 from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 from tests.agents.cases import CORRIDOR, decide
@@ -67,6 +68,13 @@ def test_it_goes_a_step_at_a_time() -> None:
     agent = make_agent("watchful-tour:step=10")
     agent.reset(0)
     assert agent.act(decision) == 0
+
+
+def test_where_turning_costs_it_decides_where_it_arrives() -> None:
+    decision = judged(decide(CORRIDOR, (1, 17, 2.0, 9.0)), closed=[False], area=[9.0])
+    agent = make_agent("watchful-tour:step=2")
+    agent.reset(0)
+    assert agent.act(dataclasses.replace(decision, turn_cost=0.1)) == 0
 
 
 def test_a_path_of_no_length_has_no_first_steps() -> None:
