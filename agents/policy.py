@@ -1,7 +1,7 @@
 """Trained policies as agents: `policy` ships, `policy:FILE` is one of your own.
 
-A policy that scores every frontier by itself, as those that ship do, runs on NumPy alone; the network of any
-other is torch's (`pip install 'layoutexplore[rl]'`) and is imported when such an agent is made.
+A policy without encoder or with the encoder "pooled", as those that ship, runs on NumPy alone; the network of
+any other is torch's (`pip install 'layoutexplore[rl]'`) and is imported when such an agent is made.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.agents.base import register
-from layoutexplore.agents.rl.card import PolicySpec, find_policy, read_spec
-from layoutexplore.agents.rl.linear import LinearPolicy, PolicyAgent
+from layoutexplore.agents.rl.card import find_policy, read_spec
+from layoutexplore.agents.rl.linear import LinearPolicy, PolicyAgent, linear_shapes
+from layoutexplore.agents.rl.pooled import PooledPolicy, pooled_shapes
 from layoutexplore.errors import checks_arguments, require
 from layoutexplore.files import fingerprint
 from layoutexplore.files.tensors import read_tensors
@@ -35,7 +36,9 @@ def load_policy(name: str, policy: str) -> PolicyAgent:
     path = find_policy(policy)
     spec = read_spec(path)
     if spec.network.encoder == "none":
-        return LinearPolicy(name, _linear_weights(path, spec), spec, fingerprint([path]))
+        return LinearPolicy(name, _weights(path, linear_shapes(spec)), spec, fingerprint([path]))
+    if spec.network.encoder == "pooled" and not spec.map_channels:
+        return PooledPolicy(name, _weights(path, pooled_shapes(spec)), spec, fingerprint([path]))
     require("torch", "rl")
     from layoutexplore.agents.rl.agent import NetworkPolicy
     from layoutexplore.agents.rl.torch_policy_files import load_actor
@@ -43,8 +46,7 @@ def load_policy(name: str, policy: str) -> PolicyAgent:
     return NetworkPolicy(name, load_actor(path)[0], spec, fingerprint([path]))
 
 
-def _linear_weights(path: Path, spec: PolicySpec) -> Mapping[str, Floats32]:
-    shapes = {"direct.weight": (1, len(spec.frontier_features)), "tour_weight": ()}
+def _weights(path: Path, shapes: dict[str, tuple[int, ...]]) -> Mapping[str, Floats32]:
     weights, _ = read_tensors(path, shapes, what="policy")
     return {name: np.asarray(weights[name], np.float32) for name in shapes}
 

@@ -58,6 +58,10 @@ class MapFrame(NamedTuple):
     cells_per_pixel: float
 
 
+NOWHERE = MapFrame(0.0, 0.0, 1.0)
+"""The frame of an image that is not drawn."""
+
+
 @checks_making
 class Trail:
     """Where the robot believes it has been, as a mark in each cell that it passed.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.envs import egocentric_maps as map_images
 from layoutexplore.envs import foreseen
-from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS, MapFrame, Trail
+from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS, NOWHERE, MapFrame, Trail
 from layoutexplore.errors import checks_calls
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import FrontierTable
@@ -223,7 +223,7 @@ class Observer:
             observation["privileged"] = shown
         if config.foresight:
             observation["foresight"] = foreseen.encode_foresight(decision, config.area_scale)
-        frame = MapFrame(0.0, 0.0, 1.0)
+        frame = NOWHERE
         if config.local_map or config.global_map:
             marks = self._marked(decision)
         if config.local_map:

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import layoutexplore
-from layoutexplore.agents.rl.hyperparameters import NetworkConfig, TrainingConfig
+from layoutexplore.agents.rl.hyperparameters import LONGEST_WAY, NetworkConfig, TrainingConfig
 from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
 from layoutexplore.errors import ConfigError, ResultsError, cause, checks_arguments, shortened, unknown_name
 from layoutexplore.files import is_there, parse_toml
-from layoutexplore.files.schema import Anything, Items, Record, TableOf, Text
+from layoutexplore.files.schema import Anything, Items, Number, Record, TableOf, Text
 from layoutexplore.files.tensors import read_metadata
 from layoutexplore.frontiers.tour_features import TourConfig
 
@@ -47,6 +47,7 @@ class PolicySpec:
         predictor: The predictor of rooms that it was trained with.
         sensors: The lidars that it was trained with.
         tour: How the tour that it is shown weighs ways and areas.
+        look_every: Metres after which it looks all around on its way, where that shows more; 0: never.
         format: Version of the format.
         version: Version of layoutexplore that wrote it.
     """
@@ -58,6 +59,7 @@ class PolicySpec:
     predictor: str = "none"
     sensors: tuple[str, ...] = ()
     tour: TourConfig = field(default_factory=TourConfig)
+    look_every: float = 0.0
     format: int = FORMAT
     version: str = layoutexplore.__version__
 
@@ -94,6 +96,7 @@ def spec_of(config: TrainingConfig) -> PolicySpec:
         predictor=config.predictor,
         sensors=config.sensors,
         tour=config.tour,
+        look_every=config.look_every,
     )
 
 
@@ -137,6 +140,7 @@ _CARD = Record(
         "predictor": Text(most=1000),
         "sensors": _NAMES,
         "tour": TableOf(Anything()),
+        "look_every": Number(low=0.0, high=LONGEST_WAY),
         "version": Text(most=200),
     },
 )

@@ -26,6 +26,9 @@ DEFAULT_ALGORITHM = "tour-search"
 SEED = Rule(kind=int, low=0, high=4e9)
 """NumPy's and torch's generators take 32 bits."""
 
+LONGEST_WAY = 1e6
+"""Metres: more than any robot goes between two looks around."""
+
 ENCODERS = ("pooled", "attention", "deep-sets", "none")
 
 
@@ -160,6 +163,8 @@ class TrainingConfig:
         max_steps: Steps after which an episode is cut off, 0 for never; of Motion-v0 only.
         network: Of Frontier-v0 only.
         imitation: Of "maskable-ppo" only.
+        look_every: Metres after which the policy looks all around on its way, where the lidar sees a part of
+            it and turning is free, 0 for never; training does not. Of "maskable-ppo" only.
         tour: The tour behind the frontiers' features, where "tour-search" starts; of Frontier-v0 only.
         search: Of "tour-search" only.
         generator: Keyword arguments of `PlanSampler`, for generated plans.
@@ -188,6 +193,7 @@ class TrainingConfig:
     max_steps: int = 0
     network: NetworkConfig | None = None
     imitation: ImitationConfig | None = None
+    look_every: float = 0.0
     tour: TourConfig = field(default_factory=TourConfig)
     search: SearchConfig | None = None
 
@@ -195,6 +201,7 @@ class TrainingConfig:
         check(self, steps=COUNT, envs=COUNT, checkpoint_every=COUNT, averaging=Rule(low=0.0, below=1.0))
         check(self, workers=NATURAL, seed=SEED, critic_steps=NATURAL, max_steps=NATURAL)
         check(self, final_learning_rate=Rule(low=0.0, high=1.0))
+        check(self, look_every=Rule(low=0.0, high=LONGEST_WAY))
         for name in ("plans", "sensors"):
             check_kind(name, getattr(self, name), tuple, list)
         if not self.plans or not self.sensors:

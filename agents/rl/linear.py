@@ -7,15 +7,24 @@ from collections.abc import Mapping
 import numpy as np
 
 from layoutexplore.agents.rl.card import PolicySpec
-from layoutexplore.envs.observation import ObservationConfig, encode_frontiers
+from layoutexplore.envs.observation import FRONTIER_FEATURES, ObservationConfig, encode_frontiers
 from layoutexplore.errors import ResultsError, checks_making
-from layoutexplore.frontiers.decision import STOP, Choice, Decision
+from layoutexplore.frontiers.decision import STOP, CellPath, Choice, Decision
+from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.arrays import Floats32
+from layoutexplore.grids.grid import Cell
 from layoutexplore.options import SEED, check_kind
+from layoutexplore.planning.first_steps import first_steps
+
+STILL_THERE = 0.5
+"""Metres that the middle of a frontier may have moved and be the same one, after a few steps towards it."""
 
 
 class PolicyAgent:
     """Goes to the frontier with the highest logit; it stops only when none is left.
+
+    Where the spec says so, turning is free and the lidar sees a part of what is around, it looks all around
+    on its way (see `WatchfulTour`), and keeps to its frontier until that is gone.
 
     Args:
         name: What it is called in results.
@@ -27,6 +36,12 @@ class PolicyAgent:
         self.name = name
         self.spec = spec
         self.fingerprint = fingerprint
+        self._goal: Frontier | None = None
+
+    @property
+    def remembers(self) -> bool:
+        """Whether it keeps in mind where it was going."""
+        return self.spec.look_every > 0
 
     @property
     def predictor(self) -> str:
@@ -36,9 +51,10 @@ class PolicyAgent:
     def reset(self, seed: int) -> None:
         """Begin a new run."""
         SEED.convert("seed", seed)
+        self._goal = None
 
     def act(self, decision: Decision) -> Choice:
-        """The frontier to go to, or `STOP` when there is none.
+        """The frontier to go to, the first steps there where it looks around then, `STOP` when there is none.
 
         Raises:
             ResultsError: A logit is not finite.
@@ -46,10 +62,38 @@ class PolicyAgent:
         check_kind("decision", decision, Decision)
         if not decision.frontiers:
             return STOP
-        logits = self.logits(decision)
-        if not np.isfinite(logits).all():
-            raise ResultsError(f"{self.name}: a logit is not finite: its weights are damaged, train it again")
-        return int(np.argmax(logits))
+        chosen = self._on_its_way(decision)
+        if chosen is None:
+            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is told below
+                logits = self.logits(decision)
+            if not np.isfinite(logits).all():
+                raise ResultsError(
+                    f"{self.name}: a logit is not finite: its weights are damaged, train it again"
+                )
+            chosen = int(np.argmax(logits))
+        steps = self._steps_to(decision, chosen)
+        self._goal = None if steps is None else decision.frontiers[chosen]
+        return chosen if steps is None else steps
+
+    def _on_its_way(self, decision: Decision) -> int | None:
+        """The frontier that the robot was going to, if it is still there."""
+        if self._goal is None:
+            return None
+        same = np.flatnonzero((decision.viewpoints == self._goal.viewpoint).all(axis=1))
+        if len(same):
+            return int(same[0])
+        (x, y), table = self._goal.centroid, decision.table
+        moved = np.hypot(table.x - x, table.y - y)
+        nearest = int(np.argmin(moved))
+        return nearest if moved[nearest] < STILL_THERE else None
+
+    def _steps_to(self, decision: Decision, chosen: int) -> CellPath | None:
+        """The way to a frontier until the next look around; None where it is gone at once."""
+        every = self.spec.look_every
+        if not every or decision.turn_cost or decision.sensor.full_turn:
+            return None
+        path = decision.field.path_to(Cell(*decision.viewpoints[chosen].tolist()))
+        return first_steps(path, decision.grid.resolution, every)
 
     def logits(self, decision: Decision) -> Floats32:
         """float32 (n,): a logit for each of the decision's frontiers."""
@@ -81,15 +125,28 @@ class LinearPolicy(PolicyAgent):
         self, name: str, weights: Mapping[str, Floats32], spec: PolicySpec, fingerprint: str = ""
     ) -> None:
         super().__init__(name, spec, fingerprint)
-        self._weights, self._tour_weight = weights["direct.weight"][0], weights["tour_weight"]
+        self._weights = weights
 
     def logits(self, decision: Decision) -> Floats32:
         """float32 (n,): a logit for each of the decision's frontiers."""
-        count, rank = len(decision.frontiers), self.spec.rank_column
-        table = encode_frontiers(decision, self.observed(count)).reshape(count, -1)
-        features = table[:, self.spec.frontier_columns]
-        read = np.arcsinh(features)
+        frontiers = encode_frontiers(decision, self.observed(len(decision.frontiers)))
+        return self._of_features(self._read(frontiers))
+
+    def _read(self, frontiers: Floats32) -> Floats32:
+        """float32 (n, columns): what it reads of the frontiers of an observation, (n * all columns,)."""
+        features: Floats32 = frontiers.reshape(-1, len(FRONTIER_FEATURES))[:, self.spec.frontier_columns]
+        read, rank = np.arcsinh(features), self.spec.rank_column
         if rank is not None:
             read[:, rank] = features[:, rank]
-        scores: Floats32 = read @ self._weights
-        return scores if rank is None else scores + self._tour_weight * read[:, rank]
+        return read
+
+    def _of_features(self, read: Floats32) -> Floats32:
+        """The weighed sums float32 (n,) of features (n, columns)."""
+        rank = self.spec.rank_column
+        scores: Floats32 = read @ self._weights["direct.weight"][0]
+        return scores if rank is None else scores + self._weights["tour_weight"] * read[:, rank]
+
+
+def linear_shapes(spec: PolicySpec) -> dict[str, tuple[int, ...]]:
+    """The names and shapes of the weights that such a policy needs."""
+    return {"direct.weight": (1, len(spec.frontier_features)), "tour_weight": ()}

@@ -13,11 +13,9 @@ import torch
 from torch import Tensor, nn
 
 from layoutexplore.agents.rl.card import PolicySpec
+from layoutexplore.agents.rl.pooled import FEW
 from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
-
-FEW = 10.0
-"""The number of frontiers that counts as 1."""
 
 
 class FrontierBatch(NamedTuple):
