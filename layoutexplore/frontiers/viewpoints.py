@@ -220,11 +220,14 @@ def _choose(
             order = np.argsort(
                 (cluster[:, 0] - middle_row) ** 2 + (cluster[:, 1] - middle_col) ** 2, kind="mergesort"
             )
-            # Rank 0 has been tried. Sixteen or so cells, from the middle outwards, stand for a long frontier.
-            stride = max(1, len(cluster) // 16)
-            for rank in range(stride, len(cluster), stride):
-                row, col = cluster[order[rank]]
-                found[k] = _find_viewpoint(cells, distances, farthest, row, col, offsets, view[k])
+            # Rank 0 has been tried. Sixteen or so cells, from the middle outwards, mostly stand for a long
+            # frontier; where they fail it may still pass a doorway that few of its cells lie in.
+            for stride in (max(1, len(cluster) // 16), 1):
+                for rank in range(stride, len(cluster), stride):
+                    row, col = cluster[order[rank]]
+                    found[k] = _find_viewpoint(cells, distances, farthest, row, col, offsets, view[k])
+                    if found[k]:
+                        break
                 if found[k]:
                     break
         if not found[k]:

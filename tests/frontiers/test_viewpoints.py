@@ -109,6 +109,18 @@ def test_wall_hides_the_nearest_cell() -> None:
     assert found.all() and (view[:, 0] < 4).all()
 
 
+def test_a_long_frontier_is_offered_through_the_doorway_that_few_of_its_cells_lie_in() -> None:
+    """A few rays beyond a door make a frontier of hundreds of cells, which only those at the door show."""
+    cells = np.full((12, 400), -1, np.int8)
+    cells[:6, :20], cells[6, :20], cells[6, 18], cells[7, 10:] = 0, 100, 0, 0
+    distances = np.full(cells.shape, np.inf, np.float32)
+    distances[:6, :20] = 1.0
+    clusters = find_frontiers(cells).chosen(find_frontiers(cells).cells[:, 0] == 7)
+    view, found, _ = choose_viewpoints(cells, padded(distances), 0, clusters, 0.1, NONE_FAILED)
+    assert len(clusters) == 1 and len(clusters.cells) == 390
+    assert found.all() and view[0].tolist() == [5, 18]
+
+
 def test_facing_looks_into_the_unknown() -> None:
     cells = np.zeros((5, 5), np.int8)
     cells[4] = -1
