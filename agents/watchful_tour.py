@@ -2,8 +2,8 @@
 
 Where `layout-tour` walks to a frontier until that is gone, this robot makes a few steps, looks all around and
 plans its tour anew with what it has seen. A lidar that looks ahead sees so into the rooms that are passed,
-and with any the robot does not walk on to what no longer begins its tour. Where turning costs, it decides where
-it arrives.
+and with any the robot does not walk on to what no longer begins its tour. Where turning costs, it decides
+only where it arrives.
 
 In its tour a closed frontier weighs no more than what is left behind it: rays that cross walls which nobody
 has seen yet promise more. So small remains come later, and the length of the tour has to count for more, or
@@ -53,7 +53,7 @@ class WatchfulTour(RoomAwareHeuristic[WatchfulTourOptions]):
         self._known = 0
 
     def choose(self, decision: Decision) -> Choice:
-        """The first steps to the tour's first frontier, or that frontier where it is near or turning costs."""
+        """The first steps to the tour's first frontier; where it is near or turning costs, all of them."""
         known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
         chosen = self._held(decision) if known == self._known else None
         if chosen is None:
