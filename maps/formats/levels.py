@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 
 from layoutexplore.errors import MapError, checks_arguments, shortened
 
 _RANGE = re.compile(r"\s*(-?\d+(?:\.\d+)?)\s*(?:-\s*(-?\d+(?:\.\d+)?)\s*)?")
 
-_HIGHEST = 1e6
-"""No floor has a number above it, or below its negative."""
+_MOST_FLOORS, _HIGHEST = 200, 1e6
+"""Floors that one text names at most; and no floor has a number above this, or below its negative."""
 
 
 @checks_arguments
@@ -46,22 +47,27 @@ def choose_level(path: Path, level: str, levels: Sequence[str]) -> str:
 
 
 @checks_arguments
-def numbers_of(text: str) -> set[str]:
+def numbers_of(text: str) -> frozenset[str]:
     """The floors that a `level` of OpenStreetMap means: "1", "0;2", "-1-3".
 
     Example:
         >>> sorted(numbers_of("0-2;5")), sorted(numbers_of("-1-0")), numbers_of("roof")
-        (['0', '1', '2', '5'], ['-1', '0'], set())
+        (['0', '1', '2', '5'], ['-1', '0'], frozenset())
     """
-    found: set[str] = set()
-    for part in text.split(";"):
+    return _numbers_of(text)
+
+
+@lru_cache(maxsize=1024)  # all rooms of a floor say the same
+def _numbers_of(text: str) -> frozenset[str]:
+    found: list[str] = []
+    for part in text.split(";", _MOST_FLOORS)[:_MOST_FLOORS]:
         match = _RANGE.fullmatch(part)
         if not match:
             continue
         first = float(match[1])
         last = float(match[2]) if match[2] else first
         # Beyond 2**53 a number plus one is the same number, and nobody would ever arrive.
-        while -_HIGHEST <= first <= min(last, _HIGHEST) and len(found) < 200:
-            found.add(f"{first:g}")
+        while -_HIGHEST <= first <= min(last, _HIGHEST) and len(found) < _MOST_FLOORS:
+            found.append(f"{first:g}")
             first += 1.0
-    return found
+    return frozenset(found)

@@ -25,6 +25,7 @@ from layoutexplore.maps.formats.geographic import LocalFrame
 from layoutexplore.maps.formats.levels import choose_level, numbers_of
 from layoutexplore.maps.formats.polygons import Dropped, mended
 from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
+from layoutexplore.maps.sizes import check_count
 
 INDOOR_ROOMS = ("room", "corridor", "area")
 
@@ -39,7 +40,7 @@ class _Element:
     holes: tuple[tuple[str, ...], ...] = ()
 
     @property
-    def levels(self) -> set[str]:
+    def levels(self) -> frozenset[str]:
         return numbers_of(self.tags.get("level", "")) | numbers_of(self.tags.get("repeat_on", ""))
 
     @property
@@ -133,24 +134,36 @@ def _read(path: Path) -> _Building:
         if tags := _tags(node):
             nodes.append(_Element(key, tags, (key,)))
     ways = [
-        _Element(way.get("id", ""), _tags(way), tuple(nd.get("ref", "") for nd in way.iter("nd")))
+        _Element(way.get("id", ""), _tags(way), tuple(nd.get("ref", "") for nd in way.findall("nd")))
         for way in root.iter("way")
     ]
-    return _Building(
-        places, tuple(nodes), (*ways, *_multipolygons(root, {way.key: way.nodes for way in ways}))
-    )
+    areas = _multipolygons(root, {way.key: way.nodes for way in ways}, path)
+    return _Building(places, tuple(nodes), (*ways, *areas))
 
 
-def _multipolygons(root: ElementTree.Element, ways: Mapping[str, tuple[str, ...]]) -> Iterator[_Element]:
-    """The outlines of relations that are multipolygons, each with the holes of its relation."""
+def _multipolygons(
+    root: ElementTree.Element, ways: Mapping[str, tuple[str, ...]], path: Path
+) -> Iterator[_Element]:
+    """The outlines of rooms that are multipolygons, each with the holes of its relation.
+
+    Raises:
+        MapError: Their corners are more than the limit; a few bytes name a way of thousands once more.
+    """
+    corners = 0
     for relation in root.iter("relation"):
         tags = _tags(relation)
-        if tags.get("type") != "multipolygon":
+        if tags.get("type") != "multipolygon" or not _Element("", tags, ()).is_room:
             continue
         lines: dict[bool, list[tuple[str, ...]]] = {False: [], True: []}
-        for member in relation.iter("member"):
-            lines[member.get("role") == "inner"].append(ways.get(member.get("ref", ""), ()))
+        for member in relation.findall("member"):
+            line = ways.get(member.get("ref", ""), ())
+            lines[member.get("role") == "inner"].append(line)
+            corners += len(line)
+            check_count(str(path), "corners of multipolygons", corners, "vertices")
         outer, inner = (_joined(lines[is_hole]) for is_hole in (False, True))
+        # Every outline is cut by every hole.
+        corners += (len(outer) - 1) * sum(map(len, inner)) if inner else 0
+        check_count(str(path), "corners of multipolygons", corners, "vertices")
         for part, ring in enumerate(outer):
             yield _Element(f"relation/{relation.get('id', '')}/{part}", tags, ring, tuple(inner))
 
@@ -162,20 +175,27 @@ def _joined(lines: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
     for number, line in left.items():
         ends.setdefault(line[0], []).append(number)
         ends.setdefault(line[-1], []).append(number)
+    for numbers in ends.values():
+        numbers.reverse()  # the first of the file is the last of the list
     rings = []
-    while left:
-        ring = list(left.pop(next(iter(left))))
-        while ring[0] != ring[-1]:
-            line = next((left.pop(number) for number in ends[ring[-1]] if number in left), ())
-            if not line:
+    for first in list(left):
+        ring = list(left.pop(first, ()))
+        while ring and ring[0] != ring[-1]:
+            # Numbers are taken from the list as well as from what is left: thousands may end at one node.
+            here = ends[ring[-1]]
+            while here and here[-1] not in left:
+                here.pop()
+            if not here:
                 break
+            line = left.pop(here.pop())
             ring += line[1:] if line[0] == ring[-1] else line[-2::-1]
-        rings.append(tuple(ring))
+        if ring:
+            rings.append(tuple(ring))
     return rings
 
 
 def _tags(element: ElementTree.Element) -> dict[str, str]:
-    return {tag.get("k", ""): tag.get("v", "") for tag in element.iter("tag")}
+    return {tag.get("k", ""): tag.get("v", "") for tag in element.findall("tag")}
 
 
 def _levels(building: _Building) -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from pathlib import Path
 
 import pytest
@@ -26,6 +28,12 @@ from tests.maps.formats.cases import OsmFile, corners, write_osm, write_osmag
 )
 def test_levels(text: str, floors: set[str]) -> None:
     assert numbers_of(text) == floors
+
+
+def test_a_text_names_two_hundred_floors_at_most() -> None:
+    assert len(numbers_of("0-1000000")) == 200
+    assert len(numbers_of("0-90;" * 9)) == 91  # the same again is looked at no more than that
+    assert numbers_of(";" * 10**6 + "5") == set()
 
 
 def test_entrances_widths_and_open_outlines(tmp_path: Path) -> None:
@@ -113,3 +121,59 @@ def test_multipolygons_that_are_not_closed_are_left_out(tmp_path: Path) -> None:
     file.way([(12, 5), (16, 5), (16, 10), (12, 10), (12, 5)], indoor="room", level="0")
     with pytest.warns(MapWarning, match="2 rooms whose outline is not closed"):
         assert len(load_plan(file.write(tmp_path / "open.osm")).rooms) == 1
+
+
+def test_multipolygons_that_name_a_way_over_and_over_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A member takes fifty bytes and stands for a whole way; every outline is cut by every hole."""
+    monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "vertices=1000")
+    ring = [(0, 0), (9, 0), (9, 9), (0, 9), (0, 0)]
+    often = OsmFile()
+    often.multipolygon([ring] * 150, [(1, 1), (2, 1), (2, 2), (1, 1)], indoor="room", level="0")
+    once = OsmFile()
+    once.multipolygon([ring], [(1, 1), (2, 1), (2, 2), (1, 1)], indoor="room", level="0")
+    text = once.write(tmp_path / "once.osm").read_text()
+    member = re.search(r"<member [^>]*role='outer'[^>]*/>", text)
+    assert member
+    (tmp_path / "members.osm").write_text(text.replace(member[0], member[0] * 300))
+    for path in (often.write(tmp_path / "holes.osm"), tmp_path / "members.osm"):
+        with pytest.raises(MapError, match="corners of multipolygons, and the limit vertices is 1000"):
+            load_plan(path)
+    assert len(load_plan(tmp_path / "once.osm").rooms) == 1
+
+
+def test_multipolygons_that_are_no_rooms_are_not_put_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "vertices=500")
+    file = OsmFile()
+    ring = [(0, 0), (9, 0), (9, 9), (0, 9), (0, 0)]
+    file.multipolygon([ring] * 60, [(1, 1), (2, 1), (2, 2), (1, 1)], landuse="forest")
+    file.way(ring, indoor="room", level="0")
+    assert len(load_plan(file.write(tmp_path / "forest.osm")).rooms) == 1
+
+
+def test_ways_inside_of_ways_do_not_hand_on_their_nodes(tmp_path: Path) -> None:
+    file = OsmFile()
+    file.way([(0, 0), (9, 0), (9, 9), (0, 9), (0, 0)], indoor="room", level="0")
+    path = file.write(tmp_path / "nested.osm")
+    text = path.read_text()
+    refs = re.findall(r"<nd [^>]*/>", text)
+    inner = "<way id='999'>" + refs[0] * 3 + "<tag k='indoor' v='no'/></way>"
+    path.write_text(text.replace("</way>", inner + "</way>", 1))
+    assert [room.polygon.area for room in load_plan(path).rooms] == [pytest.approx(8.8**2, abs=0.5)]
+
+
+def test_lines_that_all_end_at_one_node_are_paired_in_their_order(tmp_path: Path) -> None:
+    """Blades around a middle in which thousands of lines may end, each of two lines that begin at its tip."""
+    file = OsmFile()
+    lines = []
+    for k in range(40):
+        x, y = 40 * math.cos(0.15 * k), 40 * math.sin(0.15 * k)
+        right = (x + 0.1 * y, y - 0.1 * x)
+        lines += [[(x, y), (0.0, 0.0)], [(x, y), right, (0.0, 0.0)]]
+    file.multipolygon(lines, [], indoor="room", level="0")
+    plan = load_plan(file.write(tmp_path / "blades.osm"))
+    assert len(plan.rooms) == 40
+    assert max(room.polygon.area for room in plan.rooms) < 80.0
