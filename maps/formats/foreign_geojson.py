@@ -81,9 +81,11 @@ def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None, d
     parts = _in_metres(list(_parts(features, names, dropped)), path)
     for name in (columns or {}).values():
         if not any(name in part.properties for part in parts):
-            there = ", ".join(sorted({k for part in parts for k in part.properties}))[:1000]
+            tables = {id(part.properties): part.properties for part in parts}  # parts of a feature share one
+            there = ", ".join(sorted({k for table in tables.values() for k in table}))[:1000]
             raise ConfigError(f"{path}: no feature has the property {name!r}; there are: {there}")
     if floor := [part.geometry for part in parts if part.kind in FLOOR_KINDS]:
+        check_outlines(str(path), floor)
         whole = [polygon for part in floor for polygon in mended(part, dropped)]
         return _from_walls(path, parts, shapely.union_all(whole), dropped)
     outlines: dict[int, Polygon] = {}

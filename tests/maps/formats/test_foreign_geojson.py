@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from shapely.geometry import mapping
 
 from layoutexplore.errors import ConfigError, MapError, MapWarning
 from layoutexplore.maps import load_plan
+from layoutexplore.maps.formats.foreign_geojson import load_foreign_geojson
 from layoutexplore.maps.geojson import save_plan
 from tests.maps.cases import share_reached, two_rooms
 
@@ -54,6 +56,34 @@ def test_columns_that_are_not_there_are_named(tmp_path: Path) -> None:
         load_plan(write(tmp_path, *ROOMS), columns={"room": "Raum"})
     with pytest.raises(ConfigError, match="columns can be named for"):
         load_plan(write(tmp_path, *ROOMS), columns={"colour": "Raum"})
+
+
+class Counted(dict[str, Any]):
+    """A table that counts how often its names are listed."""
+
+    listed = 0
+
+    def __iter__(self) -> Iterator[str]:
+        Counted.listed += 1
+        return super().__iter__()
+
+
+def test_a_table_that_many_parts_share_is_listed_once(tmp_path: Path) -> None:
+    shape = mapping(MultiPolygon([box(x, 0, x + 1, 1) for x in range(300)]))
+    data = {"type": "FeatureCollection", "features": [{"geometry": shape, "properties": Counted(a=1, b=2)}]}
+    with pytest.raises(ConfigError, match="there are: a, b"):
+        load_foreign_geojson(tmp_path / "x.geojson", {"room": "Raum"}, data)
+    assert Counted.listed < 5
+
+
+def test_outlines_of_floors_that_cross_each_other_are_counted_before_they_are_joined(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "crossings=100")
+    bars = [box(k, 0, k + 0.5, 40) for k in range(40)] + [box(0, k, 40, k + 0.5) for k in range(40)]
+    path = write(tmp_path, *((bar, {"art": "footprint"}) for bar in bars))
+    with pytest.raises(MapError, match="more than 100 times"):
+        load_plan(path, columns={"kind": "art"})
 
 
 def test_degrees_are_projected_and_feet_of_a_country_refused(tmp_path: Path) -> None:
