@@ -137,6 +137,7 @@ def _portals(
     segments = {line.get("id"): line.find("point") for line in root.iter("linesegment") if line.get("id")}
     found: dict[tuple[int, int], list[Point]] = {}
     lost: list[tuple[int, int]] = []
+    kept = 0
     for portal in root.iter("portal"):
         names = [node.text or "" for node in portal.iterfind("target/id")]
         if len(names) != 2 or names[0] == names[1] or not all(name in ids for name in names):
@@ -150,6 +151,8 @@ def _portals(
         places = found.setdefault((a, b), [])
         if all(math.dist(place, (x, y)) > DOOR_WIDTH / 2 for place in places):
             places.append((x, y))
+            kept += 1  # counted here: each is compared with all before it
+            check_count(str(path), "doors", kept)
     pairs = [*(pair for pair, points in found.items() for _ in points), *lost]
     check_plan(str(path), list(outlines), pairs)
     corners = sum(shapely.get_num_coordinates([outlines[a], outlines[b]]).sum() for a, b in pairs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -35,6 +36,24 @@ def test_a_portal_without_its_segment_opens_where_the_rooms_are_nearest(tmp_path
     plan = load_plan(tmp_path / "lost.xml")
     assert len(plan.doors) == 1
     assert share_reached(plan) == 1.0
+
+
+PORTAL_PARTS = (("portal>", "portal"), ("linesegment id", "linesegment"))
+
+
+def test_portals_are_counted_as_they_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each is compared with all before it between the same rooms: the file stops at the first too many."""
+    monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "rooms=5")
+    portal, segment = (re.search(f"<{tag}.*?</{name}>", SCHOOL, re.DOTALL) for tag, name in PORTAL_PARTS)
+    assert portal and segment
+    portals = "".join(portal[0].replace(">s<", f">s{k}<") for k in range(40))
+    segments = "".join(
+        segment[0].replace('id="s"', f'id="s{k}"').replace('x="30"', f'x="{100 * k}"') for k in range(40)
+    )
+    text = SCHOOL.replace(portal[0], portals, 1).replace(segment[0], segments, 1)
+    (tmp_path / "many.xml").write_text(text)
+    with pytest.raises(MapError, match="6 doors, and the limit rooms is 5"):
+        load_plan(tmp_path / "many.xml")
 
 
 def test_empty_spaces_are_left_out_and_counted(tmp_path: Path) -> None:
