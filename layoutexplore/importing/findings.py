@@ -91,14 +91,15 @@ def _out_of_reach(plan: FloorPlan) -> Iterator[Finding]:
     resolution = resolution_for(plan)
     raster = plan.rasterize(resolution)
     open_cells = (~raster.blocked(ROBOT_RADIUS)).astype(np.uint8)
-    count, parts = cv2.connectedComponents(open_cells, connectivity=4, ltype=cv2.CV_32S)
-    sizes = np.bincount(parts.ravel(), minlength=count) * resolution**2
+    _, parts, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4, ltype=cv2.CV_32S)
+    sizes = boxes[:, cv2.CC_STAT_AREA] * resolution**2
     sizes[0] = 0.0
     for part in np.argsort(-sizes)[1:]:
         if sizes[part] < LOST_AREA:
             break
-        place = _middle(parts == part)
-        x, y = raster.cell_to_world(*place)
+        left, low, width, height = boxes[part, :4].tolist()  # its box alone: there may be thousands of parts
+        row, col = _middle(parts[low : low + height, left : left + width] == part)
+        x, y = raster.cell_to_world(low + row, left + col)
         yield Finding(
             "out of reach",
             f"{sizes[part]:.0f} m2 cannot be reached from the rest by a robot of {2 * ROBOT_RADIUS:g} m",

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import cv2
+import numpy as np
 import pytest
 
-from layoutexplore.importing.findings import find_faults
+from layoutexplore.importing.findings import find_faults, resolution_for
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -70,3 +72,23 @@ def _point(x: float, y: float):  # type: ignore[no-untyped-def]
     from shapely import Point
 
     return Point(x, y)
+
+
+def test_only_the_box_of_what_is_out_of_reach_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plan may fall into thousands of parts: looking at all of it for each would take hours."""
+    rooms = "\n".join(["#" * 121] + [("#" + "aaaaa#" * 20 + "\n") * 4 + "#" * 121] * 8)
+    plan = floorplan_from_ascii(rooms.replace("\n\n", "\n"), 0.5)
+    looked_at: list[int] = []
+    distances = cv2.distanceTransform
+
+    def counted(mask: np.ndarray, *arguments: int) -> np.ndarray:
+        looked_at.append(mask.size)
+        return distances(mask, *arguments)
+
+    monkeypatch.setattr(cv2, "distanceTransform", counted)
+    lost = [finding for finding in find_faults(plan) if finding.kind == "out of reach"]
+    resolution = resolution_for(plan)
+    x0, y0, x1, y1 = plan.bounds
+    assert len(looked_at) == len(lost) > 100
+    assert sum(looked_at) < 3 * (x1 - x0) * (y1 - y0) / resolution**2
+    assert len({(round(finding.x), round(finding.y)) for finding in lost}) == len(lost)
