@@ -198,7 +198,10 @@ def place_door(
 def _wall_at(outline: Polygon, place: Point) -> tuple[Floats, Floats]:
     """The point of an outline nearest to a place, and the direction of the longest edge near it."""
     points = shapely.get_coordinates(outline.exterior)
-    edges = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
+    ends = np.stack([points[:-1], points[1:]], axis=1)
+    # Of thousands of edges only those are made into shapes that may be among the nearest.
+    ends = ends[(away := _distances(ends, place)) <= away.min() + 0.1]
+    edges = shapely.linestrings(ends)
     near = shapely.distance(edges, shapely.Point(place))
     lengths = np.where(near <= near.min() + 0.05, shapely.length(edges), 0.0)
     edge: LineString = edges[int(lengths.argmax())]
@@ -206,6 +209,14 @@ def _wall_at(outline: Polygon, place: Point) -> tuple[Floats, Floats]:
     along = np.array([x1 - x0, y1 - y0]) / edge.length
     foot = edge.interpolate(edge.project(shapely.Point(place)))
     return np.array([foot.x, foot.y]), along
+
+
+def _distances(ends: Floats, place: Point) -> Floats:
+    """The distance of a place from each segment (n, 2 ends, xy), to a rounding error."""
+    way, to = ends[:, 1] - ends[:, 0], np.asarray(place) - ends[:, 0]
+    squared = np.maximum((way**2).sum(axis=1), 1e-300)
+    along = np.clip((way * to).sum(axis=1) / squared, 0.0, 1.0)
+    return np.asarray(np.hypot(*(to - along[:, None] * way).T), np.float64)
 
 
 def _gap(other: Polygon, foot: Floats, across: Floats) -> Floats:
@@ -227,6 +238,7 @@ def _misses(
     sides = (
         middles[:, None, None] + steps + np.stack([-through_wall, through_wall])[:, None]
     )  # (n, 2 sides, 3 places, xy)
+    shapely.prepare(rooms)  # once: each of the places would be compared with all corners
     in_a, in_b = (shapely.contains_xy(room, sides[..., 0], sides[..., 1]) for room in rooms)
     through = (in_a[:, 0] & in_b[:, 1]) | (in_b[:, 0] & in_a[:, 1])
     return np.asarray(np.count_nonzero(~through, axis=1), np.float64)

@@ -79,3 +79,25 @@ def test_floors_are_those_that_all_walls_leave() -> None:
         nearest = sorted(away, key=lambda k: away[k])[:2]
         joined = sorted(k for k in nearest if away[k] <= WALL_REACH)
         assert door.rooms == (tuple(joined) if len(joined) == 2 else (0, *joined))
+
+
+def test_doors_look_at_the_edges_near_them_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file of a megabyte has a room of ten thousand corners and thousands of doors."""
+    made = 0
+    linestrings = shapely.linestrings
+
+    def counted(ends: np.ndarray) -> object:
+        nonlocal made
+        made += len(ends)
+        return linestrings(ends)
+
+    monkeypatch.setattr(shapely, "linestrings", counted)
+    across = np.linspace(0.0, 20.0, 2001)
+    border = list(zip(across.tolist(), (0.01 * np.sin(50 * across)).tolist(), strict=True))
+    a = shapely.Polygon([*border, (20.0, 5.0), (0.0, 5.0)])
+    b = shapely.Polygon([*border, (20.0, -5.0), (0.0, -5.0)])
+    doors = [Opening((2.0 + 4.0 * k, 0.0)) for k in range(5)]
+    plan = plan_from_outlines({1: a, 2: b}, {}, doors, name="wavy")
+    assert [door.rooms for door in plan.doors] == [(1, 2)] * 5
+    assert made < 5 * 2 * 100
+    assert all(shapely.is_prepared(room) for room in (a, b))  # places are looked up, not compared with all
