@@ -19,7 +19,7 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import ConfigError, MapError, MapWarning, checks_arguments
+from layoutexplore.errors import ConfigError, MapError, MapWarning, checks_arguments, shortened
 from layoutexplore.files import read_json
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.geographic import LocalFrame, looks_geographic
@@ -95,7 +95,7 @@ def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None, d
         if part.kind in DOOR_KINDS or (not part.kind and part.geometry.geom_type != "Polygon"):
             openings += _opening(part, names, dropped)
         elif part.geometry.geom_type != "Polygon" or part.kind in WALL_KINDS:
-            dropped.add(f"{part.geometry.geom_type} features of kind {part.kind!r} are left out")
+            dropped.add(f"{part.geometry.geom_type} features of kind {shortened(part.kind)} are left out")
         else:
             for outline in mended(part.geometry, dropped)[:1]:
                 labels[len(outlines) + 1] = str(_first(part.properties, names["room"]) or "")
@@ -124,7 +124,7 @@ def _from_walls(path: Path, parts: list[_Part], floor: BaseGeometry, dropped: Dr
         if part.kind in FLOOR_KINDS:
             continue
         if part.geometry.geom_type != "Polygon":
-            dropped.add(f"{part.geometry.geom_type} features of kind {part.kind!r} are left out")
+            dropped.add(f"{part.geometry.geom_type} features of kind {shortened(part.kind)} are left out")
         elif part.kind in DOOR_KINDS:
             doors.append(_middle_line(part.geometry))
         elif part.kind in SOLID_KINDS:

@@ -20,6 +20,9 @@ from layoutexplore.maps.sizes import MOST_METRES, check_outlines
 LEAST_AREA = 0.05
 """Square metres; smaller parts of a polygon are slips of a hand."""
 
+MOST_KINDS = 20
+"""Of what is left out or mended, that one warning names: a file may have made up thousands."""
+
 
 class Dropped:
     """Counts what a reader leaves out or mends, and says it once at the end.
@@ -45,7 +48,9 @@ class Dropped:
     def warn(self) -> None:
         """Say what was left out or mended, if anything was."""
         if self.counts:
-            text = ", ".join(f"{count} {what}" for what, count in self.counts.items())
+            said = [f"{count} {what}" for what, count in self.counts.items()]
+            more = [f"and {len(said) - MOST_KINDS} other kinds"] if len(said) > MOST_KINDS else []
+            text = ", ".join(said[:MOST_KINDS] + more)
             warnings.warn(f"{self.path}: {text}", MapWarning, stacklevel=3)
 
 

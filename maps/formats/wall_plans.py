@@ -68,7 +68,8 @@ def plan_from_walls(
     rooms = [piece for piece in pieces if piece.area >= LEAST_ROOM]
     if not rooms:
         raise MapError(f"{name}: the walls leave no piece of {LEAST_ROOM:g} m2 for a room")
-    joined = [_sides(rooms, door) for door in doors]
+    tree = shapely.STRtree(rooms)
+    joined = [_sides(tree, door) for door in doors]
     kept = [(line, pair) for line, pair in zip(doors, joined, strict=True) if pair[0] != pair[1]]
     if lost := len(doors) - len(kept):
         warnings.warn(
@@ -80,8 +81,10 @@ def plan_from_walls(
     dropped = [line for line, pair in zip(doors, joined, strict=True) if pair[0] == pair[1]]
     gaps = [line.buffer(DOOR_DEPTH, cap_style="square") for line in dropped]
     loose = shapely.union_all([*(p for p in pieces if p.area < LEAST_ROOM), *gaps]).difference(walls)
+    areas = shapely.STRtree([area for _, area in places])
     found = tuple(
-        Room(id=k, polygon=room, label=_label(room, places)) for k, room in enumerate(rooms, start=1)
+        Room(id=k, polygon=room, label=_label(room, [places[i] for i in np.sort(areas.query(room))]))
+        for k, room in enumerate(rooms, start=1)
     )
     openings = tuple(_door(line, pair) for line, pair in kept)
     bare = FloorPlan(name=name, rooms=found, doors=openings)
@@ -96,16 +99,15 @@ def plan_from_walls(
     )
 
 
-def _sides(rooms: Sequence[Polygon], door: LineString) -> tuple[int, int]:
+def _sides(rooms: shapely.STRtree, door: LineString) -> tuple[int, int]:
     """Ids of the rooms on both sides of a door, the smaller first; 0 is none."""
     (x0, y0), (x1, y1) = door.coords[0], door.coords[-1]
     normal = np.array([y0 - y1, x1 - x0]) / max(door.length, 1e-9)
     middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2])
-    tree = shapely.STRtree(rooms)
     sides = []
     for sign in (-1.0, 1.0):
         probes = shapely.points([middle + sign * step * normal for step in PROBES])
-        which, hit = tree.query(probes, predicate="within")
+        which, hit = rooms.query(probes, predicate="within")
         sides.append(int(hit[int(which.argmin())]) + 1 if len(hit) else 0)
     return min(sides), max(sides)
 
@@ -121,9 +123,6 @@ def _point(corner: tuple[float, ...]) -> Point:
 
 def _label(room: Polygon, places: Sequence[tuple[str, Polygon]]) -> str:
     """The label of the area that covers most of a room, and half of itself at least."""
-    shares = [
-        (room.intersection(area).area, label)
-        for label, area in places
-        if room.intersection(area).area > 0.5 * area.area
-    ]
+    covered = [(room.intersection(area).area, label, area.area) for label, area in places]
+    shares = [(share, label) for share, label, whole in covered if share > 0.5 * whole]
     return max(shares, default=(0.0, ""))[1]

@@ -138,3 +138,41 @@ def test_our_own_format_saved_by_a_gis_is_read_as_ours(tmp_path: Path) -> None:
             }
     (tmp_path / "own.geojson").write_text(json.dumps(data))
     assert load_plan(tmp_path / "own.geojson").content_hash == plan.content_hash
+
+
+def test_areas_are_compared_with_the_rooms_that_they_lie_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Thousands of rooms with an area each: no room is compared with the areas of all others."""
+    places = [(2.2 * i, 2.2 * j) for i in range(15) for j in range(15)]
+    holes = [box(x + 0.1, y + 0.1, x + 2.1, y + 2.1).exterior for x, y in places]
+    features: list[tuple[Any, dict[str, Any]]] = [
+        (box(0, 0, 33.1, 33.1), {"art": "footprint"}),
+        (Polygon(box(0, 0, 33.1, 33.1).exterior, holes), {"art": "wall"}),
+    ]
+    features += [
+        (box(x + 0.3, y + 0.3, x + 1.5, y + 1.5), {"art": "office", "label": f"{x:g} {y:g}"})
+        for x, y in places
+    ]
+    calls = 0
+    intersection = Polygon.intersection
+
+    def counted(*arguments: Any, **options: Any) -> Any:
+        nonlocal calls
+        calls += 1
+        return intersection(*arguments, **options)
+
+    monkeypatch.setattr(Polygon, "intersection", counted)
+    plan = load_plan(write(tmp_path, *features), columns={"kind": "art"})
+    labels = {room.label: room.polygon.bounds[:2] for room in plan.rooms}
+    assert len(labels) == 225
+    assert all(labels[f"{x:g} {y:g}"] == pytest.approx((x + 0.1, y + 0.1)) for x, y in places)
+    assert calls < 2000
+
+
+def test_a_warning_names_some_of_the_kinds_that_are_left_out(tmp_path: Path) -> None:
+    made_up = [(Point(k, 0), {"art": f"kind {k} " + "x" * 2000}) for k in range(300)]
+    path = write(tmp_path, (box(0, 0, 9, 9), {"art": "room"}), *made_up)
+    with pytest.warns(MapWarning, match="1 Point features of kind .*, and 280 other kinds") as caught:
+        load_plan(path, columns={"kind": "art"})
+    assert len(str(caught[0].message)) < 10_000
