@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+# Two test processes with a thread a core each get into each other's way: trainings took four times as long.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
