@@ -21,21 +21,20 @@ from layoutexplore.agents.omniscient.route_planner import (
     RouteConfig,
     RoutePlanner,
 )
-from layoutexplore.agents.room_aware import LayoutTourOptions, RoomAwareHeuristic
-from layoutexplore.agents.tour import plan_latency_tour
+from layoutexplore.agents.room_aware import LayoutTourOptions, LookingTour
 from layoutexplore.frontiers.decision import Choice, Decision, Walk
 from layoutexplore.frontiers.foresight import Foresight
-from layoutexplore.frontiers.tour_features import ready_frontiers
 from layoutexplore.grids.arrays import Ints32
-from layoutexplore.grids.grid import Cell
+from layoutexplore.grids.grid import UNKNOWN, Cell
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.options import option
 
 NEAR_WAY = 2.0
 """Metres: a frontier at most so far from where a path leaves what is known is in its way."""
 
-PATIENCE = 3
-"""Decisions in which nothing was seen of what is left, after which the stop that was gone to is given up."""
+PATIENCE, FAR, MANY = 3, 6.0, 12
+"""Decisions and metres in which nothing was seen of what is left, after which the stop that was gone to is
+given up; after many decisions it is in any case."""
 
 ATTEMPTS = 3
 """Plans at a decision, each without the stops of the last one that the robot cannot set out for."""
@@ -77,10 +76,16 @@ class PlanTourOptions(LayoutTourOptions):
     first_rounds: int = option(
         10, "the same at the first decision with foresight; at least 60 where it is certain", low=0
     )
+    look_every: float = option(
+        0.5,
+        "metres after which the robot looks all around on its way, where that shows more and turning is free"
+        " (0: never)",
+        low=0.0,
+    )
     lattice: float = option(0.8, "metres between places where the route may stop", low=0.2)
 
 
-class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
+class PlanTour(LookingTour[PlanTourOptions]):
     """The first stop of a route over known and foreseen space; as `layout-tour` where nothing is foreseen."""
 
     remembers = True
@@ -95,17 +100,27 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
         self._floor: ForeseenFloor | None = None
         self._plan, self._plans = NOTHING_PLANNED, 0
         self._arriving: Cell | None = None
-        self._left, self._idle = -1, 0
+        self._left, self._idle, self._idle_from = -1, 0, 0.0
+        self._known = 0
 
     def choose(self, decision: Decision) -> Choice:
+        """Where to go, or the first steps there: planned anew with what was seen on the way."""
+        known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
+        if known != self._known and self._relied_on(decision) is not None:
+            self._looking.forget()
+        self._known = known
+        return super().choose(decision)
+
+    def plan(self, decision: Decision) -> Choice:
         """A path to the first stop, or the frontier that it stands for or that is in the way."""
+        foresight = self._relied_on(decision)
+        choice = None if foresight is None else self._follow(decision, foresight)
+        return super().plan(decision) if choice is None else choice
+
+    def _relied_on(self, decision: Decision) -> Foresight | None:
+        """What is foreseen, where the agent is sure enough of it."""
         foresight = decision.foresight
-        if foresight is not None and foresight.confidence >= self.options.sure:
-            choice = self._follow(decision, foresight)
-            if choice is not None:
-                return choice
-        ready = ready_frontiers(decision, self.options.min_size, self.options.area)
-        return int(plan_latency_tour(decision, ready, self.options.patience)[0])
+        return None if foresight is None or foresight.confidence < self.options.sure else foresight
 
     def _follow(self, decision: Decision, foresight: Foresight) -> Choice | None:
         """The way along the route; None where all is seen that is foreseen, or it cannot be gone to."""
@@ -113,7 +128,7 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
         self._floor = floor = self._floor or ForeseenFloor(self.options.lattice)
         floor.update(decision, foresight)
         here = decision.grid.nearest_cell(decision.pose.x, decision.pose.y)
-        self._learn(floor, here)
+        self._learn(floor, here, decision.distance)
         config = self._config(is_first=is_first, is_certain=foresight.confidence >= 1.0)
         for _ in range(ATTEMPTS):
             self._plans += 1
@@ -147,16 +162,18 @@ class PlanTour(RoomAwareHeuristic[PlanTourOptions]):
             return PlannedRoute(stops[1:], max(mark - 1, 0))
         return self._plan
 
-    def _learn(self, floor: ForeseenFloor, here: Cell) -> None:
-        """What a stop was to show and did not show is not there."""
+    def _learn(self, floor: ForeseenFloor, here: Cell, metres: float) -> None:
+        """What a stop was to show and did not show is not there; the robot has walked so many metres."""
         if self._arriving == here:
             floor.give_up(floor.places.at(here).seen)
         self._arriving = None
-        self._idle = self._idle + 1 if floor.left == self._left else 0
-        self._left = floor.left
-        if self._idle >= PATIENCE and len(self._plan.stops):
+        if floor.left != self._left:
+            self._left, self._idle, self._idle_from = floor.left, -1, metres
+        self._idle += 1
+        far = self._idle >= PATIENCE and metres - self._idle_from >= FAR
+        if (far or self._idle >= MANY) and len(self._plan.stops):
             floor.give_up(floor.places.at(Cell(*self._plan.stops[0].tolist())).seen)
-            self._idle = 0
+            self._idle, self._idle_from = 0, metres
 
     def _towards(self, decision: Decision, floor: ForeseenFloor, here: Cell, stop: Cell) -> Choice | None:
         """The way to a stop as far as it is known, or the frontier to go to; None when there is neither."""

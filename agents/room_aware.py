@@ -12,6 +12,7 @@ from typing import TypeVar
 
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
+from layoutexplore.agents.looking_around import LookingAround
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.frontiers.table import Frontier
@@ -43,15 +44,28 @@ class LayoutGainOptions(LayoutOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LayoutTourOptions(LayoutOptions):
-    """Parameters of `LayoutTour`."""
+class RoomAwareTourOptions(LayoutOptions):
+    """Parameters of tours that use the layout."""
 
     patience: float = option(
         1.0, "weight of the tour's length against the mean way to a square metre", low=0.0
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class LayoutTourOptions(RoomAwareTourOptions):
+    """Parameters of `LayoutTour`."""
+
+    look_every: float = option(
+        0.0,
+        "metres after which the robot looks all around on its way, where that shows more and turning is free"
+        " (0: never)",
+        low=0.0,
+    )
+
+
 LayoutT = TypeVar("LayoutT", bound=LayoutOptions)
+LayoutTourT = TypeVar("LayoutTourT", bound=LayoutTourOptions)
 
 
 class RoomAwareHeuristic(Greedy[LayoutT]):
@@ -85,13 +99,32 @@ class LayoutNearest(RoomAwareHeuristic[LayoutOptions]):
         return ready_frontiers(decision, self.options.min_size, self.options.area)
 
 
-class LayoutTour(RoomAwareHeuristic[LayoutTourOptions]):
-    """The first frontier of a latency tour over those that need not wait."""
+class LookingTour(RoomAwareHeuristic[LayoutTourT]):
+    """A tour on which the robot may look all around on its way: see `LookingAround`."""
+
+    def __init__(self, name: str, options: LayoutTourT) -> None:
+        super().__init__(name, options)
+        self._looking = LookingAround(options.look_every)
+        self.remembers = self.remembers or options.look_every > 0
+
+    def reset(self, seed: int) -> None:
+        """Begin a new run: the robot is on its way to nothing."""
+        super().reset(seed)
+        self._looking.forget()
 
     def choose(self, decision: Decision) -> Choice:
-        """The index of the tour's first frontier."""
+        """Where to go, or the first steps there where the robot looks around then."""
+        choice = self._looking.go_on(decision)
+        return self._looking.begin(decision, self.plan(decision)) if choice is None else choice
+
+    def plan(self, decision: Decision) -> Choice:
+        """The index of the first frontier of a latency tour over those that need not wait."""
         ready = ready_frontiers(decision, self.options.min_size, self.options.area)
         return int(plan_latency_tour(decision, ready, self.options.patience)[0])
+
+
+class LayoutTour(LookingTour[LayoutTourOptions]):
+    """The first frontier of a latency tour over those that need not wait."""
 
 
 class LayoutGain(RoomAwareHeuristic[LayoutGainOptions]):

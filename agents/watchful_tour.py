@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.agents.base import register
-from layoutexplore.agents.room_aware import LayoutTourOptions, RoomAwareHeuristic
+from layoutexplore.agents.room_aware import RoomAwareHeuristic, RoomAwareTourOptions
 from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.tour_features import ready_frontiers, tour_weights
 from layoutexplore.grids.arrays import Floats, Ints
@@ -28,7 +28,7 @@ from layoutexplore.planning.latency_tours import latency_tour
 
 
 @dataclass(frozen=True, kw_only=True)
-class WatchfulTourOptions(LayoutTourOptions):
+class WatchfulTourOptions(RoomAwareTourOptions):
     """Parameters of `WatchfulTour`."""
 
     patience: float = option(

@@ -6,25 +6,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from layoutexplore.agents.looking_around import LookingAround
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ObservationConfig, encode_frontiers
 from layoutexplore.errors import ResultsError, checks_making
-from layoutexplore.frontiers.decision import STOP, CellPath, Choice, Decision
-from layoutexplore.frontiers.table import Frontier
+from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.grids.arrays import Floats32
-from layoutexplore.grids.grid import Cell
 from layoutexplore.options import SEED, check_kind
-from layoutexplore.planning.first_steps import first_steps
-
-STILL_THERE = 0.5
-"""Metres that the middle of a frontier may have moved and be the same one, after a few steps towards it."""
 
 
 class PolicyAgent:
     """Goes to the frontier with the highest logit; it stops only when none is left.
 
-    Where the spec says so, turning is free and the lidar sees a part of what is around, it looks all around
-    on its way (see `WatchfulTour`), and keeps to its frontier until that is gone.
+    Where the spec says so, it looks all around on its way: see `LookingAround`.
 
     Args:
         name: What it is called in results.
@@ -36,7 +30,7 @@ class PolicyAgent:
         self.name = name
         self.spec = spec
         self.fingerprint = fingerprint
-        self._goal: Frontier | None = None
+        self._looking = LookingAround(spec.look_every)
 
     @property
     def remembers(self) -> bool:
@@ -51,7 +45,7 @@ class PolicyAgent:
     def reset(self, seed: int) -> None:
         """Begin a new run."""
         SEED.convert("seed", seed)
-        self._goal = None
+        self._looking.forget()
 
     def act(self, decision: Decision) -> Choice:
         """The frontier to go to, the first steps there where it looks around then, `STOP` when there is none.
@@ -62,38 +56,14 @@ class PolicyAgent:
         check_kind("decision", decision, Decision)
         if not decision.frontiers:
             return STOP
-        chosen = self._on_its_way(decision)
-        if chosen is None:
-            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is told below
-                logits = self.logits(decision)
-            if not np.isfinite(logits).all():
-                raise ResultsError(
-                    f"{self.name}: a logit is not finite: its weights are damaged, train it again"
-                )
-            chosen = int(np.argmax(logits))
-        steps = self._steps_to(decision, chosen)
-        self._goal = None if steps is None else decision.frontiers[chosen]
-        return chosen if steps is None else steps
-
-    def _on_its_way(self, decision: Decision) -> int | None:
-        """The frontier that the robot was going to, if it is still there."""
-        if self._goal is None:
-            return None
-        same = np.flatnonzero((decision.viewpoints == self._goal.viewpoint).all(axis=1))
-        if len(same):
-            return int(same[0])
-        (x, y), table = self._goal.centroid, decision.table
-        moved = np.hypot(table.x - x, table.y - y)
-        nearest = int(np.argmin(moved))
-        return nearest if moved[nearest] < STILL_THERE else None
-
-    def _steps_to(self, decision: Decision, chosen: int) -> CellPath | None:
-        """The way to a frontier until the next look around; None where it is gone at once."""
-        every = self.spec.look_every
-        if not every or decision.turn_cost or decision.sensor.full_turn:
-            return None
-        path = decision.field.path_to(Cell(*decision.viewpoints[chosen].tolist()))
-        return first_steps(path, decision.grid.resolution, every)
+        choice = self._looking.go_on(decision)
+        if choice is not None:
+            return choice
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is told below
+            logits = self.logits(decision)
+        if not np.isfinite(logits).all():
+            raise ResultsError(f"{self.name}: a logit is not finite: its weights are damaged, train it again")
+        return self._looking.begin(decision, int(np.argmax(logits)))
 
     def logits(self, decision: Decision) -> Floats32:
         """float32 (n,): a logit for each of the decision's frontiers."""

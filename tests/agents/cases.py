@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from layoutexplore.agents import make_agent
@@ -76,3 +78,9 @@ CORRIDOR = "#################### #......R...........# ####################"
 
 
 AROUND_A_WALL = "########### #.R#......# #..#......# #.........# ###########"
+
+
+def looking(decision: Decision, *, fov: float = 3.0, turn_cost: float = 0.0) -> Decision:
+    """The decision of a robot with such a lidar, for which turning costs so much."""
+    sensor = dataclasses.replace(decision.sensor, fov=fov)
+    return dataclasses.replace(decision, sensor=sensor, turn_cost=turn_cost)

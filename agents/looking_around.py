@@ -1,0 +1,94 @@
+"""Looking all around on the way: a lidar that looks ahead sees so into the rooms that are passed.
+
+Turning is free in a simulation unless it is told otherwise (`turn_cost`), and a look takes no time. Where
+turning costs, or the lidar sees all around anyway, ways are gone as they are chosen.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from layoutexplore.frontiers.decision import PATHS, STOP, CellPath, Choice, Decision, Walk, path_of
+from layoutexplore.frontiers.table import Frontier
+from layoutexplore.frontiers.viewpoints import remaining_share
+from layoutexplore.grids.grid import Cell
+from layoutexplore.planning.first_steps import first_steps
+
+STILL_THERE = 0.5
+"""Metres that the middle of a frontier may have moved and be the same one, after a few steps towards it."""
+
+HARDLY = 0.1
+"""Share of what a walk is for: where less is left to see, it has seen that."""
+
+
+class LookingAround:
+    """Cuts the ways of an agent into pieces, each of which ends in a look all around.
+
+    The agent keeps to what it has chosen until that is gone or reached: two goals could take turns for ever,
+    each the best one from where the other leads.
+
+    Args:
+        every: Metres between looks; 0 for none.
+    """
+
+    def __init__(self, every: float) -> None:
+        self.every = every
+        self._goal: Frontier | CellPath | Walk | None = None
+
+    def forget(self) -> None:
+        """A new run begins: the robot is on its way to nothing."""
+        self._goal = None
+
+    def go_on(self, decision: Decision) -> Choice | None:
+        """The next piece of the way that was chosen; None where its goal is gone, or there is none."""
+        goal, self._goal = self._goal, None
+        if goal is None:
+            return None
+        chosen = _still_there(decision, goal) if isinstance(goal, Frontier) else _rest_of(decision, goal)
+        return None if chosen is None else self.begin(decision, chosen)
+
+    def begin(self, decision: Decision, choice: Choice) -> Choice:
+        """The first piece of the way of a choice; all of it where no look is due before its end."""
+        self._goal = None
+        if not self._pays(decision):
+            return choice
+        if isinstance(choice, PATHS):
+            path = path_of(choice)
+        elif choice == STOP:
+            return choice
+        else:
+            path = decision.field.path_to(Cell(*decision.viewpoints[choice].tolist()))
+        steps = first_steps(path, decision.grid.resolution, self.every)
+        if steps is None:
+            return choice
+        self._goal = choice if isinstance(choice, PATHS) else decision.frontiers[choice]
+        return Walk(steps, choice.sights) if isinstance(choice, Walk) else steps
+
+    def _pays(self, decision: Decision) -> bool:
+        """Whether a look shows more than the robot sees anyway, and costs nothing."""
+        return self.every > 0 and not decision.turn_cost and not decision.sensor.full_turn
+
+
+def _still_there(decision: Decision, goal: Frontier) -> int | None:
+    """The frontier that the robot was going to, if it is still there."""
+    same = np.flatnonzero((decision.viewpoints == goal.viewpoint).all(axis=1))
+    if len(same):
+        return int(same[0])
+    (x, y), table = goal.centroid, decision.table
+    moved = np.hypot(table.x - x, table.y - y)
+    nearest = int(np.argmin(moved))
+    return nearest if moved[nearest] < STILL_THERE else None
+
+
+def _rest_of(decision: Decision, way: CellPath | Walk) -> CellPath | Walk | None:
+    """What is left of a path from the robot on; None where it is shut, over, or has shown what it is for."""
+    path, here = path_of(way), decision.grid.nearest_cell(decision.pose.x, decision.pose.y)
+    reached = np.flatnonzero((path == here).all(axis=1))
+    if not len(reached) or reached[0] == len(path) - 1:
+        return None
+    rest = path[reached[0] :]
+    if not decision.traversable[rest[1:, 0], rest[1:, 1]].all():
+        return None
+    if not isinstance(way, Walk):
+        return rest
+    return None if remaining_share(decision.grid.cells, way.sights) < HARDLY else Walk(rest, way.sights)
