@@ -21,7 +21,7 @@ from layoutexplore.files.reading import is_file
 from layoutexplore.files.schema import Items, Number, Record, TableOf
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
-from layoutexplore.maps.sizes import MOST_METRES, check_outlines, check_plan, check_work
+from layoutexplore.maps.sizes import MOST_METRES, check_crowding, check_outlines, check_plan, check_work
 
 OUTER_WALL = 0.2
 """Metres of wall that are drawn around the contour."""
@@ -57,8 +57,9 @@ def load_houseexpo(path: Path) -> FloorPlan:
     extra = read_json(beside, _BESIDE) if beside else {}
     areas, doors = extra.get("areas", []), extra.get("door", [])
     boxes = _label_boxes(data.get("room_category", {}))
-    _check_sizes(str(source), areas, doors, boxes)
+    _check_sizes(str(source), data["verts"], areas, doors, boxes)
     contour = _polygon(data["verts"], f"{source}: verts")
+    check_crowding(f"{source}: verts", [contour], 2 * OUTER_WALL)
     rooms = _rooms(areas, contour, boxes, main)
     openings = _doors(doors, rooms)
     return FloorPlan(
@@ -74,12 +75,17 @@ def load_houseexpo(path: Path) -> FloorPlan:
     )
 
 
-def _check_sizes(where: str, areas: list[Any], doors: list[Any], boxes: dict[str, list[Polygon]]) -> None:
-    """Every area is cut by those before it, and compared with every box and door."""
+def _check_sizes(
+    where: str, contour: list[Any], areas: list[Any], doors: list[Any], boxes: dict[str, list[Polygon]]
+) -> None:
+    """Every area is cut by those before it and by the contour, and compared with every box and door."""
     count = sum(map(len, boxes.values()))
     check_plan(where, [*areas, *boxes.values()], doors)
-    corners = sum(map(len, areas)) + 4
-    check_work(where, "rooms, labels and doors", (len(areas) + 1 + len(doors)) * (corners + 100 * count))
+    corners = sum(map(len, areas or [contour])) + 4
+    # What is cut takes ten times as long as what is measured.
+    cuts = 10.0 * (corners * count + len(contour) * len(areas))
+    steps = cuts + (len(areas) + 1 + len(doors)) * (corners + 100 * count)
+    check_work(where, "rooms, labels and doors", steps)
     check_outlines(f"{where}: areas", areas)
 
 
@@ -118,11 +124,15 @@ def _rooms(
 
 
 def _label(shape: Polygon, boxes: dict[str, list[Polygon]]) -> str:
-    fits = {
-        name: max(shape.intersection(b).area / shape.union(b).area for b in of) for name, of in boxes.items()
-    }
+    fits = {name: max(_overlap(shape, box) for box in of) for name, of in boxes.items()}
     best = max(fits, key=lambda name: fits[name], default="")
     return best if best and fits[best] >= 0.5 else ""
+
+
+def _overlap(a: Polygon, b: Polygon) -> float:
+    """The area that two shapes share over the area that they cover together."""
+    shared = float(a.intersection(b).area)
+    return shared / float(a.area + b.area - shared)
 
 
 def _doors(entries: list[Any], rooms: tuple[Room, ...]) -> tuple[Door, ...]:

@@ -43,7 +43,7 @@ def load_school_xml(path: Path) -> FloorPlan:
     ids = {key: number for number, key in enumerate(outlines, start=1)}
     polygons = {ids[key]: polygon for key, polygon in outlines.items()}
     portals = _portals(root, scale, polygons, ids, path)
-    walls = walls_along(list(polygons.values()))
+    walls = walls_along(list(polygons.values()), path.stem)
     rooms, scraps = floors_between(polygons, walls, {ids[key]: label for key, label in labels.items()})
     doors = tuple(place_door(polygons[a], polygons[b], point, (a, b)) for (a, b), point in portals)
     plan = FloorPlan(name=path.stem, rooms=rooms, doors=doors)

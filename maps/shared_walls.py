@@ -7,12 +7,14 @@ are wall, and an opening cuts through whatever lies between its two rooms.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numba import njit
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -20,7 +22,7 @@ from layoutexplore.errors import MapError, MapWarning
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
-from layoutexplore.maps.sizes import check_outlines, check_plan, check_work
+from layoutexplore.maps.sizes import check_crowding, check_outlines, check_plan, check_work, squared_distance
 
 WALL_THICKNESS = 0.2
 DOOR_WIDTH = 0.9
@@ -75,9 +77,9 @@ def plan_from_outlines(
     shapes = list(outlines.values())
     check_plan(name, shapes, openings)
     check_outlines(name, shapes, shared=True)
-    # Distances are measured in C, tens of them a microsecond.
-    check_work(name, "doors and rooms", 0.05 * len(openings) * shapely.get_num_coordinates(shapes).sum())
-    walls = walls_along(shapes)
+    # Distances are measured in C, ten of them a microsecond.
+    check_work(name, "doors and rooms", 0.1 * len(openings) * shapely.get_num_coordinates(shapes).sum())
+    walls = walls_along(shapes, name)
     rooms, scraps = floors_between(dict(outlines), walls, {k: labels.get(k, "") for k in outlines})
     rings = shapely.STRtree([outline.exterior for outline in shapes])
     placed = [_place(outlines, rings, opening) for opening in openings]
@@ -126,10 +128,16 @@ def _point_of(values: Floats) -> Point:
     return float(values[0]), float(values[1])
 
 
-def walls_along(outlines: list[Polygon]) -> BaseGeometry:
-    """Walls along all outlines, and what fills the slits between neighbouring rooms."""
+def walls_along(outlines: list[Polygon], name: str) -> BaseGeometry:
+    """Walls along all outlines of the plan of a name, and what fills the slits between neighbouring rooms.
+
+    Raises:
+        MapError: The outlines lie so close to each other that walls of this thickness are a single tangle.
+    """
     lines = shapely.union_all([outline.exterior for outline in outlines])
     rooms = shapely.union_all(outlines)
+    check_crowding(name, [lines], WALL_THICKNESS)
+    check_crowding(name, [rooms], CLOSED_GAP)
     half = CLOSED_GAP / 2
     slits = rooms.buffer(half, join_style="mitre").buffer(-half, join_style="mitre").difference(rooms)
     return shapely.union_all(
@@ -198,9 +206,10 @@ def place_door(
 def _wall_at(outline: Polygon, place: Point) -> tuple[Floats, Floats]:
     """The point of an outline nearest to a place, and the direction of the longest edge near it."""
     points = shapely.get_coordinates(outline.exterior)
-    ends = np.stack([points[:-1], points[1:]], axis=1)
+    away = _distances(points, *place)
     # Of thousands of edges only those are made into shapes that may be among the nearest.
-    ends = ends[(away := _distances(ends, place)) <= away.min() + 0.1]
+    close = np.flatnonzero(away <= away.min() + 0.1)
+    ends = np.stack([points[close], points[close + 1]], axis=1)
     edges = shapely.linestrings(ends)
     near = shapely.distance(edges, shapely.Point(place))
     lengths = np.where(near <= near.min() + 0.05, shapely.length(edges), 0.0)
@@ -211,12 +220,13 @@ def _wall_at(outline: Polygon, place: Point) -> tuple[Floats, Floats]:
     return np.array([foot.x, foot.y]), along
 
 
-def _distances(ends: Floats, place: Point) -> Floats:
-    """The distance of a place from each segment (n, 2 ends, xy), to a rounding error."""
-    way, to = ends[:, 1] - ends[:, 0], np.asarray(place) - ends[:, 0]
-    squared = np.maximum((way**2).sum(axis=1), 1e-300)
-    along = np.clip((way * to).sum(axis=1) / squared, 0.0, 1.0)
-    return np.asarray(np.hypot(*(to - along[:, None] * way).T), np.float64)
+@njit(cache=True, nogil=True)
+def _distances(points: Floats, x: float, y: float) -> Floats:
+    """The distance of a place from each segment between the points (n + 1, xy), to a rounding error."""
+    found = np.empty(len(points) - 1, np.float64)
+    for k in range(len(found)):
+        found[k] = math.sqrt(squared_distance(x, y, points[k], points[k + 1]))
+    return found
 
 
 def _gap(other: Polygon, foot: Floats, across: Floats) -> Floats:

@@ -30,6 +30,12 @@ _WORK = 100
 _MEETINGS, _SHARED_MEETINGS = 2, 10
 """Places an edge in which it may meet others: rooms side by side touch at corners, or share whole edges."""
 
+_CROWD, _STRAIGHT = 5, 0.005
+"""Pairs of edges near each other, over the limit of crossings; how far a line bends, over what is near."""
+
+_CROSSED, _WRITTEN = 50_000_000, 50
+"""Times that outlines may cross lines of cells, besides once a cell; and cells that are written meanwhile."""
+
 _BOXES, _SMALL = 10, 400_000
 """How many rooms may lie over each other, as far as their boxes tell; and cells of the least image."""
 
@@ -66,8 +72,10 @@ def check_work(where: str, what: str, steps: float) -> None:
         )
 
 
-def check_outlines(where: str, outlines: Iterable[Any], *, shared: bool = False) -> None:
+def check_outlines(where: str, outlines: Iterable[Any], *, shared: bool = False) -> int:
     """Raise `MapError` unless outlines can be intersected soon: in their number, their corners, their tangle.
+
+    Returns how many pairs of their edges meet that are no neighbours.
 
     Args:
         where: The file, for the message.
@@ -85,6 +93,30 @@ def check_outlines(where: str, outlines: Iterable[Any], *, shared: bool = False)
         raise MapError(
             f"{where}: outlines cut across themselves or each other more than {limits().crossings:g} times, "
             "the limit crossings: this is no floor plan, or its points are in the wrong order"
+        )
+    return found
+
+
+def check_crowding(where: str, outlines: Iterable[Any], reach: float) -> None:
+    """Raise `MapError` where outlines lie too close to each other for walls of a thickness along them.
+
+    The borders of walls that are thicker than what lies between them all cut each other. Corners along a
+    curve do no harm, nor does a plan with the most rooms.
+
+    Args:
+        where: The file, for the message.
+        outlines: Geometries, lines among them.
+        reach: Metres; edges that lie as close as this are counted.
+    """
+    parts = shapely.get_parts(list(outlines))
+    rings = np.concatenate([shapely.get_rings(parts), parts[shapely.get_dimensions(parts) == 1]])
+    edges = _edges_of(shapely.simplify(rings, _STRAIGHT * reach, preserve_topology=False))
+    order = np.argsort(np.minimum(edges[:, 0], edges[:, 2]), kind="stable")
+    most = int(_CROWD * limits().crossings)
+    if _near(np.ascontiguousarray(edges[order]), order, reach, most, _PAIRS) > most:
+        raise MapError(
+            f"{where}: more than {most} pairs of edges lie within {reach:g} m of each other, "
+            f"{_CROWD} times the limit crossings: this is no floor plan, or it is not in metres"
         )
 
 
@@ -131,6 +163,61 @@ def _meetings(edges: Floats, order: NDArray[np.int64], most: int, pairs: int) ->
         if found > most or compared > pairs:
             return most + 1
     return found
+
+
+@njit(cache=True, nogil=True)
+def _near(edges: Floats, order: NDArray[np.int64], reach: float, most: int, pairs: int) -> int:
+    """How many pairs of edges lie within `reach` of each other, as `_meetings` counts those that meet.
+
+    Of two that cross no end may be near: `_meetings` has counted them.
+    """
+    found = compared = 0
+    for i in range(len(edges)):
+        a, b, right = edges[i, :2], edges[i, 2:], max(edges[i, 0], edges[i, 2]) + reach
+        low, high = min(a[1], b[1]) - reach, max(a[1], b[1]) + reach
+        for j in range(i + 1, len(edges)):
+            c, d = edges[j, :2], edges[j, 2:]
+            if min(c[0], d[0]) > right:
+                break
+            compared += 1
+            if max(c[1], d[1]) < low or min(c[1], d[1]) > high or abs(order[i] - order[j]) == 1:
+                continue
+            away = min(squared_distance(a[0], a[1], c, d), squared_distance(b[0], b[1], c, d))
+            away = min(away, squared_distance(c[0], c[1], a, b), squared_distance(d[0], d[1], a, b))
+            found += away <= reach * reach
+        if found > most or compared > pairs:
+            return most + 1
+    return found
+
+
+@njit(cache=True, nogil=True)
+def squared_distance(px: float, py: float, start: Floats, end: Floats) -> float:
+    """The squared distance of a place from the segment between two points (x, y)."""
+    x, y, to_x, to_y = end[0] - start[0], end[1] - start[1], px - start[0], py - start[1]
+    along = min(max((to_x * x + to_y * y) / max(x * x + y * y, 1e-300), 0.0), 1.0)
+    away: float = (to_x - along * x) ** 2 + (to_y - along * y) ** 2
+    return away
+
+
+def check_drawing(where: str, shapes: list[Any], resolution: float, cells: int) -> None:
+    """Raise `MapError` where outlines are far too dense, or lie too often over each other, to be drawn soon.
+
+    Args:
+        where: The plan, for the message.
+        shapes: Polygons that are drawn.
+        resolution: Side of a cell in metres.
+        cells: Of the raster.
+    """
+    rings = shapely.get_rings(shapely.get_parts(shapes))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    # An outline crosses a line of cells every so many metres; of whole cells fifty are written as fast.
+    lengths = np.abs(np.diff(points, axis=0)).sum(axis=1)[np.diff(ring) == 0].sum() / resolution
+    steps = float(lengths + shapely.area(shapes).sum() / resolution**2 / _WRITTEN)
+    if steps > _CROSSED + cells:
+        raise MapError(
+            f"{where}: its outlines are too dense for cells of {resolution:g} m, or too many lie over each "
+            f"other: drawing them takes {steps:.2g} steps, and at most {_CROSSED + cells:.2g} are taken"
+        )
 
 
 def check_raster(where: str, occupied: Mask, room_ids: Ints32) -> None:

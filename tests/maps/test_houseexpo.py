@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -36,4 +37,19 @@ def test_bad_houseexpo_rooms(tmp_path: Path) -> None:
     path = write_houseexpo(tmp_path)
     (tmp_path / "house.label_data.json").write_text('{"areas": [], "door": [[1, 2]]}')
     with pytest.raises(MapError, match=r"door\[0\]"):
+        load_plan(path)
+
+
+def test_labels_of_a_contour_with_thousands_of_corners_are_counted(tmp_path: Path) -> None:
+    """Each label's box is cut by the contour."""
+    turns = [[round(0.02 * k, 2), 5 + 4 * ((k // 2) % 2)] for k in range(20_000)]
+    boxes = {"Room": [[0, 0, 300, 5 + 0.01 * k] for k in range(2000)]}
+    path = tmp_path / "comb.json"
+    path.write_text(json.dumps({"verts": [[0, 0], *turns, [400, 0]], "room_category": boxes}))
+    with pytest.raises(MapError, match="comparing rooms, labels and doors takes"):
+        load_plan(path)
+    path.write_text(
+        json.dumps({"verts": [[0.01 * k, 20 * (k % 2)] for k in range(9000)] + [[90, 30], [0, 30]]})
+    )
+    with pytest.raises(MapError, match="pairs of edges lie within"):
         load_plan(path)

@@ -65,7 +65,7 @@ def test_floors_are_those_that_all_walls_leave() -> None:
         outlines[number] = shapely.affinity.rotate(shapely.box(x, y, x + 3.7, y + 3.8), 0.3, origin=(0, 0))
         place = shapely.affinity.rotate(shapely.Point(x + 3.9, y + 2.0), 0.3, origin=(0, 0))
         openings.append(Opening((place.x, place.y)))
-    walls = walls_along(list(outlines.values()))
+    walls = walls_along(list(outlines.values()), "grid")
     rooms, scraps = floors_between(outlines, walls, dict.fromkeys(outlines, ""))
     left_over = []
     for room in rooms:
@@ -101,3 +101,15 @@ def test_doors_look_at_the_edges_near_them_alone(monkeypatch: pytest.MonkeyPatch
     assert [door.rooms for door in plan.doors] == [(1, 2)] * 5
     assert made < 5 * 2 * 100
     assert all(shapely.is_prepared(room) for room in (a, b))  # places are looked up, not compared with all
+
+
+def test_outlines_closer_to_each_other_than_walls_are_thick_are_refused() -> None:
+    zigzag = shapely.Polygon([*((0.01 * k, 20.0 * (k % 2)) for k in range(9000)), (90, 30), (0, 30)])
+    with pytest.raises(MapError, match=r"50000 pairs of edges lie within 0.2 m of each other"):
+        plan_from_outlines({1: zigzag}, {}, [], name="comb")
+
+
+def test_corners_along_a_curve_are_no_crowd() -> None:
+    angle = np.linspace(0.0, 2 * np.pi, 20_000)
+    disc = shapely.Polygon(np.stack([9 * np.cos(angle), 9 * np.sin(angle)], axis=1))
+    assert plan_from_outlines({1: disc}, {}, [Opening((9.0, 0.0))], name="disc").doors[0].rooms == (0, 1)
