@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapWarning, checks_arguments
 from layoutexplore.grids.polygons import polygons_of
-from layoutexplore.maps.sizes import MOST_METRES, check_outlines
+from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines
 
 LEAST_AREA = 0.05
 """Square metres; smaller parts of a polygon are slips of a hand."""
@@ -40,6 +40,7 @@ class Dropped:
     def __init__(self, path: Path | str) -> None:
         self.path = path
         self.counts: Counter[str] = Counter()
+        self.crossings = 0
 
     def add(self, what: str) -> None:
         """Count one of these."""
@@ -80,10 +81,14 @@ def mended(shape: BaseGeometry, dropped: Dropped) -> list[Polygon]:
     Raises:
         MapError: Its corners are too many or too far away, or it crosses itself too often.
     """
-    check_outlines(str(dropped.path), [shape])
+    found = check_outlines(str(dropped.path), [shape])
     if not shape.is_valid:
+        dropped.crossings += found
+        check_count(
+            str(dropped.path), "places where outlines cross themselves", dropped.crossings, "crossings"
+        )
         dropped.add("polygons crossed themselves and are mended")
-        shape = shapely.make_valid(shape)
+        shape = shapely.make_valid(shape, method="structure", keep_collapsed=False)
     parts = [part for part in polygons_of(shape) if part.area >= LEAST_AREA]
     if not parts:
         dropped.add("polygons without area are left out")
