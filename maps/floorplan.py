@@ -30,7 +30,7 @@ from layoutexplore.grids.arrays import Bytes, Floats, Labels, Mask, label_type
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.polygons import Point, fill, polygons_of, seal_diagonals
 from layoutexplore.maps.raster import MOST_CELLS, PlanRaster, check_stretch, resample
-from layoutexplore.maps.sizes import MOST_METRES, check_plan
+from layoutexplore.maps.sizes import MOST_METRES, check_drawing, check_plan
 
 __all__ = ["Door", "FloorPlan", "PlanRaster", "Room"]
 
@@ -299,8 +299,9 @@ def _draw_shapes(
 ) -> tuple[Mask, Labels]:
     """Occupied cells and room ids from the polygons."""
     corner = (origin.x, origin.y)
-    highest = max((room.id for room in plan.rooms), default=0)
-    room_ids: Labels = np.zeros(shape, label_type(highest))
+    solids = plan.passages, plan.walls, plan.furniture
+    check_drawing(plan._shown, [*plan._outlines.values(), *solids], resolution, shape[0] * shape[1])
+    room_ids: Labels = np.zeros(shape, label_type(max(plan._outlines, default=0)))
     for room in sorted(plan.rooms, key=lambda room: -room.polygon.area):
         fill(room_ids, room.polygon, room.id, resolution, corner)
     occupied = room_ids == 0
@@ -321,9 +322,8 @@ def _draw_source(
     """Occupied cells and room ids from the image that the plan was born as."""
     assert plan.source is not None
     source, corner = plan.source, (origin.x, origin.y)
-    ratio = resolution / source.resolution
-    right, up = origin.x - source.origin.x, origin.y - source.origin.y
-    offset = (right / source.resolution, up / source.resolution)
+    ratio, (x, y, _) = resolution / source.resolution, source.origin
+    offset = (origin.x - x) / source.resolution, (origin.y - y) / source.resolution
     occupied, room_ids = resample(source, (ratio, ratio), offset, shape)
     _close_doors(plan, occupied.view(np.uint8), resolution, corner)
     return occupied, room_ids

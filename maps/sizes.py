@@ -34,7 +34,7 @@ _CROWD, _STRAIGHT = 5, 0.005
 """Pairs of edges near each other, over the limit of crossings; how far a line bends, over what is near."""
 
 _CROSSED, _WRITTEN = 50_000_000, 50
-"""Times that outlines may cross lines of cells, besides once a cell; and cells that are written meanwhile."""
+"""Times that outlines may cross rows and columns, besides once a cell; and what is written meanwhile."""
 
 _BOXES, _SMALL = 10, 400_000
 """How many rooms may lie over each other, as far as their boxes tell; and cells of the least image."""

@@ -204,3 +204,12 @@ def test_no_free_space() -> None:
         PlanRaster(np.ones((3, 3), np.bool_), np.zeros((3, 3), np.int32), 0.1)
     with pytest.raises(MapError, match="empty"):
         floorplan_from_ascii("\n")
+
+
+def test_outlines_too_dense_for_the_cells_are_refused() -> None:
+    comb = shapely.Polygon([*((0.002 * k, 190.0 * (k % 2)) for k in range(40_000)), (80, 200), (0, 200)])
+    with pytest.raises(MapError, match="outlines are too dense for cells"):
+        FloorPlan(name="comb", rooms=(Room(id=1, polygon=comb),)).rasterize(0.05)
+    nested = [Room(id=k, polygon=shapely.box(0, 0, 100, 90 + 0.01 * k)) for k in range(1, 1000)]
+    with pytest.raises(MapError, match="or too many lie over each other"):
+        FloorPlan(name="nested", rooms=tuple(nested)).rasterize(0.05)
