@@ -1,7 +1,7 @@
 """Looking all around on the way: a lidar that looks ahead sees so into the rooms that are passed.
 
 Turning is free in a simulation unless it is told otherwise (`turn_cost`), and a look takes no time. Where
-turning costs, or the lidar sees all around anyway, ways are gone as they are chosen.
+turning costs, ways are gone as they are chosen.
 """
 
 from __future__ import annotations
@@ -14,11 +14,17 @@ from layoutexplore.frontiers.viewpoints import remaining_share
 from layoutexplore.grids.grid import Cell
 from layoutexplore.planning.first_steps import first_steps
 
+LOOK_EVERY = (
+    "metres after which the robot looks all around on its way, where that shows more and turning is free"
+    " (0: never)"
+)
+"""What the option says of itself, wherever it stands."""
+
 STILL_THERE = 0.5
 """Metres that the middle of a frontier may have moved and be the same one, after a few steps towards it."""
 
 HARDLY = 0.1
-"""Share of what a walk is for: where less is left to see, it has seen that."""
+"""Share of what a walk is for: where less is left to see, it has seen that (a simulation's `gone_share`)."""
 
 
 class LookingAround:
@@ -29,10 +35,12 @@ class LookingAround:
 
     Args:
         every: Metres between looks; 0 for none.
+        with_any_lidar: Stop with a lidar that sees all around anyway, too, to decide anew.
     """
 
-    def __init__(self, every: float) -> None:
+    def __init__(self, every: float, *, with_any_lidar: bool = False) -> None:
         self.every = every
+        self._with_any_lidar = with_any_lidar
         self._goal: Frontier | CellPath | Walk | None = None
 
     def forget(self) -> None:
@@ -65,8 +73,9 @@ class LookingAround:
         return Walk(steps, choice.sights) if isinstance(choice, Walk) else steps
 
     def _pays(self, decision: Decision) -> bool:
-        """Whether a look shows more than the robot sees anyway, and costs nothing."""
-        return self.every > 0 and not decision.turn_cost and not decision.sensor.full_turn
+        """Whether a stop is worth it, and the look costs nothing."""
+        shows_more = self._with_any_lidar or not decision.sensor.full_turn
+        return self.every > 0 and shows_more and not decision.turn_cost
 
 
 def _still_there(decision: Decision, goal: Frontier) -> int | None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from layoutexplore.agents.base import register
 from layoutexplore.agents.foreseen_floor import ForeseenFloor
+from layoutexplore.agents.looking_around import LOOK_EVERY, LookingAround
 from layoutexplore.agents.omniscient.route_planner import (
     NOTHING_PLANNED,
     PlannedRoute,
@@ -25,7 +26,7 @@ from layoutexplore.agents.room_aware import LayoutTourOptions, LookingTour
 from layoutexplore.frontiers.decision import Choice, Decision, Walk
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Ints32
-from layoutexplore.grids.grid import UNKNOWN, Cell
+from layoutexplore.grids.grid import Cell
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.options import option
 
@@ -76,12 +77,7 @@ class PlanTourOptions(LayoutTourOptions):
     first_rounds: int = option(
         10, "the same at the first decision with foresight; at least 60 where it is certain", low=0
     )
-    look_every: float = option(
-        0.5,
-        "metres after which the robot looks all around on its way, where that shows more and turning is free"
-        " (0: never)",
-        low=0.0,
-    )
+    look_every: float = option(0.5, LOOK_EVERY, low=0.0)
     lattice: float = option(0.8, "metres between places where the route may stop", low=0.2)
 
 
@@ -91,7 +87,7 @@ class PlanTour(LookingTour[PlanTourOptions]):
     remembers = True
 
     def __init__(self, name: str, options: PlanTourOptions) -> None:
-        super().__init__(name, options)
+        super().__init__(name, options, LookingAround(options.look_every))
         self.reset(0)
 
     def reset(self, seed: int) -> None:
@@ -101,15 +97,10 @@ class PlanTour(LookingTour[PlanTourOptions]):
         self._plan, self._plans = NOTHING_PLANNED, 0
         self._arriving: Cell | None = None
         self._left, self._idle, self._idle_from = -1, 0, 0.0
-        self._known = 0
 
-    def choose(self, decision: Decision) -> Choice:
-        """Where to go, or the first steps there: planned anew with what was seen on the way."""
-        known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
-        if known != self._known and self._relied_on(decision) is not None:
-            self._looking.forget()
-        self._known = known
-        return super().choose(decision)
+    def plans_anew(self, decision: Decision) -> bool:
+        """Whether anything is foreseen: what was seen on the way is held against it."""
+        return self._relied_on(decision) is not None
 
     def plan(self, decision: Decision) -> Choice:
         """A path to the first stop, or the frontier that it stands for or that is in the way."""

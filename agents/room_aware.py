@@ -10,14 +10,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeVar
 
+import numpy as np
+
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
-from layoutexplore.agents.looking_around import LookingAround
+from layoutexplore.agents.looking_around import LOOK_EVERY, LookingAround
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.tour_features import BEGUN, SURE, area_left, ready_frontiers
 from layoutexplore.grids.arrays import Ints, Mask
+from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.options import check_kind, option
 
 
@@ -56,16 +59,11 @@ class RoomAwareTourOptions(LayoutOptions):
 class LayoutTourOptions(RoomAwareTourOptions):
     """Parameters of `LayoutTour`."""
 
-    look_every: float = option(
-        0.0,
-        "metres after which the robot looks all around on its way, where that shows more and turning is free"
-        " (0: never)",
-        low=0.0,
-    )
+    look_every: float = option(0.0, LOOK_EVERY, low=0.0)
 
 
 LayoutT = TypeVar("LayoutT", bound=LayoutOptions)
-LayoutTourT = TypeVar("LayoutTourT", bound=LayoutTourOptions)
+RoomAwareTourT = TypeVar("RoomAwareTourT", bound=RoomAwareTourOptions)
 
 
 class RoomAwareHeuristic(Greedy[LayoutT]):
@@ -99,23 +97,38 @@ class LayoutNearest(RoomAwareHeuristic[LayoutOptions]):
         return ready_frontiers(decision, self.options.min_size, self.options.area)
 
 
-class LookingTour(RoomAwareHeuristic[LayoutTourT]):
-    """A tour on which the robot may look all around on its way: see `LookingAround`."""
+class LookingTour(RoomAwareHeuristic[RoomAwareTourT]):
+    """A tour on which the robot may look all around on its way.
 
-    def __init__(self, name: str, options: LayoutTourT) -> None:
+    Args:
+        name: What it is called in results.
+        options: Its parameters.
+        looking: What cuts its way into pieces.
+    """
+
+    def __init__(self, name: str, options: RoomAwareTourT, looking: LookingAround) -> None:
         super().__init__(name, options)
-        self._looking = LookingAround(options.look_every)
-        self.remembers = self.remembers or options.look_every > 0
+        self._looking, self._known = looking, 0
+        self.remembers = self.remembers or looking.every > 0
 
     def reset(self, seed: int) -> None:
         """Begin a new run: the robot is on its way to nothing."""
         super().reset(seed)
         self._looking.forget()
+        self._known = 0
 
     def choose(self, decision: Decision) -> Choice:
         """Where to go, or the first steps there where the robot looks around then."""
+        known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
+        if known != self._known and self.plans_anew(decision):
+            self._looking.forget()
+        self._known = known
         choice = self._looking.go_on(decision)
         return self._looking.begin(decision, self.plan(decision)) if choice is None else choice
+
+    def plans_anew(self, decision: Decision) -> bool:
+        """Whether what was seen on the way changes where to go; without news the robot goes on."""
+        return False
 
     def plan(self, decision: Decision) -> Choice:
         """The index of the first frontier of a latency tour over those that need not wait."""
@@ -125,6 +138,9 @@ class LookingTour(RoomAwareHeuristic[LayoutTourT]):
 
 class LayoutTour(LookingTour[LayoutTourOptions]):
     """The first frontier of a latency tour over those that need not wait."""
+
+    def __init__(self, name: str, options: LayoutTourOptions) -> None:
+        super().__init__(name, options, LookingAround(options.look_every))
 
 
 class LayoutGain(RoomAwareHeuristic[LayoutGainOptions]):

@@ -17,13 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.agents.base import register
-from layoutexplore.agents.room_aware import RoomAwareHeuristic, RoomAwareTourOptions
+from layoutexplore.agents.looking_around import LookingAround
+from layoutexplore.agents.room_aware import LookingTour, RoomAwareTourOptions
 from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.tour_features import ready_frontiers, tour_weights
 from layoutexplore.grids.arrays import Floats, Ints
-from layoutexplore.grids.grid import UNKNOWN, Cell
 from layoutexplore.options import option
-from layoutexplore.planning.first_steps import first_steps
 from layoutexplore.planning.latency_tours import latency_tour
 
 
@@ -37,47 +36,18 @@ class WatchfulTourOptions(RoomAwareTourOptions):
     step: float = option(0.5, "metres after which the robot looks around and plans anew", low=0.2)
 
 
-class WatchfulTour(RoomAwareHeuristic[WatchfulTourOptions]):
+class WatchfulTour(LookingTour[WatchfulTourOptions]):
     """Steps along a latency tour over the frontiers that need not wait, planned anew after every step."""
 
-    remembers = True
-
     def __init__(self, name: str, options: WatchfulTourOptions) -> None:
-        super().__init__(name, options)
-        self.reset(0)
+        super().__init__(name, options, LookingAround(options.step, with_any_lidar=True))
 
-    def reset(self, seed: int) -> None:
-        """Begin a new run: the robot is on its way to nothing."""
-        super().reset(seed)
-        self._goal: Cell | None = None
-        self._known = 0
+    def plans_anew(self, decision: Decision) -> bool:
+        """Always: with any lidar the robot does not walk on to what no longer begins its tour."""
+        return True
 
-    def choose(self, decision: Decision) -> Choice:
-        """The first steps to the tour's first frontier; where it is near or turning costs, all of them."""
-        known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
-        chosen = self._held(decision) if known == self._known else None
-        if chosen is None:
-            chosen = self._first_of_tour(decision)
-        self._known = known
-        if decision.turn_cost:
-            return chosen
-        viewpoint = Cell(*decision.viewpoints[chosen].tolist())
-        steps = first_steps(decision.field.path_to(viewpoint), decision.grid.resolution, self.options.step)
-        self._goal = None if steps is None else viewpoint
-        return chosen if steps is None else steps
-
-    def _held(self, decision: Decision) -> int | None:
-        """The frontier that the robot is on its way to, if it is still there.
-
-        Without news it is gone on to: two goals could take turns for ever, each the first of the tour from
-        where the other one leads.
-        """
-        if self._goal is None:
-            return None
-        same = np.flatnonzero((decision.viewpoints == self._goal).all(axis=1))
-        return int(same[0]) if len(same) else None
-
-    def _first_of_tour(self, decision: Decision) -> int:
+    def plan(self, decision: Decision) -> Choice:
+        """The index of the tour's first frontier."""
         ready = ready_frontiers(decision, self.options.min_size, self.options.area)
         if len(ready) < 2:
             return int(ready[0])

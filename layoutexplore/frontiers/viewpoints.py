@@ -220,20 +220,29 @@ def _choose(
             order = np.argsort(
                 (cluster[:, 0] - middle_row) ** 2 + (cluster[:, 1] - middle_col) ** 2, kind="mergesort"
             )
-            # Rank 0 has been tried. Sixteen or so cells, from the middle outwards, mostly stand for a long
-            # frontier; where they fail it may still pass a doorway that few of its cells lie in.
-            for stride in (max(1, len(cluster) // 16), 1):
-                for rank in range(stride, len(cluster), stride):
-                    row, col = cluster[order[rank]]
-                    found[k] = _find_viewpoint(cells, distances, farthest, row, col, offsets, view[k])
-                    if found[k]:
-                        break
-                if found[k]:
-                    break
+            found[k] = _find_from_any(cells, distances, farthest, cluster[order], offsets, view[k])
         if not found[k]:
             still_failed[failures] = digest
             failures += 1
     return view, found, still_failed[:failures]
+
+
+@njit(cache=True, nogil=True)
+def _find_from_any(
+    cells: Cells, distances: Units, farthest: int, ranked: Ints32, offsets: Ints32, view: Ints32
+) -> bool:
+    """As `_find_viewpoint` for the first that has one of a long frontier's cells, from the middle outwards.
+
+    Sixteen or so, spread evenly, mostly stand for all, and are tried first; where they fail, the frontier may
+    still be seen through a doorway that few of its cells lie in.
+    """
+    stride = max(1, len(ranked) // 16)
+    for first in range(stride):
+        for rank in range(first, len(ranked), stride):
+            row, col = ranked[rank]
+            if _find_viewpoint(cells, distances, farthest, row, col, offsets, view):
+                return True
+    return False
 
 
 @njit(cache=True, nogil=True)

@@ -11,14 +11,18 @@ from layoutexplore.frontiers.decision import STOP, Decision, KnownDistances, Pri
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.planning.shortest_paths import geodesic_distances
+from layoutexplore.predictors import make_predictor
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 from tests.plans import offices
 
 
-def run(spec: str, sensor: str = "indoor", seed: int = 0) -> Simulation:
-    simulation = Simulation(offices(), SimulationConfig(sensor=sensor))
+def run(
+    spec: str, sensor: str = "indoor", seed: int = 0, *, predictor: str = "none", noise: str = ""
+) -> Simulation:
+    config = SimulationConfig(sensor=sensor, noise=noise)
+    simulation = Simulation(offices(), config, make_predictor(predictor))
     decision = simulation.reset(seed=seed)
     agent = make_agent(spec)
     agent.reset(seed)
@@ -26,6 +30,7 @@ def run(spec: str, sensor: str = "indoor", seed: int = 0) -> Simulation:
         agent.reveal(simulation.truth)
     while not simulation.done:
         decision = simulation.step(agent.act(decision))
+        assert simulation.decisions < 1000
     return simulation
 
 

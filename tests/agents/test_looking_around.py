@@ -10,9 +10,7 @@ import pytest
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.looking_around import LookingAround
 from layoutexplore.frontiers.decision import STOP, Choice, Walk, path_of, remembers
-from layoutexplore.simulation.simulation import Simulation, SimulationConfig
-from tests.agents.cases import CORRIDOR, decide, looking
-from tests.plans import offices
+from tests.agents.cases import CORRIDOR, decide, looking, run
 
 AHEAD = "####################\n#........R.........#\n####################"
 """The corridor of `CORRIDOR` with the robot two cells further on."""
@@ -33,7 +31,9 @@ def columns(choice: Choice | None) -> list[int]:
 def test_where_that_shows_more_and_costs_nothing() -> None:
     decision, looks = decide(CORRIDOR, (1, 17, 2.0, 9.0)), LookingAround(2.0)
     assert columns(looks.begin(looking(decision), 0)) == [7, 8, 9]
-    assert looks.begin(looking(decision, fov=2 * math.pi), 0) == 0
+    all_around = looking(decision, fov=2 * math.pi)
+    assert looks.begin(all_around, 0) == 0
+    assert columns(LookingAround(2.0, with_any_lidar=True).begin(all_around, 0)) == [7, 8, 9]
     assert looks.begin(looking(decision, turn_cost=0.1), 0) == 0
     assert LookingAround(0.0).begin(looking(decision), 0) == 0
     assert looks.begin(looking(decision), STOP) == STOP
@@ -82,23 +82,12 @@ def test_a_walk_ends_where_what_it_is_for_has_been_seen() -> None:
     assert looks.go_on(looking(decide(AHEAD, (1, 17, 2.0, 9.0)))) is None
 
 
-def explore(spec: str, sensor: str) -> Simulation:
-    agent = make_agent(spec)
-    simulation = Simulation(offices(), SimulationConfig(sensor=sensor))
-    decision = simulation.reset(seed=3)
-    agent.reset(3)
-    while not simulation.done:
-        decision = simulation.step(agent.act(decision))
-        assert simulation.decisions < 1000
-    return simulation
-
-
 def test_tours_look_around_with_a_lidar_that_looks_ahead() -> None:
-    plain, looks = (explore(f"layout-tour:look_every={every}", "stage") for every in (0, 0.5))
+    tours = [f"layout-tour:look_every={every}" for every in (0, 0.5)]
+    plain, looks = (run(tour, "stage", 3, predictor="layout") for tour in tours)
     assert plain.stop_reason == looks.stop_reason == "coverage"
     assert looks.decisions > 2 * plain.decisions
-    turning = (explore(f"layout-tour:look_every={every}", "indoor") for every in (0, 0.5))
-    assert len({simulation.distance for simulation in turning}) == 1, "it sees all around anyway"
-    assert make_agent("layout-tour").name == "layout-tour" == make_agent("layout-tour:look_every=0").name
-    asks_again = [remembers(make_agent(f"layout-tour:look_every={every}"), True) for every in (0, 1)]
-    assert asks_again == [False, True]
+    turning = [run(tour, "indoor", 3, predictor="layout").distance for tour in tours]
+    assert turning[0] == turning[1], "it sees all around anyway"
+    assert make_agent(tours[0]).name == "layout-tour"
+    assert [remembers(make_agent(tour), otherwise=True) for tour in tours] == [False, True]

@@ -13,10 +13,7 @@ from layoutexplore.agents.watchful_tour import promised_areas
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.planning.first_steps import first_steps
-from layoutexplore.predictors import make_predictor
-from layoutexplore.simulation.simulation import Simulation, SimulationConfig
-from tests.agents.cases import CORRIDOR, decide
-from tests.plans import offices
+from tests.agents.cases import CORRIDOR, decide, run
 
 NEAR_RIGHT = "####################\n#...........R......#\n####################"
 """The corridor of `CORRIDOR` with the robot further to the right."""
@@ -36,17 +33,6 @@ def with_unknown(decision: Decision, count: int) -> Decision:
     cells = decision.grid.cells.copy()
     cells[0, :count] = UNKNOWN
     return dataclasses.replace(decision, grid=OccupancyGrid(cells, decision.grid.resolution))
-
-
-def explore(spec: str, sensor: str, noise: str = "") -> Simulation:
-    agent = make_agent(spec)
-    simulation = Simulation(offices(), SimulationConfig(sensor=sensor, noise=noise), make_predictor("layout"))
-    decision = simulation.reset(seed=3)
-    agent.reset(3)
-    while not simulation.done:
-        decision = simulation.step(agent.act(decision))
-        assert simulation.decisions < 1000
-    return simulation
 
 
 def test_a_closed_frontier_is_worth_what_is_left_behind_it() -> None:
@@ -105,10 +91,10 @@ def test_the_goal_is_held_until_something_new_is_seen() -> None:
 
 @pytest.mark.parametrize("sensor", ["stage", "indoor"])
 def test_it_finishes_and_goes_no_long_way_round(sensor: str) -> None:
-    simulation = explore("watchful-tour", sensor)
-    assert simulation.stop_reason == "coverage"
-    assert simulation.distance < 1.2 * explore("layout-tour", sensor).distance
+    watchful, plain = (run(f"{name}-tour", sensor, 3, predictor="layout") for name in ("watchful", "layout"))
+    assert watchful.stop_reason == "coverage"
+    assert watchful.distance < 1.2 * plain.distance
 
 
 def test_noise_does_not_hold_it_up() -> None:
-    assert explore("watchful-tour", "indoor", noise="middle").coverage > 0.97
+    assert run("watchful-tour", seed=3, predictor="layout", noise="middle").coverage > 0.97
