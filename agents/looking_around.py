@@ -58,7 +58,7 @@ class LookingAround:
     def begin(self, decision: Decision, choice: Choice) -> Choice:
         """The first piece of the way of a choice; all of it where no look is due before its end."""
         self._goal = None
-        if not self._pays(decision):
+        if not self.pays(decision):
             return choice
         if isinstance(choice, PATHS):
             path = path_of(choice)
@@ -72,7 +72,7 @@ class LookingAround:
         self._goal = choice if isinstance(choice, PATHS) else decision.frontiers[choice]
         return Walk(steps, choice.sights) if isinstance(choice, Walk) else steps
 
-    def _pays(self, decision: Decision) -> bool:
+    def pays(self, decision: Decision) -> bool:
         """Whether a stop is worth it, and the look costs nothing."""
         shows_more = self._with_any_lidar or not decision.sensor.full_turn
         return self.every > 0 and shows_more and not decision.turn_cost

@@ -119,10 +119,11 @@ class LookingTour(RoomAwareHeuristic[RoomAwareTourT]):
 
     def choose(self, decision: Decision) -> Choice:
         """Where to go, or the first steps there where the robot looks around then."""
-        known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
-        if known != self._known and self.plans_anew(decision):
-            self._looking.forget()
-        self._known = known
+        if self._looking.pays(decision) and self.plans_anew(decision):
+            known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
+            if known != self._known:
+                self._looking.forget()
+            self._known = known
         choice = self._looking.go_on(decision)
         return self._looking.begin(decision, self.plan(decision)) if choice is None else choice
 

@@ -206,7 +206,7 @@ def place_door(
 def _wall_at(outline: Polygon, place: Point) -> tuple[Floats, Floats]:
     """The point of an outline nearest to a place, and the direction of the longest edge near it."""
     points = shapely.get_coordinates(outline.exterior)
-    away = _distances(points, *place)
+    away = distances_to_edges(points, *place)
     # Of thousands of edges only those are made into shapes that may be among the nearest.
     close = np.flatnonzero(away <= away.min() + 0.1)
     ends = np.stack([points[close], points[close + 1]], axis=1)
@@ -221,8 +221,8 @@ def _wall_at(outline: Polygon, place: Point) -> tuple[Floats, Floats]:
 
 
 @njit(cache=True, nogil=True)
-def _distances(points: Floats, x: float, y: float) -> Floats:
-    """The distance of a place from each segment between the points (n + 1, xy), to a rounding error."""
+def distances_to_edges(points: Floats, x: float, y: float) -> Floats:
+    """The distance of a place from each segment between points float64 (n + 1, xy), to a rounding error."""
     found = np.empty(len(points) - 1, np.float64)
     for k in range(len(found)):
         found[k] = math.sqrt(squared_distance(x, y, points[k], points[k + 1]))

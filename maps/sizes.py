@@ -113,7 +113,7 @@ def check_crowding(where: str, outlines: Iterable[Any], reach: float) -> None:
     edges = _edges_of(shapely.simplify(rings, _STRAIGHT * reach, preserve_topology=False))
     order = np.argsort(np.minimum(edges[:, 0], edges[:, 2]), kind="stable")
     most = int(_CROWD * limits().crossings)
-    if _near(np.ascontiguousarray(edges[order]), order, reach, most, _PAIRS) > most:
+    if near_pairs(np.ascontiguousarray(edges[order]), order, reach, most, _PAIRS) > most:
         raise MapError(
             f"{where}: more than {most} pairs of edges lie within {reach:g} m of each other, "
             f"{_CROWD} times the limit crossings: this is no floor plan, or it is not in metres"
@@ -166,11 +166,19 @@ def _meetings(edges: Floats, order: NDArray[np.int64], most: int, pairs: int) ->
 
 
 @njit(cache=True, nogil=True)
-def _near(edges: Floats, order: NDArray[np.int64], reach: float, most: int, pairs: int) -> int:
+def near_pairs(edges: Floats, order: NDArray[np.int64], reach: float, most: int, pairs: int) -> int:
     """How many pairs of edges lie within `reach` of each other, as `_meetings` counts those that meet.
 
-    Of two that cross no end may be near: `_meetings` has counted them.
+    Not counted are two that cross far from their ends: `_meetings` counts those.
+
+    Args:
+        edges: float64 (n, 4), metres: (x0, y0, x1, y1), sorted by their lower x.
+        order: int64 (n,): number of each edge in the file; neighbours there are not counted.
+        reach: Metres.
+        most: How many pairs are counted; one more is returned where there are more.
+        pairs: How many pairs are compared; `most` + 1 is returned where there are more.
     """
+    # Segments that do not cross are nearest to each other at an end of one of them.
     found = compared = 0
     for i in range(len(edges)):
         a, b, right = edges[i, :2], edges[i, 2:], max(edges[i, 0], edges[i, 2]) + reach

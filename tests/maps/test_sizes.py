@@ -6,27 +6,28 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from shapely import LineString, MultiLineString, Point
 
 from layoutexplore.errors import MapError
-from layoutexplore.maps.shared_walls import _distances
-from layoutexplore.maps.sizes import _near, check_crowding, squared_distance
+from layoutexplore.maps.shared_walls import distances_to_edges
+from layoutexplore.maps.sizes import check_crowding, near_pairs, squared_distance
 
 PLACES = st.tuples(*[st.integers(-20, 20)] * 2)
 
 
+@settings(deadline=None)  # kernels compile
 @given(place=PLACES, points=st.lists(PLACES, min_size=2, max_size=8))
 def test_distances_are_those_of_shapely(place: tuple[int, int], points: list[tuple[int, int]]) -> None:
     corners, (x, y) = np.array(points, float), map(float, place)
     expected = [Point(place).distance(LineString(pair)) for pair in itertools.pairwise(points)]
-    np.testing.assert_allclose(_distances(corners, x, y), expected, atol=1e-9)
+    np.testing.assert_allclose(distances_to_edges(corners, x, y), expected, atol=1e-9)
     np.testing.assert_allclose(squared_distance(x, y, corners[0], corners[1]), expected[0] ** 2, atol=1e-9)
 
 
-def near_pairs(edges: NDArray[np.float64], order: NDArray[np.int64], reach: float) -> int:
+def slow_near_pairs(edges: NDArray[np.float64], order: NDArray[np.int64], reach: float) -> int:
     """Pairs of edges, not neighbours in the file, of which an end of one is near the other."""
     lines = [LineString(edge.reshape(2, 2)) for edge in edges]
     ends = [[Point(edge[:2]), Point(edge[2:])] for edge in edges]
@@ -37,6 +38,7 @@ def near_pairs(edges: NDArray[np.float64], order: NDArray[np.int64], reach: floa
     return count
 
 
+@settings(deadline=None)
 @given(
     edges=st.lists(st.tuples(PLACES, PLACES), min_size=2, max_size=12),
     # no distance between whole numbers is as close to these as rounding goes
@@ -46,11 +48,11 @@ def test_near_edges_are_counted(edges: list[tuple[tuple[int, int], tuple[int, in
     every = np.array(edges, float).reshape(-1, 4)
     order = np.argsort(np.minimum(every[:, 0], every[:, 2]), kind="stable")
     every = np.ascontiguousarray(every[order])
-    expected = near_pairs(every, order, reach)
-    assert _near(every, order, reach, 1000, 1000) == expected
-    assert _near(every, order, reach, max(expected - 1, 0), 1000) == expected
+    expected = slow_near_pairs(every, order, reach)
+    assert near_pairs(every, order, reach, 1000, 1000) == expected
+    assert near_pairs(every, order, reach, max(expected - 1, 0), 1000) == expected
     if expected > 1:
-        assert _near(every, order, reach, 0, 1000) >= 1, "more than were allowed"
+        assert near_pairs(every, order, reach, 0, 1000) >= 1, "more than were allowed"
 
 
 def test_lines_closer_than_walls_are_thick_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
