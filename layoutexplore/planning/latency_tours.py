@@ -115,10 +115,8 @@ def _improve(distances: Floats, shares: Floats, patience: float, tour: Ints) -> 
     buffer = np.empty_like(tour)
     cost = _sum_up(distances, shares, patience, tour, sums)
     while True:
-        cheaper = _two_opt(distances, patience, tour, sums, cost)
-        if not cheaper:
-            cheaper = _or_opt(distances, patience, tour, sums, cost, buffer)
-        if not cheaper:
+        cheaper = _two_opt(distances, patience, tour, sums)
+        if not cheaper and not _or_opt(distances, patience, tour, sums, buffer):
             return cost
         cost = _sum_up(distances, shares, patience, tour, sums)
 
@@ -135,67 +133,76 @@ def _sum_up(distances: Floats, shares: Floats, patience: float, tour: Ints, sums
 
 
 @njit(cache=True, nogil=True)
-def _append(
-    distances: Floats,
-    tour: Ints,
-    sums: Floats,
-    end: tuple[int, float, float],
-    first: int,
-    last: int,
-    backwards: bool,
-) -> tuple[int, float, float]:
-    """A path (last place, metres, latency) that goes on over tour[first..last]; that may be empty."""
-    if first > last:
-        return end
-    entry, leave = (tour[last], tour[first]) if backwards else (tour[first], tour[last])
-    weight = sums[1, last] - sums[1, first - 1]
-    duration = sums[0, last] - sums[0, first]
-    latency = sums[2, last] - sums[2, first - 1] - weight * sums[0, first]
-    if backwards:
-        latency = weight * duration - latency
-    start = end[1] + distances[end[0], entry]
-    return leave, start + duration, end[2] + latency + weight * start
-
-
-@njit(cache=True, nogil=True)
-def _two_opt(distances: Floats, patience: float, tour: Ints, sums: Floats, cost: float) -> bool:
-    """Reverse the first stretch whose reversal makes the tour cheaper; whether there was one."""
+def _two_opt(distances: Floats, patience: float, tour: Ints, sums: Floats) -> bool:
+    """Reverse the first stretch tour[i..j] whose reversal makes the tour cheaper; whether there was one."""
     count = len(tour)
+    times, weights, latencies = sums[0], sums[1], sums[2]
+    total = weights[count - 1] + patience
     for i in range(1, count - 1):
-        begun = (tour[i - 1], sums[0, i - 1], sums[2, i - 1])
+        ways_in, ways_out = distances[tour[i - 1]], distances[tour[i]]
+        begun, time, weight_before, latency_before = times[i - 1], times[i], weights[i - 1], latencies[i - 1]
         for j in range(i + 1, count):
-            end = _append(distances, tour, sums, begun, i, j, True)
-            end = _append(distances, tour, sums, end, j + 1, count - 1, False)
-            if end[2] + patience * end[1] < cost - _GAIN:
+            # Walked backwards the stretch has latency W T - L, and starts when its last place is reached.
+            start = begun + ways_in[tour[j]]
+            end = start + times[j] - time
+            late = end - times[j]
+            if j + 1 < count:
+                late = end + ways_out[tour[j + 1]] - times[j + 1]
+            growth = (weights[j] - weight_before) * (end + time) - 2.0 * (latencies[j] - latency_before)
+            if growth + late * (total - weights[j]) < -_GAIN:
                 tour[i : j + 1] = tour[i : j + 1][::-1].copy()
                 return True
     return False
 
 
 @njit(cache=True, nogil=True)
-def _or_opt(distances: Floats, patience: float, tour: Ints, sums: Floats, cost: float, buffer: Ints) -> bool:
+def _or_opt(distances: Floats, patience: float, tour: Ints, sums: Floats, buffer: Ints) -> bool:
     """Move the first stretch of up to three places that makes the tour cheaper; whether there was one."""
-    count = len(tour)
     for size in range(1, _LONGEST_STRETCH + 1):
-        for i in range(1, count - size + 1):
-            last = i + size - 1
-            for k in range(count):
-                if i - 1 <= k <= last:
-                    continue
-                # The stretch goes between tour[k] and what follows it: what lies between moves up or down.
-                for backwards in (False, True):
-                    if k < i:
-                        end = _append(
-                            distances, tour, sums, (tour[k], sums[0, k], sums[2, k]), i, last, backwards
-                        )
-                        end = _append(distances, tour, sums, end, k + 1, i - 1, False)
-                        end = _append(distances, tour, sums, end, last + 1, count - 1, False)
-                    else:
-                        end = (tour[i - 1], sums[0, i - 1], sums[2, i - 1])
-                        end = _append(distances, tour, sums, end, last + 1, k, False)
-                        end = _append(distances, tour, sums, end, i, last, backwards)
-                        end = _append(distances, tour, sums, end, k + 1, count - 1, False)
-                    if end[2] + patience * end[1] < cost - _GAIN:
-                        move_stretch(tour, buffer, i, size, k, backwards)
-                        return True
+        for i in range(1, len(tour) - size + 1):
+            k, backwards = _better_place(distances, patience, tour, sums, i, i + size - 1)
+            if k >= 0:
+                move_stretch(tour, buffer, i, size, k, backwards)
+                return True
     return False
+
+
+@njit(cache=True, nogil=True)
+def _better_place(
+    distances: Floats, patience: float, tour: Ints, sums: Floats, i: int, last: int
+) -> tuple[int, bool]:
+    """The first k for which tour[i..last] is better visited after tour[k], and if backwards; or -1."""
+    count = len(tour)
+    times, weights, latencies = sums[0], sums[1], sums[2]
+    to_first, to_last = distances[tour[i]], distances[tour[last]]
+    weight, duration = weights[last] - weights[i - 1], times[last] - times[i]
+    # The latency within the stretch less what it was, walked forwards and backwards.
+    ahead = -weight * times[i]
+    back = weight * (duration + times[i]) - 2.0 * (latencies[last] - latencies[i - 1])
+    # Once the stretch is gone all behind it is reached so much later (below zero: earlier), or the tour ends.
+    total = weights[count - 1] + patience
+    shift = times[i - 1] - times[last]
+    if last + 1 < count:
+        shift = times[i - 1] + distances[tour[i - 1], tour[last + 1]] - times[last + 1]
+    closed = shift * (total - weights[last])
+    for k in range(i - 1):
+        here, then, duration_less = tour[k], tour[k + 1], duration - times[k + 1]
+        pushed = total - weights[last] + weights[i - 1] - weights[k]
+        start = times[k] + to_first[here]
+        if ahead + closed + weight * start + pushed * (start + duration_less + to_last[then]) < -_GAIN:
+            return k, False
+        start = times[k] + to_last[here]
+        if back + closed + weight * start + pushed * (start + duration_less + to_first[then]) < -_GAIN:
+            return k, True
+    for k in range(last + 1, count):
+        here, pushed, between = tour[k], total - weights[k], shift * (weights[k] - weights[last])
+        way_ahead, way_back, left = 0.0, 0.0, times[k]
+        if k + 1 < count:
+            way_ahead, way_back, left = to_last[tour[k + 1]], to_first[tour[k + 1]], times[k + 1]
+        start = times[k] + shift + to_first[here]
+        if ahead + between + weight * start + pushed * (start + duration + way_ahead - left) < -_GAIN:
+            return k, False
+        start = times[k] + shift + to_last[here]
+        if back + between + weight * start + pushed * (start + duration + way_back - left) < -_GAIN:
+            return k, True
+    return -1, False
