@@ -281,8 +281,8 @@ class FloorPlan:
         rows = math.ceil((y1 + border) / resolution - 1e-6) - row0
         if rows * cols > max(MOST_CELLS, limits().image_pixels):
             raise MapError(
-                f"{self._shown} would need {rows} x {cols} cells at {resolution:g} m: "
-                "choose a coarser resolution"
+                f"{self._shown} reaches over {x1 - x0:.6g} x {y1 - y0:.6g} m, {rows} x {cols} cells of "
+                f"{resolution:g} m: choose a coarser resolution, unless a part lies astray"
             )
         origin = Pose(col0 * resolution, row0 * resolution, 0.0)
         draw = _draw_shapes if self.source is None else _draw_source
@@ -298,18 +298,18 @@ def _draw_shapes(
     plan: FloorPlan, shape: tuple[int, int], resolution: float, origin: Pose
 ) -> tuple[Mask, Labels]:
     """Occupied cells and room ids from the polygons."""
-    corner = (origin.x, origin.y)
-    solids = plan.passages, plan.walls, plan.furniture
-    check_drawing(plan._shown, [*plan._outlines.values(), *solids], resolution, shape[0] * shape[1])
+    corner, openings = (origin.x, origin.y), [plan.opening(door) for door in plan.doors]
+    shapes = [*plan._outlines.values(), *openings, plan.passages, plan.walls, plan.furniture]
+    check_drawing(plan._shown, shapes, resolution, shape[0] * shape[1])
     room_ids: Labels = np.zeros(shape, label_type(max(plan._outlines, default=0)))
     for room in sorted(plan.rooms, key=lambda room: -room.polygon.area):
         fill(room_ids, room.polygon, room.id, resolution, corner)
     occupied = room_ids == 0
     solid = occupied.view(np.uint8)
     fill(solid, plan.passages, 0, resolution, corner)
-    for door in plan.doors:
+    for door, opening in zip(plan.doors, openings, strict=True):
         if door.is_open:
-            fill(solid, plan.opening(door), 0, resolution, corner)
+            fill(solid, opening, 0, resolution, corner)
     fill(solid, plan.walls, 1, resolution, corner, sealed=True)
     fill(solid, plan.furniture, 1, resolution, corner, sealed=True)
     _close_doors(plan, solid, resolution, corner)
@@ -353,9 +353,7 @@ def _check(plan: FloorPlan) -> None:
     check_plan(plan._shown, plan.rooms, plan.doors)
     ids = [room.id for room in plan.rooms]
     if not all(isinstance(i, int) and 0 < i < 2**31 for i in ids) or len(set(ids)) < len(ids):
-        raise MapError(
-            f"{plan._shown}: room ids must be different whole numbers from 1, got {shortened(ids)}"
-        )
+        raise MapError(f"{plan._shown}: room ids are different whole numbers from 1, got {shortened(ids)}")
     for room in plan.rooms:
         _check_shape(plan, room.polygon, f"room {room.id}", empty=False)
     for what in ("walls", "furniture", "passages"):

@@ -149,6 +149,8 @@ class OccupancyGrid:
 
 def _pairs(values: ArrayLike) -> Floats:
     """float64 (n, 2) of one pair, of many, or of none."""
+    if isinstance(values, range):
+        raise MapError(f"expected rows of two numbers, got {values}")
     array = np.asarray(values, np.float64)
     if array.size and array.shape[-1:] != (2,):
         raise MapError(f"expected rows of two numbers, got an array of shape {array.shape}")

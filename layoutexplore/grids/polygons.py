@@ -136,7 +136,10 @@ def _fill(edges: Floats, target: NDArray[Any], value: int, transposed: bool, thi
             end[line - low] += 1
     for line in range(low, high):
         row = crossings[start[line - low] : start[line - low + 1]]
-        row.sort()
+        if row.size > 2:
+            row.sort()  # takes far longer than all else, where there are two
+        elif row.size == 2 and row[0] > row[1]:
+            row[0], row[1] = row[1], row[0]
         # Between an even crossing and the next one lies the inside.
         for k in range(0, row.size - 1, 2):
             first, last = int(np.ceil(row[k])), int(np.ceil(row[k + 1])) - 1

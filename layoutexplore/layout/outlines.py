@@ -8,6 +8,7 @@ from numba import njit
 
 from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, check_alike
+from layoutexplore.grids.components import split_labels
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.outlines import cut_where_touching, trace_rings
 from layoutexplore.grids.runs import find_runs
@@ -59,24 +60,25 @@ def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
     names = sorted(shells)
     rings = shapely.linearrings(points, indices=np.repeat(np.arange(len(owners)), np.diff(starts)))
     outlines = shapely.polygons(rings[[shells[label][1] for label in names]])
+    # Of a label in several parts, one may lie in a hole of another, and its holes in the outer one's shell.
+    parts = split_labels(labels)[0] if several & holes.keys() else labels
     for k, label in enumerate(names):
         if label in holes:
-            outlines[k] = _with_holes(outlines[k], holes[label])
-    # An outline is valid where its label neither touches itself nor has a part in a hole of another part:
-    # the holes of the inner part lie in the outer one's too.
-    nested = several & holes.keys()
-    doubtful = np.flatnonzero(np.isin(names, [*owners[touching].tolist(), *nested]))
+            own = _of_part(holes[label], parts, outlines[k]) if label in several else holes[label]
+            outlines[k] = shapely.Polygon(outlines[k].exterior, own)
+    # An outline is valid where its label does not touch itself.
+    doubtful = np.flatnonzero(np.isin(names, owners[touching]))
     for k in doubtful[~shapely.is_valid(outlines[doubtful])].tolist():
         outlines[k] = _cut_apart(outlines[k])
     return dict(zip(names, outlines.tolist(), strict=True))
 
 
-def _with_holes(outer: shapely.Polygon, holes: list[Floats]) -> shapely.Polygon:
-    """A shell with those of the label's holes that lie in it."""
+def _of_part(holes: list[Floats], parts: Ints32, shell: shapely.Polygon) -> list[Floats]:
+    """Those of a label's holes that lie in the part of a shell; `parts` int32 (rows, cols) numbers them."""
     # the cell to the left of a ring's first side belongs to the label
-    beside = np.array([_left_cell(hole) for hole in holes])
-    own = shapely.contains_xy(outer, beside[:, 0], beside[:, 1])
-    return shapely.Polygon(outer.exterior, [hole for hole, inside in zip(holes, own, strict=True) if inside])
+    cells = [_left_cell(ring) for ring in (shapely.get_coordinates(shell), *holes)]
+    mine, *found = (parts[row, col] for row, col in cells)
+    return [hole for hole, part in zip(holes, found, strict=True) if part == mine]
 
 
 def _cut_apart(outline: shapely.Polygon) -> shapely.Polygon:
@@ -104,10 +106,11 @@ def _cut_apart(outline: shapely.Polygon) -> shapely.Polygon:
     return cut if cut.is_valid else _largest(shapely.make_valid(cut))
 
 
-def _left_cell(ring: Floats) -> Floats:
-    """Centre of the cell to the left of the first side of a ring."""
+def _left_cell(ring: Floats) -> tuple[int, int]:
+    """(row, col) of the cell to the left of the first side of a ring."""
     along = np.sign(ring[1] - ring[0])
-    return np.asarray(ring[0] + 0.5 * along + 0.5 * np.array([-along[1], along[0]]))
+    x, y = ring[0] + 0.5 * along + 0.5 * np.array([-along[1], along[0]])
+    return int(y), int(x)
 
 
 def _largest(geometry: shapely.Geometry) -> shapely.Polygon:

@@ -58,3 +58,10 @@ def test_a_name_is_given_once() -> None:
     register("nearest", "the same again", Nearest, NearestOptions())
     with pytest.raises(ConfigError, match="already"):
         register("nearest", "another", Nearest, NearestOptions(min_size=3.0))
+
+
+@pytest.mark.parametrize("method", ["choose", "candidates", "scores"])
+def test_what_is_no_decision_is_named_by_every_step_of_a_choice(method: str) -> None:
+    for name in ("nearest", "layout-tour"):
+        with pytest.raises(ConfigError, match="must be"):
+            getattr(make_agent(name), method)(None)

@@ -195,6 +195,9 @@ def test_bad_margins_and_doors_and_sizes() -> None:
         two_rooms().with_doors_closed([3])
     with pytest.raises(MapError, match="coarser"):
         two_rooms().rasterize(1e-5)
+    far = (Room(id=1, polygon=shapely.box(0, 0, 5, 5)), Room(id=2, polygon=shapely.box(9e7, 0, 9e7 + 5, 5)))
+    with pytest.raises(MapError, match=r"reaches over 9e\+07 x 5 m, .* a part lies astray"):
+        FloorPlan(name="far", rooms=far).rasterize(0.05)
 
 
 def test_no_free_space() -> None:
@@ -213,3 +216,7 @@ def test_outlines_too_dense_for_the_cells_are_refused() -> None:
     nested = [Room(id=k, polygon=shapely.box(0, 0, 100, 90 + 0.01 * k)) for k in range(1, 1000)]
     with pytest.raises(MapError, match="or too many lie over each other"):
         FloorPlan(name="nested", rooms=tuple(nested)).rasterize(0.05)
+    long = [Door(start=(0.0, 0.01 * k), end=(600.0, 0.01 * k)) for k in range(4900)]
+    hall = Room(id=1, polygon=shapely.box(0, 0, 600, 50))
+    with pytest.raises(MapError, match="or too many lie over each other"):
+        FloorPlan(name="doors", rooms=(hall,), doors=tuple(long)).rasterize(0.05)

@@ -174,6 +174,8 @@ def test_paths_are_checked() -> None:
         simulation.step(np.array([here, here + 2]))
     with pytest.raises(ConfigError, match="no frontier 1000"):
         simulation.step(1000)
+    with pytest.raises(ConfigError, match="a path as an array"):
+        simulation.step((1, 2, 3))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
