@@ -55,7 +55,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / "run.toml"
     if not is_there(path) or not path.is_file():
-        raise ResultsError(f"{shown_path(folder)} holds no benchmark: there is no run.toml in it")
+        raise ResultsError(
+            f"{shown_path(folder)} holds no benchmark: there is no run.toml in it; name the folder of one, "
+            "or make it with `layoutexplore benchmark --out FOLDER`"
+        )
     try:
         return read_toml(path, _MANIFEST)
     except ConfigError as error:
