@@ -8,6 +8,7 @@ from numba import njit
 
 from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, check_alike
+from layoutexplore.grids.components import split_labels
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.outlines import cut_where_touching, trace_rings
 from layoutexplore.grids.runs import find_runs
@@ -40,7 +41,7 @@ def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
     points = corners[:, ::-1].astype(np.float64)
     twice = np.cumsum(points[:, 0] * np.roll(points[:, 1], -1) - points[:, 1] * np.roll(points[:, 0], -1))
     shells: dict[int, tuple[float, int]] = {}
-    holes: dict[int, list[Floats]] = {}
+    holes: dict[int, list[int]] = {}
     several: set[int] = set()
     for ring, (begin, end, owner) in enumerate(
         zip(starts[:-1].tolist(), starts[1:].tolist(), owners.tolist(), strict=True)
@@ -48,7 +49,7 @@ def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
         inner = twice[end - 2] - (twice[begin - 1] if begin else 0.0)
         double = inner + points[end - 1, 0] * points[begin, 1] - points[end - 1, 1] * points[begin, 0]
         if double < 0:
-            holes.setdefault(owner, []).append(points[begin:end])
+            holes.setdefault(owner, []).append(ring)
             continue
         if owner in shells:
             several.add(owner)
@@ -59,32 +60,35 @@ def label_polygons(labels: Ints32) -> dict[int, shapely.Polygon]:
     names = sorted(shells)
     rings = shapely.linearrings(points, indices=np.repeat(np.arange(len(owners)), np.diff(starts)))
     outlines = shapely.polygons(rings[[shells[label][1] for label in names]])
-    for k, label in enumerate(names):
-        if label in holes:
-            outlines[k] = _with_holes(outlines[k], holes[label])
-    # An outline is valid where its label neither touches itself nor has a part in a hole of another part:
-    # the holes of the inner part lie in the outer one's too.
     nested = several & holes.keys()
-    doubtful = np.flatnonzero(np.isin(names, [*owners[touching].tolist(), *nested]))
+    part = _parts_of_rings(labels, points, starts) if nested else np.zeros(0, np.int32)
+    for k, label in enumerate(names):
+        own = holes.get(label, [])
+        if label in nested:  # the holes of the other parts are theirs
+            own = [ring for ring in own if part[ring] == part[shells[label][1]]]
+        if own:
+            outlines[k] = shapely.Polygon(outlines[k].exterior, rings[own].tolist())
+    # An outline is valid where its label does not touch itself.
+    doubtful = np.flatnonzero(np.isin(names, owners[touching]))
     for k in doubtful[~shapely.is_valid(outlines[doubtful])].tolist():
         outlines[k] = _cut_apart(outlines[k])
     return dict(zip(names, outlines.tolist(), strict=True))
 
 
-def _with_holes(outer: shapely.Polygon, holes: list[Floats]) -> shapely.Polygon:
-    """A shell with those of the label's holes that lie in it."""
-    # the cell to the left of a ring's first side belongs to the label
-    beside = np.array([_left_cell(hole) for hole in holes])
-    own = shapely.contains_xy(outer, beside[:, 0], beside[:, 1])
-    return shapely.Polygon(outer.exterior, [hole for hole, inside in zip(holes, own, strict=True) if inside])
+def _parts_of_rings(labels: Ints32, points: Floats, starts: Ints) -> Ints32:
+    """The 4-connected part int32 (k,) that each ring bounds: that of the cell left of its first side."""
+    parts, _ = split_labels(np.where(labels > 0, labels, -1))
+    first, second = points[starts[:-1]], points[starts[:-1] + 1]
+    along = np.sign(second - first)
+    cols, rows = np.floor(first + 0.5 * along + 0.5 * np.stack([-along[:, 1], along[:, 0]], axis=1)).T
+    return np.asarray(parts[rows.astype(np.int64), cols.astype(np.int64)])
 
 
 def _cut_apart(outline: shapely.Polygon) -> shapely.Polygon:
     """The same polygon with rings that touch none of their own corners.
 
     What a ring of cells encloses is four-connected: cut where it touches itself, its parts bound one polygon.
-    The time follows the corners, where that of `make_valid`, which is left what is still wrong then, grows
-    with the square of the holes.
+    The time follows the corners, where that of `make_valid` grows with the square of the holes.
     """
     pieces = [
         np.array(piece, np.float64)
@@ -101,22 +105,7 @@ def _cut_apart(outline: shapely.Polygon) -> shapely.Polygon:
     )
     shell = int(area.argmax())
     cut: shapely.Polygon = shapely.polygons(rings[shell], holes=rings[area < 0])
-    return cut if cut.is_valid else _largest(shapely.make_valid(cut))
-
-
-def _left_cell(ring: Floats) -> Floats:
-    """Centre of the cell to the left of the first side of a ring."""
-    along = np.sign(ring[1] - ring[0])
-    return np.asarray(ring[0] + 0.5 * along + 0.5 * np.array([-along[1], along[0]]))
-
-
-def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
-    parts = [
-        p
-        for p in shapely.get_parts(geometry, return_index=False)
-        if isinstance(p, shapely.Polygon) and not p.is_empty
-    ]
-    return max(parts, key=lambda p: float(p.area))
+    return cut
 
 
 def cell_polygons_to_world(polygons: list[shapely.Polygon], grid: OccupancyGrid) -> list[shapely.Polygon]:
