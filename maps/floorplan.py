@@ -26,7 +26,7 @@ from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError, checks_calls, shortened
 from layoutexplore.files.limits import limits
-from layoutexplore.grids.arrays import Bytes, Floats, Labels, Mask, label_type
+from layoutexplore.grids.arrays import Floats, Labels, Mask, label_type
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.polygons import Point, fill, polygons_of, seal_diagonals
 from layoutexplore.maps.raster import MOST_CELLS, PlanRaster, check_stretch, resample
@@ -281,8 +281,8 @@ class FloorPlan:
         rows = math.ceil((y1 + border) / resolution - 1e-6) - row0
         if rows * cols > max(MOST_CELLS, limits().image_pixels):
             raise MapError(
-                f"{self._shown} would need {rows} x {cols} cells at {resolution:g} m: "
-                "choose a coarser resolution"
+                f"{self._shown} is {x1 - x0:g} x {y1 - y0:g} m large: at {resolution:g} m that is {rows} x "
+                f"{cols} cells. Choose a coarser resolution, or look for a part that lies far from the others"
             )
         origin = Pose(col0 * resolution, row0 * resolution, 0.0)
         draw = _draw_shapes if self.source is None else _draw_source
@@ -300,19 +300,19 @@ def _draw_shapes(
     """Occupied cells and room ids from the polygons."""
     corner = (origin.x, origin.y)
     solids = plan.passages, plan.walls, plan.furniture
-    check_drawing(plan._shown, [*plan._outlines.values(), *solids], resolution, shape[0] * shape[1])
+    opened, closed = _openings(plan, True), _openings(plan, False)
+    drawn = [*plan._outlines.values(), *solids, opened, closed]
+    check_drawing(plan._shown, drawn, resolution, shape[0] * shape[1])
     room_ids: Labels = np.zeros(shape, label_type(max(plan._outlines, default=0)))
     for room in sorted(plan.rooms, key=lambda room: -room.polygon.area):
         fill(room_ids, room.polygon, room.id, resolution, corner)
     occupied = room_ids == 0
     solid = occupied.view(np.uint8)
     fill(solid, plan.passages, 0, resolution, corner)
-    for door in plan.doors:
-        if door.is_open:
-            fill(solid, plan.opening(door), 0, resolution, corner)
+    fill(solid, opened, 0, resolution, corner)
     fill(solid, plan.walls, 1, resolution, corner, sealed=True)
     fill(solid, plan.furniture, 1, resolution, corner, sealed=True)
-    _close_doors(plan, solid, resolution, corner)
+    fill(solid, closed, 1, resolution, corner, sealed=True)
     return occupied, room_ids
 
 
@@ -325,15 +325,15 @@ def _draw_source(
     ratio, (x, y, _) = resolution / source.resolution, source.origin
     offset = (origin.x - x) / source.resolution, (origin.y - y) / source.resolution
     occupied, room_ids = resample(source, (ratio, ratio), offset, shape)
-    _close_doors(plan, occupied.view(np.uint8), resolution, corner)
+    closed = _openings(plan, False)
+    check_drawing(plan._shown, [closed], resolution, shape[0] * shape[1])
+    fill(occupied.view(np.uint8), closed, 1, resolution, corner, sealed=True)
     return occupied, room_ids
 
 
-def _close_doors(plan: FloorPlan, solid: Bytes, resolution: float, corner: Point) -> None:
-    """Write 1 into the cells uint8 (rows, cols) of all doors that are closed."""
-    for door in plan.doors:
-        if not door.is_open:
-            fill(solid, plan.opening(door), 1, resolution, corner, sealed=True)
+def _openings(plan: FloorPlan, is_open: bool) -> shapely.MultiPolygon:
+    """The floor that all doors cut through walls which are open, or those that are closed."""
+    return shapely.MultiPolygon([plan.opening(door) for door in plan.doors if door.is_open == is_open])
 
 
 def _fingerprint(shape: BaseGeometry) -> bytes:

@@ -213,3 +213,17 @@ def test_outlines_too_dense_for_the_cells_are_refused() -> None:
     nested = [Room(id=k, polygon=shapely.box(0, 0, 100, 90 + 0.01 * k)) for k in range(1, 1000)]
     with pytest.raises(MapError, match="or too many lie over each other"):
         FloorPlan(name="nested", rooms=tuple(nested)).rasterize(0.05)
+
+
+@pytest.mark.parametrize("is_open", [True, False])
+def test_doors_that_are_too_dense_for_the_cells_are_refused(is_open: bool) -> None:
+    doors = [Door(start=(0, 0.01 * k), end=(280, 280 + 0.01 * k), is_open=is_open) for k in range(4900)]
+    hall = Room(id=1, polygon=shapely.box(0, 0, 300, 350))
+    with pytest.raises(MapError, match="outlines are too dense for cells"):
+        FloorPlan(name="doors", rooms=(hall,), doors=tuple(doors)).rasterize(0.05)
+
+
+def test_a_plan_that_is_too_large_says_how_large_it_is() -> None:
+    rooms = [Room(id=k, polygon=shapely.box(3e7 * k, 0, 3e7 * k + 3, 3)) for k in (1, 2)]
+    with pytest.raises(MapError, match=r"is 3e\+07 x 3 m large.*a part that lies far from the others"):
+        FloorPlan(name="far", rooms=tuple(rooms)).rasterize(0.1)
