@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, checks_calls
 from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision
 from layoutexplore.options import SEED, Options, check_kind
 from layoutexplore.plugins.registry import Description, Registry
@@ -27,6 +27,10 @@ class Heuristic(Generic[OptionsT]):
 
     remembers = False
     """Whether a choice depends on more than the decision; a saved run asks agents that do from the start."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        checks_calls(cls)
 
     def __init__(self, name: str, options: OptionsT) -> None:
         check_kind("options", options, Options)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from numbers import Number
 from typing import NamedTuple
 
 import numpy as np
@@ -149,6 +150,12 @@ class OccupancyGrid:
 
 def _pairs(values: ArrayLike) -> Floats:
     """float64 (n, 2) of one pair, of many, or of none."""
+    first: object = values
+    for _ in range(3):
+        if isinstance(first, (list, tuple)) and first and isinstance(first[0], (list, tuple, range)):
+            first = first[0]
+    if isinstance(first, (list, tuple, range)) and len(first) > 2 and isinstance(first[0], Number):
+        raise MapError(f"expected rows of two numbers, got {shortened(values)}")  # before all are copied
     array = np.asarray(values, np.float64)
     if array.size and array.shape[-1:] != (2,):
         raise MapError(f"expected rows of two numbers, got an array of shape {array.shape}")

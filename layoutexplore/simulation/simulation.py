@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from numbers import Integral
 from pathlib import Path
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, checks_calls
+from layoutexplore.errors import ConfigError, checks_calls, shortened
 from layoutexplore.frontiers.decision import PATHS, STOP, Choice, Decision, Predictor, Privileged, Truth
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import cells_in_view, facing, remaining_share
@@ -136,9 +137,9 @@ class Simulation:
             state.moves.append(STOP)
             state.finish(StopReason.AGENT)
             return decision
-        elif not 0 <= choice < len(decision.frontiers):
-            count = len(decision.frontiers)
-            raise ConfigError(f"there is no frontier {choice}: this decision has {count}, or STOP ({STOP})")
+        elif not (isinstance(choice, Integral) and 0 <= choice < len(decision.frontiers)):
+            count, shown = len(decision.frontiers), shortened(choice)
+            raise ConfigError(f"there is no frontier {shown}: this decision has {count}, or STOP ({STOP})")
         else:
             frontier = decision.frontiers[choice]
             state.begin_step(int(choice), goal=frontier.centroid)

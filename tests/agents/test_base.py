@@ -8,6 +8,8 @@ from layoutexplore.agents import make_agent
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Nearest, NearestOptions
 from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.frontiers.decision import STOP
+from tests.agents.cases import decide
 
 
 @pytest.mark.parametrize(
@@ -58,3 +60,11 @@ def test_a_name_is_given_once() -> None:
     register("nearest", "the same again", Nearest, NearestOptions())
     with pytest.raises(ConfigError, match="already"):
         register("nearest", "another", Nearest, NearestOptions(min_size=3.0))
+
+
+@pytest.mark.parametrize("name", ["nearest", "random", "tour", "layout-tour", "wait"])
+def test_a_choice_among_no_frontiers_is_refused(name: str) -> None:
+    none = decide("R")
+    assert make_agent(name).act(none) == STOP
+    with pytest.raises(ConfigError, match="decision has no frontiers"):
+        make_agent(name).choose(none)  # type: ignore[attr-defined]
