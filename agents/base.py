@@ -28,8 +28,9 @@ class Heuristic(Generic[OptionsT]):
     remembers = False
     """Whether a choice depends on more than the decision; a saved run asks agents that do from the start."""
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, **options: Any) -> None:
         """What a child decides with says by name what is no decision, when it is asked by hand."""
+        super().__init_subclass__(**options)
         checks_calls(cls)
 
     def __init__(self, name: str, options: OptionsT) -> None:

@@ -29,7 +29,6 @@ P = ParamSpec("P")
 R = TypeVar("R")
 C = TypeVar("C", bound=type)
 
-
 _HALF_MESSAGE = 1450
 """Characters kept of either end of a longer message: more than a traceback that is told has (`plugins`)."""
 
@@ -292,7 +291,7 @@ def _given(
         try:
             names = _Names(function.__globals__)
             meant = eval(annotation, {}, names) if isinstance(annotation, str) else annotation
-        except (AttributeError, TypeError):  # of a module imported for type checkers alone
+        except Exception:  # of a module imported for type checkers alone, or no Python at all
             continue
         found[name] = (value, meant, str(annotation))
     return found
@@ -323,6 +322,8 @@ def _oddity(value: Any, meant: Any, error: Exception) -> str:
         return "" if abs(cast(Any, value)) <= most else f"is {shortened(value)}"
     if isinstance(value, PurePath) and "\0" in str(value):
         return f"is {shortened(str(value))}"
+    if not len(getattr(value, "frontiers", "some")):
+        return "has no frontiers"
     if isinstance(value, Iterator):
         return "is a generator"
     if isinstance(value, range):

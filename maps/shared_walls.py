@@ -160,7 +160,7 @@ def floors_between(
 
 
 class _Nearby:
-    """Polygons with thousands of holes, of which an overlay with something small need not look at all.
+    """Thousands of polygons with thousands of holes, of which an overlay with something small needs few.
 
     Args:
         whole: Polygons of any kind.
@@ -168,15 +168,17 @@ class _Nearby:
 
     def __init__(self, whole: BaseGeometry) -> None:
         self._whole = polygons_of(whole)
+        self._tree = shapely.STRtree(self._whole)
         self._holes = [
             (np.array(polygon.interiors, object), shapely.STRtree(polygon.interiors))
             for polygon in self._whole
         ]
 
     def around(self, shape: BaseGeometry) -> BaseGeometry:
-        """The polygons without the holes that the box around a shape does not meet: within it the same."""
+        """The polygons that a shape meets, without the holes that its box does not: within it the same."""
         parts = []
-        for polygon, (holes, tree) in zip(self._whole, self._holes, strict=True):
+        for k in np.sort(self._tree.query(shape, "intersects")).tolist():
+            polygon, (holes, tree) = self._whole[k], self._holes[k]
             met = holes[np.sort(tree.query(shape))]
             parts.append(polygon if len(met) == len(holes) else Polygon(polygon.exterior, met))
         return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)

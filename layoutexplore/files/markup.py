@@ -46,17 +46,19 @@ class _Tree:
         self.builder = ElementTree.TreeBuilder()
         self._path, self._error = path, error
         self._depth = self._count = 0
+        self._limits = limits()  # asked once: there are millions of elements
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
         """An element begins."""
         self._depth += 1
         self._count += 1 + len(attributes)
-        if self._depth > limits().depth:
-            raise self._error(f"{self._path}: elements are deeper than the limit depth, {limits().depth:g}")
-        if self._count > limits().nodes:
+        most = self._limits
+        if self._depth > most.depth:
+            raise self._error(f"{self._path}: elements are deeper than the limit depth, {most.depth:g}")
+        if self._count > most.nodes:
             raise self._error(
-                f"{self._path}: more elements and attributes than the limit nodes, {limits().nodes:g}: "
-                f"{raise_it('nodes', 2 * limits().nodes)}"
+                f"{self._path}: more elements and attributes than the limit nodes, {most.nodes:g}: "
+                f"{raise_it('nodes', 2 * most.nodes)}"
             )
         self.builder.start(name, attributes)
 

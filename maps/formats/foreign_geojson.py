@@ -26,7 +26,7 @@ from layoutexplore.maps.formats.geographic import LocalFrame, looks_geographic
 from layoutexplore.maps.formats.polygons import Dropped, geometry_of, mended
 from layoutexplore.maps.formats.wall_plans import plan_from_walls
 from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
-from layoutexplore.maps.sizes import check_outlines
+from layoutexplore.maps.sizes import check_count, check_outlines
 
 COLUMNS = {
     "room": ("label", "name", "Name", "NAME", "room"),
@@ -91,10 +91,11 @@ def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None, d
     outlines: dict[int, Polygon] = {}
     labels: dict[int, str] = {}
     openings: list[Opening] = []
+    check_count(str(path), "areas", sum(_is_room(part) for part in parts))
     for part in parts:
         if part.kind in DOOR_KINDS or (not part.kind and part.geometry.geom_type != "Polygon"):
             openings += _opening(part, names, dropped)
-        elif part.geometry.geom_type != "Polygon" or part.kind in WALL_KINDS:
+        elif not _is_room(part):
             dropped.add(f"{part.geometry.geom_type} features of kind {shortened(part.kind)} are left out")
         else:
             for outline in mended(part.geometry, dropped)[:1]:
@@ -115,6 +116,10 @@ def has_areas(data: Any) -> bool:
     listed = features if isinstance(features, list) else []
     shapes = [feature.get("geometry") for feature in listed if isinstance(feature, dict)]
     return any(isinstance(shape, dict) and shape.get("type") not in _NO_AREAS for shape in shapes)
+
+
+def _is_room(part: _Part) -> bool:
+    return part.geometry.geom_type == "Polygon" and part.kind not in (*DOOR_KINDS, *WALL_KINDS)
 
 
 def _from_walls(path: Path, parts: list[_Part], floor: BaseGeometry, dropped: Dropped) -> FloorPlan:

@@ -64,6 +64,8 @@ def load_imdf(path: Path, level: str = "") -> FloorPlan:
     dropped = Dropped(f"{path}#{name}")
     units = _features(path / "unit.geojson", levels[name])
     doors = _features(path / "opening.geojson", levels[name]) if (path / "opening.geojson").is_file() else []
+    check_count(dropped.path, "units", len(units))
+    check_count(dropped.path, "openings", len(doors))
     shapes = [geometry_of(feature) for feature in units]
     points = shapely.get_coordinates(shapely.GeometryCollection(shapes))
     if not len(points):

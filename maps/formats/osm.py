@@ -11,6 +11,7 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ class _Element:
     nodes: tuple[str, ...]
     holes: tuple[tuple[str, ...], ...] = ()
 
-    @property
+    @cached_property
     def levels(self) -> frozenset[str]:
         return numbers_of(self.tags.get("level", "")) | numbers_of(self.tags.get("repeat_on", ""))
 
@@ -72,7 +73,7 @@ class _Building:
 @checks_arguments
 def osm_levels(path: Path) -> list[str]:
     """The floors that have rooms, from below."""
-    return _levels(_read(path))
+    return _levels(_read(path), path)
 
 
 @checks_arguments
@@ -90,10 +91,14 @@ def load_osm(path: Path, level: str = "") -> FloorPlan:
         MapWarning: Rooms or doors were left out or mended.
     """
     building = _read(path)
-    name = choose_level(path, level, _levels(building))
+    name = choose_level(path, level, _levels(building, path))
     dropped = Dropped(f"{path}#{name}")
     ways = [way for way in building.ways if way.is_room and name in way.levels]
-    frame = LocalFrame.around(np.vstack([building.points(way) for way in ways]))
+    check_count(dropped.path, "rooms", len(ways))
+    points_of_all = np.vstack([building.points(way) for way in ways])
+    if not len(points_of_all):
+        raise MapError(f"{dropped.path}: no node of this floor's rooms is in the file")
+    frame = LocalFrame.around(points_of_all)
     outlines: dict[int, Polygon] = {}
     rooms: dict[int, _Element] = {}
     for way in ways:
@@ -105,7 +110,7 @@ def load_osm(path: Path, level: str = "") -> FloorPlan:
         for outline in mended(Polygon(points, [hole for hole in holes if len(hole) > 3]), dropped)[:1]:
             rooms[len(outlines) + 1] = way
             outlines[len(outlines) + 1] = outline
-    openings = [*_doors(building, name, rooms, frame), *_passages(building, name, rooms, frame)]
+    openings = [*_doors(building, name, rooms, frame, path), *_passages(building, name, rooms, frame, path)]
     dropped.warn()
     return plan_from_outlines(
         outlines,
@@ -198,28 +203,39 @@ def _tags(element: ElementTree.Element) -> dict[str, str]:
     return {tag.get("k", ""): tag.get("v", "") for tag in element.findall("tag")}
 
 
-def _levels(building: _Building) -> list[str]:
-    rooms = [way for way in building.ways if way.is_room and len(way.nodes) > 3]
-    return sorted({level for way in rooms for level in way.levels}, key=float)
+def _levels(building: _Building, path: Path) -> list[str]:
+    """Names of the floors that have rooms, from below.
+
+    Raises:
+        MapError: They are more than the limit of rooms: a few bytes name two hundred.
+    """
+    found: set[str] = set()
+    for way in building.ways:
+        if way.is_room and len(way.nodes) > 3:
+            found |= way.levels
+            check_count(str(path), "floors", len(found))
+    return sorted(found, key=float)
 
 
-def _doors(building: _Building, level: str, rooms: dict[int, _Element], frame: LocalFrame) -> list[Opening]:
-    """Nodes that are doors, on the outlines of this floor's rooms."""
+def _doors(
+    building: _Building, level: str, rooms: dict[int, _Element], frame: LocalFrame, path: Path
+) -> Iterator[Opening]:
+    """Nodes that are doors, on the outlines of this floor's rooms; `MapError` where they are too many."""
     users: dict[str, list[int]] = {}
     for number, way in rooms.items():
         for key in set(way.nodes):
             users.setdefault(key, []).append(number)
-    openings = []
+    doors = []
     for node in building.nodes:
         if not {"door", "entrance"} & set(node.tags) or (node.levels and level not in node.levels):
             continue
         sides = users.get(node.key, [])
-        if not sides and not node.levels:
-            continue  # somewhere else in the file
-        place = frame.to_metres(building.points(node))[0]
-        pair = (sides[0], sides[1]) if len(sides) == 2 else None
-        openings.append(Opening((float(place[0]), float(place[1])), _width(node.tags), pair))
-    return openings
+        if sides or node.levels:  # else somewhere else in the file
+            doors.append((node, (sides[0], sides[1]) if len(sides) == 2 else None))
+    check_count(str(path), "doors", len(doors))
+    for node, pair in doors:
+        x, y = frame.to_metres(building.points(node))[0].tolist()
+        yield Opening((x, y), _width(node.tags), pair)
 
 
 def _width(tags: dict[str, str]) -> float:
@@ -232,19 +248,21 @@ def _width(tags: dict[str, str]) -> float:
 
 
 def _passages(
-    building: _Building, level: str, rooms: dict[int, _Element], frame: LocalFrame
-) -> list[Opening]:
-    """Ways that are passages of an area graph, between areas of this floor or out of one."""
+    building: _Building, level: str, rooms: dict[int, _Element], frame: LocalFrame, path: Path
+) -> Iterator[Opening]:
+    """Ways that are passages of an area graph, between areas of this floor or out of one; errors as above."""
     numbers = {way.key: number for number, way in rooms.items()}
-    openings = []
+    passages = []
     for way in building.ways:
         if way.tags.get("osmAG:type") != "passage" or (way.levels and level not in way.levels):
             continue
+        sides = sorted(numbers.get(way.tags.get(f"osmAG:{end}", ""), 0) for end in ("from", "to"))
+        if sides[1] > 0:  # else stairs to another floor, or a passage of the ground outside
+            passages.append((way, (sides[0], sides[1])))
+    check_count(str(path), "passages", len(passages))
+    for way, pair in passages:
         points = frame.to_metres(building.points(way))
         line = shapely.LineString(points) if len(points) > 1 else None
-        sides = sorted(numbers.get(way.tags.get(f"osmAG:{end}", ""), 0) for end in ("from", "to"))
-        if line is None or line.length == 0 or sides[1] == 0:
-            continue  # stairs to another floor, or a passage of the ground outside
-        middle = line.interpolate(0.5, normalized=True)
-        openings.append(Opening((middle.x, middle.y), float(line.length), (sides[0], sides[1])))
-    return openings
+        if line is not None and line.length > 0:
+            middle = line.interpolate(0.5, normalized=True)
+            yield Opening((middle.x, middle.y), float(line.length), pair)

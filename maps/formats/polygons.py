@@ -38,7 +38,7 @@ class Dropped:
     """
 
     def __init__(self, path: Path | str) -> None:
-        self.path = path
+        self.path = str(path)
         self.counts: Counter[str] = Counter()
         self.crossings = 0
 
@@ -81,12 +81,10 @@ def mended(shape: BaseGeometry, dropped: Dropped) -> list[Polygon]:
     Raises:
         MapError: Its corners are too many or too far away, or it crosses itself too often.
     """
-    found = check_outlines(str(dropped.path), [shape])
+    found = check_outlines(dropped.path, [shape])
     if not shape.is_valid:
         dropped.crossings += found
-        check_count(
-            str(dropped.path), "places where outlines cross themselves", dropped.crossings, "crossings"
-        )
+        check_count(dropped.path, "places where outlines cross themselves", dropped.crossings, "crossings")
         dropped.add("polygons crossed themselves and are mended")
         shape = shapely.make_valid(shape, method="structure", keep_collapsed=False)
     parts = [part for part in polygons_of(shape) if part.area >= LEAST_AREA]

@@ -8,6 +8,8 @@ from layoutexplore.agents import make_agent
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Nearest, NearestOptions
 from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.frontiers.decision import STOP
+from tests.agents.cases import decide
 
 
 @pytest.mark.parametrize(
@@ -65,3 +67,11 @@ def test_what_is_no_decision_is_named_by_every_step_of_a_choice(method: str) -> 
     for name in ("nearest", "layout-tour"):
         with pytest.raises(ConfigError, match="must be"):
             getattr(make_agent(name), method)(None)
+
+
+@pytest.mark.parametrize("name", ["nearest", "random", "tour", "layout-tour", "wait"])
+def test_a_choice_among_no_frontiers_is_refused(name: str) -> None:
+    none = decide("R")
+    assert make_agent(name).act(none) == STOP
+    with pytest.raises(ConfigError, match="decision has no frontiers"):
+        make_agent(name).choose(none)  # type: ignore[attr-defined]

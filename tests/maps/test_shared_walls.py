@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 import shapely
@@ -113,3 +115,13 @@ def test_corners_along_a_curve_are_no_crowd() -> None:
     angle = np.linspace(0.0, 2 * np.pi, 20_000)
     disc = shapely.Polygon(np.stack([9 * np.cos(angle), 9 * np.sin(angle)], axis=1))
     assert plan_from_outlines({1: disc}, {}, [Opening((9.0, 0.0))], name="disc").doors[0].rooms == (0, 1)
+
+
+def test_many_houses_apart_take_no_longer_than_one_of_as_many_rooms() -> None:
+    houses = {
+        k: shapely.box(9 * (k % 40), 9 * (k // 40), 9 * (k % 40) + 5, 9 * (k // 40) + 5)
+        for k in range(1, 1600)
+    }
+    begin = time.monotonic()
+    plan = plan_from_outlines(houses, {}, [], name="village")
+    assert len(plan.rooms) == len(houses) and time.monotonic() - begin < 10

@@ -188,3 +188,11 @@ def test_outlines_that_cross_themselves_are_counted_together(tmp_path: Path) -> 
     assert len(plan.rooms) == 1 and len(plan.rooms[0].polygon.interiors) == 0
     with pytest.raises(MapError, match="places where outlines cross themselves"):
         load_plan(write(tmp_path, (star, {}), (affinity.translate(star, 20), {})))
+
+
+def test_areas_are_counted_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "rooms=25")
+    areas = [{"geometry": mapping(box(k, 0, k + 1, 9)), "properties": {}} for k in range(30)]
+    (tmp_path / "areas.geojson").write_text(json.dumps({"features": areas}))
+    with pytest.raises(MapError, match="30 areas, and the limit rooms is 25"):
+        load_foreign_geojson(tmp_path / "areas.geojson")

@@ -9,7 +9,7 @@ from shapely import Point, Polygon, box
 
 from layoutexplore.errors import MapError, MapWarning
 from layoutexplore.maps import load_plan
-from tests.maps.formats.cases import feature, write_collection, write_imdf
+from tests.maps.formats.cases import LEFT, feature, write_collection, write_imdf
 
 
 def test_broken_parts_are_named(tmp_path: Path) -> None:
@@ -46,3 +46,14 @@ def test_a_folder_without_openings_has_no_doors(tmp_path: Path) -> None:
     path = write_imdf(tmp_path / "school")
     (path / "opening.geojson").unlink()
     assert load_plan(f"{path}#0").doors == ()
+
+
+@pytest.mark.parametrize("part", ["unit", "opening"])
+def test_units_and_openings_are_counted_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str
+) -> None:
+    monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "rooms=25")
+    folder = write_imdf(tmp_path / "home")
+    write_collection(folder / f"{part}.geojson", *[feature(LEFT, level_id="a0")] * 30)
+    with pytest.raises(MapError, match=f"#0: 30 {part}s, and the limit rooms is 25"):
+        load_plan(f"{folder}#0")

@@ -12,7 +12,7 @@ from shapely import box
 from layoutexplore.errors import MapError, MapWarning
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.formats.levels import numbers_of
-from tests.maps.formats.cases import OsmFile, corners, write_osm, write_osmag
+from tests.maps.formats.cases import LEFT, RIGHT, OsmFile, corners, write_osm, write_osmag
 
 
 @pytest.mark.parametrize(
@@ -177,3 +177,31 @@ def test_lines_that_all_end_at_one_node_are_paired_in_their_order(tmp_path: Path
     plan = load_plan(file.write(tmp_path / "blades.osm"))
     assert len(plan.rooms) == 40
     assert max(room.polygon.area for room in plan.rooms) < 80.0
+
+
+def test_rooms_without_any_node_are_told(tmp_path: Path) -> None:
+    path = write_osm(tmp_path / "home.osm")
+    path.write_text(re.sub("<node.*</node>", "", path.read_text()))
+    with pytest.raises(MapError, match="no node of this floor's rooms"):
+        load_plan(f"{path}#1")
+
+
+@pytest.mark.parametrize(
+    ("tags", "what"),
+    [
+        ({"indoor": "room", "level": "0"}, "31 rooms"),
+        ({"indoor": "room", "level": "1-30"}, "31 floors"),
+        ({"osmAG__type": "passage", "osmAG__to": "-1000"}, "30 passages"),
+    ],
+)
+def test_what_is_too_many_is_counted_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tags: dict[str, str], what: str
+) -> None:
+    monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "rooms=25")
+    file = OsmFile()
+    file.way(corners(LEFT), indoor="room", level="0")
+    for _ in range(30):
+        file.way(corners(RIGHT), **tags)
+    path = file.write(tmp_path / "home.osm")
+    with pytest.raises(MapError, match=f"{what}, and the limit rooms"):
+        load_plan(f"{path}#0")
