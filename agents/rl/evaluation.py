@@ -14,7 +14,7 @@ from layoutexplore.agents import make_agent
 from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.explorers import Stop, explore_all
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
-from layoutexplore.errors import ResultsError, checks_arguments, checks_making, shortened
+from layoutexplore.errors import ResultsError, checks_arguments, checks_making, counted, shortened
 from layoutexplore.files import read_csv
 from layoutexplore.files.reading import is_there
 from layoutexplore.frontiers.decision import Agent
@@ -61,6 +61,14 @@ class Evaluation:
             for sensor in config.sensors
         ]
         self._references: dict[str, list[Metres]] = {}
+
+    @property
+    def sentence(self) -> str:
+        """What the first evaluation takes, for whoever waits for it."""
+        agents = ", ".join(("the policy", *self.config.evaluation.references))
+        count = counted(len(self.cells) * (1 + len(self.config.evaluation.references)), "exploration")
+        plans = ", ".join(self.config.evaluation.plans)
+        return f"the first evaluation, before anything is learnt: {count} of {plans} by {agents}"
 
     def compare(self, agent: Agent, stop: Stop = lambda: False) -> dict[str, float]:
         """The scores of an agent.

@@ -28,6 +28,8 @@ from layoutexplore.processes import command_line, more_time
 
 CONFIG = "config.toml"
 EVALUATIONS = "evaluations.csv"
+POLICY = "policy.safetensors"
+"""The policy as it is now: every algorithm writes it, with its checkpoint."""
 
 CHECKPOINT_TIME = 4.5
 """Seconds that the last checkpoint may take once the training was asked to stop.
@@ -78,7 +80,8 @@ class TrainingRun:
         resume: bool,
         watcher: Watcher,
     ) -> None:
-        if (folder / checkpoint).exists() and not resume:
+        # The policy, too: another algorithm's run has another checkpoint, and would be written over.
+        if not resume and any((folder / name).exists() for name in (checkpoint, POLICY)):
             raise ResultsError(
                 f"{folder} holds a training run: add --resume to go on with it, or give another --out"
             )
@@ -126,7 +129,7 @@ class TrainingRun:
 
     def save(self) -> None:
         """Write the policy as it is now."""
-        save_policy(self.folder / "policy.safetensors", self.weights(), self.card())
+        save_policy(self.folder / POLICY, self.weights(), self.card())
 
     def begin_folder(self) -> None:
         """Make the folder and write the configuration."""
@@ -135,6 +138,8 @@ class TrainingRun:
 
     def evaluate(self) -> None:
         """Explore the cells of the evaluation; keep the policy if it is the best so far."""
+        if not self.evaluations and self._evaluation is not None:
+            self.watcher.say(self._evaluation.sentence)
         scores = self.scores()
         if not scores:
             return

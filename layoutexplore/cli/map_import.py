@@ -66,10 +66,11 @@ def import_plan(
 
     A ROS map or a picture is cleaned and divided into rooms by a layout method, unless an image of its rooms
     lies beside it. OUT.geojson is the floor plan, for every command that takes one; OUT.png shows it with the
-    places of the findings; a device or a pipe as OUT gets the floor plan alone.
+    places of the findings (OUT_imported.png where another OUT.png lies there); a device or a pipe as OUT gets
+    the floor plan alone.
     """
     from layoutexplore.drawing.findings import draw_findings
-    from layoutexplore.files import check_places, is_special, write_atomically
+    from layoutexplore.files import check_places, write_atomically
     from layoutexplore.grids.ros_map import encode_png
     from layoutexplore.importing.findings import find_faults
     from layoutexplore.importing.pictures import picture_config
@@ -78,6 +79,7 @@ def import_plan(
     from layoutexplore.options import Rule
 
     check_places(robot, out, file="--out")
+    picture = _picture_place(source, out)
     Rule(low=0.0, high=100.0).convert("--robot-radius", robot_radius)
     config = picture_config(
         resolution=resolution,
@@ -90,14 +92,32 @@ def import_plan(
     building = _building(source, config, rooms, _columns(column or []))
     findings = find_faults(building.plan)
     save_plan(building.plan, out)
-    # Beside a device or a pipe is no place for a picture.
-    picture = None if is_special(out) else out.with_suffix(".png")
     if picture is not None:
         write_atomically(picture, encode_png(draw_findings(building.plan, findings)))
     for line in _summary(out, picture, building.plan, findings):
         typer.echo(line)
     for path in [] if robot is None else write_robot_files(building, robot, radius=robot_radius):
         typer.echo(f"wrote {path}")
+
+
+def _picture_place(source: Path, out: Path) -> Path | None:
+    """Where the picture of the floor plan goes; None beside a device or a pipe, which is no place for one.
+
+    Raises:
+        ConfigError: The floor plan would be written over the map or image that it is read from.
+    """
+    from layoutexplore.errors import ConfigError
+    from layoutexplore.files import is_special
+    from layoutexplore.maps.library import shows_rooms
+
+    if is_special(out):
+        return None
+    if out.resolve() == source.resolve() and not shows_rooms(source):
+        raise ConfigError(f"{source} is what is imported: --out must name another file, a .geojson")
+    picture, other = out.with_suffix(".png"), out.with_name(f"{out.stem}_imported.png")
+    # A picture that lies there before the floor plan does is no drawing of it: it may be what is imported.
+    foreign = picture.exists() and (other.exists() or not out.exists())
+    return other if foreign or picture.resolve() == source.resolve() else picture
 
 
 def _columns(words: list[str]) -> dict[str, str]:

@@ -135,14 +135,17 @@ class _Watcher:
 
 def _kept_config(out: Path, config: Path | None, flags: dict[str, Any]) -> Path:
     """The configuration of the run in a folder; nothing else may be given but `--steps`."""
-    from layoutexplore.errors import ConfigError
+    from layoutexplore.errors import ConfigError, ResultsError
 
     fixed = [f"--{name}" for name, value in flags.items() if value is not None and name != "steps"]
     if config is not None:
         fixed.append(str(config))
     if fixed:
         raise ConfigError(f"--resume goes on with the configuration of {out}: leave out {fixed[0]}")
-    return out / "config.toml"
+    kept = out / "config.toml"
+    if not kept.exists():
+        raise ResultsError(f"no training run in {out}: leave out --resume to start one there")
+    return kept
 
 
 def _curve(out: Path) -> str:

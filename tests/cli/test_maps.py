@@ -87,6 +87,20 @@ def test_a_picture_of_a_plan_is_imported_with_a_known_length(tmp_path: Path) -> 
         invoke("import", target, "--blueprint", "--out", target)
 
 
+def test_what_is_imported_is_never_written_over(tmp_path: Path) -> None:
+    image, plan = tmp_path / "plan.png", tmp_path / "plan.geojson"
+    cv2.imwrite(str(image), office(unknown=255, free=255))
+    before = image.read_bytes()
+    for _ in range(2):
+        code, text = invoke("import", str(image), "--out", str(plan))
+        assert code == 0 and "plan_imported.png" in text and image.read_bytes() == before
+    assert "drawn into" in invoke("import", str(plan), "--out", str(plan))[1]
+    assert image.read_bytes() == before
+    with pytest.raises(ConfigError, match=r"plan\.png is what is imported: --out"):
+        invoke("import", str(image), "--out", str(image))
+    assert image.read_bytes() == before
+
+
 def test_what_to_correct_is_listed_with_its_place(tmp_path: Path) -> None:
     image = office()
     image[110:114, 228:246] = 0  # the last room is shut

@@ -19,8 +19,11 @@ def test_train_resume_and_benchmark(
 ) -> None:
     config, out = str(write_config(tmp_path / "small.toml")), str(tmp_path / "run")
     assert run_cli(monkeypatch, "train", config, "--steps", "16", "--out", out, "--device", "cpu") == 0
-    assert f"policy:{out}" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert f"policy:{out}" in text and text.count("the first evaluation") == 1
     assert run_cli(monkeypatch, "train", config, "--out", out) == 2
+    assert "add --resume" in capsys.readouterr().err
+    assert run_cli(monkeypatch, "train", "--algorithm", "tour-search", "--out", out) == 2
     assert "add --resume" in capsys.readouterr().err
     assert run_cli(monkeypatch, "train", "--out", out, "--resume", "--steps", "32") == 0
     assert "32/32 steps" in capsys.readouterr().out
@@ -48,7 +51,7 @@ def test_train_resume_and_benchmark(
         (("--device", "tpu"), "auto, cpu or cuda"),
         (("--algorithm", "ppoo"), "did you mean 'ppo'"),
         (("--resume", "--seed", "3"), "leave out --seed"),
-        (("--resume",), "cannot read the configuration"),
+        (("--resume",), "leave out --resume to start one there"),
         (("--curve",), "no evaluations in"),
         (("--predictor", "lay"), "unknown predictor 'lay'"),
         (("--plans", "officee:3"), "officee"),
