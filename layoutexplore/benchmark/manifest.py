@@ -55,7 +55,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / "run.toml"
     if not is_there(path) or not path.is_file():
-        raise ResultsError(f"{shown_path(folder)} holds no benchmark: there is no run.toml in it")
+        raise ResultsError(
+            f"{shown_path(folder)} holds no benchmark: there is no run.toml in it "
+            "(`layoutexplore benchmark --out FOLDER` fills a folder)"
+        )
     try:
         return read_toml(path, _MANIFEST)
     except ConfigError as error:
@@ -129,6 +132,10 @@ def _flat(value: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 def _shown(value: Any) -> str:
     text = (
-        "nothing" if value is None else ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+        "nothing"
+        if value is None or value == ""
+        else ", ".join(map(str, value))
+        if isinstance(value, list)
+        else str(value)
     )
     return text if len(text) <= 60 else text[:57] + "..."

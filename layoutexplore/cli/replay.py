@@ -45,6 +45,7 @@ def replay(
 
     require("jinja2", "bench")
     results = ResultsFolder(folder)
+    results.manifest()  # a folder without a benchmark is told as `report` tells it
     rows = sorted((row for row in results.rows() if not row.error), key=lambda row: row.key)
     for name, wanted in (("plan", plan), ("agent", agent), ("start", start), ("sensor", sensor)):
         rows = _only(rows, name, wanted, folder)

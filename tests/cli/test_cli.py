@@ -84,6 +84,7 @@ def test_help_loads_nothing_heavy() -> None:
         (["benchmark", "--starts", "0"], "starts must be a whole number from 1 to 10000"),
         (["benchmark", "--config", "none.toml"], "none.toml: cannot read the configuration"),
         (["report", "nowhere"], "nowhere holds no benchmark"),
+        (["replay", "nowhere"], "nowhere holds no benchmark"),
         (["explore", "PLAN", "--start", "1"], "--start needs X,Y or X,Y,THETA"),
         (["explore", "PLAN", "--start", "-5,0"], "start"),
         (["explore", "PLAN", "--agent", "tuor"], "did you mean 'tour'"),
