@@ -131,7 +131,8 @@ def check_kind(name: str, value: object, *kinds: type, optional: bool = False) -
     """
     if isinstance(value, kinds) or (optional and value is None):
         return
-    words = [f"a {kind.__name__}" for kind in kinds] + ["None"] * optional
+    articles = ["an" if kind.__name__[0] in "AEIOaeio" else "a" for kind in kinds]
+    words = [f"{a} {kind.__name__}" for a, kind in zip(articles, kinds, strict=True)] + ["None"] * optional
     raise ConfigError(f"{name} must be {' or '.join(words)}, got {shortened(value)}")
 
 

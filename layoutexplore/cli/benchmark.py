@@ -266,8 +266,10 @@ def _table(rows: list[tuple[str, ...]]) -> Any:
     from rich.table import Table
 
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for k, name in enumerate(rows[0]):
-        table.add_column(name, justify="left" if k == 0 else "right", no_wrap=True)
+    # Long names of agents are folded; numbers and what stands above them never are.
+    table.add_column(rows[0][0], overflow="fold")
+    for column in list(zip(*rows, strict=True))[1:]:
+        table.add_column(column[0], justify="right", no_wrap=True, min_width=max(map(len, column)))
     for row in rows[1:]:
         table.add_row(*row)
     return table

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import shapely
 
-from layoutexplore.errors import checks_arguments
+from layoutexplore.errors import checks_arguments, counted
 from layoutexplore.grids.polygons import Point
 from layoutexplore.maps.floorplan import Door, FloorPlan
 
@@ -23,6 +24,9 @@ NARROW_DOOR, WIDE_OPENING = 0.5, 3.0
 
 DOOR_WIDTHS = (0.7, 1.4)
 """Metres between which the median door of a building lies (0.8 to 1.2 with something for gaps and grids)."""
+
+OPEN_BORDER = 1.0
+"""Metres that two rooms touch along beside their doors; more than this lacks a wall."""
 
 TYPICAL_DOOR, ENOUGH_DOORS = 0.9, 4
 """Metres of a usual door, and how many doors it takes to judge the scale by them."""
@@ -52,7 +56,7 @@ class Finding(NamedTuple):
 
 @checks_arguments
 def find_faults(plan: FloorPlan) -> list[Finding]:
-    r"""What looks wrong in a floor plan: its scale first, then floor out of reach, rooms, and doors.
+    r"""What looks wrong in a floor plan: its scale first, then walls, floor out of reach, rooms, and doors.
 
     Example:
         >>> from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -60,7 +64,7 @@ def find_faults(plan: FloorPlan) -> list[Finding]:
         >>> [finding.kind for finding in find_faults(plan)]
         ['out of reach', 'no door', 'no door']
     """
-    return [*_scale(plan), *_out_of_reach(plan), *_rooms(plan), *_doors(plan)]
+    return [*_scale(plan), *_missing_walls(plan), *_out_of_reach(plan), *_rooms(plan), *_doors(plan)]
 
 
 def _scale(plan: FloorPlan) -> Iterator[Finding]:
@@ -84,6 +88,32 @@ def _scale(plan: FloorPlan) -> Iterator[Finding]:
             f"every length would be {factor:.2g} times what it is now{hint}",
             (x0 + x1) / 2,
             (y0 + y1) / 2,
+        )
+
+
+def _missing_walls(plan: FloorPlan) -> Iterator[Finding]:
+    """Rooms drawn up to each other in a plan that has no walls at all: a robot sees through their borders."""
+    if not plan.walls.is_empty or plan.source is not None:
+        return
+    polygons = [room.polygon for room in plan.rooms]
+    pairs = shapely.STRtree(polygons).query(polygons, predicate="intersects").T if polygons else ()
+    open_borders = []
+    for a, b in pairs:
+        if a < b:
+            border = polygons[a].intersection(polygons[b].boundary)
+            rooms = {plan.rooms[a].id, plan.rooms[b].id}
+            doors = sum(door.width for door in plan.doors if set(door.rooms) == rooms)
+            if border.length - doors > OPEN_BORDER:
+                open_borders.append((plan.rooms[a].id, plan.rooms[b].id, border.representative_point()))
+    if open_borders:
+        first, second, place = open_borders[0]
+        more = f" (and {counted(len(open_borders) - 1, 'more pair')})" if len(open_borders) > 1 else ""
+        yield Finding(
+            "no wall",
+            f"rooms {first} and {second}{more} touch along more than their doors, and the plan has no walls: "
+            "a robot sees and drives through there; leave a gap between rooms, or add walls",
+            place.x,
+            place.y,
         )
 
 

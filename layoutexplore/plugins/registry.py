@@ -189,6 +189,11 @@ class Registry(Generic[T]):
             text = spec.strip()[len(reference.text) + 1 :]
         if entry is None:
             entry = self._of_installed(name)
+        if entry is None and name.endswith(".py"):
+            raise ConfigError(
+                f"{self.kind} {shortened(spec)}: of a file of your own say which class or function, "
+                f"{name}:NAME, or {name}:NAME:key=value with parameters"
+            )
         if entry is None:
             raise unknown_name(self.kind, name, self.names())
         colon = len(spec.strip()) > len(entry.name)

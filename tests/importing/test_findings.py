@@ -5,10 +5,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+import shapely
 
 from layoutexplore.importing.findings import find_faults, resolution_for
 from layoutexplore.maps import load_plan
-from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.tracing import floorplan_from_ascii
 
 FLAT = """
@@ -33,6 +34,22 @@ def kinds(plan: FloorPlan) -> list[str]:
 
 def test_a_good_plan_has_nothing_to_correct() -> None:
     assert kinds(load_plan("office-01")) == []
+
+
+def flat_of_boxes(gap: float) -> FloorPlan:
+    """Three rooms of 4 m in a row with doors between them, and a gap between the rooms."""
+    lefts = [(4.0 + gap) * k for k in range(3)]
+    rooms = [Room(id=k + 1, polygon=shapely.box(left, 0.0, left + 4.0, 4.0)) for k, left in enumerate(lefts)]
+    middles = [left - gap / 2 for left in lefts[1:]]
+    doors = [Door(start=(x, 1.5), end=(x, 2.4), rooms=(k + 1, k + 2)) for k, x in enumerate(middles)]
+    return FloorPlan(name="flat", rooms=rooms, doors=doors)
+
+
+def test_rooms_that_touch_without_walls_are_told() -> None:
+    found = find_faults(flat_of_boxes(0.0))
+    assert [finding.kind for finding in found] == ["no wall"]
+    assert "rooms 1 and 2 (and 1 more pair) touch" in found[0].text and (found[0].x % 4.0) == 0.0
+    assert kinds(flat_of_boxes(0.2)) == []
 
 
 @pytest.mark.parametrize(("factor", "word"), [(0.4, "narrower"), (3.0, "wider")])

@@ -55,6 +55,8 @@ def test_a_file_is_an_agent_with_the_parameters_of_its_class(tmp_path: Path) -> 
         ("{}:Mina", "did you mean 'Mine'"),
         ("{}:STEP", "has no reset"),
         ("{}/no.py:Mine", "cannot read the code: Not a directory"),
+        ("{}", r"say which class or function, .*mine\.py:NAME"),
+        ("{}:Mine,skip=2", r"say which class or function, .*mine\.py:NAME"),
         ("no.such.module:Mine", "no.such.module: there is no such module"),
         ("nosuchmodule:Mine", "unknown agent 'nosuchmodule'"),
         ("layuot-tour:predictor=mine.py:Rooms", "did you mean 'layout-tour'"),

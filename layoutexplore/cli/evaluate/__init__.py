@@ -71,7 +71,9 @@ EXAMPLES = {
 }
 
 group = typer.Typer(
-    name="evaluate", help="Score the layout methods against ground truth.", no_args_is_help=True
+    name="evaluate",
+    help="Score layout methods, room predictors and noise against ground truth; train what ships.",
+    no_args_is_help=True,
 )
 for _name, (_run, _help) in COMMANDS.items():
     group.command(_name, help=_help, epilog=f"Example: layoutexplore evaluate {_name} {EXAMPLES[_name]}")(

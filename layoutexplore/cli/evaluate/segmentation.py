@@ -38,7 +38,7 @@ Protocol = Annotated[
 MergingFolds = Annotated[
     int, typer.Option(min=0, help="Cross-validate the default method over so many folds of buildings.")
 ]
-Seeds = Annotated[int, typer.Option(min=1, help="Train the folds' judges so often, with other seeds.")]
+Seeds = Annotated[int, typer.Option(min=1, help="Train the folds' classifiers so often, with other seeds.")]
 BuildingsFile = Annotated[
     Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME), for the folds.")
 ]
@@ -336,7 +336,7 @@ def train_merging(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     resolution: Resolution = 0.05,
 ) -> None:
-    """Train the judges of the default method, which decide what pieces of a map are one room."""
+    """Train the classifiers of the default method, which decide which regions of a map are one room."""
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.layout.merging.merge_tree.cut import ASKEW_PREFIX, CUT_MODEL, RAGGED_PREFIX
     from layoutexplore.maps.painted_rooms import find_cases
@@ -376,7 +376,7 @@ def train_merging(
 
 
 def _write_models(models: MergingModels, out: Path, cut_out: Path, note: str) -> None:
-    """Write the judges and say so."""
+    """Write the classifiers and say so."""
     from layoutexplore.layout.merging.merge_forest import save_forest
     from layoutexplore.layout.merging.merge_tree.cut import save_cut_forest
 
