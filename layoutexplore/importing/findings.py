@@ -110,8 +110,8 @@ def _missing_walls(plan: FloorPlan) -> Iterator[Finding]:
         more = f" (and {counted(len(open_borders) - 1, 'more pair')})" if len(open_borders) > 1 else ""
         yield Finding(
             "no wall",
-            f"rooms {first} and {second}{more} touch along more than their doors, and the plan has no walls: "
-            "a robot sees and drives through there; leave a gap between rooms, or add a feature of the kind walls",
+            f"rooms {first} and {second}{more} touch beside their doors, and the plan has no walls: a robot "
+            "sees and drives through; leave a gap between rooms, or add a feature of the kind walls",
             place.x,
             place.y,
         )
