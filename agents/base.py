@@ -17,6 +17,7 @@ from layoutexplore.plugins.registry import Description, Registry
 OptionsT = TypeVar("OptionsT", bound=Options)
 
 
+@checks_calls
 class Heuristic(Generic[OptionsT]):
     """An agent that needs no memory: it stops where no frontier is left, and else scores what it is given.
 

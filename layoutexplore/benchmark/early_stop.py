@@ -91,9 +91,7 @@ def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[Earl
     """
     found = []
     for sensor, part in groups(rows).items():
-        base = {
-            (row.plan, row.start, row.sensor): row for row in part if row.agent == baseline and row.reached99
-        }
+        base = _to_99(part, baseline)
         for agent in agents_of(part):
             mine = [row for row in part if row.agent == agent and (row.plan, row.start, row.sensor) in base]
             if not (
@@ -129,9 +127,7 @@ def tried_stops(
     """
     found = []
     for sensor, part in groups(rows).items():
-        base = {
-            (row.plan, row.start, row.sensor): row for row in part if row.agent == baseline and row.reached99
-        }
+        base = _to_99(part, baseline)
         mine = [row for row in part if row.agent == agent and (row.plan, row.start, row.sensor) in base]
         runs = [
             (row, c, base[row.plan, row.start, row.sensor]) for row in mine if (c := notes(row)) is not None
@@ -142,6 +138,15 @@ def tried_stops(
             for a in areas
         ]
     return found
+
+
+def _to_99(rows: Iterable[Row], baseline: str) -> dict[tuple[str, int, str], Row]:
+    """The baseline's runs to 99 % by their cells; of one that saw as much where it stood nothing is saved."""
+    return {
+        (row.plan, row.start, row.sensor): row
+        for row in rows
+        if row.agent == baseline and row.reached99 and row.d99 > 0
+    }
 
 
 def stops_below(area: float) -> Rule:

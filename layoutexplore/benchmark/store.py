@@ -84,7 +84,6 @@ _RASTER = {
 LOCK = ".lock"
 """File that is held while a benchmark writes."""
 
-
 _LARGEST = 1e15
 
 _CONVERTERS: dict[str, Callable[[str], Any]] = {
@@ -214,7 +213,9 @@ class ResultsFolder:
         Raises:
             ResultsError: Their file is missing or damaged.
         """
-        data = self._arrays(self.curve_path(row), _RUN, "curve", "track")
+        data = self._arrays(path := self.curve_path(row), _RUN, "curve", "track")
+        if not len(data["track"]):
+            raise ResultsError(f"{path} is damaged: the track has no pose; {_ANEW}")
         return data["curve"].astype(np.float64), data["track"].astype(np.float64)
 
     def curve(self, row: Row) -> Floats:
@@ -351,7 +352,7 @@ def open_results(
             shutil.rmtree(path / name, ignore_errors=True)
         for name in ("results.csv", "results.parquet", "summary.csv", "report.html", "report.md", "run.toml"):
             (path / name).unlink(missing_ok=True)
-    for half_written in path.rglob(f".*{HALF}"):
+    for half_written in filter(Path.is_file, path.rglob(f".*{HALF}")):
         half_written.unlink(missing_ok=True)
     if (path / "run.toml").exists():
         wanted = merge_manifests(folder.manifest(), wanted, path, extend=extend)

@@ -169,6 +169,27 @@ class Decision:
     foresee: Callable[[], Foresight | None] | None = None
     turn_cost: float = 0.0
 
+    @property
+    def fault(self) -> str:
+        """What is wrong with a decision that no simulation has made; empty where nothing is.
+
+        Agents and predictors name it where they fail; nobody looks before.
+        """
+        kinds = {"grid": OccupancyGrid, "pose": Pose, "sensor": LidarConfig}
+        for name, kind in kinds.items():
+            if not isinstance(getattr(self, name), kind):
+                return f"has a {name} that is no {kind.__name__}"
+        if not self.frontiers:
+            return "has no frontiers"
+        if not all(isinstance(frontier, Frontier) for frontier in self.frontiers):
+            return "has frontiers that are no Frontier"
+        if self.field is None:
+            return "has no field of distances"
+        for k, frontier in enumerate(self.frontiers):
+            if wrong := _wrong_with(frontier, self.grid):
+                return f"has a frontier {k} {wrong}"
+        return ""
+
     @cached_property
     def foresight(self) -> Foresight | None:
         """What is foreseen of space that is not known yet; None where nothing is."""
@@ -341,3 +362,16 @@ class Predictor(Protocol):
 
     def predict(self, decision: Decision) -> Decision:
         """The same decision with `rooms` and the frontiers' class, area, confidence and room filled in."""
+
+
+def _wrong_with(frontier: Frontier, grid: OccupancyGrid) -> str:
+    """What is wrong with a frontier of a grid; empty where nothing is."""
+    numbers = frontier.size, frontier.path_length, frontier.straight_distance, frontier.visible_area
+    if not (np.isfinite([*numbers, *frontier.centroid]).all() and min(numbers) >= 0):
+        return "whose lengths and area are not all finite numbers, 0 or more"
+    cells = np.vstack([np.asarray(frontier.cells).reshape(-1, 2), [frontier.viewpoint]])
+    if len(cells) < 2 or (cells < 0).any() or (cells >= grid.shape).any():
+        return "without cells, or with some outside of the grid"
+    unknown = np.pad(grid.unknown, 1)
+    beside = unknown[:-2, 1:-1] | unknown[2:, 1:-1] | unknown[1:-1, :-2] | unknown[1:-1, 2:]
+    return "" if beside[tuple(cells[:-1].T)].any() else "that is beside no unknown cell"

@@ -150,8 +150,8 @@ def check_path(path: NDArray[np.integer], start: Cell) -> Ints32:
     """
     if path.ndim != 2 or path.shape[1] != 2 or len(path) == 0 or not np.issubdtype(path.dtype, np.integer):
         raise ConfigError(f"a path is an integer array (k, 2) of cells, got {path.dtype} {path.shape}")
-    if tuple(path[0]) != start:
-        raise ConfigError(f"the path starts at {tuple(path[0])}, but the robot is in cell {tuple(start)}")
+    if (first := tuple(path[0].tolist())) != start:
+        raise ConfigError(f"the path starts at {first}, but the robot is in cell {tuple(start)}")
     jumps = np.flatnonzero(np.abs(np.diff(path, axis=0)).max(axis=1, initial=0) > 1)
     if len(jumps):
         k = int(jumps[0])

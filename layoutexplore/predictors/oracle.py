@@ -57,7 +57,8 @@ class OraclePredictor:
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with the true class and remaining area of every frontier, and with foresight."""
-        assert self._truth is not None, "a simulation reveals the truth before the first decision"
+        if self._truth is None:
+            raise ConfigError(f"{self.name} knows no plan yet: a simulation reveals it when a run begins")
         rooms = GivenRooms(self.name, decision.grid, self.rooms(decision))
         judged = with_classes(decision, self._wrong(true_classes(decision, self._truth)), rooms)
         return dataclasses.replace(judged, foresee=lambda: self._foresee(decision))
@@ -87,7 +88,8 @@ class OraclePredictor:
 
     def rooms(self, decision: Decision) -> RoomLabels:
         """The true rooms."""
-        assert self._truth is not None, "a simulation reveals the truth before the first decision"
+        if self._truth is None:
+            raise ConfigError(f"{self.name} knows no plan yet: a simulation reveals it when a run begins")
         return RoomLabels(self._truth.raster.room_ids.astype(np.int32), self._truth.raster.free)
 
     def _wrong(self, classes: FrontierClasses) -> FrontierClasses:

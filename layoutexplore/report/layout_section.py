@@ -23,6 +23,7 @@ from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing.beliefs import SUFFIX, BelievedPlan, believed_plan
 from layoutexplore.drawing.labels import LABEL_GAP, label_places
 from layoutexplore.drawing.prior_plans import draw_comparison
+from layoutexplore.errors import ResultsError
 from layoutexplore.grids.arrays import Bytes, Floats
 from layoutexplore.priors.completion import Compared
 from layoutexplore.report.decisive_decisions import DecisionPicture, decision_picture
@@ -133,6 +134,12 @@ def _decisive(folder: ResultsFolder, rows: Sequence[Row], agent: str) -> list[De
         occupied, frame = folder.raster(row.plan)
         notes = folder.counterfactual(row)
         whole = next(d for d in notes.decisive if d.distance == decision.distance) if notes else decision
+        ends = np.add(whole.corner, whole.cells.shape)
+        if (ends > occupied.shape).any() or (whole.members >= occupied.shape).any():
+            raise ResultsError(
+                f"{folder.raster_path(row.plan)} and {folder.curve_path(row)} do not fit together: one is "
+                "damaged; remove both, and the same benchmark command makes them anew"
+            )
         pictures.append(decision_picture(row, whole, occupied, float(frame[0])))
     return pictures
 
@@ -287,7 +294,10 @@ def _runs_shown(
 ) -> tuple[BeliefRun, ...]:
     """The run that gained most and the one that gained least against the baseline."""
     compared = ((row, base.get(row.key[:3])) for row, _ in runs)
-    ratios = [(row.d99 / other.d99 if other else 1.0, k) for k, (row, other) in enumerate(compared)]
+    ratios = [
+        (row.d99 / other.d99 if other and other.d99 > 0 else 1.0, k)
+        for k, (row, other) in enumerate(compared)
+    ]
     found: list[BeliefRun] = []
     for word, (ratio, k) in (("gained most", min(ratios)), ("gained least", max(ratios))):
         row, plan = runs[k]

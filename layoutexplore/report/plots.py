@@ -215,6 +215,10 @@ def floor_picture(occupied: Mask) -> str:
     return png_uri(np.ascontiguousarray(grey[::-1]))
 
 
+MOST_POINTS = 20_000
+"""Points of a way that are drawn: in a picture nobody tells more apart."""
+
+
 def track_picture(track: Floats, frame: Floats, rows: int) -> TrackPicture:
     """A track (n, 3) as pieces of even length whose colours run along the ramp.
 
@@ -224,6 +228,8 @@ def track_picture(track: Floats, frame: Floats, rows: int) -> TrackPicture:
         rows: Height of the picture in cells.
     """
     resolution, x0, y0, theta = frame
+    step = 1 + len(track) // MOST_POINTS
+    track = np.vstack([track[:-1:step], track[-1:]])
     turn = np.array([[math.cos(theta), -math.sin(theta)], [math.sin(theta), math.cos(theta)]])
     points = (track[:, :2] - (x0, y0)) @ turn / resolution
     points[:, 1] = rows - points[:, 1]

@@ -20,6 +20,9 @@ from layoutexplore.options import Rule
 Region = tuple[tuple[float, float], ...]
 """Corners (x, y) in metres of a simple polygon, three or more."""
 
+MOST_CORNERS = 10_000
+"""More corners are no outline that somebody drew, and take long to check and to fill."""
+
 _CORNER = Rule(count=2, low=-1e6, high=1e6)
 
 
@@ -34,6 +37,10 @@ def check_region(value: Any) -> Region | None:
     if not isinstance(value, (tuple, list)) or len(value) < 3:
         raise ConfigError(
             f"region must be a list of three corners [x, y] or more, in metres, got {shortened(value)}"
+        )
+    if len(value) > MOST_CORNERS:
+        raise ConfigError(
+            f"region has {len(value)} corners, and may have {MOST_CORNERS}: simplify its outline"
         )
     corners = tuple(_CORNER.convert(f"corner {k + 1} of region", corner) for k, corner in enumerate(value))
     polygon = shapely.Polygon(corners)

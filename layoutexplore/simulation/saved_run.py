@@ -218,7 +218,7 @@ def read_saved_run(path: str | Path) -> SavedRun:
             arrays={name: arrays[name] for name in ("cells", "pose", "metres")},
         )
     except (ValueError, TypeError, IndexError, OverflowError) as error:
-        raise ResultsError(f"{path} is damaged: {cause(error)}") from error
+        raise ResultsError(f"{path} is damaged: {cause(error).removeprefix(f'{path}: ')}") from error
 
 
 def _config(table: dict[str, Any], where: str) -> SimulationConfig:

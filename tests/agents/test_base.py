@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+from typing import Any
+
 import pytest
 
 from layoutexplore.agents import make_agent
@@ -9,6 +13,7 @@ from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Nearest, NearestOptions
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.frontiers.decision import STOP
+from layoutexplore.predictors import make_predictor
 from tests.agents.cases import decide
 
 
@@ -75,3 +80,30 @@ def test_a_choice_among_no_frontiers_is_refused(name: str) -> None:
     assert make_agent(name).act(none) == STOP
     with pytest.raises(ConfigError, match="decision has no frontiers"):
         make_agent(name).choose(none)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("agent", "change", "message"),
+    [
+        ("nearest", {"path_length": math.nan}, "frontier 0 whose lengths and area are not all finite"),
+        ("mapex-gain", {"visible_area": math.inf}, "frontier 0 whose lengths and area are not all finite"),
+        ("nearest", {"frontiers": (1, 2)}, "has frontiers that are no Frontier"),
+        ("layout-tour", {"sensor": None}, "has a sensor that is no LidarConfig"),
+        ("mapex-gain", {"grid": None}, "has a grid that is no OccupancyGrid"),
+        ("plan-tour", {"field": None}, "has no field"),
+    ],
+)
+def test_what_is_wrong_with_a_decision_is_told(agent: str, change: dict[str, Any], message: str) -> None:
+    made = decide("R....", (0, 4, 1.0, 2.0))
+    if change.keys() & {"path_length", "visible_area"}:
+        change = {"frontiers": tuple(dataclasses.replace(f, **change) for f in made.frontiers)}
+    with pytest.raises(ConfigError, match=message):
+        make_agent(agent).act(dataclasses.replace(made, **change))
+
+
+def test_predictors_tell_what_is_wrong_with_a_decision() -> None:
+    made = decide("R....", (0, 4, 1.0, 2.0))
+    with pytest.raises(ConfigError, match="frontier 0 that is beside no unknown cell"):
+        make_predictor("learned").predict(made)  # type: ignore[union-attr]
+    with pytest.raises(ConfigError, match="knows no plan yet"):
+        make_predictor("oracle").predict(made)  # type: ignore[union-attr]

@@ -20,6 +20,7 @@ from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.runner import BenchmarkWatcher, run_benchmark
 from layoutexplore.benchmark.store import COLUMNS, ResultsFolder, format_row, locked, parse_row
 from layoutexplore.errors import ResultsError
+from layoutexplore.files import write_arrays
 from tests.benchmark.cases import timeless
 
 
@@ -129,6 +130,18 @@ def test_a_manifest_with_other_values_is_told(
     path.write_text("\n".join(lines))
     with pytest.raises(ResultsError, match=said):
         folder.manifest()
+
+
+def test_a_folder_called_half_written_and_a_run_without_a_track(
+    config: BenchmarkConfig, tmp_path: Path
+) -> None:
+    outcome = run_benchmark(config, tmp_path)
+    (tmp_path / ".notes.part").mkdir()
+    assert run_benchmark(config, tmp_path).ran == 0
+    path = outcome.folder.curve_path(outcome.rows[0])
+    write_arrays(path, {**outcome.folder.run_arrays(path), "track": np.empty((0, 3), np.float32)})
+    with pytest.raises(ResultsError, match="the track has no pose"):
+        outcome.folder.episode(outcome.rows[0])
 
 
 def test_two_benchmarks_do_not_share_a_folder(config: BenchmarkConfig, tmp_path: Path) -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import base64
 import csv
+import dataclasses
 import itertools
 import json
 import math
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -24,8 +27,10 @@ from layoutexplore.benchmark.early_stop import RunStop, summarise_stops
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.cli import app
+from layoutexplore.errors import ResultsError
 from layoutexplore.evaluation.partial_rooms import Item, RoomScore, score_predictors
 from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.predictors import RoomLabels, make_room_predictor
@@ -100,6 +105,27 @@ def test_the_report_says_what_the_layout_did(folder: ResultsFolder) -> None:
         for m in folder.counterfactual(row).decisive
     ]  # type: ignore[union-attr]
     assert ("Decisive moments" in html) == bool(moments)
+
+
+def test_a_baseline_that_sees_all_where_it_stands_is_compared_with_nothing(
+    folder: ResultsFolder, tmp_path: Path
+) -> None:
+    shutil.copytree(folder.path, tmp_path / "small")
+    small = ResultsFolder(tmp_path / "small")
+    at_once: dict[str, Any] = {"d90": 0.0, "d95": 0.0, "d99": 0.0, "reached99": True}
+    small.rewrite([dataclasses.replace(row, **at_once) for row in small.rows()])
+    page, *_ = write_benchmark_report(small)
+    assert whole(page)
+
+
+def test_arrays_of_runs_that_do_not_fit_are_told(folder: ResultsFolder, tmp_path: Path) -> None:
+    shutil.copytree(folder.path, tmp_path / "damaged")
+    damaged = ResultsFolder(tmp_path / "damaged")
+    raster = PlanRaster(np.zeros((1, 1), np.bool_), np.ones((1, 1), np.int32), 0.1)
+    for plan in {row.plan for row in damaged.rows()}:
+        damaged.save_raster(plan, raster)
+    with pytest.raises(ResultsError, match=r"do not fit together.*remove both"):
+        write_benchmark_report(damaged)
 
 
 def test_decisive_moments_are_drawn(tmp_path: Path, folder: ResultsFolder) -> None:

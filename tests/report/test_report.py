@@ -344,6 +344,9 @@ def test_a_way_starts_and_ends_where_it_should() -> None:
     assert drawn.pieces[0][1].startswith("M2.00,8.00") and drawn.pieces[-1][1].endswith("6.00,6.00")
     assert any("6.00,8.00" in path for _, path in drawn.pieces)
     assert track_picture(track[:1], np.array([0.5, 0.0, 0.0, 0.0]), rows=10).pieces == []
+    long = track_picture(np.repeat(track, 40_000, axis=0), np.array([0.5, 0.0, 0.0, 0.0]), rows=10)
+    assert (long.start, long.end) == (drawn.start, drawn.end)
+    assert sum(path.count(",") for _, path in long.pieces) < 50_000
 
 
 def test_floor_picture_is_upright() -> None:

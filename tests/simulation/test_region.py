@@ -70,6 +70,8 @@ def test_regions_are_checked() -> None:
     for wrong in (crossing, line, [(0, 0), (1, 1)], "0,0", 3, [(0, 0), (1, 1), (float("nan"), 1)], [1, 2, 3]):
         with pytest.raises(ConfigError, match="region"):
             SimulationConfig(region=wrong)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=r"region has 20000 corners.*simplify"):
+        check_region([(k, k**2) for k in range(20_000)])
 
 
 def test_regions_are_read_from_texts_and_files(tmp_path: Path) -> None:
