@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from numbers import Integral
 from pathlib import Path
 
 import numpy as np
@@ -137,7 +136,7 @@ class Simulation:
             state.moves.append(STOP)
             state.finish(StopReason.AGENT)
             return decision
-        elif not (isinstance(choice, Integral) and 0 <= choice < len(decision.frontiers)):
+        elif not (isinstance(choice, (int, np.integer)) and 0 <= choice < len(decision.frontiers)):
             count, shown = len(decision.frontiers), shortened(choice)
             raise ConfigError(f"there is no frontier {shown}: this decision has {count}, or STOP ({STOP})")
         else:
