@@ -237,7 +237,10 @@ def _plans_in(folder: Path) -> list[str]:
 def _files_in(folder: Path) -> list[Path]:
     """All that lies in a folder, sorted, unless it is so much that the folder is another one than meant."""
     most = limits().files
-    found = list(islice(folder.rglob("*"), int(min(most, sys.maxsize)) + 1))
+    try:
+        found = list(islice(folder.rglob("*"), int(min(most, sys.maxsize)) + 1))
+    except OSError as error:  # a folder that vanishes meanwhile
+        raise MapError(f"{shown_path(folder)}: cannot be searched: {error.strerror or error}") from error
     if len(found) > most:
         raise MapError(
             f"{shown_path(folder)}: holds more than {most:g} files and folders, the limit files: name a "

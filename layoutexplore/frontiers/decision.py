@@ -183,7 +183,7 @@ class Decision:
             return "has no frontiers"
         if not all(isinstance(frontier, Frontier) for frontier in self.frontiers):
             return "has frontiers that are no Frontier"
-        if self.field is None:
+        if not hasattr(self.field, "metres"):
             return "has no field of distances"
         for k, frontier in enumerate(self.frontiers):
             if wrong := _wrong_with(frontier, self.grid):

@@ -171,12 +171,11 @@ class Registry(Generic[T]):
         if entry.thing is None:
             return entry.build(name, options)
         try:
-            made = entry.build(name, options)
+            return self._accept(name, entry.build(name, options))
         except ConfigError:
             raise
         except Exception as error:
             raise OwnCodeError(f"{self.kind} {name!r} cannot be made:\n{told(error)}") from error
-        return self._accept(name, made)
 
     def find(self, spec: str) -> tuple[Entry[T], Any]:
         """The entry that a text names, and its options; errors as `make`."""

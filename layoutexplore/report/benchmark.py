@@ -13,6 +13,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import layoutexplore
 from layoutexplore.benchmark.analysis import (
     METRICS,
@@ -203,9 +205,8 @@ def headline(rows: Sequence[Row], baseline: str, comparisons: Sequence[Compariso
     comparisons = [c for c in comparisons if c.sensor == name]
     levels = [(m, f"{m[1:]} %") for m in METRICS]
     if not comparisons:
-        table = _table(
-            part, [], summarise_agents(part, baseline, lambda row: (_ for _ in ()).throw(LookupError(row)))
-        )
+        # compared with nobody, also where the baseline ran: nothing was seen to 90 %
+        table = _table(part, [], summarise_agents(part, "", lambda _: np.empty((0, 2))))
         header = ("agent", *(f"metres to {level}" for _, level in levels))
         return [header, *((line.agent, *(number(line.metres[m], 1) for m, _ in levels)) for line in table)]
     by_agent: dict[str, dict[str, Comparison]] = {}

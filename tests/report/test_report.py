@@ -233,6 +233,13 @@ def test_a_report_without_the_baseline(folder: ResultsFolder) -> None:
     write_benchmark_report(folder)
 
 
+def test_runs_that_need_see_no_90_percent_are_listed(folder: ResultsFolder) -> None:
+    never = {"d90": math.nan, "d95": math.nan, "d99": math.nan}
+    rows = [dataclasses.replace(row, **never) for row in folder.rows()]  # type: ignore[arg-type]
+    table = headline(rows, "nearest", compare(rows, "nearest"))
+    assert {line[0] for line in table[1:]} == {"nearest", "random", "clairvoyant"}
+
+
 def test_failed_runs_are_listed(folder: ResultsFolder) -> None:
     rows = folder.rows()
     rows[0] = Row(
