@@ -101,7 +101,7 @@ class PriorPlan:
         unused: Why it cannot be used; empty for a plan that can.
 
     Raises:
-        MapError: The arrays differ in shape.
+        MapError: The arrays differ in shape, or hold nothing.
         ConfigError: The resolution or spread is no number above 0.
     """
 
@@ -114,10 +114,10 @@ class PriorPlan:
     unused: str = ""
 
     def __post_init__(self) -> None:
-        if self.free.ndim != 2 or self.free.shape != self.room_ids.shape:
+        if self.free.ndim != 2 or not self.free.size or self.free.shape != self.room_ids.shape:
             raise MapError(
                 f"prior plan {self.name}: free {self.free.shape} and rooms {self.room_ids.shape} must be "
-                "one two-dimensional shape"
+                "one two-dimensional shape with cells"
             )
         check_kind("hints", self.hints, PriorHints)
         check(self, resolution=Rule(above=0.0, high=1e3), scale_spread=Rule(above=0.0, high=3.0))

@@ -135,3 +135,9 @@ def test_nonsense_is_refused() -> None:
         PriorPlan(
             name="x", free=np.ones((2, 2), np.bool_), room_ids=np.ones((3, 2), np.int32), resolution=0.1
         )
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (0, 5), (5, 0)])
+def test_a_plan_has_cells(shape: tuple[int, int]) -> None:
+    with pytest.raises(MapError, match="with cells"):
+        PriorPlan(name="x", free=np.ones(shape, np.bool_), room_ids=np.ones(shape, np.int32), resolution=0.1)
