@@ -17,6 +17,7 @@ import sys
 import types
 import typing
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import islice
 from pathlib import PurePath
 from types import ModuleType
@@ -310,9 +311,8 @@ class _Elsewhere:
 
 def _shown(value: Any) -> str:
     """A value for a message; of an array its kind and shape."""
-    if isinstance(value, np.ndarray) and value.size > 8:
-        return f"{value.dtype} {value.shape}"
-    return shortened(value)
+    large = isinstance(value, np.ndarray) and value.size > 8
+    return f"{value.dtype} {value.shape}" if large else shortened(value)
 
 
 def _oddity(value: Any, meant: Any, error: Exception) -> str:
@@ -322,8 +322,9 @@ def _oddity(value: Any, meant: Any, error: Exception) -> str:
         return "" if abs(cast(Any, value)) <= most else f"is {shortened(value)}"
     if isinstance(value, PurePath) and "\0" in str(value):
         return f"is {shortened(str(value))}"
-    if told := getattr(value, "fault", ""):  # what an object says of itself
-        return str(told)
+    with suppress(Exception):  # what can be looked at and tells, as a `Decision` does, what is wrong with it
+        if told := getattr(value, "fault", ""):
+            return str(told)
     if isinstance(value, Iterator):
         return "is a generator"
     if isinstance(value, range):
@@ -344,10 +345,9 @@ def _oddity(value: Any, meant: Any, error: Exception) -> str:
 
 def _can_be(value: Any, meant: Any) -> bool:
     """As `_fits`; an object that raises when it is looked at fits nowhere."""
-    try:
+    with suppress(Exception):
         return _fits(value, meant)
-    except Exception:
-        return False
+    return False
 
 
 def _fits(value: Any, meant: Any) -> bool:

@@ -367,6 +367,12 @@ def test_a_fault_of_ours_at_an_ordinary_argument_stays_one() -> None:
         ours()
 
 
+def test_an_object_that_cannot_tell_its_fault_does_not_hide_the_error() -> None:
+    faulty = type("Faulty", (list,), {"fault": property(lambda _: 1 / 0)})()
+    with pytest.raises(ConfigError, match="parts is empty"):
+        first(GRID, parts=faulty)
+
+
 class Empty(Sequence[int]):
     """A list of a user's own whose errors are theirs."""
 

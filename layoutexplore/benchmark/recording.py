@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from layoutexplore.benchmark.counterfactual import Counterfactual, DecisiveDecision
 from layoutexplore.errors import ResultsError, checks_calls
 from layoutexplore.files.archives import ArrayRule, check_arrays
-from layoutexplore.files.limits import limits
+from layoutexplore.files.limits import limits, raise_it
 from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
@@ -122,7 +122,12 @@ def recording_from_arrays(arrays: Mapping[str, NDArray[Any]], where: str = "the 
     found = {name: arrays[_PREFIX + name] for name in Recording.__dataclass_fields__}
     check_arrays(found, _RULES, f"{where}: replay", ResultsError)
     shape = found["first"].shape
-    if shape[0] * shape[1] > limits().image_pixels or len(found["occupied"]) != -(-shape[0] * shape[1] // 8):
+    if shape[0] * shape[1] > (most := limits().image_pixels):
+        raise ResultsError(
+            f"{where}: a map of {shape[0]} x {shape[1]} cells, and the limit image_pixels is {most:g}: "
+            f"{raise_it('image_pixels', shape[0] * shape[1])}"
+        )
+    if len(found["occupied"]) != -(-shape[0] * shape[1] // 8):
         raise ResultsError(f"{where} is damaged: the replay's occupied cells do not fit its map")
     bits = np.unpackbits(found["occupied"], count=shape[0] * shape[1])
     found["occupied"] = bits.reshape(shape).astype(np.bool_)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -97,14 +98,16 @@ def _missing_walls(plan: FloorPlan) -> Iterator[Finding]:
         return
     polygons = [room.polygon for room in plan.rooms]
     pairs = shapely.STRtree(polygons).query(polygons, predicate="intersects").T if polygons else ()
+    doors: defaultdict[frozenset[int], float] = defaultdict(float)
+    for door in plan.doors:
+        doors[frozenset(door.rooms)] += door.width
     open_borders = []
     for a, b in pairs:
         if a < b:
             border = polygons[a].intersection(polygons[b].boundary)
-            rooms = {plan.rooms[a].id, plan.rooms[b].id}
-            doors = sum(door.width for door in plan.doors if set(door.rooms) == rooms)
-            if border.length - doors > OPEN_BORDER:
-                open_borders.append((plan.rooms[a].id, plan.rooms[b].id, border.representative_point()))
+            first, second = plan.rooms[a].id, plan.rooms[b].id
+            if border.length - doors[frozenset((first, second))] > OPEN_BORDER:
+                open_borders.append((first, second, border.representative_point()))
     if open_borders:
         first, second, place = open_borders[0]
         more = f" (and {counted(len(open_borders) - 1, 'more pair')})" if len(open_borders) > 1 else ""

@@ -12,7 +12,7 @@ from layoutexplore.agents import make_agent
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Nearest, NearestOptions
 from layoutexplore.errors import ConfigError, UnknownNameError
-from layoutexplore.frontiers.decision import STOP
+from layoutexplore.frontiers.decision import STOP, Decision
 from layoutexplore.predictors import make_predictor
 from tests.agents.cases import decide
 
@@ -107,3 +107,16 @@ def test_predictors_tell_what_is_wrong_with_a_decision() -> None:
         make_predictor("learned").predict(made)  # type: ignore[union-attr]
     with pytest.raises(ConfigError, match="knows no plan yet"):
         make_predictor("oracle").predict(made)  # type: ignore[union-attr]
+
+
+def test_an_error_of_an_own_agent_stays_as_it_is() -> None:
+    class Own(Nearest):
+        def choose(self, decision: Decision) -> int:
+            return self.furthest([])
+
+        def furthest(self, found: list[int]) -> int:
+            return max(found)
+
+    agent = Own("own", NearestOptions())
+    with pytest.raises(ValueError, match="empty"):
+        agent.act(decide("R....", (0, 4, 1.0, 2.0)))

@@ -20,6 +20,7 @@ from layoutexplore.benchmark.recording import (
 )
 from layoutexplore.benchmark.rows import prepare
 from layoutexplore.benchmark.runner import run_benchmark
+from layoutexplore.errors import ResultsError
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play, run_seed, start_pose
@@ -57,7 +58,8 @@ def test_a_recording_gives_the_map_after_every_scan(config: SimulationConfig, ag
 
     simulation.on_scan = scan
     episode = play(simulation, chosen, on_step=step)
-    noted = recording_from_arrays(recording_to_arrays(recorder.end()))
+    arrays = recording_to_arrays(recorder.end())
+    noted = recording_from_arrays(arrays)
     assert len(grids) == len(episode.curve) > 5
     for k, grid in enumerate(grids):
         assert np.array_equal(noted.cells(k + 1), grid)
@@ -71,6 +73,18 @@ def test_a_recording_gives_the_map_after_every_scan(config: SimulationConfig, ag
     assert all((closed != 0) == (agent == "layout-tour") for closed in noted.frontiers[:, 1].tolist())
     assert len(noted.rooms) == len(noted.rooms_at) and (len(noted.rooms) > 0) == (agent == "layout-tour")
     assert np.all(noted.decided[:, 1] >= 0) == (agent != "clairvoyant")
+
+
+def test_a_map_over_the_limit_says_which(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = floorplan_from_ascii(HOUSE, resolution=0.6, name="house")
+    simulation, chosen = prepare(plan, SimulationConfig(), "nearest")
+    recorder = Recorder()
+    simulation.on_scan = recorder.note_scan
+    play(simulation, chosen, on_step=recorder.note_decision)
+    arrays = recording_to_arrays(recorder.end())
+    monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "image_pixels=100")
+    with pytest.raises(ResultsError, match="the limit image_pixels is 100"):
+        recording_from_arrays(arrays)
 
 
 def test_the_choice_is_the_frontier_that_was_gone_to() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import dataclasses
 import itertools
 import math
@@ -11,29 +10,26 @@ from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutexplore.benchmark.analysis import Comparison, compare
+from layoutexplore.benchmark.analysis import compare
 from layoutexplore.benchmark.config import BenchmarkConfig, settings
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import COLUMNS, ResultsFolder
 from layoutexplore.documentation.site import PAGES
-from layoutexplore.drawing.film import Film
 from layoutexplore.drawing.labels import label_places
-from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.errors import ResultsError
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.report.benchmark import headline, report_view, write_benchmark_report
 from layoutexplore.report.caveats import caveats
-from layoutexplore.report.plots import floor_picture, forest, heat, track_picture
-from layoutexplore.report.templates import TEMPLATES, interval, png_uri, render
+from layoutexplore.report.templates import TEMPLATES, interval, render
 from tests.plans import HOUSE
 from tests.report.cases import many_runs
 
@@ -294,109 +290,6 @@ def test_what_flatters_is_said(folder: ResultsFolder) -> None:
     assert "the best of 3 on these very runs" in " ".join(caveats(rows, made, candidates=3))
 
 
-# --- pieces -----
-
-
-def comparison(agent: str, ratio: float, width: float = 0.1, metric: str = "d95") -> Comparison:
-    value = Interval(ratio, ratio * (1 - width), ratio * (1 + width))
-    return Comparison(
-        sensor="stage",
-        agent=agent,
-        metric=metric,
-        cells=3,
-        plans=3,
-        buildings=3,
-        ratio=value,
-        plan_ratio=value,
-        improvement=Interval(0.5, 0.4, 0.6),
-        reached=1.0,
-    )
-
-
-@given(st.lists(st.floats(0.05, 20), min_size=1, max_size=8), st.floats(0, 0.9))
-def test_forest_places_lie_on_the_axis(ratios: list[float], width: float) -> None:
-    drawn = forest([comparison(f"agent {k}", ratio, width) for k, ratio in enumerate(ratios)])
-    estimates = [row.comparison.ratio.estimate for row in drawn.rows]
-    assert estimates == sorted(ratios)
-    for row in drawn.rows:
-        assert 0 <= row.low <= row.place <= row.high <= 100
-        if not row.outside:
-            assert (row.place < drawn.one) == (
-                row.comparison.ratio.estimate < 1
-            ) or row.place == pytest.approx(drawn.one)
-    places = sorted(tick.at for tick in drawn.ticks)
-    assert "1" in {tick.label for tick in drawn.ticks} and all(0 <= place <= 100 for place in places)
-    assert all(b - a >= 9.99 for a, b in itertools.pairwise(places))
-
-
-def test_forest_without_intervals_and_with_a_guard() -> None:
-    nan = math.nan
-    lone = dataclasses.replace(comparison("tour", 0.9), ratio=Interval(0.9, nan, nan))
-    drawn = forest([lone, comparison("tour", 1.1, metric="d99")])
-    (row,) = drawn.rows
-    assert (
-        row.low == row.place == row.high
-        and row.guard_place is not None
-        and row.guard_place > drawn.one > row.place
-    )
-
-
-def test_a_way_starts_and_ends_where_it_should() -> None:
-    track = np.array([[1.0, 1.0, 0.0], [3.0, 1.0, 0.0], [3.0, 2.0, 0.0]])
-    drawn = track_picture(track, np.array([0.5, 0.0, 0.0, 0.0]), rows=10)
-    assert drawn.start == (2.0, 8.0) and drawn.end == (
-        6.0,
-        6.0,
-    )  # y is up in the world and down in the picture
-    assert drawn.pieces[0][1].startswith("M2.00,8.00") and drawn.pieces[-1][1].endswith("6.00,6.00")
-    assert any("6.00,8.00" in path for _, path in drawn.pieces)
-    assert track_picture(track[:1], np.array([0.5, 0.0, 0.0, 0.0]), rows=10).pieces == []
-    long = track_picture(np.repeat(track, 40_000, axis=0), np.array([0.5, 0.0, 0.0, 0.0]), rows=10)
-    assert (long.start, long.end) == (drawn.start, drawn.end)
-    assert sum(path.count(",") for _, path in long.pieces) < 50_000
-
-
-def test_floor_picture_is_upright() -> None:
-    occupied = np.ones((40, 30), np.bool_)
-    occupied[30:38, 5:25] = False  # free at high y: at the top of the picture
-    data = np.frombuffer(base64.b64decode(floor_picture(occupied).split(",")[1]), np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
-    assert image.shape == (40, 30) and image[5, 10] == 255 and image[35, 10] < 255 and image[10, 10] == 88
-    assert png_uri(np.zeros((2, 2, 3), np.uint8)).startswith("data:image/png;base64,")
-
-
-def test_heat_is_white_at_one() -> None:
-    assert heat(1.0).endswith(",0.00)") and heat(math.nan) == "transparent"
-    assert heat(0.5).startswith("rgba(0,114,178") and heat(2.0).startswith("rgba(213,94,0")
-
-
 def test_intervals_as_text() -> None:
     assert interval(None) == "–"
     assert interval(Interval(-0.012, -0.03, 0.01), sign=True) == "-0.01 (-0.03 to +0.01)"
-
-
-@pytest.mark.parametrize("suffix", [".gif", ".mp4"])
-def test_films_are_written(tmp_path: Path, suffix: str) -> None:
-    import imageio.v2 as imageio
-
-    path = tmp_path / "deep" / f"film{suffix}"
-    with Film(path, fps=8) as film:
-        for k in range(4):
-            film.add(np.full((64, 96, 3), 60 * k, np.uint8))
-    frames = imageio.mimread(path)
-    assert len(frames) >= 4 and frames[0].shape[:2] == (64, 96)
-    assert [p.name for p in path.parent.iterdir()] == [path.name]
-
-
-def test_a_film_that_breaks_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(ZeroDivisionError), Film(tmp_path / "film.gif") as film:
-        film.add(np.zeros((64, 96, 3), np.uint8))
-        raise ZeroDivisionError
-    assert not list(tmp_path.iterdir())
-
-
-def test_films_of_other_kinds(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"\.mp4 or \.gif"):
-        Film(tmp_path / "film.avi")
-    with pytest.raises(ConfigError, match="frames per second"):
-        Film(tmp_path / "film.gif", fps=0)
