@@ -164,8 +164,11 @@ class Run(TrainingRun):
 def build(config: TrainingConfig, envs: Any, spec: PolicySpec | None, device: str) -> BaseAlgorithm:
     """The algorithm of a configuration.
 
-    Schedules hang on the steps done, not on those of one call of `learn`.
+    Schedules hang on the steps done, not on those of one call of `learn`. Networks that choose frontiers are
+    small, and asked for a few dozen decisions at a time: where nobody says, they stay on the processor.
     """
+    if spec and device == "auto":
+        device = "cpu"
     arguments: dict[str, Any] = {"policy": "MultiInputPolicy", "policy_kwargs": {}}
     if spec:
         arguments = {"policy": FrontierPolicy, "policy_kwargs": {"spec": spec}, "averaging": config.averaging}

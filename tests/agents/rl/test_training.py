@@ -93,6 +93,20 @@ def test_a_run_is_not_overwritten(trained: Path, tmp_path: Path) -> None:
         Run(small_config(tmp_path), trained, device="cpu", resume=False, watcher=Silent())
 
 
+def test_small_networks_stay_on_the_processor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def note(device: str) -> Any:
+        asked.append(device)
+        return torch.device("cpu")
+
+    monkeypatch.setattr("layoutexplore.agents.rl.training.get_device", note)
+    for device in ("auto", "cuda"):
+        monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+        Run(small_config(tmp_path), tmp_path / device, device=device, resume=False, watcher=Silent())
+    assert asked == ["cpu", "cuda"]
+
+
 def test_nothing_to_resume(tmp_path: Path) -> None:
     with pytest.raises(ResultsError, match="no checkpoint"):
         Run(small_config(tmp_path), tmp_path / "run", device="cpu", resume=True, watcher=Silent())
