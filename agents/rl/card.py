@@ -131,7 +131,9 @@ def find_policy(name: str) -> Path:
         return path
     if len(path.parts) == 1 and not path.suffix:
         problem = unknown_name("policy", name, shipped)
-        raise UnknownNameError(f"{problem}. A .safetensors file or a folder of `layoutexplore train` does, too")
+        raise UnknownNameError(
+            f"{problem}. A .safetensors file or a folder of `layoutexplore train` does, too"
+        )
     raise ConfigError(
         f"there is no policy {shown_path(path)}: give a .safetensors file, a folder of `layoutexplore train` "
         f"or a shipped name ({', '.join(shipped)})"

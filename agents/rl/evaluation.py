@@ -50,7 +50,7 @@ class Metres(NamedTuple):
 
 
 @checks_arguments
-def check_names(config: TrainingConfig) -> None:
+def check_what_is_named(config: TrainingConfig) -> None:
     """See that every agent, predictor and plan that a run names is there, before anything begins.
 
     Raises:
