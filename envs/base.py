@@ -6,10 +6,11 @@ Gymnasium.
 
 from __future__ import annotations
 
+import inspect
 import operator
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import gymnasium
 import numpy as np
@@ -23,7 +24,7 @@ from layoutexplore.envs.plans import PlanSource, PlanSpec, load
 from layoutexplore.envs.rewards import Reward, Transition, reads_foresight, reads_rooms, reward
 from layoutexplore.envs.room_progress import RoomLedger
 from layoutexplore.envs.viewer import RENDER_MODES, Viewer
-from layoutexplore.errors import ConfigError, StartError, shortened
+from layoutexplore.errors import ConfigError, StartError, shortened, unknown_name
 from layoutexplore.frontiers.decision import Predictor
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import Pose
@@ -63,6 +64,15 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4}  # noqa: RUF012
+
+    def __new__(cls, *arguments: Any, **options: Any) -> Self:
+        """An environment that is still to be made, if there are such options.
+
+        Raises:
+            UnknownNameError: There is no such option; the closest ones are suggested.
+        """
+        check_options(cls, options)
+        return super().__new__(cls)
 
     def __init__(
         self,
@@ -211,6 +221,17 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
             "plan_index": self._plan_index,
             "simulation_seed": self._simulation_seed,
         }
+
+
+def check_options(environment: type[Any], options: Mapping[str, Any], *more: str) -> None:
+    """Raise `UnknownNameError` unless an environment has all of these options, or they are some of `more`."""
+    parameters = list(inspect.signature(environment.__init__).parameters.values())[1:]
+    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+        return
+    known = [parameter.name for parameter in parameters]
+    for name in options:
+        if name not in known:
+            raise unknown_name(f"option of {environment.__name__}", name, [*known, *more])
 
 
 def whole_action(action: Any) -> int:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import inspect
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, shortened
+from layoutexplore.errors import ConfigError, cause, shortened
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import cached_plan
 from layoutexplore.options import check_kind
+
+MOST_PLANS = 200_000
+"""So many floor plans an environment may draw from."""
 
 OnePlan = FloorPlan | str | Path
 """A floor plan, or the name or path of one."""
@@ -36,7 +40,8 @@ class PlanSource:
     Args:
         spec: A `FloorPlan`; the name of a shipped plan, of a split ("train", "validation", "test") or of a
             generated plan ("office:7"); a path to a plan or to a folder of them; a sequence of these; or a
-            callable that is given a random generator and returns a plan.
+            callable that is given a random generator and returns a plan. What a sequence names twice is
+            drawn twice as often.
 
     Raises:
         ConfigError: There is no plan to draw from.
@@ -44,7 +49,7 @@ class PlanSource:
     """
 
     def __init__(self, spec: PlanSpec) -> None:
-        self._function: Any = spec if callable(spec) else None
+        self._function: Any = _drawing(spec) if callable(spec) else None
         self._plans: list[FloorPlan | str] = [] if callable(spec) else _expand(spec)
         if self._function is None and not self._plans:
             raise ConfigError(f"no floor plan to explore in {shortened(spec)}")
@@ -65,6 +70,24 @@ def load(plan: OnePlan) -> FloorPlan:
     return plan if isinstance(plan, FloorPlan) else cached_plan(plan)
 
 
+def _drawing(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function that draws plans, if it can be called with a generator and nothing else."""
+    if isinstance(function, Curriculum):
+        return function
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # of some that are no Python nobody knows what they take
+        return function
+    try:
+        signature.bind(None)
+    except TypeError as error:
+        raise ConfigError(
+            f"a function that draws plans is called with a random generator alone: {cause(error)}, "
+            f"got {shortened(function)}"
+        ) from error
+    return function
+
+
 def _expand(spec: OnePlan | Sequence[OnePlan]) -> list[FloorPlan | str]:
     if isinstance(spec, FloorPlan):
         return [spec]
@@ -72,9 +95,18 @@ def _expand(spec: OnePlan | Sequence[OnePlan]) -> list[FloorPlan | str]:
         from layoutexplore.maps import expand_plans
 
         return list(expand_plans(str(spec)))
+    if isinstance(spec, Iterator):
+        raise ConfigError("plan is a generator, which may never end: put the plans into a list")
     try:
-        if isinstance(spec, Iterable) and not isinstance(spec, (bytes, Mapping)):
-            return [plan for one in spec for plan in _expand(one)]
+        if isinstance(spec, Set):
+            raise ConfigError("plan is a set, whose order changes from process to process: take a list")
+        if isinstance(spec, Collection) and not isinstance(spec, (bytes, Mapping)):
+            plans: list[FloorPlan | str] = []
+            for one in spec:
+                plans += _expand(one)
+                if len(plans) > MOST_PLANS:
+                    raise ConfigError(f"plan holds more than {MOST_PLANS} floor plans, which is the most")
+            return plans
     except (TypeError, RecursionError):  # an array without elements, a list that is in itself
         pass
     raise ConfigError(

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from layoutexplore.errors import ConfigError, shortened, unknown_name
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
+from layoutexplore.options import Rule, check
 
 
 class Transition(NamedTuple):
@@ -102,6 +103,9 @@ class PathToMarks:
         weight_95: What a metre before 95 % costs.
         weight_99: What a metre before 99 % costs; before 95 % both are charged.
 
+    Raises:
+        ConfigError: A weight is not a number from 0 to a million.
+
     Example:
         >>> step = Transition(20.0, 5.0, 0.96, 0.1, 60.0, 400.0, "", 15.0, 20.0, reference=100.0)
         >>> PathToMarks()(step)
@@ -110,6 +114,10 @@ class PathToMarks:
 
     weight_95: float = 1.0
     weight_99: float = 1.0
+
+    def __post_init__(self) -> None:
+        weight = Rule(low=0.0, high=1e6)
+        check(self, weight_95=weight, weight_99=weight)
 
     def __call__(self, transition: Transition) -> float:
         """The reward of a step."""

@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from layoutexplore.envs.base import ExplorationEnv
+from layoutexplore.envs.base import ExplorationEnv, check_options
 from layoutexplore.envs.frontier import FrontierEnv
 from layoutexplore.envs.motion import MotionEnv
 from layoutexplore.envs.observation import Observation
@@ -22,7 +22,7 @@ from layoutexplore.envs.vector_buffers import Arrays
 from layoutexplore.envs.vector_workers import LocalWorkers, ProcessWorkers, Workers, WorkerSetup
 from layoutexplore.errors import ConfigError, cause, checks_making, shortened, unknown_name
 from layoutexplore.grids.arrays import Floats, Mask
-from layoutexplore.options import COUNT, SEED, Rule, check_kind
+from layoutexplore.options import COUNT, FLAG, SEED, Rule, check_kind
 from layoutexplore.processes import usable_cores
 
 MOST_ENVIRONMENTS = 65_536
@@ -30,6 +30,8 @@ MOST_ENVIRONMENTS = 65_536
 
 BACKENDS = ("serial", "threads", "processes")
 """Who steps the environments: this thread, a few threads, or worker processes."""
+
+_OWN_OPTIONS = ("backend", "workers", "autoreset_mode", "max_episode_steps", "copy")
 
 Step = tuple[Observation, Floats, Mask, Mask, dict[str, Any]]
 
@@ -74,6 +76,8 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         **options: Any,
     ) -> None:
         self.closed = True  # Until all went well: a failed constructor leaves nothing to close.
+        FLAG.convert("copy", copy)
+        check_options(self.environment, options, *_OWN_OPTIONS)
         make = partial(_make, self.environment, options)
         template = make()
         self.num_envs, self._mode, self._copy = num_envs, _checked_mode(autoreset_mode), copy

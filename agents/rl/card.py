@@ -17,8 +17,17 @@ import layoutexplore
 from layoutexplore.agents.rl.hyperparameters import LONGEST_WAY, NetworkConfig, TrainingConfig
 from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
-from layoutexplore.errors import ConfigError, ResultsError, cause, checks_arguments, shortened, unknown_name
+from layoutexplore.errors import (
+    ConfigError,
+    ResultsError,
+    UnknownNameError,
+    cause,
+    checks_arguments,
+    shortened,
+    unknown_name,
+)
 from layoutexplore.files import is_there, parse_toml
+from layoutexplore.files.reading import shown_path
 from layoutexplore.files.schema import Anything, Items, Number, Record, TableOf, Text
 from layoutexplore.files.tensors import read_metadata
 from layoutexplore.frontiers.tour_features import TourConfig
@@ -121,10 +130,13 @@ def find_policy(name: str) -> Path:
     if is_there(path) and path.is_file():
         return path
     if len(path.parts) == 1 and not path.suffix:
-        raise unknown_name("policy", name, shipped)
+        problem = unknown_name("policy", name, shipped)
+        raise UnknownNameError(
+            f"{problem}. A .safetensors file or a folder of `layoutexplore train` does, too"
+        )
     raise ConfigError(
-        f"there is no policy {path}: give a .safetensors file, a folder of `layoutexplore train` "
-        "or a shipped name"
+        f"there is no policy {shown_path(path)}: give a .safetensors file, a folder of `layoutexplore train` "
+        f"or a shipped name ({', '.join(shipped)})"
     )
 
 

@@ -13,7 +13,7 @@ from layoutexplore.envs.curriculum import PlanSampler, Randomisation
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.rewards import PathToMarks
-from layoutexplore.errors import checks_arguments
+from layoutexplore.errors import ConfigError, checks_arguments, shortened
 from layoutexplore.files import is_there
 from layoutexplore.maps.formats.building_files import split_level
 from layoutexplore.maps.library import find_plans, load_plan
@@ -61,10 +61,16 @@ def check_plans(config: TrainingConfig) -> None:
     """See that the floor plans from files can be read, before hours of training meet the first that cannot.
 
     Raises:
+        ConfigError: Plans without end stand beside others.
         MapError: One is missing, broken, or of no known format.
     """
     if config.plans == (GENERATED,):
         return
+    if GENERATED in config.plans:
+        raise ConfigError(
+            f"plans: {GENERATED!r} stands alone, got {shortened(config.plans)}; "
+            "generator.shipped_share mixes plans that ship with generated ones"
+        )
     for source in find_plans(config.plans):
         if is_there(split_level(source)[0]):
             load_plan(source)

@@ -13,8 +13,15 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.explorers import Stop, explore_all
-from layoutexplore.agents.rl.hyperparameters import TrainingConfig
-from layoutexplore.errors import ResultsError, checks_arguments, checks_making, counted, shortened
+from layoutexplore.agents.rl.hyperparameters import MOST_CELLS, TrainingConfig
+from layoutexplore.errors import (
+    ConfigError,
+    ResultsError,
+    checks_arguments,
+    checks_making,
+    counted,
+    shortened,
+)
 from layoutexplore.files import read_csv
 from layoutexplore.files.reading import is_there
 from layoutexplore.frontiers.decision import Agent
@@ -42,18 +49,47 @@ class Metres(NamedTuple):
     coverage: float
 
 
+@checks_arguments
+def check_what_is_named(config: TrainingConfig) -> None:
+    """See that every agent, predictor and plan that a run names is there, before anything begins.
+
+    Raises:
+        ConfigError: There is no such agent or predictor, or they do not go together.
+        MapError: There is no such plan.
+    """
+    find_plans(config.evaluation.plans)
+    make_predictor(config.predictor)
+    for name in config.evaluation.references:
+        make_agent(name)
+    teacher = config.imitation.teacher if config.imitation else ""
+    wanted = getattr(make_agent(teacher), "predictor", config.predictor) if teacher else config.predictor
+    if wanted != config.predictor:
+        raise ConfigError(
+            f"the teacher {teacher!r} needs predictor = {wanted!r}, the run has {config.predictor!r}"
+        )
+
+
 @checks_making
 class Evaluation:
     """Explores the cells of a configuration; what the reference agents do is found once.
 
     Args:
         config: Of the run.
+
+    Raises:
+        ConfigError: It would never end.
+        MapError: There is no such plan.
     """
 
     def __init__(self, config: TrainingConfig) -> None:
         self.config = config
         plans = find_plans(config.evaluation.plans)
         starts = range(config.evaluation.starts)
+        if (count := len(plans) * len(starts) * len(config.sensors)) > MOST_CELLS:
+            raise ConfigError(
+                f"an evaluation explores {MOST_CELLS} times at most, got {count}: take fewer of "
+                "evaluation.plans, evaluation.starts or sensors"
+            )
         self.cells = [
             EvaluationCell(plan, start, sensor)
             for plan in plans

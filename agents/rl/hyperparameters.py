@@ -13,10 +13,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from layoutexplore.errors import ConfigError, checks_arguments, checks_making, unknown_name
+from layoutexplore.envs.curriculum import PlanSampler, Randomisation
+from layoutexplore.envs.observation import ObservationConfig
+from layoutexplore.envs.rewards import PathToMarks
+from layoutexplore.errors import ConfigError, checks_arguments, checks_making, shortened, unknown_name
 from layoutexplore.files import read_toml
 from layoutexplore.frontiers.tour_features import TourConfig
-from layoutexplore.options import COUNT, NATURAL, POSITIVE, Rule, check, check_kind, rule_like
+from layoutexplore.options import SHARE, Rule, check, check_keys, check_kind, from_table, rule_like
 
 DEFAULTS = Path(__file__).resolve().parent.parent / "hyperparameters.toml"
 """The shipped hyper-parameters."""
@@ -30,6 +33,44 @@ LONGEST_WAY = 1e6
 """Metres: more than any robot goes between two looks around."""
 
 ENCODERS = ("pooled", "attention", "deep-sets", "none")
+
+MOST_WEIGHTS = 2e7
+"""So many numbers a network may have: with its average, its critic and the optimizer a gigabyte."""
+
+MOST_ENVIRONMENTS = 4096
+"""Side by side; memory ends it sooner."""
+
+MOST_DECISIONS = 1e7
+"""So many decisions may be made between two updates; memory ends it sooner."""
+
+MOST_CELLS = 100_000
+"""So many explorations one evaluation may take: they would take days."""
+
+_STEPS = Rule(kind=int, low=1, high=1e10)
+_COUNT = Rule(kind=int, low=1, high=1e6)
+_RATE = Rule(above=0.0, high=1.0)
+_WEIGHT = Rule(low=0.0, high=1e3)
+_LEARNING = {
+    "learning_rate": _RATE,
+    "n_steps": _COUNT,
+    "batch_size": _COUNT,
+    "n_epochs": Rule(kind=int, low=1, high=1e4),
+    "gamma": SHARE,
+    "gae_lambda": SHARE,
+    "clip_range": Rule(above=0.0, high=10.0),
+    "ent_coef": _WEIGHT,
+    "vf_coef": _WEIGHT,
+    "max_grad_norm": Rule(above=0.0, high=1e6),
+    "target_kl": Rule(above=0.0, high=1e3),
+    "buffer_size": Rule(kind=int, low=1, high=1e8),
+    "learning_starts": Rule(kind=int, low=0, high=1e10),
+    "train_freq": _COUNT,
+    "gradient_steps": Rule(kind=int, low=-1, high=1e6),
+    "target_update_interval": _STEPS,
+    "exploration_fraction": _RATE,
+    "exploration_final_eps": SHARE,
+}
+"""Which values the keyword arguments of the algorithms may have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +104,12 @@ class NetworkConfig:
         check(self, "network.", tour_weight=weight, detour_weight=weight)
         if self.width % self.heads:
             raise ConfigError(f"network.heads must divide network.width, got {self.heads} and {self.width}")
+        # A layer of attention has 12 squares of the width; no other has more.
+        if self.encoder != "none" and 12 * self.layers * self.width**2 > MOST_WEIGHTS:
+            raise ConfigError(
+                f"network.width {self.width} and network.layers {self.layers} make a network of more than "
+                f"{MOST_WEIGHTS:.0e} numbers: 12 * layers * width squared must be at most that"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +134,8 @@ class ImitationConfig:
     batch_size: int = 256
 
     def __post_init__(self) -> None:
-        check(self, "imitation.", episodes=COUNT, rounds=COUNT, epochs=COUNT, batch_size=COUNT)
+        check(self, "imitation.", teacher=Rule(kind=str), learning_rate=_RATE)
+        check(self, "imitation.", episodes=_COUNT, rounds=_COUNT, epochs=_COUNT, batch_size=_COUNT)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +158,8 @@ class SearchConfig:
     outlier: float = 0.4
 
     def __post_init__(self) -> None:
-        check(self, "search.", round=COUNT, pairs=COUNT, spread=POSITIVE, trust=POSITIVE, outlier=POSITIVE)
+        count, length = Rule(kind=int, low=1, high=1e5), Rule(above=0.0, high=10.0)
+        check(self, "search.", round=count, pairs=count, spread=length, trust=length, outlier=length)
         if self.round % (2 * self.pairs):
             raise ConfigError(
                 f"search.round must be a multiple of twice search.pairs, got {self.round} and {self.pairs}"
@@ -134,7 +183,15 @@ class EvaluationConfig:
     references: tuple[str, ...] = ("tour", "nearest")
 
     def __post_init__(self) -> None:
-        check(self, "evaluation.", every=COUNT, starts=COUNT)
+        check(self, "evaluation.", every=_STEPS, starts=Rule(kind=int, low=1, high=1e3))
+        names = Rule(kind=str, count=-1)
+        check(self, "evaluation.", plans=names, references=names)
+        if not self.plans:
+            raise ConfigError("evaluation.plans must name at least one floor plan, got []")
+
+
+_PARTS = {"network": NetworkConfig, "imitation": ImitationConfig, "tour": TourConfig, "search": SearchConfig}
+"""Tables of the algorithms that have them, and what they are read into."""
 
 
 @checks_making
@@ -198,14 +255,59 @@ class TrainingConfig:
     search: SearchConfig | None = None
 
     def __post_init__(self) -> None:
-        check(self, steps=COUNT, envs=COUNT, checkpoint_every=COUNT, averaging=Rule(low=0.0, below=1.0))
-        check(self, workers=NATURAL, seed=SEED, critic_steps=NATURAL, max_steps=NATURAL)
-        check(self, final_learning_rate=Rule(low=0.0, high=1.0))
-        check(self, look_every=Rule(low=0.0, high=LONGEST_WAY))
-        for name in ("plans", "sensors"):
-            check_kind(name, getattr(self, name), tuple, list)
+        if not isinstance(self.algorithm, str) or self.algorithm not in _defaults():
+            raise unknown_name("algorithm", self.algorithm, _defaults())
+        check(self, steps=_STEPS, envs=Rule(kind=int, low=1, high=MOST_ENVIRONMENTS), checkpoint_every=_STEPS)
+        check(self, workers=Rule(kind=int, low=0, high=1024), seed=SEED, averaging=Rule(low=0.0, below=1.0))
+        check(self, critic_steps=Rule(kind=int, low=0, high=1e10), max_steps=Rule(kind=int, low=0, high=1e7))
+        check(self, final_learning_rate=SHARE, look_every=Rule(low=0.0, high=LONGEST_WAY))
+        names = Rule(kind=str, count=-1)
+        check(self, predictor=Rule(kind=str), plans=names, sensors=names)
         if not self.plans or not self.sensors:
             raise ConfigError("training needs at least one of plans and of sensors")
+        self._check_parts()
+        self._check_tables()
+
+    def _check_parts(self) -> None:
+        """Raise `ConfigError` unless every part is there that the algorithm has, and of its kind."""
+        defaults = _defaults()[self.algorithm]
+        for name, kind in (*_PARTS.items(), ("evaluation", EvaluationConfig)):
+            check_kind(name, getattr(self, name), kind, optional=name not in defaults)
+        environment = defaults["environment"]
+        if self.environment != environment:
+            raise unknown_name(f"environment for {self.algorithm!r}", self.environment, [environment])
+        if self.evaluation.references and "network" not in defaults:
+            raise ConfigError(
+                f"evaluation.references: no agent drives as {self.algorithm!r} does, so none can be compared "
+                f"with it; leave them out, got {shortened(self.evaluation.references)}"
+            )
+
+    def _check_tables(self) -> None:
+        """Raise `ConfigError` unless the tables of keyword arguments are complete and make sense."""
+        defaults = _defaults()[self.algorithm]
+        for name in ("generator", "learning", "observation", "reward"):
+            table, known = getattr(self, name), defaults.get(name, {})
+            check_kind(name, table, Mapping)
+            if name != "generator":
+                check_keys(table, known, f"[{name}]")
+            if lacking := [key for key in known if key not in table]:
+                raise ConfigError(f"[{name}]: missing {', '.join(lacking)}")
+        from_table(PlanSampler, self.generator, "[generator]")
+        from_table(ObservationConfig, self.observation, "[observation]")
+        Randomisation(sensors=self.sensors)
+        reward = from_table(PathToMarks, self.reward, "[reward]")
+        if not reward.weight_95 + reward.weight_99:
+            raise ConfigError("reward.weight_95 and reward.weight_99 are both 0: one must be above")
+        for key, value in self.learning.items():
+            _LEARNING[key].convert(f"learning.{key}", value)
+        if "n_epochs" in self.learning:  # Advantages are measured against others of the same batch.
+            if self.learning["batch_size"] < 2:
+                raise ConfigError("learning.batch_size must be a whole number, 2 or more, got 1")
+            if not 2 <= self.envs * self.learning["n_steps"] <= MOST_DECISIONS:
+                raise ConfigError(
+                    f"envs * learning.n_steps must be from 2 to {MOST_DECISIONS:g}, "
+                    f"got {self.envs} * {self.learning['n_steps']}"
+                )
 
     @property
     def chooses_frontiers(self) -> bool:
@@ -275,13 +377,7 @@ def _build(algorithm: str, table: dict[str, Any]) -> TrainingConfig:
     parts: dict[str, Any] = {"evaluation": EvaluationConfig(**evaluation)}
     for name in ("plans", "sensors"):
         parts[name] = tuple(table.pop(name))
-    tables = {
-        "network": NetworkConfig,
-        "imitation": ImitationConfig,
-        "tour": TourConfig,
-        "search": SearchConfig,
-    }
-    parts |= {name: kind(**table.pop(name)) for name, kind in tables.items() if name in table}
+    parts |= {name: kind(**table.pop(name)) for name, kind in _PARTS.items() if name in table}
     return TrainingConfig(algorithm=algorithm, **parts, **table)
 
 

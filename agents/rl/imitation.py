@@ -22,7 +22,6 @@ from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.hyperparameters import ImitationConfig, TrainingConfig
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.envs.base import ExplorationEnv
-from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import PATHS, Agent, Decision, Privileged, path_of
 from layoutexplore.grids.arrays import Ints
 
@@ -72,10 +71,6 @@ def imitate(
     plan = config.imitation
     assert plan is not None
     teacher = make_agent(plan.teacher)
-    if (wanted := getattr(teacher, "predictor", config.predictor)) != config.predictor:
-        raise ConfigError(
-            f"the teacher {plan.teacher!r} needs predictor = {wanted!r}, the run has {config.predictor!r}"
-        )
     env = gymnasium.make(config.environment, **environment_arguments(config)).unwrapped
     assert isinstance(env, ExplorationEnv)
     rng = np.random.default_rng([config.seed, 1])

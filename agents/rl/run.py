@@ -18,7 +18,7 @@ from stable_baselines3.common.logger import configure
 from layoutexplore.agents.rl.agent import NetworkPolicy
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.agents.rl.environments import check_plans
-from layoutexplore.agents.rl.evaluation import Evaluation, score
+from layoutexplore.agents.rl.evaluation import Evaluation, check_what_is_named, score
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.torch_policy_files import save_policy
@@ -87,6 +87,7 @@ class TrainingRun:
             )
         if device == "cuda" and not torch.cuda.is_available():
             raise ConfigError("there is no CUDA device here: use --device cpu or auto")
+        check_what_is_named(config)
         check_plans(config)
         self.config, self.folder, self.watcher = config, folder, watcher
         self.device = torch.device("cpu")

@@ -31,6 +31,7 @@ from layoutexplore.agents.rl.maskable_policy import FrontierPolicy
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.ppo.algorithm import FrontierPPO
 from layoutexplore.agents.rl.run import TrainingRun, Watcher
+from layoutexplore.errors import ConfigError, cause
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"maskable-ppo": FrontierPPO, "ppo": PPO, "dqn": DQN}
 
@@ -59,9 +60,15 @@ class Run(TrainingRun):
         super().__init__(config, folder, FILE, device=device, resume=resume, watcher=watcher)
         self._spec = spec_of(config) if config.chooses_frontiers else None
         self.envs = make_envs(config)
-        self.model = build(config, self.envs, self._spec, device)
+        try:
+            self.model = build(config, self.envs, self._spec, device)
+            self.progress = Progress(type(self.model).__name__)
+            if resume:
+                self.progress = load_checkpoint(folder, self.model)
+        except BaseException:
+            self.envs.close()
+            raise
         self.device = self.model.device
-        self.progress = load_checkpoint(folder, self.model) if resume else Progress(type(self.model).__name__)
         self.evaluations = self.progress.evaluations
         if not resume:
             self.begin_folder()
@@ -166,6 +173,9 @@ def build(config: TrainingConfig, envs: Any, spec: PolicySpec | None, device: st
 
     Schedules hang on the steps done, not on those of one call of `learn`. Networks that choose frontiers are
     small, and asked for a few dozen decisions at a time: where nobody says, they stay on the processor.
+
+    Raises:
+        ConfigError: What it keeps to learn from does not fit into memory.
     """
     if spec and device == "auto":
         device = "cpu"
@@ -174,9 +184,15 @@ def build(config: TrainingConfig, envs: Any, spec: PolicySpec | None, device: st
         arguments = {"policy": FrontierPolicy, "policy_kwargs": {"spec": spec}, "averaging": config.averaging}
     learning = dict(config.learning)
     share = learning.get("exploration_fraction", 1.0)
-    model: BaseAlgorithm = ALGORITHMS[config.algorithm](
-        env=envs, seed=config.seed, device=get_device(device), **arguments, **learning
-    )
+    try:
+        model: BaseAlgorithm = ALGORITHMS[config.algorithm](
+            env=envs, seed=config.seed, device=get_device(device), **arguments, **learning
+        )
+    except MemoryError as error:
+        raise ConfigError(
+            f"what is learnt from does not fit into memory: {cause(error)}; make learning.buffer_size, or "
+            "envs and learning.n_steps, smaller"
+        ) from error
     if isinstance(model, DQN):
         first, last, until = 1.0, learning["exploration_final_eps"], share * config.steps
         model.exploration_schedule = lambda _: max(last, first + (last - first) * model.num_timesteps / until)

@@ -67,6 +67,8 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
         config = SimulationConfig(sensor=sensor, odometry_noise=noise)
         yield f"sensor {sensor}", partial(_explore, tiny, config, "nearest")
     yield "a whole exploration", partial(_explore, whole, SimulationConfig(), "layout-tour")
+    agent, config = "plan-tour:predictor=prior:rough", SimulationConfig(sensor="indoor")
+    yield "a prior plan", partial(_explore, whole, config, agent)
     grid = whole.rasterize(0.05).grid
     for method in METHOD_MODULES:
         yield f"layout method {method}", partial(reconstruct, grid, method)

@@ -14,7 +14,11 @@ from layoutexplore.files.documents import parse_json
 from layoutexplore.files.reading import Kind, read_bytes
 from layoutexplore.files.schema import Record, TableOf, Text
 
+MOST_TENSORS = 10_000
+"""A checkpoint of the largest network has fewer."""
+
 _LONGEST_HEADER = 1 << 22
+_LONGEST_NAME = 200
 _HEADER = Record({}, {"__metadata__": TableOf(Text(most=_LONGEST_HEADER))})
 
 
@@ -68,6 +72,15 @@ def _metadata(data: bytes, path: Path, error: Kind, what: str) -> dict[str, str]
     if len(data) < 8 or not 0 < size <= min(_LONGEST_HEADER, len(data) - 8):
         raise error(f"{path} is not a {what}: it does not begin like a safetensors file, or is cut off")
     text = data[8 : 8 + size].decode("utf-8", errors="replace")
-    header = parse_json(text, f"{path}: the header", _HEADER, error=error)
+    count = text.count('"data_offsets"')  # of every tensor; a header that is too large is not even parsed
+    header = parse_json(text, f"{path}: the header", _HEADER, error=error) if count <= MOST_TENSORS else {}
+    if (count := max(count, len(header))) > MOST_TENSORS:
+        raise error(f"{path} is not a {what}: it has {count} tensors, and {MOST_TENSORS} is the most")
+    for name in (*header, *header.get("__metadata__", {})):
+        if len(name) > _LONGEST_NAME:
+            raise error(
+                f"{path} is not a {what}: the name {shortened(name)} has {len(name)} characters, and "
+                f"{_LONGEST_NAME} is the most"
+            )
     metadata: dict[str, str] = header.get("__metadata__", {})
     return metadata

@@ -19,7 +19,7 @@ from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.arrays import Floats, Ints
-from layoutexplore.options import NON_NEGATIVE, check
+from layoutexplore.options import Rule, check
 from layoutexplore.planning.latency_tours import latency_tour
 
 TOUR_SIZE = 1.0
@@ -43,6 +43,11 @@ BEGUN = 60.0
 _UNCONNECTED = 1e6
 
 
+def greatest(parameter: str) -> float:
+    """The greatest value that a parameter of a tour may have: with more, weights are no numbers any more."""
+    return 10.0 if parameter.endswith("exponent") else 1e6
+
+
 @dataclass(frozen=True, kw_only=True)
 class TourConfig:
     """How a tour weighs path lengths and areas; by default as the agents `layout-tour` and `latency-tour` do.
@@ -61,7 +66,7 @@ class TourConfig:
         little_left: Square metres; closed frontiers with less left in their room wait.
 
     Raises:
-        ConfigError: A value is not a finite number of 0 or more.
+        ConfigError: A value is no number from 0 to a million, an exponent none from 0 to 10.
     """
 
     patience: float = 1.0
@@ -73,7 +78,9 @@ class TourConfig:
     little_left: float = LITTLE_LEFT
 
     def __post_init__(self) -> None:
-        check(self, "tour.", **{field.name: NON_NEGATIVE for field in dataclasses.fields(self)})
+        check(
+            self, "tour.", **{f.name: Rule(low=0.0, high=greatest(f.name)) for f in dataclasses.fields(self)}
+        )
 
 
 PLAIN_TOUR = TourConfig()

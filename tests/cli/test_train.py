@@ -55,6 +55,9 @@ def test_train_resume_and_benchmark(
         (("--curve",), "no evaluations in"),
         (("--predictor", "lay"), "unknown predictor 'lay'"),
         (("--plans", "officee:3"), "officee"),
+        (("--plans", "generated", "--plans", "train"), "'generated' stands alone"),
+        (("--envs", "1000000", "--algorithm", "ppo"), "envs must be a whole number from 1 to 4096"),
+        (("--steps", "1000000000000"), "steps must be a whole number from 1 to"),
     ],
 )
 def test_what_cannot_be(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,9 @@ from layoutexplore.envs.curriculum import PlanSampler, Randomisation
 from layoutexplore.envs.frontier import FrontierEnv
 from layoutexplore.envs.motion import MotionConfig
 from layoutexplore.envs.observation import ObservationConfig
-from layoutexplore.errors import ConfigError, LayoutExploreError, shortened
+from layoutexplore.errors import ConfigError, LayoutExploreError, UnknownNameError, shortened
 from layoutexplore.maps import expand_plans
+from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.predictors import make_predictor
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
@@ -96,6 +98,67 @@ def test_no_vector_and_no_range_of_plans_is_endless() -> None:
         gymnasium.make_vec(FRONTIER, num_envs=10**6, plan=rooms(), sensor="indoor")
     with pytest.raises(LayoutExploreError, match="at most"):
         expand_plans("office:1-9999999999")
+
+
+def endless() -> Iterator[FloorPlan]:
+    while True:
+        yield rooms()
+
+
+@pytest.mark.parametrize(
+    ("plans", "message"),
+    [
+        (range(10**9), "a plan is a FloorPlan"),
+        (endless(), "plan is a generator"),
+        ([], "no floor plan to explore"),
+        ([rooms(), 3], "a plan is a FloorPlan"),
+        (["apartment-01"] * 300_000, "more than 200000 floor plans"),
+        ({"apartment-01", "apartment-02"}, "plan is a set"),
+        (rooms, "called with a random generator alone"),
+        (FloorPlan, "called with a random generator alone"),
+    ],
+)
+@pytest.mark.parametrize("name", [FRONTIER, MOTION])
+def test_what_is_no_sequence_of_plans_is_told_at_once(name: str, plans: Any, message: str) -> None:
+    for make_one in (gymnasium.make, partial(gymnasium.make_vec, num_envs=2, backend="serial")):
+        with pytest.raises(ConfigError, match=message):
+            make_one(name, plan=plans)
+
+
+@pytest.mark.parametrize("workers", [0, -1, 10**6, 1.5, True])
+def test_numbers_of_workers_that_make_no_sense(workers: Any) -> None:
+    with pytest.raises(ConfigError, match="workers must be a whole number from 1 to 1024"):
+        gymnasium.make_vec(FRONTIER, num_envs=2, plan=rooms(), workers=workers)
+
+
+@pytest.mark.parametrize(
+    ("name", "option", "closest"),
+    [
+        (FRONTIER, "senosr", "sensor"),
+        (FRONTIER, "observations", "observation"),
+        (MOTION, "max_step", "max_steps"),
+    ],
+)
+def test_unknown_options_are_told_with_the_closest_ones(name: str, option: str, closest: str) -> None:
+    with pytest.raises(UnknownNameError, match=f"{option}': did you mean '{closest}'"):
+        gymnasium.make(name, plan=rooms(), **{option: 1})
+    with pytest.raises(UnknownNameError, match=f"{option}': did you mean '{closest}'"):
+        gymnasium.make_vec(name, num_envs=2, plan=rooms(), **{option: 1})
+    with pytest.raises(UnknownNameError, match="worker': did you mean 'workers'"):
+        gymnasium.make_vec(name, num_envs=2, plan=rooms(), worker=1)
+
+
+def test_options_of_gymnasium_and_of_a_class_of_ones_own_are_none_of_ours() -> None:
+    class Mine(FrontierEnv):
+        def __init__(self, *, colour: str, **options: Any) -> None:
+            super().__init__(**options)
+            self.colour = colour
+
+    assert Mine(colour="red", plan=rooms()).colour == "red"
+    env = gymnasium.make(MOTION, plan=rooms(), max_episode_steps=2, disable_env_checker=True)
+    assert env.spec is not None and env.spec.max_episode_steps == 2
+    for mode in ("sync", "vector_entry_point"):
+        gymnasium.make_vec(FRONTIER, 2, mode, plan=rooms()).close()
 
 
 def test_masks_before_reset_say_what_is_missing() -> None:

@@ -39,7 +39,7 @@ from layoutexplore.errors import ResultsError, checks_arguments, shortened
 from layoutexplore.files import atomic, parse_csv, read_text
 from layoutexplore.files.reading import is_there
 from layoutexplore.frontiers.decision import Decision, Predictor
-from layoutexplore.frontiers.tour_features import TourConfig, tour_features
+from layoutexplore.frontiers.tour_features import TourConfig, greatest, tour_features
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.metrics.exploration import score_curve
 from layoutexplore.options import Options
@@ -98,8 +98,6 @@ class SearchRun(TrainingRun):
         self._seconds = 0.0
         self._centres = [np.zeros(len(PARAMETERS))]
         PlanSource(plan_source(config))  # What cannot be explored is told before anything is written.
-        Randomisation(sensors=config.sensors)
-        make_predictor(config.predictor)
         if resume:
             self.explorations = read_explorations(folder / EXPLORATIONS, self.members)
             self.evaluations = read_evaluations(folder / EVALUATIONS, self.steps)
@@ -262,9 +260,10 @@ def _tour(start: TourConfig, z: Floats) -> TourConfig:
     for name, offset in zip(PARAMETERS, z.tolist(), strict=True):
         value = getattr(start, name)
         if name in LOGARITHMIC:
-            values[name] = value * math.exp(LOGARITHMIC[name] * offset)
+            value *= math.exp(min(LOGARITHMIC[name] * offset, 100.0))
         else:
-            values[name] = max(value + LINEAR[name] * offset, 0.0)
+            value += LINEAR[name] * offset
+        values[name] = min(max(value, 0.0), greatest(name))
     return TourConfig(**values)
 
 

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
+import safetensors.numpy  # noqa: E402
+
 from layoutexplore.agents import make_agent  # noqa: E402
+from layoutexplore.agents.policy import load_policy  # noqa: E402
 from layoutexplore.agents.rl.card import WEIGHTS, find_policy, read_card, read_spec  # noqa: E402
 from layoutexplore.agents.rl.torch_policy_files import load_actor, save_tensors  # noqa: E402
 from layoutexplore.errors import ConfigError, ResultsError, UnknownNameError  # noqa: E402
@@ -53,3 +59,26 @@ def test_what_ships_can_be_read() -> None:
         card = read_card(path)
         assert {"policy", "training", "results", "limits"} <= set(card)
         assert make_agent(f"policy:{path.stem}").predictor == read.predictor
+
+
+@pytest.mark.parametrize(
+    ("tensors", "message"),
+    [
+        ({f"t{k}": np.zeros(0, np.float32) for k in range(50_000)}, "50000 tensors, and 10000 is the most"),
+        ({"x" * 1_000_000: np.zeros(0, np.float32)}, "1000000 characters, and 200 is the most"),
+    ],
+)
+def test_files_with_more_than_any_policy_has_are_refused_at_once(
+    tmp_path: Path, tensors: dict[str, Any], message: str
+) -> None:
+    path = tmp_path / "many.safetensors"
+    safetensors.numpy.save_file(tensors, path, metadata={"card": ""})
+    began = time.monotonic()
+    with pytest.raises(ResultsError, match=message):
+        load_policy("many", str(path))
+    assert time.monotonic() - began < 1
+
+
+def test_a_name_that_is_none_is_told_with_what_else_does() -> None:
+    with pytest.raises(UnknownNameError, match=r"a folder of `layoutexplore train` does, too"):
+        make_agent("policy:nofile")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -50,7 +52,7 @@ def test_a_file_changes_the_shipped_ones_and_flags_win(tmp_path: Path) -> None:
         ('[network]\nencoder = "lstm"', "unknown network.encoder 'lstm'"),
         ("[network]\nheads = 5", "heads must divide"),
         ("steps = 1.5", "steps .* must be a whole number, got 1.5"),
-        ("steps = 0", "steps must be a whole number, 1 or more"),
+        ("steps = 0", "steps must be a whole number from 1 to"),
         ("plans = []", "at least one of plans"),
         ("plans = [3]", "plans .* must be a list of names"),
         ("[generator]\narea = [100]", "area .* must be a list of 2 numbers"),
@@ -62,6 +64,91 @@ def test_a_file_changes_the_shipped_ones_and_flags_win(tmp_path: Path) -> None:
 def test_what_is_wrong_is_said(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         read_config(written(tmp_path, text))
+
+
+WRONG_VALUES = {
+    "ppo": {
+        "steps": ("0", "-1", "1_000_000_000_000"),
+        "workers": ("-1", "1_000_000_000_000"),
+        "environment": ('"CartPole-v1"', '"LayoutExplore/Frontier-v0"'),
+        "sensors": ('["nonsense"]',),
+        "max_steps": ("-1", "1_000_000_000_000"),
+        "learning.n_steps": ("0", "-1", "1_000_000_000_000"),
+        "learning.batch_size": ("0", "1", "-1", "1_000_000_000_000"),
+        "learning.n_epochs": ("0", "-1", "1_000_000_000_000"),
+        "learning.learning_rate": ("0.0", "-1.0", "nan", "inf", "1e9"),
+        "learning.gamma": ("-0.1", "1.1", "nan"),
+        "learning.gae_lambda": ("-0.1", "1.1"),
+        "learning.clip_range": ("0.0", "-0.2", "inf"),
+        "learning.ent_coef": ("-0.1", "inf"),
+        "learning.vf_coef": ("-0.1", "inf"),
+        "learning.max_grad_norm": ("0.0", "-1.0", "inf"),
+        "generator.area": ("[600.0, 150.0]", "[-5.0, 5.0]", "[150.0, 1e9]"),
+        "generator.clutter": ("[-0.1, 0.1]", "[0.0, 1.5]"),
+        "generator.door_width": ("[0.0, 0.0]",),
+        "evaluation.plans": ("[]",),
+        "evaluation.references": ('["tour"]',),
+        "evaluation.starts": ("0", "-1", "1_000_000_000_000"),
+        "evaluation.every": ("0", "-1", "1_000_000_000_000"),
+    },
+    "dqn": {
+        "learning.buffer_size": ("0", "-1", "1_000_000_000_000"),
+        "learning.train_freq": ("0", "-1"),
+        "learning.gradient_steps": ("-2",),
+        "learning.exploration_fraction": ("0.0", "2.0"),
+        "learning.exploration_final_eps": ("-0.1", "1.1"),
+    },
+    "maskable-ppo": {
+        "envs": ("0", "-1", "1_000_000"),
+        "learning.target_kl": ("0.0", "-1.0", "inf"),
+        "network.width": ("4096",),
+        "observation.max_frontiers": ("0", "1_000_000"),
+        "reward.weight_95": ("-1.0", "inf"),
+        "tour.area_exponent": ("-1.0", "1e300"),
+        "imitation.learning_rate": ("0.0", "-1.0", "inf"),
+        "imitation.rounds": ("0", "1_000_000_000_000"),
+    },
+    "tour-search": {
+        "search.round": ("0", "-4", "4_000_000_000_000"),
+        "search.spread": ("0.0", "1e300"),
+        "search.outlier": ("0.0", "inf"),
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "key"), [(algorithm, key) for algorithm, keys in WRONG_VALUES.items() for key in keys]
+)
+def test_what_makes_no_sense_is_told_by_its_key(tmp_path: Path, algorithm: str, key: str) -> None:
+    table, _, name = key.rpartition(".")
+    head = f"[{table}]\nlayers = 64\n" if key == "network.width" else f"[{table}]\n" if table else ""
+    for value in WRONG_VALUES[algorithm][key]:
+        with pytest.raises(ConfigError, match=rf"(?s){name}.*\d|{name}.*got|unknown") as told:
+            read_config(written(tmp_path, f'algorithm = "{algorithm}"\n{head}{name} = {value}'))
+        assert name.rstrip("s") in str(told.value), value
+
+
+def test_weights_of_the_reward_that_are_all_0(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="both 0: one must be above"):
+        read_config(written(tmp_path, "[reward]\nweight_95 = 0.0\nweight_99 = 0.0"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"algorithm": "pppo"}, "did you mean 'ppo'"),
+        ({"learning": {}}, r"\[learning\]: missing learning_rate"),
+        ({"learning": None}, "learning must be a Mapping"),
+        ({"network": None}, "network must be a NetworkConfig"),
+        ({"plans": (3,)}, "plans must be a list of names"),
+        ({"evaluation": {}}, "evaluation must be an? EvaluationConfig"),
+        ({"predictor": 3}, "predictor must be a text"),
+    ],
+)
+def test_configurations_made_by_hand(changes: dict[str, Any], message: str) -> None:
+    config = read_config(None, {"algorithm": "maskable-ppo"})
+    with pytest.raises(ConfigError, match=message):
+        dataclasses.replace(config, **changes)
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.checkpoint import FILE  # noqa: E402
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
 from layoutexplore.agents.rl.training import Run  # noqa: E402
-from layoutexplore.errors import ConfigError, ResultsError  # noqa: E402
+from layoutexplore.errors import ConfigError, LayoutExploreError, ResultsError  # noqa: E402
 from tests.agents.rl.cases import Silent, small_config, write_config  # noqa: E402
 
 
@@ -223,3 +223,22 @@ def test_two_minutes_of_training_beat_random(tmp_path: Path) -> None:
     run = train(config, tmp_path / "run")
     first, last = run.progress.evaluations[0], run.progress.evaluations[-1]
     assert last["score"] < 0.9 and last["score"] < first["score"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"predictor": "nonsense"}, "unknown predictor 'nonsense'"),
+        ({"evaluation": {"references": ["tuor"]}}, "unknown agent 'tuor': did you mean 'tour'"),
+        ({"evaluation": {"plans": ["officee:3"]}}, "officee"),
+        ({"evaluation": {"plans": ["office:1-1000"], "starts": 1000}}, "explores 100000 times at most"),
+        ({"imitation": {"teacher": "tuor"}}, "unknown agent 'tuor'"),
+        ({"envs": 64, "learning": {"n_steps": 100_000}, "observation": {"max_frontiers": 10_000}}, "memory"),
+    ],
+)
+def test_what_cannot_be_trained_is_told_before_anything_is_written(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(LayoutExploreError, match=message):
+        train(small_config(tmp_path, **changes), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
