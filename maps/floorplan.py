@@ -92,8 +92,8 @@ class FloorPlan:
         metadata: Where it comes from and under which terms; plain strings.
 
     Raises:
-        MapError: There is no room, passage or source, an id is not unique or above the limit, a polygon is not valid, a door
-            refers to a room that does not exist, or a number is not finite.
+        MapError: There is no room, passage or source, an id is not unique or above the limit, a polygon is
+            not valid, a door refers to a room that does not exist, or a number is not finite.
 
     Example:
         >>> room = Room(id=1, polygon=shapely.box(0, 0, 4, 3), label="office")

@@ -66,8 +66,8 @@ def check_ids(where: str, highest: int) -> None:
     most = limits().room_ids
     if highest > most:
         raise MapError(
-            f"{where}: a room has the id {highest}, and the limit room_ids is {most:g}: number the rooms from "
-            f"1, or {raise_it('room_ids', highest)}"
+            f"{where}: a room has the id {highest}, and the limit room_ids is {most:g}: number the "
+            f"rooms from 1, or {raise_it('room_ids', highest)}"
         )
 
 
