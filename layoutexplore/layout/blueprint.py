@@ -130,7 +130,7 @@ def grid_from_blueprint(
     boxes = _tinted_boxes(plain, ink, resolution, config)
     if ink.any():
         # The wall that a symbol hangs on is as bright as other walls.
-        high = plain.max(axis=2).astype(np.float32)
+        high = channel_range(plain)[1].astype(np.float32)
         ink &= ~(boxes & (np.abs(high - np.median(high[ink])) > WALL_SPREAD))
     lines = _large(ink, config.symbol_size / resolution)
     walls = _bridge(
@@ -197,15 +197,25 @@ def _templates_found(
 
 def _dark(image: Bytes, config: BlueprintConfig) -> Mask:
     """Dark pixels without colour, bool (h, w)."""
-    high, low = image.max(axis=2).astype(np.int16), image.min(axis=2).astype(np.int16)
+    low, high = channel_range(image)
     return np.asarray((high < config.darkness) & (high - low < config.saturation))
+
+
+def channel_range(image: Bytes) -> tuple[Bytes, Bytes]:
+    """The darkest and the brightest of the three channels of each pixel, uint8 (h, w).
+
+    Example:
+        >>> channel_range(np.array([[[3, 9, 5]]], np.uint8))
+        (array([[3]], dtype=uint8), array([[9]], dtype=uint8))
+    """
+    a, b, c = (image[..., k] for k in range(3))  # NumPy is slow along an axis as short as this
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _tinted_boxes(image: Bytes, ink: Mask, resolution: float, config: BlueprintConfig) -> Mask:
     """Boxes of dark pixels with a tint, bool (h, w): symbols whose colour is too dark for `_dark`."""
-    range_, high = (
-        np.where(ink, band, 0).astype(np.float32) for band in (np.ptp(image, axis=2), image.max(axis=2))
-    )
+    darkest, brightest = channel_range(image)
+    range_, high = (np.where(ink, band, 0).astype(np.float32) for band in (brightest - darkest, brightest))
     longest = max(ink.shape)
     side = cells_at_most(0.25, resolution, longest) | 1
     count, tint, brightness = (

@@ -17,7 +17,7 @@ from layoutexplore.files.reading import is_file, is_there
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.ros_map import IMAGE_SUFFIXES
-from layoutexplore.layout.blueprint import BlueprintConfig, grid_from_blueprint, on_paper
+from layoutexplore.layout.blueprint import BlueprintConfig, channel_range, grid_from_blueprint, on_paper
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.maps.formats.building_files import split_level
 from layoutexplore.maps.library import load_plan, shows_rooms
@@ -118,7 +118,7 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
     if shrink > 1:
         small = cv2.resize(image, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
         image = np.asarray(small, np.uint8)
-    dark = np.argwhere(image.max(axis=2) < BlueprintConfig().darkness)
+    dark = np.argwhere(channel_range(image)[1] < BlueprintConfig().darkness)
     if not len(dark):
         raise MapError("the picture shows no walls: nothing in it is dark")
     if (share := paper_share(image)) < PAPER_SHARE:
