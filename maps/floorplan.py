@@ -30,7 +30,7 @@ from layoutexplore.grids.arrays import Bytes, Floats, Labels, Mask, label_type
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.polygons import Point, fill, polygons_of, seal_diagonals
 from layoutexplore.maps.raster import MOST_CELLS, PlanRaster, check_stretch, resample
-from layoutexplore.maps.sizes import MOST_METRES, check_drawing, check_plan
+from layoutexplore.maps.sizes import MOST_METRES, check_drawing, check_ids, check_plan
 
 __all__ = ["Door", "FloorPlan", "PlanRaster", "Room"]
 
@@ -92,8 +92,8 @@ class FloorPlan:
         metadata: Where it comes from and under which terms; plain strings.
 
     Raises:
-        MapError: There is no room, passage or source, an id is not unique, a polygon is not valid, a door
-            refers to a room that does not exist, or a number is not finite.
+        MapError: There is no room, passage or source, an id is not unique or above the limit, a polygon is
+            not valid, a door refers to a room that does not exist, or a number is not finite.
 
     Example:
         >>> room = Room(id=1, polygon=shapely.box(0, 0, 4, 3), label="office")
@@ -354,6 +354,7 @@ def _check(plan: FloorPlan) -> None:
     ids = [room.id for room in plan.rooms]
     if not all(isinstance(i, int) and 0 < i < 2**31 for i in ids) or len(set(ids)) < len(ids):
         raise MapError(f"{plan._shown}: room ids are different whole numbers from 1, got {shortened(ids)}")
+    check_ids(plan._shown, max(ids, default=0))
     for room in plan.rooms:
         _check_shape(plan, room.polygon, f"room {room.id}", empty=False)
     for what in ("walls", "furniture", "passages"):

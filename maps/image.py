@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments
+from layoutexplore.files.limits import limits
 from layoutexplore.files.reading import is_file
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import OccupancyGrid, Pose
@@ -102,4 +103,8 @@ def _rooms_of(path: Path, grid: OccupancyGrid) -> Ints32:
     ids = np.where(grid.free, ids[::-1], 0)
     areas = np.bincount(ids.ravel()) * grid.resolution**2
     # Blends of two colours are no rooms.
-    return np.where(areas[ids] >= LEAST_ROOM, ids, 0).astype(np.int32)
+    ids = np.where(areas[ids] >= LEAST_ROOM, ids, 0).astype(np.int32)
+    if ids.max() > limits().room_ids:  # few rooms among thousands of blends
+        _, numbers = np.unique(np.append(ids.ravel(), 0), return_inverse=True)
+        ids = numbers[:-1].reshape(ids.shape).astype(np.int32)
+    return ids

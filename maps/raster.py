@@ -18,6 +18,7 @@ from layoutexplore.grids.grid import FREE, OCCUPIED, Cell, OccupancyGrid, Pose, 
 from layoutexplore.grids.morphology import grow, inflate
 from layoutexplore.grids.polygons import Point, resample_solid
 from layoutexplore.grids.runs import runs_of, write_runs
+from layoutexplore.maps.sizes import check_ids
 
 SIGHT_BEYOND_REACH = 0.8
 """Metres of free space beyond the reachable cells that an exploration is asked to see."""
@@ -55,7 +56,8 @@ class PlanRaster:
         origin: Pose of the lower left corner of cell (0, 0).
 
     Raises:
-        MapError: The shapes differ, the resolution is unusable, or there is no free cell.
+        MapError: The shapes differ, the resolution is unusable, there is no free cell, or a room has an id
+            above the limit.
     """
 
     occupied: Mask
@@ -74,6 +76,7 @@ class PlanRaster:
             raise MapError("the floor plan has no free space at this resolution")
         object.__setattr__(self, "occupied", np.ascontiguousarray(self.occupied, np.bool_))
         farthest = max(int(self.room_ids.max()), -int(self.room_ids.min()))
+        check_ids("a raster of rooms", farthest)
         object.__setattr__(self, "room_ids", small_labels(self.room_ids, farthest))
 
     def __getstate__(self) -> dict[str, Any]:

@@ -56,6 +56,21 @@ def check_count(where: str, what: str, count: int, limit: str = "rooms") -> None
         )
 
 
+def check_ids(where: str, highest: int) -> None:
+    """Raise `MapError` where the number of a room is too high: many tables are as long as the highest one.
+
+    Args:
+        where: The file or plan, for the message.
+        highest: The number that is farthest from 0.
+    """
+    most = limits().room_ids
+    if highest > most:
+        raise MapError(
+            f"{where}: a room has the id {highest}, and the limit room_ids is {most:g}: number the "
+            f"rooms from 1, or {raise_it('room_ids', highest)}"
+        )
+
+
 def check_work(where: str, what: str, steps: float) -> None:
     """Raise `MapError` where every room or door would be compared with too many corners.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -89,8 +90,8 @@ class BenchmarkConfig:
             object.__setattr__(self, name, values)
             if not values:
                 raise ConfigError(f"a benchmark needs at least one of {name}")
-            if twice := sorted({value for value in values if values.count(value) > 1}):
-                raise ConfigError(f"{name} names {twice[0]!r} twice")
+            if twice := sorted(value for value, count in Counter(values).items() if count > 1):
+                raise ConfigError(f"{name} names {shortened(twice[0])} twice")
         check_kind("simulation", self.simulation, SimulationConfig)
         check_kind("lidars", self.lidars, Mapping)
         for name, lidar in self.lidars.items():
@@ -144,13 +145,7 @@ def read_benchmark_config(path: Path) -> dict[str, Any]:
     """
     table = read_toml(path)
     check_keys(table, [f.name for f in dataclasses.fields(BenchmarkConfig)], str(path))
-    for name in ("simulation", "lidars"):
-        if not isinstance(table.get(name, {}), dict):
-            raise ConfigError(f"{name} in {path} must be a table, got {shortened(table[name])}")
-    if "simulation" in table:
-        table["simulation"] = _simulation(table["simulation"], f"{path} [simulation]")
-    if "lidars" in table:
-        table["lidars"] = {n: _lidar(n, t, f"{path} [lidars.{n}]") for n, t in table["lidars"].items()}
+    table |= _tables(table, str(path))
     for name in ("plans", "sensors", "agents"):
         if name in table:
             table[name] = _strings(table[name], f"{name} in {path}")
@@ -165,14 +160,31 @@ def simulation_of_file(path: Path, sensor: str) -> SimulationConfig:
     """
     table = read_toml(path)
     if isinstance(settings_of_run := table.get("settings"), dict):
-        simulation = _simulation(settings_of_run.get("simulation", {}), f"{path} [settings.simulation]")
-        lidars = settings_of_run.get("lidars", {})
-        lidars = {n: _lidar(n, t, f"{path} [settings.lidars.{n}]") for n, t in lidars.items()}
-        options: dict[str, Any] = {"simulation": simulation, "lidars": lidars}
+        options = _tables(settings_of_run, str(path), "settings.")
     else:
         given = read_benchmark_config(path)
         options = {name: given[name] for name in ("simulation", "lidars") if name in given}
     return BenchmarkConfig(sensors=(sensor,), **options).simulation_with(sensor)
+
+
+def _tables(table: dict[str, Any], path: str, inside: str = "") -> dict[str, Any]:
+    """The simulation and the sensors of a file or of a table inside it, as far as they are there.
+
+    Raises:
+        ConfigError: One is no table, a key of it is unknown, or a value makes no sense.
+    """
+    for name in ("simulation", "lidars"):
+        if not isinstance(table.get(name, {}), dict):
+            raise ConfigError(f"{inside}{name} in {path} must be a table, got {shortened(table[name])}")
+    found: dict[str, Any] = {}
+    if "simulation" in table:
+        found["simulation"] = _simulation(table["simulation"], f"{path} [{inside}simulation]")
+    if "lidars" in table:
+        found["lidars"] = {
+            name: _lidar(name, values, f"{path} [{inside}lidars.{name}]")
+            for name, values in table["lidars"].items()
+        }
+    return found
 
 
 def _simulation(table: dict[str, Any], where: str) -> SimulationConfig:

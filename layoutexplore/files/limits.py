@@ -32,6 +32,7 @@ class Limits:
         image_pixels: Pixels that an image declares, and cells that a floor plan needs.
         array_mb: Megabytes of all arrays of an archive when they are unpacked.
         rooms: Rooms of a floor plan, and doors.
+        room_ids: The highest number that a room may have; tables by these numbers are as long as it.
         vertices: Corners of all outlines of a floor plan, also where they are traced from an image.
         crossings: Times that outlines of a floor plan cut across themselves or each other.
         files: Files and folders in a folder that is searched for floor plans, at any depth.
@@ -45,6 +46,7 @@ class Limits:
     image_pixels: float = 1.2e7
     array_mb: float = 512.0
     rooms: float = 5e3
+    room_ids: float = 1e5
     vertices: float = 2e5
     crossings: float = 1e4
     files: float = 1e5

@@ -21,6 +21,7 @@ from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.outside import find_outside
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION
+from layoutexplore.layout.limits import cells_at_most
 from layoutexplore.options import check_fields
 
 WALL_SPREAD = 35.0
@@ -124,17 +125,21 @@ def grid_from_blueprint(
     plain = image.copy()
     for top, left, height, width in _templates_found(image, templates, config.template_match):
         plain[top : top + height, left : left + width] = 255
+    words = find_words(plain, config) if config.words else []
     ink = _dark(plain, config)
     boxes = _tinted_boxes(plain, ink, resolution, config)
     if ink.any():
         # The wall that a symbol hangs on is as bright as other walls.
-        high = plain.max(axis=2).astype(np.float32)
+        high = channel_range(plain)[1].astype(np.float32)
         ink &= ~(boxes & (np.abs(high - np.median(high[ink])) > WALL_SPREAD))
     lines = _large(ink, config.symbol_size / resolution)
-    walls = _bridge(_without_symbols(ink, resolution, config), boxes, round(config.symbol_size / resolution))
-    if config.words:
-        for top, left, height, width in find_words(plain, config):
-            walls[top : top + height, left : left + width] = False
+    walls = _bridge(
+        _without_symbols(ink, resolution, config),
+        boxes,
+        cells_at_most(config.symbol_size, resolution, max(ink.shape)),
+    )
+    for top, left, height, width in words:
+        walls[top : top + height, left : left + width] = False
     if not walls.any():
         raise MapError(
             "the blueprint shows no walls: see darkness, saturation and wall_width of BlueprintConfig"
@@ -192,22 +197,33 @@ def _templates_found(
 
 def _dark(image: Bytes, config: BlueprintConfig) -> Mask:
     """Dark pixels without colour, bool (h, w)."""
-    high, low = image.max(axis=2).astype(np.int16), image.min(axis=2).astype(np.int16)
+    low, high = channel_range(image)
     return np.asarray((high < config.darkness) & (high - low < config.saturation))
+
+
+def channel_range(image: Bytes) -> tuple[Bytes, Bytes]:
+    """The darkest and the brightest of the three channels of each pixel, uint8 (h, w).
+
+    Example:
+        >>> channel_range(np.array([[[3, 9, 5]]], np.uint8))
+        (array([[3]], dtype=uint8), array([[9]], dtype=uint8))
+    """
+    a, b, c = (image[..., k] for k in range(3))  # NumPy is slow along an axis as short as this
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 
 
 def _tinted_boxes(image: Bytes, ink: Mask, resolution: float, config: BlueprintConfig) -> Mask:
     """Boxes of dark pixels with a tint, bool (h, w): symbols whose colour is too dark for `_dark`."""
-    range_, high = (
-        np.where(ink, band, 0).astype(np.float32) for band in (np.ptp(image, axis=2), image.max(axis=2))
-    )
-    side = max(round(0.25 / resolution), 1) | 1
+    darkest, brightest = channel_range(image)
+    range_, high = (np.where(ink, band, 0).astype(np.float32) for band in (brightest - darkest, brightest))
+    longest = max(ink.shape)
+    side = cells_at_most(0.25, resolution, longest) | 1
     count, tint, brightness = (
         cv2.blur(band, (side, side)) for band in (ink.astype(np.float32), range_, high)
     )
     # Near black the ratio is noise.
     tinted = ink & (brightness > 0.15 * 255 * count) & (tint > config.tint * brightness)
-    box = max(round(config.symbol_size / 4 / resolution), 2)
+    box = max(cells_at_most(config.symbol_size / 4, resolution, longest), 2)
     # Light glyphs stand in dark boxes; walls and letters are thinner than a box.
     closed = cv2.morphologyEx(tinted.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((box, box), np.uint8))
     opened = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((2 * box, 2 * box), np.uint8))
@@ -233,7 +249,8 @@ def _bridge(walls: Mask, boxes: Mask, length: int) -> Mask:
 def _without_symbols(ink: Mask, resolution: float, config: BlueprintConfig) -> Mask:
     """The marks without thin strokes and without small separate ones, bool (h, w)."""
     usual = _usual_width(_large(ink, config.symbol_size / resolution))
-    width = max(round(config.wall_width / resolution), round(config.wall_share * usual), 1)
+    least = cells_at_most(config.wall_width, resolution, max(ink.shape) + 1)
+    width = max(least, round(config.wall_share * usual))
     thick = cv2.morphologyEx(ink.astype(np.uint8), cv2.MORPH_OPEN, np.ones((width, width), np.uint8)) > 0
     return _large(thick, config.symbol_size / resolution)
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.flood import spread_in_place
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, check_resolution
-from layoutexplore.grids.morphology import disc
+from layoutexplore.grids.morphology import dilate_by_disc
 from layoutexplore.grids.runs import run_end
 from layoutexplore.layout.canonical import in_canonical_orientation
 from layoutexplore.layout.merging.door_gaps import GAP, LONGEST, DoorGapConfig, list_gaps
@@ -133,8 +132,8 @@ def doorway_regions(cells: Cells, resolution: float, config: DoorwaysConfig = SH
     part[inner] = cells[box]
     occupied, free = part == OCCUPIED, part == FREE
     doors = find_doors(occupied, resolution, config)
-    shut = cv2.dilate((occupied | (doors > 0)).view(np.uint8), disc(config.core / resolution, closed=True))
-    grown, count = label_components(free & (shut == 0))
+    shut = dilate_by_disc(occupied | (doors > 0), config.core / resolution)
+    grown, count = label_components(free & ~shut)
     if spread_in_place(grown, free, backwards=True):  # What no core reaches becomes regions of its own.
         count += label_components(free & (grown == 0), grown, count)[1]
     labels, gaps = np.zeros(cells.shape, np.int32), np.zeros(cells.shape, doors.dtype)

@@ -21,6 +21,7 @@ from layoutexplore.errors import ConfigError, MapError, checks_arguments, checks
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.maps.sizes import check_ids
 from layoutexplore.maps.tracing import trace_doors
 from layoutexplore.options import Rule, check, check_kind
 
@@ -101,7 +102,7 @@ class PriorPlan:
         unused: Why it cannot be used; empty for a plan that can.
 
     Raises:
-        MapError: The arrays differ in shape, or hold nothing.
+        MapError: The arrays differ in shape or hold nothing, or a room has an id above the limit.
         ConfigError: The resolution or spread is no number above 0.
     """
 
@@ -119,6 +120,7 @@ class PriorPlan:
                 f"prior plan {self.name}: free {self.free.shape} and rooms {self.room_ids.shape} must be "
                 "one two-dimensional shape with cells"
             )
+        check_ids(f"prior plan {self.name}", max(int(self.room_ids.max()), -int(self.room_ids.min())))
         check_kind("hints", self.hints, PriorHints)
         check(self, resolution=Rule(above=0.0, high=1e3), scale_spread=Rule(above=0.0, high=3.0))
         object.__setattr__(self, "room_ids", np.ascontiguousarray(self.room_ids, np.int32))
@@ -265,10 +267,13 @@ def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
         places = np.zeros((int(nearest.max()) + 1, 2), np.int64)
         main_cells = np.argwhere(parts == main)
         places[nearest[main_cells[:, 0], main_cells[:, 1]]] = main_cells
+        sizes = stats[:, cv2.CC_STAT_AREA]
+        order, ends = np.argsort(parts, axis=None, kind="stable"), np.cumsum(sizes)
         for part in range(1, count):
-            if part == main or not least <= stats[part, cv2.CC_STAT_AREA] <= most:
+            if part == main or not least <= sizes[part] <= most:
                 continue
-            cells = np.argwhere(parts == part)
+            members = order[ends[part] - sizes[part] : ends[part]]
+            cells = np.stack(np.unravel_index(members, free.shape), axis=1)
             gaps = np.asarray(distance[cells[:, 0], cells[:, 1]])
             near = cells[gaps <= min(gaps.min() + 1.0, reach)]
             if not len(near):
@@ -278,12 +283,15 @@ def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
     return dataclasses.replace(prior, free=free, unused="")
 
 
+_THICKEST = 32_767
+"""Of lines, in OpenCV."""
+
+
 def _carve(free: Mask, start: Ints, end: Ints, half: float) -> None:
     """Open a straight way between two cells."""
-    line = np.zeros(free.shape, np.uint8)
     (r0, c0), (r1, c1) = start.tolist(), end.tolist()
-    cv2.line(line, (int(c0), int(r0)), (int(c1), int(r1)), 1, max(1, round(2 * half)))
-    free |= line > 0
+    thickness = min(max(1, round(2 * half)), _THICKEST)
+    cv2.line(free.view(np.uint8), (int(c0), int(r0)), (int(c1), int(r1)), 1, thickness)
 
 
 def _unit_in_doubt(prior: PriorPlan) -> str:

@@ -17,12 +17,14 @@ from layoutexplore.files.reading import is_file, is_there
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.ros_map import IMAGE_SUFFIXES
-from layoutexplore.layout.blueprint import BlueprintConfig, grid_from_blueprint, on_paper
+from layoutexplore.layout.blueprint import BlueprintConfig, channel_range, grid_from_blueprint, on_paper
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.maps.formats.building_files import split_level
 from layoutexplore.maps.library import load_plan, shows_rooms
 from layoutexplore.priors.plan import (
     HINTED_SPREAD,
+    LEAST_AREA,
+    LONGEST,
     PriorHints,
     PriorPlan,
     expected_scale,
@@ -52,6 +54,10 @@ PAPER_PIXELS = 3e5
 
 PLACE_SHARE = 0.3
 """Separate walls this long, as a share of the longest, belong to the drawing; what lies outside does not."""
+
+
+_FAR = 2
+"""Marks on a sheet may lie so many times farther from each other than the drawing is long."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +118,7 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
     if shrink > 1:
         small = cv2.resize(image, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
         image = np.asarray(small, np.uint8)
-    dark = np.argwhere(image.max(axis=2) < BlueprintConfig().darkness)
+    dark = np.argwhere(channel_range(image)[1] < BlueprintConfig().darkness)
     if not len(dark):
         raise MapError("the picture shows no walls: nothing in it is dark")
     if (share := paper_share(image)) < PAPER_SHARE:
@@ -121,6 +127,12 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
             f"{PAPER_SHARE:.0%} are; cut a photo to the plan that it shows"
         )
     told = hints.scale and hints.scale * shrink
+    if told and (reason := _hopeless(*(np.ptp(dark, axis=0) + 1.0) * told)):
+        nothing = np.zeros((1, 1), np.bool_)
+        unused = PriorPlan(
+            name=name, free=nothing, room_ids=nothing.astype(np.int32), resolution=1.0, unused=reason
+        )
+        return ReadPicture(unused, 1.0 / shrink, (0.0, float(image.shape[0])))
     pixel = told or LONGER_SIDE / max(float(np.ptp(dark, axis=0).max()), 1.0)
     # Thin walls of a plan that is larger than it was taken for would be erased as thin strokes.
     config = BlueprintConfig() if told else BlueprintConfig(wall_width=0.0)
@@ -149,6 +161,15 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
     )
     place = corner[0] * shrink, corner[1] * shrink
     return ReadPicture(with_doors_to_all(prior), prior.resolution / shrink, place)
+
+
+def _hopeless(height: float, width: float) -> str:
+    """Why a drawing of at most so many metres cannot be a building's; empty where it may."""
+    if height * width < LEAST_AREA:
+        return f"all of it is {height:.2g} x {width:.2g} m at the scale that is told, and no building is"
+    if max(height, width) > _FAR * LONGEST:
+        return f"it is {max(height, width):.2g} m long at the scale that is told, and no building is"
+    return ""
 
 
 @checks_arguments

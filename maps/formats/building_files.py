@@ -41,16 +41,27 @@ def building_format(path: Path) -> BuildingFormat | None:
     return next((known for known in FORMATS if known.recognises(path)), None)
 
 
+_MOST_SIGNS = 100
+"""Of a text, those of its # behind which a floor is looked for."""
+
+
 @checks_arguments
 def split_level(text: str) -> tuple[Path, str]:
     """The file and the floor of FILE#LEVEL; without one, or for a file with a # in its name, no floor.
+
+    Where both may have a # in their names, the file is the longest one that exists.
 
     Example:
         >>> split_level("campus.osm#-1")
         (PosixPath('campus.osm'), '-1')
     """
-    path, _, level = text.rpartition("#")
-    return (Path(path), level) if path and not is_there(Path(text)) else (Path(text), "")
+    if "#" not in text or is_there(Path(text)):
+        return Path(text), ""
+    ends = [k for k, letter in enumerate(text) if letter == "#" and k > 0][-_MOST_SIGNS:]
+    if not ends:
+        return Path(text), ""
+    end = next((k for k in reversed(ends) if is_there(Path(text[:k]))), ends[-1])
+    return Path(text[:end]), text[end + 1 :]
 
 
 @checks_arguments

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from pathlib import Path
 
 import pytest
 
-from layoutexplore.benchmark.config import BenchmarkConfig, read_benchmark_config
+from layoutexplore.benchmark.config import BenchmarkConfig, read_benchmark_config, simulation_of_file
 from layoutexplore.errors import ConfigError
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import run_seed
@@ -88,3 +89,22 @@ def test_the_hash_tells_settings_apart_but_not_what_is_run() -> None:
 def test_cells_have_their_own_seeds() -> None:
     seeds = {run_seed(s, plan, start) for s in (0, 1) for plan in ("a", "b") for start in range(3)}
     assert len(seeds) == 12
+
+
+@pytest.mark.parametrize("inside", ["", "settings."])
+@pytest.mark.parametrize("key", ["simulation", "lidars"])
+@pytest.mark.parametrize("value", ["5", "[1]", "'text'", "true"])
+def test_settings_that_are_no_tables_are_named(tmp_path: Path, inside: str, key: str, value: str) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text(f"{inside}{key} = {value}")
+    with pytest.raises(ConfigError, match=rf"^{inside}{key} in .*run\.toml must be a table, got "):
+        simulation_of_file(path, "stage")
+
+
+def test_many_plans_are_compared_soon() -> None:
+    names = [f"office:{seed}" for seed in range(100_000)]
+    start = time.perf_counter()
+    assert len(BenchmarkConfig(plans=names).plans) == 100_000
+    with pytest.raises(ConfigError, match="plans names 'office:7' twice"):
+        BenchmarkConfig(plans=[*names, "office:7"])
+    assert time.perf_counter() - start < 5.0

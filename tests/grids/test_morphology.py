@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 
+import cv2
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from layoutexplore.grids.morphology import disc_offsets, grow, inflate
+from layoutexplore.grids.morphology import dilate_by_disc, disc, disc_offsets, grow, inflate
 
 
 @settings(deadline=None, max_examples=40)
@@ -55,3 +56,11 @@ def test_inflation_of_nothing() -> None:
 
 def test_disc_offsets() -> None:
     assert len(disc_offsets(1.0)) == 1 and len(disc_offsets(1.5)) == 9 and len(disc_offsets(2.0)) == 9
+
+
+@settings(deadline=None, max_examples=40)
+@given(arrays(np.bool_, (30, 40), elements=st.sampled_from([False] * 300 + [True])), st.integers(1, 400))
+def test_dilation_by_a_large_disc_is_that_by_its_cells(mask: NDArray[np.bool_], squared: int) -> None:
+    radius = math.sqrt(squared)
+    expected = cv2.dilate(mask.view(np.uint8), disc(radius, closed=True)) > 0
+    assert np.array_equal(dilate_by_disc(mask, radius), expected)

@@ -9,11 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from shapely import LineString, MultiLineString, Point
+from shapely import LineString, MultiLineString, Point, box
 
 from layoutexplore.errors import MapError
+from layoutexplore.files.limits import VARIABLE
+from layoutexplore.maps.floorplan import FloorPlan, Room
+from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.shared_walls import distances_to_edges
 from layoutexplore.maps.sizes import check_crowding, near_pairs, squared_distance
+from layoutexplore.priors.plan import PriorPlan
 
 PLACES = st.tuples(*[st.integers(-20, 20)] * 2)
 
@@ -62,3 +66,22 @@ def test_lines_closer_than_walls_are_thick_are_refused(monkeypatch: pytest.Monke
         check_crowding("comb.json", [MultiLineString(comb)], 0.2)
     check_crowding("comb.json", [MultiLineString(comb)], 0.011)
     check_crowding("hall.json", [Point(0, 0).buffer(20, quad_segs=2000)], 0.2)
+
+
+@pytest.mark.parametrize("number", [100_001, 2**31 - 1])
+def test_rooms_of_enormous_numbers_are_refused(number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    ids = np.full((4, 4), number, np.int32)
+    makers = (
+        lambda: FloorPlan(name="plan", rooms=(Room(id=number, polygon=box(0, 0, 4, 3)),)),
+        lambda: PlanRaster(np.eye(4, dtype=bool), ids, 0.1),
+        lambda: PlanRaster(np.eye(4, dtype=bool), -ids, 0.1),
+        lambda: PriorPlan(name="plan", free=ids > 0, room_ids=ids, resolution=0.1),
+    )
+    for make in makers:
+        with pytest.raises(
+            MapError, match=f"id {number}, and the limit room_ids is 100000: number the rooms"
+        ):
+            make()
+    monkeypatch.setenv(VARIABLE, "room_ids=3e9")
+    for make in makers[:1]:
+        make()

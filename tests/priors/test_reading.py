@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from layoutexplore.errors import LayoutExploreError, MapError
+from layoutexplore.errors import ConfigError, LayoutExploreError, MapError
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
-from layoutexplore.priors.plan import PriorHints
+from layoutexplore.priors.plan import PriorHints, check_usable
 from layoutexplore.priors.reading import paper_share, prior_of_picture, read_prior
 from tests.priors.cases import door_middles, office
 
@@ -119,3 +120,24 @@ def test_a_scan_of_a_hundred_megapixels_is_refused_before_it_is_decoded(tmp_path
 def test_a_missing_file_says_so() -> None:
     with pytest.raises(LayoutExploreError, match="no such file"):
         read_prior("nowhere/plan.png")
+
+
+@pytest.mark.parametrize(
+    "scale, said", [(1e-4, r"all of it is .* and no building is"), (1e4, "m long at the")]
+)
+def test_a_scale_at_which_no_building_is_drawn_ends_the_reading(scale: float, said: str) -> None:
+    start = time.perf_counter()
+    read = prior_of_picture(sheet(), hints=PriorHints(scale=scale))
+    assert time.perf_counter() - start < 2.0
+    with pytest.raises(ConfigError, match=f"is not used, because .*{said}"):
+        check_usable(read.prior)
+
+
+def test_a_large_picture_with_few_rooms_is_read_soon() -> None:
+    image = np.full((1400, 2100, 3), 255, np.uint8)
+    for x, y, right, low in ((0, 0, 1900, 1200), (950, 0, 0, 500), (950, 700, 0, 500)):
+        cv2.rectangle(image, (100 + x, 100 + y), (100 + x + right, 100 + y + low), (0, 0, 0), 12)
+    prior_of_picture(sheet())  # kernels compile
+    start = time.perf_counter()
+    assert prior_of_picture(image).prior.rooms == 2
+    assert time.perf_counter() - start < 30.0  # 2 s alone; a minute where time grows with the square of doors

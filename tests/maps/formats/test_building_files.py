@@ -193,3 +193,15 @@ def test_rooms_that_share_outlines_are_no_tangle_and_bars_are(tmp_path: Path) ->
     bars = [feature(rotate(box(0, 0, 60, 1), 0.36 * k), name="a") for k in range(1000)]
     with pytest.warns(MapWarning), pytest.raises(MapError, match="the limit crossings"):
         load_plan(write_collection(tmp_path / "bars.geojson", *bars))
+
+
+def test_floors_whose_names_hold_a_hash_can_be_named(tmp_path: Path) -> None:
+    folder = write_imdf(tmp_path / "school#1")
+    levels = json.loads((folder / "level.geojson").read_text())
+    for name, level in zip(("A#1", "#"), levels["features"], strict=False):
+        level["properties"]["short_name"] = {"en": name}
+    (folder / "level.geojson").write_text(json.dumps(levels))
+    named = expand_plans(folder)
+    assert f"{folder}#A#1" in named and split_level("###") == (Path("##"), "")
+    for spec in named:
+        assert load_plan(spec).rooms and expand_plans(spec) == [spec]
