@@ -12,10 +12,12 @@ from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.agents.rl.linear import PolicyAgent
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.envs.observation import Observer
+from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Floats32
 
 
+@checks_making
 class NetworkPolicy(PolicyAgent):
     """Goes to the frontier with the highest logit of a network; it stops only when none is left.
 

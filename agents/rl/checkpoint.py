@@ -15,11 +15,12 @@ from pathlib import Path
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
+from layoutexplore.agents.rl.evaluation import EVALUATION
 from layoutexplore.agents.rl.torch_policy_files import save_tensors
 from layoutexplore.errors import ResultsError, cause, checks_arguments, shortened
 from layoutexplore.files import parse_json
 from layoutexplore.files.reading import is_there
-from layoutexplore.files.schema import Anything, Items, Number, Record, TableOf, Text
+from layoutexplore.files.schema import Items, Number, Record, Text
 from layoutexplore.files.tensors import read_tensors
 
 FORMAT = 1
@@ -93,9 +94,10 @@ def load_checkpoint(folder: Path, model: BaseAlgorithm) -> Progress:
 
 
 _COUNT = Number(low=0, high=1e15, whole=True)
+_STEPS = Number(low=0, high=1e12, whole=True)
 _PROGRESS = Record(
-    {"algorithm": Text(most=200), "steps": _COUNT, "updates": _COUNT, "calls": _COUNT, "format": _COUNT},
-    {"seconds": Number(low=0, high=1e15), "evaluations": Items(TableOf(Anything()))},
+    {"algorithm": Text(most=200), "steps": _STEPS, "updates": _COUNT, "calls": _COUNT, "format": _COUNT},
+    {"seconds": Number(low=0, high=1e15), "evaluations": Items(EVALUATION, 0, 100_000)},
 )
 """What the header of a checkpoint must hold."""
 

@@ -24,6 +24,7 @@ from layoutexplore.errors import (
 )
 from layoutexplore.files import read_csv
 from layoutexplore.files.reading import is_there
+from layoutexplore.files.schema import Items, Number, Record
 from layoutexplore.frontiers.decision import Agent
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.metrics.exploration import score_curve
@@ -31,6 +32,10 @@ from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play, run_seed, start_pose
 from layoutexplore.simulation.simulation import Simulation
+
+_NUMBER = Number(low=-1e12, high=1e12)
+EVALUATION = Record({"steps": Number(low=0, high=1e12), "score": _NUMBER}, others=_NUMBER)
+"""What is kept of an evaluation: numbers by name."""
 
 
 class EvaluationCell(NamedTuple):
@@ -173,13 +178,16 @@ def read_evaluations(path: Path, steps: float = np.inf) -> list[dict[str, float]
         return []
     header, *lines = read_csv(path, what="table of evaluations") or [[]]
     try:
-        if "steps" not in header:
-            raise ValueError("there is no column steps")
+        if lacking := [name for name in ("steps", "score") if name not in header]:
+            raise ValueError(f"there is no column {lacking[0]}")
+        if len(set(header)) < len(header):
+            raise ValueError("two columns have the same name")
         rows = [
             {key: float(value) for key, value in zip(header, line, strict=True) if value} for line in lines
         ]
-        return [row for row in rows if row["steps"] <= steps]
-    except (ValueError, KeyError) as error:
+        fitted: list[dict[str, float]] = Items(EVALUATION).fit(rows, "evaluations")
+        return [row for row in fitted if row["steps"] <= steps]
+    except ValueError as error:
         raise ResultsError(
             f"{path} is damaged: {shortened(str(error))}; remove it to go on without the evaluations so far"
         ) from error

@@ -9,12 +9,14 @@ import numpy as np
 from layoutexplore.agents.looking_around import LookingAround
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ObservationConfig, encode_frontiers
-from layoutexplore.errors import ResultsError, checks_making
+from layoutexplore.errors import ConfigError, ResultsError, checks_calls, checks_making
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
+from layoutexplore.frontiers.table import Frontier, FrontierList
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.options import SEED, check_kind
 
 
+@checks_calls
 class PolicyAgent:
     """Goes to the frontier with the highest logit; it stops only when none is left.
 
@@ -51,17 +53,25 @@ class PolicyAgent:
         """The frontier to go to, the first steps there where it looks around then, `STOP` when there is none.
 
         Raises:
+            ConfigError: The decision was made by hand and lacks something.
             ResultsError: A logit is not finite.
         """
         check_kind("decision", decision, Decision)
         if not decision.frontiers:
             return STOP
+        # Those of a simulation are a `FrontierList`.
+        if not isinstance(decision.frontiers, FrontierList) and not all(
+            isinstance(one, Frontier) and len(one.cells) for one in decision.frontiers
+        ):
+            raise ConfigError(f"decision {decision.fault}")
         choice = self._looking.go_on(decision)
         if choice is not None:
             return choice
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is told below
             logits = self.logits(decision)
         if not np.isfinite(logits).all():
+            if decision.fault:
+                raise ConfigError(f"decision {decision.fault}")
             raise ResultsError(f"{self.name}: a logit is not finite: its weights are damaged, train it again")
         return self._looking.begin(decision, int(np.argmax(logits)))
 

@@ -115,10 +115,11 @@ class TableOf:
 
 @dataclass(frozen=True)
 class Record:
-    """A table with keys that must be there, and some that may be; others are kept as they are."""
+    """A table with keys that must be there, and some that may be; others fit `others`, or are kept."""
 
     required: Mapping[str, Schema]
     optional: Mapping[str, Schema] = field(default_factory=dict)
+    others: Schema | None = None
 
     def fit(self, value: Any, place: str = "") -> dict[str, Any]:
         """The values by key; what is optional and null is left out."""
@@ -129,7 +130,7 @@ class Record:
                 raise MisfitError(f"the entry {key!r} is missing{f' in {_shown(place)}' if place else ''}")
         known = {**self.optional, **self.required}
         return {
-            key: known[key].fit(part, _inside(place, key)) if key in known else part
+            key: schema.fit(part, _inside(place, key)) if (schema := known.get(key, self.others)) else part
             for key, part in value.items()
             if not (part is None and key in self.optional)
         }

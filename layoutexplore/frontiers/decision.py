@@ -179,7 +179,18 @@ class Decision:
         for name, kind in kinds.items():
             if not isinstance(getattr(self, name), kind):
                 return f"has a {name} that is no {kind.__name__}"
-        if not self.frontiers:
+        if not _is_array((self.pose.x, self.pose.y, self.pose.theta), (3,)):
+            return "has a pose whose values are no finite numbers"
+        for name in ("distance", "robot_radius", "turn_cost"):
+            if not _is_array(getattr(self, name), ()) or getattr(self, name) < 0:
+                return f"has a {name} that is no finite number, 0 or more"
+        if not _is_array(self.track, (len(self.track) if hasattr(self.track, "__len__") else -1, 3)):
+            return "has a track that is no array (n, 3) of finite numbers"
+        if self.goal is not None and not _is_array(self.goal, (2,)):
+            return "has a goal that is no point (x, y)"
+        if self.rooms is not None and not hasattr(self.rooms, "labels"):
+            return "has rooms without labels"
+        if not isinstance(self.frontiers, Sequence) or not self.frontiers:
             return "has no frontiers"
         if not all(isinstance(frontier, Frontier) for frontier in self.frontiers):
             return "has frontiers that are no Frontier"
@@ -364,11 +375,22 @@ class Predictor(Protocol):
         """The same decision with `rooms` and the frontiers' class, area, confidence and room filled in."""
 
 
+def _is_array(value: object, shape: tuple[int, ...]) -> bool:
+    """Whether a value has this shape and nothing but finite numbers."""
+    try:
+        array = np.asarray(value)
+    except Exception:  # whatever an object raises that is asked for its numbers
+        return False
+    return array.dtype.kind in "iuf" and array.shape == shape and bool(np.isfinite(array).all())
+
+
 def _wrong_with(frontier: Frontier, grid: OccupancyGrid) -> str:
     """What is wrong with a frontier of a grid; empty where nothing is."""
     numbers = frontier.size, frontier.path_length, frontier.straight_distance, frontier.visible_area
-    if not (np.isfinite([*numbers, *frontier.centroid]).all() and min(numbers) >= 0):
+    if not (_is_array(numbers, (4,)) and _is_array(frontier.centroid, (2,)) and min(numbers) >= 0):
         return "whose lengths and area are not all finite numbers, 0 or more"
+    if not _is_array(frontier.viewpoint, (2,)):
+        return "whose viewpoint is no cell"
     cells = np.vstack([np.asarray(frontier.cells).reshape(-1, 2), [frontier.viewpoint]])
     if len(cells) < 2 or (cells < 0).any() or (cells >= grid.shape).any():
         return "without cells, or with some outside of the grid"

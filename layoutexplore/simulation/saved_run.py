@@ -35,6 +35,9 @@ FORMAT = 1
 _CHOICE, _PATH, _DRIVE, _WALK = range(4)
 """Kinds of moves: the number of a frontier or STOP, a path of cells, a motion primitive, a `Walk`."""
 
+MOST_MOVES = 500_000
+"""More than any exploration takes: all of them are made again to go on."""
+
 _ELSEWHERE = "the moves of this saved run lead elsewhere: another version of layoutexplore has saved it"
 
 _FIELDS = {"format": int, "plan": str, "content_hash": str, "seed": int, "config": dict, "notes": dict}
@@ -201,6 +204,8 @@ def read_saved_run(path: str | Path) -> SavedRun:
     """
     check_kind("path", path, str, Path)
     arrays = read_arrays(Path(path), rules=_ARRAYS)
+    if (count := len(arrays["kinds"])) > MOST_MOVES:
+        raise ResultsError(f"{path} is damaged: it has {count} moves, and {MOST_MOVES} is the most")
     try:
         table = parse_json(str(arrays["run"]), str(path), error=ResultsError)
         good = isinstance(table, dict) and all(isinstance(table.get(k), kind) for k, kind in _FIELDS.items())

@@ -134,6 +134,7 @@ def test_what_is_no_saved_run_is_refused(tmp_path: Path) -> None:
         ({"cells": arrays["cells"] * 0}, "lead elsewhere"),
         ({"values": arrays["values"][:, :1]}, "damaged"),
         ({"values": arrays["values"] + 1e6}, "lead elsewhere"),
+        ({"kinds": np.zeros(10**6, np.int8), "values": np.zeros((10**6, 2))}, "500000 is the most"),
     ):
         write_arrays(other, arrays | change)
         with pytest.raises(ResultsError, match=said):

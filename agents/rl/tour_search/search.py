@@ -60,6 +60,7 @@ LINEAR = {"area_exponent": 0.25, "expected_exponent": 0.25, "first_leg": 0.3, "h
 PARAMETERS = (*LOGARITHMIC, *LINEAR)
 
 _FARTHEST = 1e9
+_MOST = 1_000_000
 _NEAR = 5.0
 """Metres added before a logarithm is taken, so that tiny buildings do not count more than others."""
 
@@ -215,6 +216,8 @@ def read_explorations(path: Path, members: int) -> list[Exploration]:
     lines = parse_csv(text[: text.rfind("\n") + 1], str(path))
     if not lines or lines[0] != list(Exploration._fields):
         raise ResultsError(f"{path} is not a file of explorations of layoutexplore train")
+    if len(lines) > _MOST:
+        raise ResultsError(f"{path} is damaged: it has {len(lines)} lines, and {_MOST} is the most")
     try:
         rows = [Exploration(int(a), int(b), float(c), float(d)) for a, b, c, d in lines[1:]]
     except ValueError as error:

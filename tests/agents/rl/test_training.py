@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import json
 import os
 import signal
 from pathlib import Path
@@ -242,3 +243,36 @@ def test_what_cannot_be_trained_is_told_before_anything_is_written(
     with pytest.raises(LayoutExploreError, match=message):
         train(small_config(tmp_path, **changes), tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"steps": -1}, "steps must be a whole number"),
+        ({"steps": 10**30}, "damaged"),
+        ({"steps": 3.5}, "steps must be a whole number"),
+        ({"seconds": -1.0}, "seconds must be"),
+        ({"evaluations": [{"steps": 3}]}, "'score' is missing in evaluations"),
+        ({"evaluations": [{"score": 3.0}]}, "'steps' is missing in evaluations"),
+        ({"evaluations": [{"steps": 3, "score": "good"}]}, "score must be a finite number"),
+        ({"evaluations": [{"steps": 3, "score": 1.0, "d95": None}]}, "d95 must be a finite number"),
+        ({"evaluations": 3}, "evaluations must be a list"),
+        ({"evalutions": []}, "evalutions"),
+    ],
+)
+def test_numbers_of_a_checkpoint_that_make_no_sense(
+    trained: Path, tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    progress = {"algorithm": "FrontierPPO", "steps": 64, "updates": 4, "calls": 0, "format": 1}
+    metadata = {"progress": json.dumps({**progress, **changes})}
+    safetensors.torch.save_file(tensors(trained), tmp_path / FILE, metadata=metadata)
+    with pytest.raises(ResultsError, match=message):
+        Run(small_config(tmp_path), tmp_path, device="cpu", resume=True, watcher=Silent())
+
+
+def test_weights_of_a_checkpoint_that_are_no_numbers(trained: Path, tmp_path: Path) -> None:
+    damaged = {name: torch.full_like(values, torch.nan) for name, values in tensors(trained).items()}
+    metadata = {"progress": "{}"}
+    safetensors.torch.save_file(damaged, tmp_path / FILE, metadata=metadata)
+    with pytest.raises(ResultsError, match="is not finite throughout"):
+        Run(small_config(tmp_path), tmp_path, device="cpu", resume=True, watcher=Silent())
