@@ -70,7 +70,7 @@ def load(plan: OnePlan) -> FloorPlan:
     return plan if isinstance(plan, FloorPlan) else cached_plan(plan)
 
 
-def _drawing(function: Callable[..., Any]) -> Callable[..., Any]:
+def _drawing(function: Any) -> Any:
     """A function that draws plans, if it can be called with a generator and nothing else."""
     if isinstance(function, Curriculum):
         return function

@@ -77,7 +77,7 @@ def test_a_truncated_file(saved: Path, kept: float) -> None:
         ({"taste": 1}, "not understood"),
         ({"network": {"depth": 3}}, "not understood"),
         ({"tour": {"hurry": 3.0}}, "not understood"),
-        ({"tour": {"patience": -1.0}}, "not understood.*tour.patience must be a finite number"),
+        ({"tour": {"patience": -1.0}}, "not understood.*tour.patience must be a number from 0"),
         ({"robot_features": ["distance"]}, "weights do not fit"),
     ],
 )
