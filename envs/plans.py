@@ -71,19 +71,18 @@ def load(plan: OnePlan) -> FloorPlan:
 
 
 def _drawing(function: Any) -> Any:
-    """A function that draws plans, if it can be called with a generator and nothing else."""
-    if isinstance(function, Curriculum):
-        return function
+    """A function that draws plans, if it can be called as such."""
+    curriculum = isinstance(function, Curriculum)
     try:
-        signature = inspect.signature(function)
+        signature = inspect.signature(function.draw if curriculum else function)
     except (TypeError, ValueError):  # of some that are no Python nobody knows what they take
         return function
     try:
-        signature.bind(None)
+        signature.bind(None, *[1.0] * curriculum)
     except TypeError as error:
+        given = "a generator and a progress" if curriculum else "a random generator alone"
         raise ConfigError(
-            f"a function that draws plans is called with a random generator alone: {cause(error)}, "
-            f"got {shortened(function)}"
+            f"a function that draws plans is called with {given}: {cause(error)}, got {shortened(function)}"
         ) from error
     return function
 

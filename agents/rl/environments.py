@@ -64,13 +64,12 @@ def check_plans(config: TrainingConfig) -> None:
         ConfigError: Plans without end stand beside others.
         MapError: One is missing, broken, or of no known format.
     """
-    if config.plans == (GENERATED,):
-        return
-    if GENERATED in config.plans:
+    generated = config.plans == (GENERATED,)
+    if GENERATED in config.plans and not generated:
         raise ConfigError(
             f"plans: {GENERATED!r} stands alone, got {shortened(config.plans)}; "
             "generator.shipped_share mixes plans that ship with generated ones"
         )
-    for source in find_plans(config.plans):
+    for source in find_plans((*(() if generated else config.plans), *config.evaluation.plans)):
         if is_there(split_level(source)[0]):
             load_plan(source)

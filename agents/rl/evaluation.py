@@ -56,13 +56,11 @@ class Metres(NamedTuple):
 
 @checks_arguments
 def check_what_is_named(config: TrainingConfig) -> None:
-    """See that every agent, predictor and plan that a run names is there, before anything begins.
+    """See that every agent and predictor that a run names is there, before anything begins.
 
     Raises:
         ConfigError: There is no such agent or predictor, or they do not go together.
-        MapError: There is no such plan.
     """
-    find_plans(config.evaluation.plans)
     make_predictor(config.predictor)
     for name in config.evaluation.references:
         make_agent(name)

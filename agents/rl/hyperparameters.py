@@ -186,8 +186,8 @@ class EvaluationConfig:
         check(self, "evaluation.", every=_STEPS, starts=Rule(kind=int, low=1, high=1e3))
         names = Rule(kind=str, count=-1)
         check(self, "evaluation.", plans=names, references=names)
-        if not self.plans:
-            raise ConfigError("evaluation.plans must name at least one floor plan, got []")
+        if not all(self.plans or ("",)):
+            raise ConfigError(f"evaluation.plans must name floor plans, got {shortened(self.plans)}")
 
 
 _PARTS = {"network": NetworkConfig, "imitation": ImitationConfig, "tour": TourConfig, "search": SearchConfig}
@@ -263,8 +263,8 @@ class TrainingConfig:
         check(self, final_learning_rate=SHARE, look_every=Rule(low=0.0, high=LONGEST_WAY))
         names = Rule(kind=str, count=-1)
         check(self, predictor=Rule(kind=str), plans=names, sensors=names)
-        if not self.plans or not self.sensors:
-            raise ConfigError("training needs at least one of plans and of sensors")
+        if not self.sensors or not all(self.plans or ("",)):
+            raise ConfigError("training needs at least one of plans and of sensors, and no plan is ''")
         self._check_parts()
         self._check_tables()
 

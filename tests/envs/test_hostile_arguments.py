@@ -116,6 +116,7 @@ def endless() -> Iterator[FloorPlan]:
         ({"apartment-01", "apartment-02"}, "plan is a set"),
         (rooms, "called with a random generator alone"),
         (FloorPlan, "called with a random generator alone"),
+        (PlanSampler, "called with a generator and a progress"),
     ],
 )
 @pytest.mark.parametrize("name", [FRONTIER, MOTION])

@@ -54,6 +54,8 @@ def test_a_file_changes_the_shipped_ones_and_flags_win(tmp_path: Path) -> None:
         ("steps = 1.5", "steps .* must be a whole number, got 1.5"),
         ("steps = 0", "steps must be a whole number from 1 to"),
         ("plans = []", "at least one of plans"),
+        ('plans = [""]', "no plan is ''"),
+        ('[evaluation]\nplans = ["test", ""]', "evaluation.plans must name floor plans"),
         ("plans = [3]", "plans .* must be a list of names"),
         ("[generator]\narea = [100]", "area .* must be a list of 2 numbers"),
         ('algorithm = "ppo"\nlearning = 3', "learning .* must be a table"),

@@ -232,6 +232,7 @@ def test_two_minutes_of_training_beat_random(tmp_path: Path) -> None:
         ({"predictor": "nonsense"}, "unknown predictor 'nonsense'"),
         ({"evaluation": {"references": ["tuor"]}}, "unknown agent 'tuor': did you mean 'tour'"),
         ({"evaluation": {"plans": ["officee:3"]}}, "officee"),
+        ({"evaluation": {"plans": ["/dev/null"]}}, "no known format"),
         ({"evaluation": {"plans": ["office:1-1000"], "starts": 1000}}, "explores 100000 times at most"),
         ({"imitation": {"teacher": "tuor"}}, "unknown agent 'tuor'"),
         ({"envs": 64, "learning": {"n_steps": 100_000}, "observation": {"max_frontiers": 10_000}}, "memory"),
