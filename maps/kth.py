@@ -104,6 +104,7 @@ def _neighbours(parts: Ints32, others: Ints32) -> dict[int, set[int]]:
         for here, there in ((low, high), (high, low)):
             part, other = parts[here], others[there]
             both = (part > 0) & (other > 0)
-            for a, b in np.unique(np.stack([part[both], other[both]], axis=1), axis=0).tolist():
+            pairs = np.unique(part[both].astype(np.int64) << 32 | other[both])  # as one number: soon sorted
+            for a, b in zip((pairs >> 32).tolist(), (pairs & 0xFFFFFFFF).tolist(), strict=True):
                 found.setdefault(a, set()).add(b)
     return found

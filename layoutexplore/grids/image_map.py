@@ -29,6 +29,7 @@ from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.components import split_labels
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
+from layoutexplore.grids.morphology import dilate_by_disc
 
 FREE_ABOVE = 230
 """Grey level above which a pixel is free in the maps of the room segmentation survey and of ROS."""
@@ -40,6 +41,9 @@ BORDER_SHARE = 0.1
 COURTYARD_AREA, COURTYARD_RADIUS = 25.0, 0.4
 SOLID_RADIUS, SOLID_SKIN = 0.75, 0.15
 """Square metres and metres: what counts as a courtyard, as the inside of a solid mass and as its surface."""
+
+_LARGE_DISC = 16
+"""Radius beyond which what a disc covers is found by distances: their time does not grow with it."""
 
 WALL_SHARE = 0.02
 """Share of the free space's outline that is occupied at least, in a map that tells walls from the unknown."""
@@ -173,8 +177,7 @@ def _border_levels(grey: Bytes, free: Mask) -> list[int]:
 
 def _courtyards(grey: Bytes, known: Mask, resolution: float) -> Mask:
     """The pixels, bool (h, w), of thick areas of one flat mid-grey and many square metres."""
-    disc = _disc(COURTYARD_RADIUS, resolution)
-    thick = _thick(grey, ~known & (grey >= DARK_BELOW), disc)
+    thick = _thick(grey, ~known & (grey >= DARK_BELOW), max(1, round(COURTYARD_RADIUS / resolution)))
     if not thick.any():
         return thick
     parts, areas = split_labels(np.where(known | (grey < DARK_BELOW), -1, grey.astype(np.int32)))
@@ -183,8 +186,14 @@ def _courtyards(grey: Bytes, known: Mask, resolution: float) -> Mask:
     return np.asarray((parts >= 0) & chosen[parts], np.bool_)
 
 
-def _thick(grey: Bytes, among: Mask, disc: Bytes) -> Mask:
+def _thick(grey: Bytes, among: Mask, cells: int) -> Mask:
     """The pixels, bool (h, w), that a disc of one grey level covers, all of it inside of a mask."""
+    if cells > _LARGE_DISC:
+        edges = ~among
+        edges[1:] |= grey[1:] != grey[:-1]
+        edges[:, 1:] |= grey[:, 1:] != grey[:, :-1]
+        return _opened(np.pad(~edges, 1), cells)[1:-1, 1:-1]
+    disc = _disc(cells)
     inside = cv2.erode(among.astype(np.uint8), disc, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
     # A disc is one 4-connected piece: it never reaches from one area of its level into another.
     flat = inside & (cv2.erode(grey, disc) == cv2.dilate(grey, disc))
@@ -197,15 +206,25 @@ def _inside_of_background(grey: Bytes, free: Mask, resolution: float) -> Mask:
         return np.zeros(free.shape, np.bool_)
     level = int(np.bincount(grey[~free], minlength=256).argmax())
     mass = ~free & (np.abs(grey.astype(np.int16) - level) <= 1)
-    disc = _disc(SOLID_RADIUS, resolution)
-    reach = disc.shape[0]
-    padded = np.pad(mass, reach, constant_values=True).astype(np.uint8)
-    thick = cv2.morphologyEx(padded, cv2.MORPH_OPEN, disc) > 0
-    depth = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * resolution
-    return np.asarray((thick & (depth > SOLID_SKIN))[reach:-reach, reach:-reach], np.bool_)
+    cells = max(1, round(SOLID_RADIUS / resolution))
+    reach = 2 * cells + 1
+    padded = np.pad(mass, reach, constant_values=True)
+    if cells > _LARGE_DISC:
+        thick = _opened(padded, cells)
+    else:
+        thick = cv2.morphologyEx(padded.view(np.uint8), cv2.MORPH_OPEN, _disc(cells)) > 0
+    depth = cv2.distanceTransform(padded.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray((thick & (depth * resolution > SOLID_SKIN))[reach:-reach, reach:-reach], np.bool_)
 
 
-def _disc(radius: float, resolution: float) -> Bytes:
+def _opened(mask: Mask, cells: int) -> Mask:
+    """The pixels, bool (h, w), that a disc of that radius in pixels covers, all of it inside of a mask."""
+    if mask.all():  # no distance to anything
+        return mask
+    core = cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) > cells
+    return dilate_by_disc(core, cells)
+
+
+def _disc(cells: int) -> Bytes:
     # OpenCV's ellipse is broader than `morphology.disc`; the thresholds above were found with it.
-    cells = max(1, round(radius / resolution))
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * cells + 1, 2 * cells + 1)), np.uint8)

@@ -24,6 +24,7 @@ from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.importing.building import Building
 from layoutexplore.maps.floorplan import Room
 from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.maps.sizes import windows
 
 OUTLINE_TOLERANCE = 0.1
 """Metres by which a simple outline may miss the cells."""
@@ -47,18 +48,24 @@ def room_goals(building: Building, *, radius: float = 0.25) -> dict[int, Point |
     reachable = raster.reachable(radius)
     depth = cv2.distanceTransform(np.pad(grid.free, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     clearance = np.minimum(depth[1:-1, 1:-1] * grid.resolution, CLEARANCE)
-    goals: dict[int, Point | None] = {}
-    for room in building.plan.rooms:
-        cell = _goal_cell((building.room_ids == room.id) & reachable, clearance)
-        goals[room.id] = None if cell is None else _rounded(grid.cell_to_world(*cell))
+    goals: dict[int, Point | None] = {room.id: None for room in building.plan.rooms}
+    for number, window in windows(building.plan.name, building.room_ids):
+        places = (building.room_ids[window] == number) & reachable[window]
+        if number in goals and places.any():
+            corner = window[0].start, window[1].start
+            goals[number] = _rounded(grid.cell_to_world(*_goal_cell(places, clearance[window], corner)))
     return goals
 
 
-def _goal_cell(places: Mask, clearance: np.ndarray[Any, Any]) -> tuple[int, int] | None:
-    """Of the places (rows, cols) about as far from walls as any, the one nearest to their middle."""
-    if not places.any():
-        return None
-    cells = np.argwhere(places)
+def _goal_cell(places: Mask, clearance: np.ndarray[Any, Any], corner: tuple[int, int]) -> tuple[int, int]:
+    """Of the places (rows, cols) about as far from walls as any, the one nearest to their middle.
+
+    Args:
+        places: bool (rows, cols), a part of the map.
+        clearance: Metres to walls of the same part.
+        corner: The cell of the map that is the part's first one.
+    """
+    cells = np.argwhere(places) + corner
     far = clearance[places] >= 0.9 * clearance[places].max()
     away = np.linalg.norm(cells[far] - cells.mean(axis=0), axis=1)
     row, col = cells[far][int(away.argmin())]
@@ -69,13 +76,17 @@ def room_graph(building: Building, *, radius: float = 0.25) -> dict[str, Any]:
     """Rooms as nodes, with area, label and goal, and doors as edges, with place and width, for JSON."""
     origin = building.grid.origin
     goals = room_goals(building, radius=radius)
+    doors: dict[int, list[int]] = {}
+    for k, door in enumerate(building.plan.doors):
+        for number in set(door.rooms):
+            doors.setdefault(number, []).append(k)
     nodes = [
         {
             "id": room.id,
             "label": room.label,
             "area": round(room.polygon.area, 2),
             "goal": goals[room.id],
-            "doors": [k for k, door in enumerate(building.plan.doors) if room.id in door.rooms],
+            "doors": doors.get(room.id, []),
         }
         for room in building.plan.rooms
     ]
