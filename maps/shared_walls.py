@@ -22,7 +22,14 @@ from layoutexplore.errors import MapError, MapWarning
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
-from layoutexplore.maps.sizes import check_crowding, check_outlines, check_plan, check_work, squared_distance
+from layoutexplore.maps.sizes import (
+    check_crowding,
+    check_outlines,
+    check_overlaps,
+    check_plan,
+    check_work,
+    squared_distance,
+)
 
 WALL_THICKNESS = 0.2
 DOOR_WIDTH = 0.9
@@ -77,6 +84,7 @@ def plan_from_outlines(
     shapes = list(outlines.values())
     check_plan(name, shapes, openings)
     check_outlines(name, shapes, shared=True)
+    check_overlaps(name, shapes)
     # Distances are measured in C, ten of them a microsecond.
     check_work(name, "doors and rooms", 0.1 * len(openings) * shapely.get_num_coordinates(shapes).sum())
     walls = walls_along(shapes, name)
@@ -156,7 +164,9 @@ def floors_between(
         parts = sorted(found, key=lambda part: -part.area) or [outline]
         rooms.append(Room(id=number, polygon=parts[0], label=labels[number]))
         scraps.extend(parts[1:])
-    return tuple(rooms), shapely.union_all(scraps)
+    # Rooms around each other are cut into the same scraps over and over.
+    different = {shapely.to_wkb(shapely.normalize(scrap)): scrap for scrap in scraps}
+    return tuple(rooms), shapely.union_all(list(different.values()))
 
 
 class _Nearby:
@@ -196,8 +206,11 @@ def place_door(
     for outline, other in ((a, b), (b, a)):
         foot, along = _wall_at(outline, place)
         gap = _gap(other, foot, np.array([-along[1], along[0]]))
-        middles = foot + shifts[:, None] * along + 0.5 * gap
-        scores = _misses((a, b), middles, along, 0.5 * float(np.hypot(*gap)), width) + 0.1 * np.abs(shifts)
+        middles, half = foot + shifts[:, None] * along + 0.5 * gap, 0.5 * float(np.hypot(*gap))
+        if not _misses((a, b), middles[:1], along, half, width).any():  # where it is drawn: no better place
+            found.append((0.0, middles[0], along))
+            break
+        scores = _misses((a, b), middles, along, half, width) + 0.1 * np.abs(shifts)
         best = int(scores.argmin())
         found.append((float(scores[best]), middles[best], along))
     _, middle, along = min(found, key=lambda candidate: round(candidate[0], 6))

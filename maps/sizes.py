@@ -33,6 +33,9 @@ _MEETINGS, _SHARED_MEETINGS = 2, 10
 _CROWD, _STRAIGHT = 5, 0.005
 """Pairs of edges near each other, over the limit of crossings; how far a line bends, over what is near."""
 
+_NESTED = 2
+"""Pairs of rooms of which one lies inside of the other, over the limit of crossings."""
+
 _CROSSED, _WRITTEN = 50_000_000, 50
 """Times that outlines may cross rows and columns, besides once a cell; and what is written meanwhile."""
 
@@ -132,6 +135,27 @@ def check_crowding(where: str, outlines: Iterable[Any], reach: float) -> None:
         raise MapError(
             f"{where}: more than {most} pairs of edges lie within {reach:g} m of each other, "
             f"{_CROWD} times the limit crossings: this is no floor plan, or it is not in metres"
+        )
+
+
+def check_overlaps(where: str, outlines: Sequence[Any]) -> None:
+    """Raise `MapError` where far too many rooms lie inside of each other: each is cut by all those in it.
+
+    A few areas with all the rooms of a floor inside do no harm.
+
+    Args:
+        where: The file, for the message.
+        outlines: Polygons.
+    """
+    tree = shapely.STRtree(outlines)
+    boxes = len(tree.query(outlines)[0]) - len(outlines)
+    check_count(where, "pairs of rooms of which the boxes overlap", boxes // 2, "vertices")
+    pairs = len(tree.query(outlines, predicate="contains_properly")[0])
+    most = int(_NESTED * limits().crossings)
+    if pairs > most:
+        raise MapError(
+            f"{where}: rooms lie inside of each other, {pairs} pairs of them, and at most {most} may, "
+            f"{_NESTED} times the limit crossings: {raise_it('crossings', pairs / _NESTED)}"
         )
 
 

@@ -88,14 +88,15 @@ def read_yaml(path: Path, schema: Schema | None = None, *, error: Kind = MapErro
     text, where = read_text(path, error, what, limit="settings_mb"), str(path)
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
-        depth = nodes = 0
+        depth, nodes, deepest = 0, 0, limits().depth
         for event in yaml.parse(text, Loader=loader):
             if isinstance(event, yaml.AliasEvent):
                 raise error(f"{where}: the alias *{shortened(event.anchor)} is not read: write it out")
             nodes += isinstance(event, yaml.NodeEvent)
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
-            _check_depth(depth, where, error)
+            if depth > deepest:
+                _check_depth(depth, where, error)
         _check_count(nodes, where, error)
         data = yaml.load(text, Loader=loader)  # a safe loader: it makes nothing but plain values
     except error:

@@ -31,7 +31,7 @@ from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.levels import choose_level
 from layoutexplore.maps.formats.polygons import Dropped, mended
 from layoutexplore.maps.shared_walls import WALL_THICKNESS, Opening, plan_from_outlines
-from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines
+from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines, check_overlaps
 
 SECONDS = 600.0
 """A model that takes longer is given up."""
@@ -44,6 +44,9 @@ LEAST_ROOM = 0.5
 
 ONE_ROOM = 0.65
 """Of the half metre around a door: if one room has more, the door is inside of that room."""
+
+_PAIRS = 10
+"""Pairs of spaces that touch or overlap, over the limit of rooms."""
 
 _TOUCH = 0.02
 _LEAST_PASSAGE = 0.6
@@ -100,9 +103,14 @@ def load_ifc(path: Path, level: str = "") -> FloorPlan:
     ]
     solid = _shape(floor["solid"])
     check_outlines(where, [solid])
+    check_count(where, "doors and holes of walls", len(floor["openings"]))
+    _check_overlaps(where, [space for _, space in spaces])
     rooms = _rooms(spaces, solid, dropped)
     floors = {number: room for number, (_, room) in rooms.items()}
-    openings = [*_doors(floor["openings"], list(floors.values()), dropped), *_open_borders(floors, solid)]
+    openings = list(_doors(floor["openings"], list(floors.values()), dropped))
+    for opening in _open_borders(floors, solid):
+        openings.append(opening)
+        check_count(where, "doors and open borders", len(openings))
     dropped.warn()
     home = f"{path.stem}-{name}"
     return plan_from_outlines(
@@ -171,6 +179,14 @@ def _shape(text: str) -> BaseGeometry:
     return shapely.from_wkt(text)
 
 
+def _check_overlaps(where: str, spaces: list[Polygon]) -> None:
+    """Raise `MapError` where far too many spaces touch or lie over each other: each pair is looked at."""
+    check_overlaps(where, spaces)
+    tree = shapely.STRtree(spaces)
+    pairs = (len(tree.query(spaces, predicate="intersects")[0]) - len(spaces)) // 2
+    check_count(where, "times ten pairs of spaces that touch or overlap", pairs // _PAIRS)
+
+
 def _rooms(
     spaces: list[tuple[str, Polygon]], solid: BaseGeometry, dropped: Dropped
 ) -> dict[int, tuple[str, Polygon]]:
@@ -196,10 +212,16 @@ def _doors(openings: list[list[float]], rooms: list[Polygon], dropped: Dropped) 
     tree = shapely.STRtree(rooms)
     for x, y, width in openings:
         around = shapely.Point(x, y).buffer(0.5)
-        if any(around.intersection(rooms[k]).area > ONE_ROOM * around.area for k in tree.query(around)):
+        if any(_overlap(around, rooms[k]) > ONE_ROOM * around.area for k in tree.query(around)):
             dropped.add("doors inside of one room are left out")
             continue
         yield Opening((x, y), width)
+
+
+def _overlap(small: Polygon, large: Polygon) -> float:
+    """The area in square metres that two polygons have in common; one may have thousands of corners."""
+    near = shapely.clip_by_rect(large, *small.bounds)
+    return float(small.intersection(near if near.is_valid else large).area)
 
 
 def _to_the_middle(room: Polygon) -> Polygon:
@@ -210,11 +232,12 @@ def _to_the_middle(room: Polygon) -> Polygon:
 def _open_borders(rooms: Mapping[int, Polygon], solid: BaseGeometry) -> Iterator[Opening]:
     """Openings where two rooms touch and no wall is."""
     numbers, shapes = list(rooms), list(rooms.values())
+    wide = [shape.buffer(2 * _TOUCH) for shape in shapes]
     one, other = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=_TOUCH)
     for i, j in zip(one.tolist(), other.tolist(), strict=True):
         if i >= j:
             continue
-        border = shapes[i].exterior.intersection(shapes[j].buffer(2 * _TOUCH)).difference(solid)
+        border = shapes[i].exterior.intersection(wide[j]).difference(solid)
         for line in _straight(border):
             if line.length >= _LEAST_PASSAGE + WALL_THICKNESS:
                 middle = line.interpolate(0.5, normalized=True)
