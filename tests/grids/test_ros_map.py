@@ -363,3 +363,16 @@ def test_furniture_of_the_survey_maps_is_occupied(data_dir: Path) -> None:
         furnished, empty = load_grid(path), load_grid(data_dir / "gridmaps" / "bormann" / path.name)
         furniture = empty.free & ~furnished.free
         assert furnished.occupied[furniture].mean() > 0.8, path
+
+
+@pytest.mark.parametrize("courtyard", [False, True])
+def test_fine_scans_are_read_as_coarse_ones(courtyard: bool) -> None:
+    image = np.full((60, 80), 205, np.uint8)
+    image[4:56, 4:76] = 0
+    image[6:54, 6:74] = 254
+    if courtyard:
+        image[10:50, 20:60] = 150
+    coarse = grid_from_image(image, 0.3).cells
+    fine = image.repeat(25, 0).repeat(25, 1)
+    cells = grid_from_image(fine, 0.3 / 25).cells
+    assert (cells == coarse.repeat(25, 0).repeat(25, 1)).mean() > 0.995

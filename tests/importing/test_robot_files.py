@@ -55,3 +55,11 @@ def test_goals_are_away_from_walls_and_reachable() -> None:
     for goal in goals.values():
         if goal:
             assert min(math.dist(goal, wall) for wall in occupied.tolist()) >= 0.85
+
+
+def test_thousands_of_rooms_have_their_goals() -> None:
+    lines = np.arange(1500) % 25 == 0
+    grid = grid_from_image(np.where(lines[:, None] | lines, 0, 255).astype(np.uint8), 0.05)
+    building = building_from_grid(grid, name="cells", method="none")
+    goals = room_goals(building)
+    assert len(goals) == 3600 and sum(map(bool, goals.values())) == 1  # no robot gets from one into the next

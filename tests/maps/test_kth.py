@@ -55,3 +55,11 @@ def test_kth_floors(data_dir: Path) -> None:
         assert raster.free.sum() * 0.01 == pytest.approx(facts["indoor_free_m2"], rel=0.03)
         assert share_reached(plan) >= 0.92, path.name  # 50010536_PLAN3 has a hall without a door
         assert len(plan.doors) >= 0.9 * len(plan.rooms)
+
+
+def test_a_thousand_stripes_are_told_apart(tmp_path: Path) -> None:
+    stripes = np.broadcast_to(np.arange(2000) // 2 * (np.arange(2000) % 2), (1500, 2000)).astype(np.uint16)
+    cv2.imwrite(str(tmp_path / "bars_occ.png"), np.full(stripes.shape, 255, np.uint8))
+    cv2.imwrite(str(tmp_path / "bars_rooms.png"), stripes)
+    load_plan(write_kth(tmp_path))  # kernels compile
+    assert len(load_plan(tmp_path / "bars_occ.png").rooms) == 999

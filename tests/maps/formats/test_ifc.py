@@ -148,3 +148,24 @@ def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setitem(sys.modules, "ifcopenshell", None)
     with pytest.raises(MissingExtraError, match=r"layoutexplore\[bim\]"):
         load_plan(f"{path}#EG")
+
+
+@pytest.mark.parametrize(
+    "spaces, doors, said",
+    [
+        ([box(k, k, 2000 - k, 2000 - k) for k in range(300)], 0, "pairs of them, and at most 20000 may"),
+        ([box(0, k / 9, 90, 90 + k / 9) for k in range(400)], 0, "7980 times ten pairs of spaces"),
+        ([box(0, 0, 9, 9)] * 120, 0, "5001 doors and open borders, and the limit rooms is 5000"),
+        ([box(0, 0, 9, 9)], 6000, "6000 doors and holes of walls, and the limit rooms is 5000"),
+    ],
+)
+def test_heaps_of_spaces_and_doors_are_counted_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spaces: list[Any], doors: int, said: str
+) -> None:
+    floor = {"name": "EG", "building": "house", "height": 0.0, "solid": "POLYGON EMPTY"}
+    floor |= {"spaces": [["", space.wkt] for space in spaces], "openings": [[0.0, 4.0, 0.9]] * doors}
+    monkeypatch.setattr(ifc, "_extracted", lambda *_: {"floors": [floor], "without_shape": 0})
+    path = tmp_path / "heap.ifc"
+    path.write_text("")
+    with pytest.raises(MapError, match=said):
+        ifc.load_ifc(path)
