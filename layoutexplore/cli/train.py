@@ -50,6 +50,10 @@ Algorithm = Annotated[
     ),
 ]
 
+Device = Annotated[
+    str, typer.Option(help="cpu, cuda or auto: cuda where there is one, but cpu for networks of frontiers.")
+]
+
 
 def train(
     config: Annotated[
@@ -63,10 +67,7 @@ def train(
     ] = None,
     envs: Annotated[int | None, typer.Option(min=1, help="Environments side by side.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of everything.")] = None,
-    device: Annotated[
-        str,
-        typer.Option(help="cpu, cuda or auto: cuda where there is one, but cpu for networks of frontiers."),
-    ] = "auto",
+    device: Device = "auto",
     predictor: Annotated[
         str | None, typer.Option(help="Where a policy learns of rooms from: layout or none.")
     ] = None,
