@@ -28,7 +28,7 @@ from layoutexplore.errors import MapError, checks_calls, shortened
 from layoutexplore.files.limits import limits
 from layoutexplore.grids.arrays import Bytes, Floats, Labels, Mask, label_type
 from layoutexplore.grids.grid import Pose, check_resolution
-from layoutexplore.grids.polygons import Point, fill, polygons_of, seal_diagonals
+from layoutexplore.grids.polygons import Nearness, Point, fill, polygons_of, seal_diagonals
 from layoutexplore.maps.raster import MOST_CELLS, PlanRaster, check_stretch, resample
 from layoutexplore.maps.sizes import MOST_METRES, check_drawing, check_ids, check_plan
 
@@ -121,7 +121,7 @@ class FloorPlan:
 
     def __getstate__(self) -> dict[str, Any]:
         # What can be computed again does not travel to other processes.
-        return {**self.__dict__, "_cache": {}}
+        return {k: v for k, v in self.__dict__.items() if k != "_nearness"} | {"_cache": {}}
 
     @property
     def _shown(self) -> str:
@@ -237,16 +237,16 @@ class FloorPlan:
         )
 
     @cached_property
-    def _outlines(self) -> dict[int, Polygon]:
-        """The rooms' polygons by their ids."""
-        return {room.id: room.polygon for room in self.rooms}
+    def _nearness(self) -> dict[int, Nearness]:
+        """Distances from rooms by their ids."""
+        return {room.id: Nearness(room.polygon) for room in self.rooms}
 
     def opening(self, door: Door) -> Polygon:
         """The floor that a door cuts through its wall: its segment, widened until it meets the rooms."""
         line = LineString([door.start, door.end])
         probes = shapely.points([door.start, door.end, line.interpolate(0.5, normalized=True).coords[0]])
-        rooms = [self._outlines[number] for number in door.rooms if number in self._outlines]
-        reach = max((float(shapely.distance(room, probes).max()) for room in rooms), default=0.0)
+        rooms = [self._nearness[number] for number in door.rooms if number in self._nearness]
+        reach = max((float(room.distances(probes).max()) for room in rooms), default=0.0)
         depth = min(max(reach + DOOR_REACH[0], DOOR_REACH[0]), DOOR_REACH[1])
         return line.buffer(depth, cap_style="flat")
 
@@ -299,9 +299,10 @@ def _draw_shapes(
 ) -> tuple[Mask, Labels]:
     """Occupied cells and room ids from the polygons."""
     corner, openings = (origin.x, origin.y), [plan.opening(door) for door in plan.doors]
-    shapes = [*plan._outlines.values(), *openings, plan.passages, plan.walls, plan.furniture]
+    outlines = [room.polygon for room in plan.rooms]
+    shapes = [*outlines, *openings, plan.passages, plan.walls, plan.furniture]
     check_drawing(plan._shown, shapes, resolution, shape[0] * shape[1])
-    room_ids: Labels = np.zeros(shape, label_type(max(plan._outlines, default=0)))
+    room_ids: Labels = np.zeros(shape, label_type(max((room.id for room in plan.rooms), default=0)))
     for room in sorted(plan.rooms, key=lambda room: -room.polygon.area):
         fill(room_ids, room.polygon, room.id, resolution, corner)
     occupied = room_ids == 0

@@ -90,6 +90,7 @@ def plan_from_outlines(
     walls = walls_along(shapes, name)
     rooms, scraps = floors_between(dict(outlines), walls, {k: labels.get(k, "") for k in outlines})
     rings = shapely.STRtree([outline.exterior for outline in shapes])
+    shapely.prepare(rings.geometries)
     placed = [_place(outlines, rings, opening) for opening in openings]
     doors = tuple(door for door in placed if door is not None)
     if lost := len(placed) - len(doors):
@@ -109,11 +110,11 @@ def plan_from_outlines(
 
 
 def _place(outlines: Mapping[int, Polygon], rings: shapely.STRtree, opening: Opening) -> Door | None:
-    """The door in the wall of its rooms, whose exteriors are `rings`, or None where no wall is near."""
+    """The door in the wall of its rooms, whose prepared exteriors are `rings`; None where no wall is near."""
     place = shapely.Point(opening.place)
     (x, y), far = opening.place, 2.0 * WALL_REACH
     close = np.sort(rings.query(shapely.box(x - far, y - far, x + far, y + far)))
-    away = shapely.distance(rings.geometries[close], place)
+    away = shapely.length(shapely.shortest_line(rings.geometries[close], place))  # `distance` has no index
     rooms = opening.rooms
     if away.min(initial=np.inf) > WALL_REACH:
         return None

@@ -134,7 +134,8 @@ def check_crowding(where: str, outlines: Iterable[Any], reach: float) -> None:
     if near_pairs(np.ascontiguousarray(edges[order]), order, reach, most, _PAIRS) > most:
         raise MapError(
             f"{where}: more than {most} pairs of edges lie within {reach:g} m of each other, "
-            f"{_CROWD} times the limit crossings: this is no floor plan, or it is not in metres"
+            f"{_CROWD} times the limit crossings: this is no floor plan, or it is not in metres; "
+            f"if it has thousands of rooms, {raise_it('crossings', 4 * limits().crossings)}"
         )
 
 

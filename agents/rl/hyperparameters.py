@@ -37,7 +37,7 @@ ENCODERS = ("pooled", "attention", "deep-sets", "none")
 MOST_WEIGHTS = 2e7
 """So many numbers a network may have: with its average, its critic and the optimizer a gigabyte."""
 
-MOST_ENVIRONMENTS = 4096
+MOST_PARALLEL = 4096
 """Side by side; memory ends it sooner."""
 
 MOST_DECISIONS = 1e7
@@ -257,7 +257,7 @@ class TrainingConfig:
     def __post_init__(self) -> None:
         if not isinstance(self.algorithm, str) or self.algorithm not in _defaults():
             raise unknown_name("algorithm", self.algorithm, _defaults())
-        check(self, steps=_STEPS, envs=Rule(kind=int, low=1, high=MOST_ENVIRONMENTS), checkpoint_every=_STEPS)
+        check(self, steps=_STEPS, envs=Rule(kind=int, low=1, high=MOST_PARALLEL), checkpoint_every=_STEPS)
         check(self, workers=Rule(kind=int, low=0, high=1024), seed=SEED, averaging=Rule(low=0.0, below=1.0))
         check(self, critic_steps=Rule(kind=int, low=0, high=1e10), max_steps=Rule(kind=int, low=0, high=1e7))
         check(self, final_learning_rate=SHARE, look_every=Rule(low=0.0, high=LONGEST_WAY))

@@ -60,7 +60,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             "or make it with `layoutexplore benchmark --out FOLDER`"
         )
     try:
-        return read_toml(path, _MANIFEST)
+        return read_toml(path, _MANIFEST, limit="text_mb")  # it grows with the plans, unlike settings
     except ConfigError as error:
         reason = cause(error).removeprefix(str(path)).lstrip(": ")
         raise ResultsError(f"{path} is damaged or of another version ({reason}): {_ADVICE}") from error

@@ -51,14 +51,19 @@ def parse_json(text: str, where: str, schema: Schema | None = None, *, error: Ki
 
 @checks_arguments
 def read_toml(
-    path: Path, schema: Schema | None = None, *, error: Kind = ConfigError, what: str = "configuration"
+    path: Path,
+    schema: Schema | None = None,
+    *,
+    error: Kind = ConfigError,
+    what: str = "configuration",
+    limit: str = "settings_mb",
 ) -> dict[str, Any]:
-    """The tables of a TOML file.
+    """The tables of a TOML file, of a size that `limit` names.
 
     Raises:
         LayoutExploreError: Of the kind `error`: it cannot be read, is not valid TOML, or does not fit.
     """
-    return parse_toml(read_text(path, error, what, limit="settings_mb"), str(path), schema, error=error)
+    return parse_toml(read_text(path, error, what, limit=limit), str(path), schema, error=error)
 
 
 @checks_arguments

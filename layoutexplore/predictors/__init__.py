@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from layoutexplore.errors import ConfigError, shortened
 from layoutexplore.frontiers.decision import Predictor
 from layoutexplore.options import Options, option
 from layoutexplore.plugins.registry import Registry
@@ -134,11 +135,13 @@ def _register_shipped() -> None:
 
 
 def _doors(text: str) -> float:
-    """A number of doors, or infinity; NaN, which no horizon is, where it is neither."""
+    """A number of doors, or infinity."""
     try:
         return float(text)
-    except ValueError:
-        return float("nan")
+    except ValueError as error:
+        raise ConfigError(
+            f"oracle: horizon is a number of doors, 0, 1, ... or inf, got {shortened(text)}"
+        ) from error
 
 
 def _learned(called: str, name: str, options: LearnedOptions) -> LearnedPredictor:

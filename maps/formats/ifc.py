@@ -49,6 +49,7 @@ _PAIRS = 10
 """Pairs of spaces that touch or overlap, over the limit of rooms."""
 
 _TOUCH = 0.02
+_SNAP = 1e-4
 _LEAST_PASSAGE = 0.6
 _PLACE = Number(low=-MOST_METRES, high=MOST_METRES)
 _OUTLINE = Text(most=32_000_000)
@@ -226,7 +227,9 @@ def _overlap(small: Polygon, large: Polygon) -> float:
 
 def _to_the_middle(room: Polygon) -> Polygon:
     """The outline in the middle of walls of the usual thickness around a room."""
-    return polygons_of(room.buffer(WALL_THICKNESS / 2, join_style="mitre"))[0]
+    # On a grid, so that lines of neighbours are the same.
+    outline = room.buffer(WALL_THICKNESS / 2, join_style="mitre")
+    return polygons_of(shapely.set_precision(outline, _SNAP))[0]
 
 
 def _open_borders(rooms: Mapping[int, Polygon], solid: BaseGeometry) -> Iterator[Opening]:

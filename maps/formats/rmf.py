@@ -158,12 +158,18 @@ def _segments(pairs: list[Any], points: Floats, what: str, dropped: Dropped) -> 
     return found
 
 
+def _filled(shape: BaseGeometry) -> BaseGeometry:
+    """A shape without its holes."""
+    return shapely.union_all([Polygon(part.exterior) for part in polygons_of(shape)])
+
+
 def _floor(
     entries: dict[str, Any], points: Floats, walls: BaseGeometry, doors: list[LineString], where: str
 ) -> BaseGeometry:
     """What walls and doors enclose; where they are not closed, the slabs of the floor."""
-    shell = shapely.union_all([walls, *(door.buffer(WALL_THICKNESS, cap_style="square") for door in doors)])
-    inside = shapely.union_all([Polygon(part.exterior) for part in polygons_of(shell)])
+    leaves = [door.buffer(WALL_THICKNESS, cap_style="square") for door in doors]
+    # Filled before, so that doors are not laid over the outlines of thousands of rooms.
+    inside = _filled(shapely.union_all([_filled(walls), *leaves]))
     slabs = []
     for slab in _listed(entries, "floors", where):
         try:

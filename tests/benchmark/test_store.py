@@ -103,6 +103,16 @@ def test_a_manifest_that_is_no_text_is_told(config: BenchmarkConfig, tmp_path: P
         run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out")
 
 
+def test_a_manifest_of_tens_of_thousands_of_plans_is_read(config: BenchmarkConfig, tmp_path: Path) -> None:
+    folder = run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out").folder
+    before, path = folder.manifest(), folder.path / "run.toml"
+    table = path.read_text().partition("[plans.cottage]\n")[2].partition("\n\n")[0]
+    more = "".join(f"\n[plans.cottage-{k}]\n{table}\n" for k in range(20_000))
+    path.write_text(path.read_text() + more)
+    assert path.stat().st_size > 2e6
+    assert folder.manifest()["plans"].items() > before["plans"].items()
+
+
 @pytest.mark.parametrize("line", ["starts", "baseline", "content_hash", "turn_cost"])
 def test_a_manifest_that_lacks_something_is_told(config: BenchmarkConfig, tmp_path: Path, line: str) -> None:
     folder = run_benchmark(dataclasses.replace(config, starts=1), tmp_path / "out").folder

@@ -16,7 +16,7 @@ from shapely import LineString, Polygon
 
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.grids.outlines import trace_mask
-from layoutexplore.grids.polygons import fill, polygons_of, resample_solid, seal_diagonals
+from layoutexplore.grids.polygons import Nearness, fill, polygons_of, resample_solid, seal_diagonals
 
 settings.register_profile("kernels", deadline=None)
 settings.load_profile("kernels")
@@ -224,3 +224,23 @@ def test_polygons_of_takes_only_polygons() -> None:
     assert len(polygons_of(mixed)) == 2
     assert polygons_of(Polygon()) == []
     assert polygons_of(LineString([(0, 0), (1, 1)])) == []
+
+
+COORDINATES = st.floats(-20, 20).map(lambda value: round(value, 3))
+
+
+@given(
+    st.lists(st.tuples(COORDINATES, COORDINATES), min_size=3, max_size=12),
+    st.lists(st.tuples(COORDINATES, COORDINATES), min_size=1, max_size=8),
+)
+def test_nearness_is_the_distance_that_shapely_measures(
+    corners: list[tuple[float, float]], places: list[tuple[float, float]]
+) -> None:
+    outline = shapely.MultiPoint(corners).convex_hull
+    assume(isinstance(outline, Polygon))
+    room = outline.difference(shapely.box(-1, -1, 1, 1))
+    assume(isinstance(room, Polygon))
+    points = shapely.points(places)
+    for shape in (room, room.exterior):
+        expected = shapely.distance(shape, points)
+        np.testing.assert_allclose(Nearness(shape).distances(points), expected, atol=1e-9)

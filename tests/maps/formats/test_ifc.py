@@ -150,6 +150,25 @@ def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         load_plan(f"{path}#EG")
 
 
+def of_spaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spaces: list[Any], doors: Any) -> Path:
+    """A model of which IfcOpenShell has found so many spaces and doors on one storey without walls."""
+    floor = {"name": "EG", "building": "house", "height": 0.0, "solid": "POLYGON EMPTY"}
+    floor |= {"spaces": [["", space.wkt] for space in spaces], "openings": doors}
+    monkeypatch.setattr(ifc, "_extracted", lambda *_: {"floors": [floor], "without_shape": 0})
+    path = tmp_path / "storey.ifc"
+    path.write_text("")
+    return path
+
+
+def test_a_storey_of_a_thousand_rooms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    corners = [(round(3.7 * i, 4), round(2.9 * j, 4)) for i in range(40) for j in range(40)]
+    spaces = [box(x + 0.1, y + 0.1, x + 3.6, y + 2.8) for x, y in corners]
+    doors = [[x, y + 1.4, 0.9] for x, y in corners if x > 0]
+    plan = ifc.load_ifc(of_spaces(tmp_path, monkeypatch, spaces, doors))
+    assert (len(plan.rooms), len(plan.doors)) == (1600, 1560)
+    assert all(0 not in door.rooms for door in plan.doors)
+
+
 @pytest.mark.parametrize(
     "spaces, doors, said",
     [
@@ -162,10 +181,6 @@ def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_heaps_of_spaces_and_doors_are_counted_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spaces: list[Any], doors: int, said: str
 ) -> None:
-    floor = {"name": "EG", "building": "house", "height": 0.0, "solid": "POLYGON EMPTY"}
-    floor |= {"spaces": [["", space.wkt] for space in spaces], "openings": [[0.0, 4.0, 0.9]] * doors}
-    monkeypatch.setattr(ifc, "_extracted", lambda *_: {"floors": [floor], "without_shape": 0})
-    path = tmp_path / "heap.ifc"
-    path.write_text("")
+    path = of_spaces(tmp_path, monkeypatch, spaces, [[0.0, 4.0, 0.9]] * doors)
     with pytest.raises(MapError, match=said):
         ifc.load_ifc(path)

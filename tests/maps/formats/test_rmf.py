@@ -37,6 +37,15 @@ def test_walls_and_doors_that_are_none_are_counted(tmp_path: Path) -> None:
         assert len(load_plan(path).rooms) == 2
 
 
+def test_a_building_that_only_its_doors_close(tmp_path: Path) -> None:
+    path = write_rmf(tmp_path / "two.building.yaml")
+    without = RMF.replace("    - [5, 0, {}]\n", "")
+    path.write_text(without.replace("    doors:\n", "    doors:\n    - [5, 0, {}]\n"))
+    plan = load_plan(path)
+    assert len(plan.rooms) == 2
+    assert sorted(door.rooms for door in plan.doors) == [(0, 1), (1, 2)]
+
+
 def test_y_points_up(tmp_path: Path) -> None:
     plan = load_plan(write_rmf(tmp_path / "two.building.yaml"))
     assert plan.doors[0].start == pytest.approx((5.0, -1.6)) and plan.bounds[3] == pytest.approx(0.1)
