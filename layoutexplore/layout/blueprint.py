@@ -8,6 +8,7 @@ envelope are the building's free space.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,12 @@ from layoutexplore.grids.outside import find_outside
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION
 from layoutexplore.layout.limits import cells_at_most
 from layoutexplore.options import check_fields
+
+_SECONDS = 60.0
+"""The OCR of noise ends late or never."""
+
+_MOST_PIXELS = 3e7
+"""A picture is not enlarged further for the OCR: letters of large scans are large."""
 
 WALL_SPREAD = 35.0
 """Grey levels by which a pixel of a wall differs from the usual wall at most."""
@@ -64,8 +71,8 @@ class BlueprintConfig:
         check_fields(self)
         if not 0 < self.darkness <= 255 or not 0 <= self.saturation <= 255:
             raise ConfigError("darkness and saturation are levels of 8 bit")
-        if self.magnification <= 0 or not 0 < self.template_match <= 1:
-            raise ConfigError("magnification must be above 0, template_match in (0, 1]")
+        if not 0 < self.magnification <= 10 or not 0 < self.template_match <= 1:
+            raise ConfigError("magnification must be above 0 and at most 10, template_match in (0, 1]")
         if not 0 <= self.wall_share < 1 or not 0 < self.tint <= 1:
             raise ConfigError("wall_share must be in [0, 1), tint in (0, 1]")
         if self.wall_width < 0 or self.symbol_size < 0 or self.opening < 0:
@@ -156,21 +163,30 @@ def find_words(image: Bytes, config: BlueprintConfig) -> list[tuple[int, int, in
 
     Raises:
         MissingExtraError: pytesseract or the program tesseract is not installed, or the program fails
-            (without its language data, say).
+            (without its language data, say), or takes more than a minute.
     """
     if image.ndim not in (2, 3) or not image.size:
         raise MapError(f"a picture has the shape (h, w) or (h, w, 3), got {image.shape}")
     tesseract = require("pytesseract", "blueprint")
-    scale = config.magnification
+    pixels = image.shape[0] * image.shape[1]
+    scale = min(config.magnification, max(math.sqrt(_MOST_PIXELS / pixels), 1.0))
     large = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
     try:
-        found = tesseract.image_to_data(large, config="--psm 11", output_type=tesseract.Output.DICT)
+        found = tesseract.image_to_data(
+            large, config="--psm 11", output_type=tesseract.Output.DICT, timeout=_SECONDS
+        )
     except tesseract.TesseractNotFoundError as error:
         raise MissingExtraError(
             "the program tesseract is not installed: apt install tesseract-ocr (Debian, Ubuntu)"
         ) from error
     except tesseract.TesseractError as error:
         raise MissingExtraError(f"tesseract has failed: {' '.join(str(error.message).split())}") from error
+    except RuntimeError as error:
+        if "timeout" not in str(error):
+            raise
+        raise MissingExtraError(
+            f"tesseract has found no end within {_SECONDS:g} s: is this the picture of a plan?"
+        ) from error
     boxes = []
     for text, confidence, *box in zip(
         *(found[key] for key in ("text", "conf", "top", "left", "height", "width")), strict=True

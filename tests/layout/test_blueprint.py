@@ -101,6 +101,17 @@ def test_words_are_found_and_erased():
     assert (cells[108:132, 260:360] == 0).all()
 
 
+def test_words_that_take_no_end_are_given_up(tmp_path, monkeypatch):
+    pytesseract = pytest.importorskip("pytesseract")
+    program = tmp_path / "tesseract"
+    program.write_text('#!/bin/sh\n[ "$1" = --version ] && echo tesseract 5.3.0 && exit\nexec sleep 60\n')
+    program.chmod(0o755)
+    monkeypatch.setattr(pytesseract.pytesseract, "tesseract_cmd", str(program))
+    monkeypatch.setattr(blueprint, "_SECONDS", 0.2)
+    with pytest.raises(MissingExtraError, match="found no end within 0.2 s"):
+        find_words(plan(), BlueprintConfig())
+
+
 def test_unusable_pictures_are_refused(tmp_path):
     with pytest.raises(MapError, match="no walls"):
         grid_from_blueprint(np.full((50, 50, 3), 255, np.uint8), 0.05, config=SILENT)
