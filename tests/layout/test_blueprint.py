@@ -108,7 +108,7 @@ def test_words_that_take_no_end_are_given_up(tmp_path, monkeypatch):
     program.chmod(0o755)
     monkeypatch.setattr(pytesseract.pytesseract, "tesseract_cmd", str(program))
     monkeypatch.setattr(blueprint, "_SECONDS", 0.2)
-    with pytest.raises(MissingExtraError, match="found no end within 0.2 s"):
+    with pytest.raises(MissingExtraError, match=r"found no end within 0\.2 s"):
         find_words(plan(), BlueprintConfig())
 
 
