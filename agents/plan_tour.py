@@ -33,9 +33,12 @@ from layoutexplore.options import option
 NEAR_WAY = 2.0
 """Metres: a frontier at most so far from where a path leaves what is known is in its way."""
 
-PATIENCE, FAR, MANY = 3, 6.0, 12
-"""Decisions and metres in which nothing was seen of what is left, after which the stop that was gone to is
-given up; after many decisions it is in any case."""
+PATIENCE, FAR = 3, 6.0
+"""Decisions in which nothing was seen of what is left, after which the stop that was gone to is given up if
+the robot has walked so many metres more than the way to a stop and back, or hardly walks at all."""
+
+MANY, LEAST_STEP = 12, 0.2
+"""Decisions in which the robot hardly walks: less than so many metres each."""
 
 ATTEMPTS = 3
 """Plans at a decision, each without the stops of the last one that the robot cannot set out for."""
@@ -96,7 +99,7 @@ class PlanTour(LookingTour[PlanTourOptions]):
         self._floor: ForeseenFloor | None = None
         self._plan, self._plans = NOTHING_PLANNED, 0
         self._arriving: Cell | None = None
-        self._left, self._idle, self._idle_from = -1, 0, 0.0
+        self._left, self._idle, self._idle_from, self._farthest = -1, 0, 0.0, 0.0
 
     def plans_anew(self, decision: Decision) -> bool:
         """Whether anything is foreseen: what was seen on the way is held against it."""
@@ -132,7 +135,10 @@ class PlanTour(LookingTour[PlanTourOptions]):
             else:
                 return None
             stop = Cell(*self._plan.stops[0].tolist())
-            choice = self._towards(decision, floor, here, stop)
+            path = floor.places.path(here, stop)
+            length = float(np.hypot(*np.diff(path, axis=0).T).sum()) * decision.grid.resolution
+            self._farthest = max(self._farthest, length)
+            choice = self._towards(decision, floor, path, stop)
             if choice is not None:
                 return choice
             floor.give_up(floor.places.at(stop).seen)
@@ -159,19 +165,21 @@ class PlanTour(LookingTour[PlanTourOptions]):
             floor.give_up(floor.places.at(here).seen)
         self._arriving = None
         if floor.left != self._left:
-            self._left, self._idle, self._idle_from = floor.left, -1, metres
+            self._left, self._idle, self._idle_from, self._farthest = floor.left, -1, metres, 0.0
         self._idle += 1
-        far = self._idle >= PATIENCE and metres - self._idle_from >= FAR
-        if (far or self._idle >= MANY) and len(self._plan.stops):
+        walked = metres - self._idle_from
+        # A long way through known rooms is no mistake; one that is longer than there and back is.
+        is_astray = self._idle >= PATIENCE and walked >= FAR + 2.0 * self._farthest
+        is_stuck = self._idle >= MANY and walked < LEAST_STEP * self._idle
+        if (is_astray or is_stuck) and len(self._plan.stops):
             floor.give_up(floor.places.at(Cell(*self._plan.stops[0].tolist())).seen)
-            self._idle, self._idle_from = 0, metres
+            self._idle, self._idle_from, self._farthest = 0, metres, 0.0
 
-    def _towards(self, decision: Decision, floor: ForeseenFloor, here: Cell, stop: Cell) -> Choice | None:
+    def _towards(self, decision: Decision, floor: ForeseenFloor, path: Ints32, stop: Cell) -> Choice | None:
         """The way to a stop as far as it is known, or the frontier to go to; None when there is neither."""
         frontier = floor.frontier_of(floor.places.at(stop).seen)
         if frontier is not None:
             return frontier
-        path = floor.places.path(here, stop)
         if len(path) < 2:
             return None
         known = decision.traversable[path[:, 0], path[:, 1]]

@@ -9,7 +9,7 @@ import numpy as np
 
 from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.foresight import Foresight
-from layoutexplore.grids.arrays import Bytes, Cells, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.morphology import disc
 from layoutexplore.priors.openings import with_ways_in
@@ -21,6 +21,9 @@ WALL_DEPTH = 0.5
 
 CONTRADICTED, LEAST_POINTS = 0.5, 10
 """A plan's room is contradicted where so large a share of the points seen in it, of so many, are walls."""
+
+LEAST_SHARE = 0.02
+"""Share of the seen floor that lies in a part of a plan if the robot has been in that part."""
 
 POINT_OFF = 0.6
 """Metres by which a seen wall is off when it disagrees with a plan."""
@@ -72,7 +75,7 @@ class PlanOnMap:
             self._placed, self._drawn = best.placed, drawn_on(registration, best, grid)
         assert self._drawn is not None
         cells, ids = self._drawn[0].copy(), self._drawn[1].copy()
-        silent = contradicted_rooms(registration, best)
+        silent = contradicted_rooms(registration, best) | rooms_apart(registration, best)
         if silent:
             gone = np.isin(ids, sorted(silent))
             cells[gone] = UNKNOWN
@@ -116,10 +119,7 @@ def contradicted_rooms(registration: Registration, hypothesis: Hypothesis) -> se
     votes = np.zeros((2, int(fields.room_ids.max()) + 1))
     walls, floor = thinned(registration.evidence.walls), thinned(registration.evidence.floor)
     for points, is_wall in ((walls, True), (floor, False)):
-        at = hypothesis.placed.to_plan(points)
-        place = np.floor((at - fields.low) / fields.cell).astype(int)
-        inside = ((place >= 0) & (place < fields.free.shape[::-1])).all(axis=1)
-        col, row = place[inside].T
+        row, col = _in_plan(points, registration, hypothesis)
         room = fields.room_ids[row, col]
         np.add.at(votes[0], room, 1.0)
         if is_wall:  # in the middle of a drawn room
@@ -127,6 +127,30 @@ def contradicted_rooms(registration: Registration, hypothesis: Hypothesis) -> se
     many = votes[0] >= LEAST_POINTS
     wrong = many & (votes[1] > CONTRADICTED * votes[0])
     return set(np.flatnonzero(wrong).tolist()) - {0}
+
+
+def rooms_apart(registration: Registration, hypothesis: Hypothesis) -> set[int]:
+    """Rooms of a plan that draws its doors to which it draws no way from where the robot has been.
+
+    Another flat, or a wing that is entered from outside: a door may be there, but the plan does not say so.
+    """
+    fields = registration.fields
+    wing = fields.wing_of_room
+    if not fields.complete or wing.max(initial=0) < 2:
+        return set()
+    at = _in_plan(thinned(registration.evidence.floor), registration, hypothesis)
+    seen = np.bincount(fields.wings[at], minlength=int(fields.wings.max()) + 1)
+    visited = seen >= max(LEAST_POINTS, LEAST_SHARE * seen[1:].sum())
+    return set(np.flatnonzero((wing > 0) & ~visited[wing]).tolist()) if visited[1:].any() else set()
+
+
+def _in_plan(points: Floats, registration: Registration, hypothesis: Hypothesis) -> tuple[Ints, Ints]:
+    """Rows and columns int64 (m,) in the plan's fields of world points float64 (n, 2) that lie in them."""
+    fields = registration.fields
+    place = np.floor((hypothesis.placed.to_plan(points) - fields.low) / fields.cell).astype(np.int64)
+    inside = ((place >= 0) & (place < fields.free.shape[::-1])).all(axis=1)
+    col, row = place[inside].T
+    return row, col
 
 
 def _usual_error(registration: Registration, hypothesis: Hypothesis) -> float:

@@ -18,6 +18,9 @@ CELL = 0.1
 BORDER = 4.0
 """Metres of outside around a plan."""
 
+FEW_DOORS = 0.05
+"""A plan that draws all doors but those of so small a share of its rooms means walls where it draws none."""
+
 
 @dataclass(frozen=True, eq=False)
 class PlanFields:
@@ -28,12 +31,14 @@ class PlanFields:
         room_ids: int32 (rows, cols).
         cell: Metres of the plan a cell.
         low: Coordinate in plan metres of the lower and left edge of the array.
+        complete: Whether the plan draws its doors, so that parts without a way between them are apart.
     """
 
     free: Mask
     room_ids: Ints32
     cell: float
     low: float
+    complete: bool
 
     @cached_property
     def to_walls(self) -> Floats32:
@@ -49,6 +54,19 @@ class PlanFields:
         inside = cv2.distanceTransform(floor, cv2.DIST_L2, 5)
         outside = cv2.distanceTransform(1 - floor, cv2.DIST_L2, 5)
         return np.asarray((inside - outside) * self.cell, np.float32)
+
+    @cached_property
+    def wings(self) -> Ints32:
+        """int32 (rows, cols): the part that one can walk about in without leaving it, from 1; 0 for solid."""
+        return np.asarray(cv2.connectedComponents(self.free.astype(np.uint8), connectivity=4)[1], np.int32)
+
+    @cached_property
+    def wing_of_room(self) -> Ints32:
+        """int32 (highest room id + 1,): the part that each room lies in; 0 for none."""
+        found = np.zeros(int(self.room_ids.max(initial=0)) + 1, np.int32)
+        found[self.room_ids[self.free]] = self.wings[self.free]
+        found[0] = 0
+        return found
 
     @cached_property
     def direction(self) -> float:
@@ -69,5 +87,9 @@ def make_fields(prior: PriorPlan) -> PlanFields:
     # A thin wall of a fine drawing stays a wall: floor is what is floor by most of its cell.
     free = floor > 0.6 * 255
     return PlanFields(
-        np.pad(free, pad), np.pad(np.where(free, ids, 0), pad).astype(np.int32), cell, -pad * cell
+        free=np.pad(free, pad),
+        room_ids=np.pad(np.where(free, ids, 0), pad).astype(np.int32),
+        cell=cell,
+        low=-pad * cell,
+        complete=prior.doors_assumed <= FEW_DOORS,
     )

@@ -23,7 +23,7 @@ from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.sizes import check_ids
 from layoutexplore.maps.tracing import trace_doors
-from layoutexplore.options import Rule, check, check_kind
+from layoutexplore.options import SHARE, Rule, check, check_kind
 
 RESOLUTION = 0.1
 """Metres a cell of plans that are polygons."""
@@ -99,6 +99,8 @@ class PriorPlan:
         resolution: Metres a cell, by the scale that is believed.
         scale_spread: Standard deviation of the logarithm of the true scale over the believed one.
         hints: What is told of its place.
+        doors_assumed: Share of the rooms that have no door in the drawing and were given one, 0..1; 1 where
+            doors were not looked for.
         unused: Why it cannot be used; empty for a plan that can.
 
     Raises:
@@ -112,6 +114,7 @@ class PriorPlan:
     resolution: float
     scale_spread: float = UNKNOWN_SPREAD
     hints: PriorHints = field(default_factory=PriorHints)
+    doors_assumed: float = 1.0
     unused: str = ""
 
     def __post_init__(self) -> None:
@@ -122,7 +125,12 @@ class PriorPlan:
             )
         check_ids(f"prior plan {self.name}", max(int(self.room_ids.max()), -int(self.room_ids.min())))
         check_kind("hints", self.hints, PriorHints)
-        check(self, resolution=Rule(above=0.0, high=1e3), scale_spread=Rule(above=0.0, high=3.0))
+        check(
+            self,
+            resolution=Rule(above=0.0, high=1e3),
+            scale_spread=Rule(above=0.0, high=3.0),
+            doors_assumed=SHARE,
+        )
         object.__setattr__(self, "room_ids", np.ascontiguousarray(self.room_ids, np.int32))
         object.__setattr__(self, "free", np.ascontiguousarray(self.free, np.bool_))
         object.__setattr__(self, "unused", self.unused or _why_unused(self))
@@ -251,26 +259,29 @@ def _door_widths(prior: PriorPlan) -> Floats:
 def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
     """The plan in which every room can be entered: where no door is drawn, one is assumed.
 
-    A room that is cut off opens to the largest neighbour across the thinnest wall, in the middle of what the
-    two have in common.
+    A room that is cut off opens to what is large (corridors, halls, all that can be walked to from there)
+    across the thinnest wall, in the middle of what the two have in common. Large parts that are cut off from
+    each other (flats, wings, courtyards) stay so.
     """
-    free, reach = prior.free.copy(), WALL_REACH / prior.resolution
+    free, reach, assumed = prior.free.copy(), WALL_REACH / prior.resolution, 0
     for _ in range(3):  # a room behind a room that was cut off itself
         count, parts, stats, _ = cv2.connectedComponentsWithStats(free.astype(np.uint8), connectivity=4)
         if count <= 2:
             break
-        main = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
         least, most = (area / prior.resolution**2 for area in CUT_OFF_AREA)
+        sizes = stats[:, cv2.CC_STAT_AREA]
+        is_large = sizes > most
+        is_large[0], is_large[1 + int(sizes[1:].argmax())] = False, True
+        large = is_large[parts]
         distance, nearest = cv2.distanceTransformWithLabels(
-            (parts != main).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+            (~large).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
         )
         places = np.zeros((int(nearest.max()) + 1, 2), np.int64)
-        main_cells = np.argwhere(parts == main)
-        places[nearest[main_cells[:, 0], main_cells[:, 1]]] = main_cells
-        sizes = stats[:, cv2.CC_STAT_AREA]
+        large_cells = np.argwhere(large)
+        places[nearest[large_cells[:, 0], large_cells[:, 1]]] = large_cells
         order, ends = np.argsort(parts, axis=None, kind="stable"), np.cumsum(sizes)
         for part in range(1, count):
-            if part == main or not least <= sizes[part] <= most:
+            if is_large[part] or sizes[part] < least:
                 continue
             members = order[ends[part] - sizes[part] : ends[part]]
             cells = np.stack(np.unravel_index(members, free.shape), axis=1)
@@ -280,7 +291,9 @@ def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
                 continue
             middle = near[np.abs(near - np.median(near, axis=0)).sum(axis=1).argmin()]
             _carve(free, middle, places[nearest[middle[0], middle[1]]], 0.5 * DOOR_WIDTH / prior.resolution)
-    return dataclasses.replace(prior, free=free, unused="")
+            assumed += 1
+    share = min(1.0, assumed / max(1, prior.rooms))
+    return dataclasses.replace(prior, free=free, doors_assumed=share, unused="")
 
 
 _THICKEST = 32_767

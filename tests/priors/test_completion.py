@@ -6,9 +6,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+import shapely
 
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.morphology import inflate
+from layoutexplore.maps.floorplan import Door, FloorPlan
 from layoutexplore.priors import completion
 from layoutexplore.priors.completion import TRUST, PlanOnMap, contradicted_rooms, trusted_reach
 from layoutexplore.priors.plan import prior_of_plan
@@ -64,6 +66,50 @@ def test_a_room_that_is_not_as_drawn_is_left_out() -> None:
     assert (found.cells[inside] == UNKNOWN).mean() > 0.8
     untouched = registered(grid)
     assert not contradicted_rooms(untouched, untouched.hypotheses[0])
+
+
+def terrace(doors_between: int = 0) -> FloorPlan:
+    """Two flats of eleven rooms side by side, the right one longer, each with all its doors."""
+    left, offset = office("left"), 30.2
+    rooms, doors = list(left.rooms), list(left.doors)
+    for room in left.rooms:
+        moved = shapely.transform(room.polygon, lambda points: points * [1.3, 1.0] + [offset, 0.0])
+        rooms.append(dataclasses.replace(room, id=room.id + 20, polygon=moved))
+    for door in left.doors:
+        start, end = ((1.3 * x + offset, y) for x, y in (door.start, door.end))
+        a, b = door.rooms
+        doors.append(Door(start=start, end=end, rooms=(a + 20, b + 20)))
+    if doors_between:
+        doors.append(Door(start=(30.1, 5.5), end=(30.1, 6.5), rooms=(1, 21)))
+    return FloorPlan(name="terrace", rooms=tuple(rooms), doors=tuple(doors))
+
+
+@pytest.mark.parametrize("doors_between", [0, 1])
+def test_a_flat_to_which_no_door_is_drawn_is_foreseen_once_the_robot_is_there(doors_between: int) -> None:
+    plan = terrace(doors_between)
+    prior = prior_of_plan(plan)
+    assert prior.doors_assumed == 0.0
+    raster = plan.rasterize(0.1)
+    other = (raster.room_ids > 20) & raster.free
+    for share, is_foreseen in ((0.4, doors_between > 0), (0.6, True)):
+        grid = seen_part(plan, share)
+        registration = Registration(prior)
+        registration.update(grid)
+        found = PlanOnMap().foresee(registration, grid, 1.0, "prior")
+        unseen = other & (grid.cells == UNKNOWN)
+        assert (found.cells[unseen] == FREE).mean() > 0.9 if is_foreseen else not found.room_ids[other].any()
+
+
+def test_a_plan_that_lacks_doors_says_nothing_of_parts_without_a_way() -> None:
+    plan = terrace()
+    gone = dataclasses.replace(plan, doors=plan.doors[3:])
+    prior, grid = prior_of_plan(gone), seen_part(plan, 0.4)
+    assert prior.doors_assumed == pytest.approx(3 / 22)
+    registration = Registration(prior)
+    registration.update(grid)
+    found = PlanOnMap().foresee(registration, grid, 1.0, "prior")
+    raster = plan.rasterize(0.1)
+    assert (found.cells[(raster.room_ids > 20) & raster.free] == FREE).mean() > 0.9
 
 
 def test_slivers_along_seen_walls_are_not_foreseen() -> None:
