@@ -27,6 +27,17 @@ from tests.plans import offices
 CORRIDOR = "\n".join(["#" * 42, "#" + "a" * 40 + "#", "#" + "a" * 40 + "#", "#" * 42])
 """40 m by 2 m at a metre a letter."""
 
+FAR_ROOMS = "\n".join(
+    [
+        "#" * 42,
+        *["#bbbb" + "#" * 32 + "cccc#"] * 2,
+        "##.##" + "#" * 32 + "##.##",
+        *["#" + "a" * 40 + "#"] * 2,
+        "#" * 42,
+    ]
+)
+"""A room at either end of a corridor that is seen at once."""
+
 
 class Drawn:
     """Foresees what a function makes of the true cells, whatever is true."""
@@ -78,6 +89,25 @@ def test_the_short_arm_comes_first_when_both_ends_are_foreseen() -> None:
     xs = simulation.track[:, 0]
     assert xs.argmin() < xs.argmax()
     assert 34.0 < simulation.distance < 38.0
+
+
+def test_a_long_way_back_through_what_is_known_gives_up_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between the rooms the robot decides every half metre, 35 m long, and sees nothing new."""
+    given_up: list[int] = []
+    give_up = ForeseenFloor.give_up
+    monkeypatch.setattr(
+        ForeseenFloor,
+        "give_up",
+        lambda floor, bits: (given_up.append(size(bits & ~floor.seen)), give_up(floor, bits)),
+    )
+    plan = floorplan_from_ascii(FAR_ROOMS, resolution=1.0)
+    simulation = Simulation(plan, SimulationConfig(sensor="stage"), OraclePredictor(horizon=np.inf))
+    agent = make_agent("plan-tour:predictor=oracle:horizon=inf")
+    decision = simulation.reset(start=Pose(17.0, 2.0))
+    agent.reset(0)
+    while not simulation.done:
+        decision = simulation.step(agent.act(decision))
+    assert simulation.coverage >= 0.99 and sum(given_up) < 10  # a room is some 160 cells
 
 
 def test_foresight_saves_metres() -> None:
