@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -116,12 +117,16 @@ def print_summary(summary: dict[str, Any]) -> None:
     )
 
 
+def _shown(value: float) -> str:
+    """A number; a dash for what so few rooms do not tell."""
+    return str(value) if isinstance(value, int) else "-" if math.isnan(value) else f"{value:.3f}"
+
+
 def _print(what: str, stratum: str, summary: dict[str, Any], columns: Sequence[str]) -> None:
     """One line a stratum and predictor, the predictors of a stratum below each other."""
     lines = [(line[stratum], name, line) for name, part in summary.items() for line in part[what]]
     order = list(dict.fromkeys(name for name, _, _ in lines))
     typer.echo(f"{stratum:<10}{'predictor':<15}" + "".join(f"{column:>19}" for column in columns))
     for level, name, line in sorted(lines, key=lambda entry: order.index(entry[0])):
-        values = (f"{line[c]:>19d}" if isinstance(line[c], int) else f"{line[c]:>19.3f}" for c in columns)
-        typer.echo(f"{level:<10}{name:<15}" + "".join(values))
+        typer.echo(f"{level:<10}{name:<15}" + "".join(f"{_shown(line[c]):>19}" for c in columns))
     typer.echo("")
