@@ -34,8 +34,11 @@ NEAR_WAY = 2.0
 """Metres: a frontier at most so far from where a path leaves what is known is in its way."""
 
 PATIENCE, FAR = 3, 6.0
-"""Decisions in which nothing was seen of what is left, after which the stop that was gone to is given up if
-the robot has walked so many metres more than the way to a stop and back, or hardly walks at all."""
+"""Stops for which the robot has set out and seen nothing of what is left, after which the next one is given
+up if it has walked so many metres more than the way to the farthest of them."""
+
+TO_AND_FRO = 3
+"""The same where there were fewer stops: ways as long as the longest."""
 
 MANY, LEAST_STEP = 12, 0.2
 """Decisions in which the robot hardly walks: less than so many metres each."""
@@ -100,6 +103,7 @@ class PlanTour(LookingTour[PlanTourOptions]):
         self._plan, self._plans = NOTHING_PLANNED, 0
         self._arriving: Cell | None = None
         self._left, self._idle, self._idle_from, self._farthest = -1, 0, 0.0, 0.0
+        self._aims: set[Cell] = set()
 
     def plans_anew(self, decision: Decision) -> bool:
         """Whether anything is foreseen: what was seen on the way is held against it."""
@@ -138,6 +142,7 @@ class PlanTour(LookingTour[PlanTourOptions]):
             path = floor.places.path(here, stop)
             length = float(np.hypot(*np.diff(path, axis=0).T).sum()) * decision.grid.resolution
             self._farthest = max(self._farthest, length)
+            self._aims.add(stop)
             choice = self._towards(decision, floor, path, stop)
             if choice is not None:
                 return choice
@@ -165,15 +170,23 @@ class PlanTour(LookingTour[PlanTourOptions]):
             floor.give_up(floor.places.at(here).seen)
         self._arriving = None
         if floor.left != self._left:
-            self._left, self._idle, self._idle_from, self._farthest = floor.left, -1, metres, 0.0
-        self._idle += 1
+            self._left = floor.left
+            self._begin_again(metres)
+        else:
+            self._idle += 1
         walked = metres - self._idle_from
-        # A long way through known rooms is no mistake; one that is longer than there and back is.
-        is_astray = self._idle >= PATIENCE and walked >= FAR + 2.0 * self._farthest
+        # A long way to one stop through known rooms is no mistake; to and fro between two of them is.
+        ways = 1 if len(self._aims) >= PATIENCE else TO_AND_FRO
+        is_astray = walked >= FAR + ways * self._farthest
         is_stuck = self._idle >= MANY and walked < LEAST_STEP * self._idle
         if (is_astray or is_stuck) and len(self._plan.stops):
             floor.give_up(floor.places.at(Cell(*self._plan.stops[0].tolist())).seen)
-            self._idle, self._idle_from, self._farthest = 0, metres, 0.0
+            self._begin_again(metres)
+
+    def _begin_again(self, metres: float) -> None:
+        """From now on it counts for what the robot sets out and how far it walks."""
+        self._idle, self._idle_from, self._farthest = 0, metres, 0.0
+        self._aims.clear()
 
     def _towards(self, decision: Decision, floor: ForeseenFloor, path: Ints32, stop: Cell) -> Choice | None:
         """The way to a stop as far as it is known, or the frontier to go to; None when there is neither."""

@@ -91,5 +91,5 @@ def make_fields(prior: PriorPlan) -> PlanFields:
         room_ids=np.pad(np.where(free, ids, 0), pad).astype(np.int32),
         cell=cell,
         low=-pad * cell,
-        complete=prior.doors_assumed <= FEW_DOORS,
+        complete=prior.doors_missing <= FEW_DOORS,
     )

@@ -99,8 +99,7 @@ class PriorPlan:
         resolution: Metres a cell, by the scale that is believed.
         scale_spread: Standard deviation of the logarithm of the true scale over the believed one.
         hints: What is told of its place.
-        doors_assumed: Share of the rooms that have no door in the drawing and were given one, 0..1; 1 where
-            doors were not looked for.
+        doors_missing: Share of the rooms that have no door in the drawing, 0..1; 1 where nobody has looked.
         unused: Why it cannot be used; empty for a plan that can.
 
     Raises:
@@ -114,7 +113,7 @@ class PriorPlan:
     resolution: float
     scale_spread: float = UNKNOWN_SPREAD
     hints: PriorHints = field(default_factory=PriorHints)
-    doors_assumed: float = 1.0
+    doors_missing: float = 1.0
     unused: str = ""
 
     def __post_init__(self) -> None:
@@ -129,7 +128,7 @@ class PriorPlan:
             self,
             resolution=Rule(above=0.0, high=1e3),
             scale_spread=Rule(above=0.0, high=3.0),
-            doors_assumed=SHARE,
+            doors_missing=SHARE,
         )
         object.__setattr__(self, "room_ids", np.ascontiguousarray(self.room_ids, np.int32))
         object.__setattr__(self, "free", np.ascontiguousarray(self.free, np.bool_))
@@ -259,30 +258,27 @@ def _door_widths(prior: PriorPlan) -> Floats:
 def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
     """The plan in which every room can be entered: where no door is drawn, one is assumed.
 
-    A room that is cut off opens to what is large (corridors, halls, all that can be walked to from there)
-    across the thinnest wall, in the middle of what the two have in common. Large parts that are cut off from
-    each other (flats, wings, courtyards) stay so.
+    A room that is cut off opens to the largest neighbour across the thinnest wall, in the middle of what the
+    two have in common.
     """
-    free, reach, assumed = prior.free.copy(), WALL_REACH / prior.resolution, 0
+    free, reach, without = prior.free.copy(), WALL_REACH / prior.resolution, 0
     for _ in range(3):  # a room behind a room that was cut off itself
         count, parts, stats, _ = cv2.connectedComponentsWithStats(free.astype(np.uint8), connectivity=4)
         if count <= 2:
             break
+        main = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
         least, most = (area / prior.resolution**2 for area in CUT_OFF_AREA)
-        sizes = stats[:, cv2.CC_STAT_AREA]
-        is_large = sizes > most
-        is_large[0], is_large[1 + int(sizes[1:].argmax())] = False, True
-        large = is_large[parts]
         distance, nearest = cv2.distanceTransformWithLabels(
-            (~large).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+            (parts != main).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
         )
         places = np.zeros((int(nearest.max()) + 1, 2), np.int64)
-        large_cells = np.argwhere(large)
-        places[nearest[large_cells[:, 0], large_cells[:, 1]]] = large_cells
+        main_cells = np.argwhere(parts == main)
+        places[nearest[main_cells[:, 0], main_cells[:, 1]]] = main_cells
+        sizes = stats[:, cv2.CC_STAT_AREA]
+        closed = [k for k in range(1, count) if k != main and least <= sizes[k] <= most]
+        without = max(without, len(closed))
         order, ends = np.argsort(parts, axis=None, kind="stable"), np.cumsum(sizes)
-        for part in range(1, count):
-            if is_large[part] or sizes[part] < least:
-                continue
+        for part in closed:
             members = order[ends[part] - sizes[part] : ends[part]]
             cells = np.stack(np.unravel_index(members, free.shape), axis=1)
             gaps = np.asarray(distance[cells[:, 0], cells[:, 1]])
@@ -291,9 +287,8 @@ def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
                 continue
             middle = near[np.abs(near - np.median(near, axis=0)).sum(axis=1).argmin()]
             _carve(free, middle, places[nearest[middle[0], middle[1]]], 0.5 * DOOR_WIDTH / prior.resolution)
-            assumed += 1
-    share = min(1.0, assumed / max(1, prior.rooms))
-    return dataclasses.replace(prior, free=free, doors_assumed=share, unused="")
+    share = min(1.0, without / max(1, prior.rooms))
+    return dataclasses.replace(prior, free=free, doors_missing=share, unused="")
 
 
 _THICKEST = 32_767

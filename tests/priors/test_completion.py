@@ -88,7 +88,7 @@ def terrace(doors_between: int = 0) -> FloorPlan:
 def test_a_flat_to_which_no_door_is_drawn_is_foreseen_once_the_robot_is_there(doors_between: int) -> None:
     plan = terrace(doors_between)
     prior = prior_of_plan(plan)
-    assert prior.doors_assumed == 0.0
+    assert prior.doors_missing == 0.0
     raster = plan.rasterize(0.1)
     other = (raster.room_ids > 20) & raster.free
     for share, is_foreseen in ((0.4, doors_between > 0), (0.6, True)):
@@ -104,7 +104,7 @@ def test_a_plan_that_lacks_doors_says_nothing_of_parts_without_a_way() -> None:
     plan = terrace()
     gone = dataclasses.replace(plan, doors=plan.doors[3:])
     prior, grid = prior_of_plan(gone), seen_part(plan, 0.4)
-    assert prior.doors_assumed == pytest.approx(3 / 22)
+    assert prior.doors_missing == pytest.approx(3 / 22)
     registration = Registration(prior)
     registration.update(grid)
     found = PlanOnMap().foresee(registration, grid, 1.0, "prior")
