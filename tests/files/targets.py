@@ -244,7 +244,8 @@ def read_report(folder: Path) -> None:
 def write_resume(folder: Path) -> None:
     from layoutexplore.agents.rl.checkpoint import Progress, save_checkpoint
 
-    save_checkpoint(folder, model(), Progress(algorithm="PPO", steps=5, evaluations=[{"steps": 1.0}]))
+    evaluations = [{"steps": 1.0, "score": 1.25, "d95": 80.5}]
+    save_checkpoint(folder, model(), Progress(algorithm="PPO", steps=5, evaluations=evaluations))
     rows = "".join(f"{k // 4},{k % 4},{30 + k}.5,{40 + k}.25\n" for k in range(8))
     (folder / "explorations.csv").write_text(f"group,member,d95,d99\n{rows}")
 

@@ -23,6 +23,14 @@ def test_damaged_files_are_taken_or_refused(name: str) -> None:
     assert found.refused + found.accepted == found.tried > 0
 
 
+@pytest.mark.parametrize("name", [name for name in READERS if name not in QUICK])
+def test_a_few_damaged_files_of_slow_readers(name: str) -> None:
+    pytest.importorskip("torch")
+    found = fuzz(name, 6, seed=1)
+    assert found.failed == 0, found.faults
+    assert found.tried == 6
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="needs pipes and Linux's devices")
 @pytest.mark.parametrize("name", QUICK)
 def test_crafted_files_are_taken_or_refused(name: str) -> None:
