@@ -63,10 +63,12 @@ class Drawn:
         return dataclasses.replace(decision, foresee=lambda: foresight)
 
 
-def explore(plan: FloorPlan, agent: str, predictor: object, sensor: str = "indoor") -> Simulation:
+def explore(
+    plan: FloorPlan, agent: str, predictor: object, sensor: str = "indoor", start: Pose | None = None
+) -> Simulation:
     simulation = Simulation(plan, SimulationConfig(sensor=sensor), predictor)  # type: ignore[arg-type]
     strategy = make_agent(agent)
-    decision = simulation.reset(seed=3)
+    decision = simulation.reset(seed=3, start=start)
     strategy.reset(3)
     while not simulation.done:
         decision = simulation.step(strategy.act(decision))
@@ -80,12 +82,7 @@ def test_the_short_arm_comes_first_when_both_ends_are_foreseen() -> None:
     The other way round it would be 23 m and 30 m, and 53 m in all.
     """
     plan = floorplan_from_ascii(CORRIDOR, resolution=1.0)
-    simulation = Simulation(plan, SimulationConfig(sensor="short"), OraclePredictor(horizon=np.inf))
-    agent = make_agent("plan-tour:predictor=oracle:horizon=inf")
-    decision = simulation.reset(start=Pose(13.0, 2.0))
-    agent.reset(0)
-    while not simulation.done:
-        decision = simulation.step(agent.act(decision))
+    simulation = explore(plan, "plan-tour", OraclePredictor(horizon=np.inf), "short", Pose(13.0, 2.0))
     xs = simulation.track[:, 0]
     assert xs.argmin() < xs.argmax()
     assert 34.0 < simulation.distance < 38.0
@@ -101,12 +98,7 @@ def test_a_long_way_back_through_what_is_known_gives_up_no_room(monkeypatch: pyt
         lambda floor, bits: (given_up.append(size(bits & ~floor.seen)), give_up(floor, bits)),
     )
     plan = floorplan_from_ascii(FAR_ROOMS, resolution=1.0)
-    simulation = Simulation(plan, SimulationConfig(sensor="stage"), OraclePredictor(horizon=np.inf))
-    agent = make_agent("plan-tour:predictor=oracle:horizon=inf")
-    decision = simulation.reset(start=Pose(17.0, 2.0))
-    agent.reset(0)
-    while not simulation.done:
-        decision = simulation.step(agent.act(decision))
+    simulation = explore(plan, "plan-tour", OraclePredictor(horizon=np.inf), "stage", Pose(17.0, 2.0))
     assert simulation.coverage >= 0.99 and sum(given_up) < 10  # a room is some 160 cells
 
 
