@@ -268,20 +268,22 @@ def _verdict(best: Comparison, baseline: str) -> str:
     """One honest sentence about the best agent; its subject is the agent."""
     ratio = best.ratio
     known = math.isfinite(ratio.low)
-    sure = known and ratio.high < 1
     interval_text = f" (95{NBSP}% interval {number(ratio.low)}–{number(ratio.high)})" if known else ""
     needs = f"{number(ratio.estimate)} of the metres of {baseline} to see 95{NBSP}% of a floor{interval_text}"
     better = (
         f"It needs fewer than {baseline} in {percent(best.improvement.estimate)} of {best.cells} paired runs."
     )
-    if sure:
+    if known and ratio.high < 1:
         return f"needs {needs}. {better}"
+    if known and ratio.low > 1:
+        return f"comes nearest to {baseline}, but is not as good: it needs {needs}. {better}"
     doubt = (
         "the interval does not leave out 1, so this may be chance"
         if known
         else "on one floor plan, which proves nothing"
     )
-    return f"comes out best with {needs}, but {doubt}. {better}"
+    place = "comes out best" if ratio.estimate < 1 else f"comes nearest to {baseline}"
+    return f"{place} with {needs}, but {doubt}. {better}"
 
 
 def _plan_lines(rows: Sequence[Row], baseline: str) -> list[PlanLine]:

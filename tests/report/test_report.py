@@ -229,6 +229,28 @@ def test_a_report_without_the_baseline(folder: ResultsFolder) -> None:
     write_benchmark_report(folder)
 
 
+@pytest.mark.parametrize(
+    ("factors", "said"),
+    [
+        ((0.7, 0.8), "needs 0.75 of the metres of nearest"),
+        ((0.8, 1.1), "comes out best with 0.94 of the metres of nearest"),
+        ((0.9, 1.3), "comes nearest to nearest with 1.08 of the metres of nearest"),
+        ((1.2, 1.4), "comes nearest to nearest, but is not as good: it needs 1.30 of the metres"),
+    ],
+)
+def test_the_headline_says_no_more_than_is_known(
+    folder: ResultsFolder, factors: tuple[float, float], said: str
+) -> None:
+    rows = [row for row in folder.rows() if row.agent != "clairvoyant" and row.sensor == "stage"]
+    of_plan = dict(zip(sorted({row.plan for row in rows}), factors, strict=True))
+    metres = {(row.agent, row.plan): 10.0 * (of_plan[row.plan] if row.agent == "random" else 1) for row in rows}
+    rows = [dataclasses.replace(row, d95=metres[row.agent, row.plan]) for row in rows]
+    view = report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
+    doubted = "may be chance" in view["verdict"]
+    assert view["best"].agent == "random" and said in view["verdict"].replace("\N{NO-BREAK SPACE}", " ")
+    assert doubted == (min(factors) < 1 < max(factors))
+
+
 def test_runs_that_need_see_no_90_percent_are_listed(folder: ResultsFolder) -> None:
     never = {"d90": math.nan, "d95": math.nan, "d99": math.nan}
     rows = [dataclasses.replace(row, **never) for row in folder.rows()]  # type: ignore[arg-type]
